@@ -78,8 +78,8 @@ MUTATIONS = [
     ),
     Mutation(
         "a cached reply never expires",
-        r"self\._until = min\(.*",
-        'self._until = float("inf")',
+        r"self\._valid_until = min\(.*",
+        'self._valid_until = float("inf")',
         f"{READINGS}/test_told_alike.py {READINGS}/test_positions.py",
     ),
     # --- accepted replies
@@ -299,7 +299,7 @@ MUTATIONS = [
     ),
     Mutation(
         "an arrow that is kept pressed goes on after a stop",
-        r"if active\.stops != self\._controller\.stops:\n            raise Stopped\n        if active\.pressed ==",
+        r"if active\.stop_count != self\._controller\.stops:\n            raise Stopped\n        if active\.pressed ==",
         "if active.pressed ==",
         "tests/unit/console tests/unit/app/control tests/integration/stops",
     ),
@@ -353,8 +353,8 @@ MUTATIONS = [
     ),
     Mutation(
         "an almanac that cannot be stored is forgotten",
-        r"self\._calculated = self\._calculated\.joined\(newer\)\.newest\(\)",
-        "self._calculated = newer",
+        r"self\._calculated_almanac = self\._calculated_almanac\.joined\(newer\)\.newest\(\)",
+        "self._calculated_almanac = newer",
         "tests/unit/astro/test_almanac.py",
     ),
     Mutation(
@@ -409,7 +409,7 @@ MUTATIONS = [
     ),
     Mutation(
         "a place of J2000 is taken for one of date",
-        r"elif where\.j2000:",
+        r"elif target\.j2000:",
         "elif False:",
         "tests/unit/app/test_mount.py",
     ),

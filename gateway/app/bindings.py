@@ -116,9 +116,9 @@ async def open_surface(endpoint: Endpoint, surface: SurfaceConfig, accept: Accep
     return await web.listen(endpoint.where)
 
 
-def beside_hardware(where: str) -> bool:
+def beside_hardware(address: str) -> bool:
     """Whether programs connect here as to a telescope's own serial port, and not over a plain network connection."""
-    return not where.startswith("tcp://") and where not in (WEB_SERVED, "-")
+    return not address.startswith("tcp://") and address not in (WEB_SERVED, "-")
 
 
 #: Accepts the connections of a surface.
@@ -136,14 +136,14 @@ class AcceptorFactory:
         controller: MountController,
         mount: Endpoint,
         config: MountConfig,
-        shared: Shared,
+        shared_state: Shared,
         clock: Callable[[], float],
         sky: Sky,
         warn: Callable[[str], None],
         web: WebServer,
     ) -> None:
         self._controller, self._mount, self._config = controller, mount, config
-        self._shared, self._clock, self._warn, self._web = shared, clock, warn, web
+        self._shared_state, self._clock, self._warn, self._web = shared_state, clock, warn, web
         self._j2000 = EquinoxConverter(sky, controller.sources.unix)
         #: The bindings of all surfaces with their protocols, and those that present the mount itself.
         self.bindings: list[tuple[str, SurfaceBinding]] = []
@@ -169,7 +169,7 @@ class AcceptorFactory:
         later = endpoint.where == WEB_SERVED and endpoint.protocol != self._mount.protocol  # with the web server
         made, where, only = bind if later else bind(), endpoint.where, not titles
         return ConnectionAcceptor(
-            self._controller, made, self._shared, self._clock, number, entry, where, self._warn, only
+            self._controller, made, self._shared_state, self._clock, number, entry, where, self._warn, only
         )
 
     def _bind(self, endpoint: Endpoint, surface: SurfaceConfig, titles: str) -> SurfaceBinding:
@@ -216,21 +216,21 @@ def access(surface: SurfaceConfig, config: MountConfig) -> AccessRules:
     return AccessRules(*access_networks(surface), surface.max_clients, config.hibernate)
 
 
-def access_networks(place: SurfaceConfig | ConsoleConfig) -> tuple[Networks | None, bool | Networks]:
+def access_networks(config: SurfaceConfig | ConsoleConfig) -> tuple[Networks | None, bool | Networks]:
     """Return the networks that may connect (None: all), and those that may only read. Raises UserError."""
-    looks = place.read_only
-    allowed = None if place.allow is None else networks(place.allow)
+    looks = config.read_only
+    allowed = None if config.allow is None else networks(config.allow)
     return allowed, looks if isinstance(looks, bool) else networks(looks)
 
 
-def exposure_warning(where: str, surface: SurfaceConfig, reachable: Callable[[str], Sequence[IPv4Network]]) -> str:
+def exposure_warning(address: str, surface: SurfaceConfig, reachable: Callable[[str], Sequence[IPv4Network]]) -> str:
     """Return the warning for a port that other computers can reach; empty if there is nothing to warn of.
 
     ``reachable`` gives the networks of the addresses that the gateway prints for phones.
     """
-    if not exposed(where):
+    if not exposed(address):
         return ""
-    reached = reachable(where)
+    reached = reachable(address)
     if surface.allow is not None:
         allowed = networks(surface.allow)
         outside = [
@@ -238,12 +238,12 @@ def exposure_warning(where: str, surface: SurfaceConfig, reachable: Callable[[st
             for network in reached
             if not any(network.overlaps(other) for other in allowed if other.version == 4)
         ]
-        return f"{where}: allow excludes the network {outside[0]}, from which phones connect" if outside else ""
+        return f"{address}: allow excludes the network {outside[0]}, from which phones connect" if outside else ""
     if surface.read_only is True:
         return ""
     only = "".join(f"{network}," for network in reached[:1])
     return (
-        f"{where} has no password: anyone on your network can move the mount. --allow {only}127.0.0.1 lets in only "
+        f"{address} has no password: anyone on your network can move the mount. --allow {only}127.0.0.1 lets in only "
         f"{'that network and ' if only else ''}this computer"
     )
 
@@ -297,12 +297,12 @@ def configure_binding(controller: MountController, binding: SurfaceBinding) -> N
     binding.surface.as_written = controller.line.reply_rules.as_written
 
 
-def make_transport(mount: Endpoint, config: MountConfig, watched: WatchedMount | None) -> Transport:
+def make_transport(mount: Endpoint, config: MountConfig, watchdog_mount: WatchedMount | None) -> Transport:
     """Make the transport to a mount; the watchdog process may use the same port."""
     if mount.where == "sim":
         from gateway.app.simulated import simulated_transport
 
         return simulated_transport(mount, config)
     if (over_http := PROTOCOLS[mount.protocol].over_http) is not None:
-        return HttpWire(mount.where, over_http(mount.where), watched)
-    return SerialTransport(mount.where, config.baud, watched)
+        return HttpWire(mount.where, over_http(mount.where), watchdog_mount)
+    return SerialTransport(mount.where, config.baud, watchdog_mount)

@@ -72,7 +72,7 @@ class Gateway:
     ) -> None:
         self.config, self.surfaces, self.clock = config, [with_needs(surface) for surface in surfaces], clock
         self.watchdog = watchdog
-        self.watched: WatchedMount | None = None
+        self.watchdog_mount: WatchedMount | None = None
         self.wire_log = wire_log or WireLog(clock)
         self.warn = warn or (lambda text: self.wire_log.note("state", text))
         self.sky = sky or Sky()
@@ -82,16 +82,16 @@ class Gateway:
         self.ports: list[Listener] = []
         self.bindings: list[tuple[str, SurfaceBinding]] = []
         #: The web server; several gateways of a process may share it. It waits until the ports are open.
-        self.web, self.listening = WebServer(), asyncio.Event()
-        self.fitted = asyncio.Event()
+        self.web, self.ports_ready = WebServer(), asyncio.Event()
+        self.surfaces_fitted = asyncio.Event()
         self._controller: MountController | None = None
         self.store: StateStore | None = None
         self.control: Control | None = None
-        self.claim: Claim | None = None
+        self.mount_claim: Claim | None = None
 
     def open_store(self) -> None:
         """Read the state that the previous run saved, and open the store. Raises UserError if the mount is in use."""
-        self.claim = claim(self.mount, self.warn)
+        self.mount_claim = claim(self.mount, self.warn)
         marked = MarkerContent(str(self.mount), self.config.baud)
         self.store = StateStore(self.mount.protocol, self.mount.where, marked, self.config.state, self.warn)
 
@@ -100,7 +100,7 @@ class Gateway:
         if self.store is None:
             self.open_store()
         self._connect_watchdog()
-        wire = make_transport(self.mount, self.config, self.watched)
+        wire = make_transport(self.mount, self.config, self.watchdog_mount)
         self.prepare(lambda reply_rules, wire_log: MountLink(wire, reply_rules, wire_log))
         for endpoint, surface, acceptor in zip(self.endpoints, self.surfaces, self.acceptors, strict=True):
             try:
@@ -110,7 +110,7 @@ class Gateway:
                 raise
         for port, acceptor in zip(self.ports, self.acceptors, strict=True):
             acceptor.set_address(port.where)  # with the number of the port that was really opened
-        self.listening.set()
+        self.ports_ready.set()
         self.begin()
         await self._open_control()
 
@@ -118,7 +118,7 @@ class Gateway:
         """Let the watchdog process stop the mount if this process cannot. A simulated mount ends with this process."""
         if self.watchdog is not None and self.mount.where != "sim":
             lock = self.store.lock_path if self.store is not None else None
-            self.watched = watched(self.watchdog, self.title, lock, lambda: self.controller, self._was_stopped)
+            self.watchdog_mount = watched(self.watchdog, self.title, lock, lambda: self.controller, self._was_stopped)
 
     def _was_stopped(self) -> None:
         """Continue after the watchdog process has stopped the mount because this process did not run for a while."""
@@ -138,12 +138,12 @@ class Gateway:
         site_clock = SiteClock(loop.time, self.clock, site, config.computer_clock, Kernel() if self.store else None)
         line = make_line(reply_rules, self.wire_log)
         context = Context(driver, policy(config), self.wire_log, line, self.sky, site_clock)
-        announcers = [part.before_motion for part in (self.watched, self.store) if part is not None]
+        announcers = [part.before_motion for part in (self.watchdog_mount, self.store) if part is not None]
         self._controller = MountController(context, follow_ups, announcers)
         if self.store is not None:
             self.store.attach(self.controller)
-        if self.watched is not None:
-            self.controller.changed.connect(self.watched.renew)
+        if self.watchdog_mount is not None:
+            self.controller.changed.connect(self.watchdog_mount.renew)
         factory = AcceptorFactory(
             self.controller, self.mount, config, shared, self.clock, self.sky, self.warn, self.web
         )
@@ -194,7 +194,7 @@ class Gateway:
         for _, binding in self.bindings:
             if binding.fit is not None:
                 binding.model.update(binding.fit(equatorial, self.controller.driver.german, self.controller.driver.gps))
-        self.fitted.set()
+        self.surfaces_fitted.set()
 
     @cached_property
     def request_handler(self) -> RequestHandler:
@@ -267,8 +267,8 @@ class Gateway:
         """Wait until the mount is identified; return whether that happened within ``seconds``."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(seconds):
-                await self.fitted.wait()
-        return self.fitted.is_set()
+                await self.surfaces_fitted.wait()
+        return self.surfaces_fitted.is_set()
 
     async def close(self) -> None:
         """Stop motion, and close the ports and the line."""
@@ -283,5 +283,5 @@ class Gateway:
                 await self.store.close()
             if self.control is not None:
                 await self.control.close()
-            if self.claim is not None:
-                self.claim.release()
+            if self.mount_claim is not None:
+                self.mount_claim.release()

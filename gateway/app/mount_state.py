@@ -122,10 +122,10 @@ class MountState(Struct, frozen=True, dict=True):
     def _orders(self, surfaces: Sequence[str]) -> Iterator[str]:
         """Yield the orders under way, with the clients that gave them, and the waiting orders."""
 
-        def asked(by: HostActivity | None, since: float) -> str:
+        def asked(by: HostActivity | None, asked_at: float) -> str:
             number = 0 if by is None or len(surfaces) < 2 or by.who.startswith("pty:") else by.program.surface
             on = f" at {surfaces[number - 1]}" if 0 < number <= len(surfaces) else ""
-            return f", asked for {self.now - since:.0f} s ago" + (f" by {by.who}{on}" if by is not None else "")
+            return f", asked for {self.now - asked_at:.0f} s ago" + (f" by {by.who}{on}" if by is not None else "")
 
         wanted, motion = self.wanted, self.wanted.motion
         if wanted.owed:

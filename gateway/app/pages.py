@@ -34,8 +34,8 @@ _COMMENT = re.compile(r"^[ \t]*(?://.*|/\*\*(?:.|\n)*?\*/[ \t]*)\n", re.M)
 _UNBUNDLED_LINE = re.compile(r"^(?:import|export)\b.*", re.M)
 
 
-def scripts(texts: Mapping[str, str], main: str, at: str) -> str:
-    """Return the script ``main`` and all that it imports as one module, served in the folder ``at``.
+def scripts(texts: Mapping[str, str], main_path: str, at: str) -> str:
+    """Return the script ``main_path`` and all that it imports as one module, served in the folder ``at``.
 
     Nothing is compiled; lines of comments are left out. Every module becomes a function that is called when it is first
     needed. A module may have imports only at the beginning of a line, no default exports, no circular imports, and no
@@ -78,7 +78,7 @@ def scripts(texts: Mapping[str, str], main: str, at: str) -> str:
         under_way.pop()
         return len(bodies) - 1
 
-    number = visit(main)
+    number = visit(main_path)
     parts = [
         f"// {path}\n() => {{\n{body}\nreturn {{ {', '.join(sorted(exports[path]))} }};\n}},\n"
         for path, body in bodies.items()
@@ -129,7 +129,7 @@ class Pages:
         self._files = {
             name: (path.read_bytes(), TYPES[path.suffix]) for name, path in paths.items() if path.suffix in TYPES
         }
-        self._packed: dict[str, bytes] = {}
+        self._compressed: dict[str, bytes] = {}
         digest = hashlib.sha256(b"".join(body for _, (body, _) in sorted(self._files.items())))
         self._files_path = f"files/{digest.hexdigest()[:16]}/"
         self._policy = HEADERS[CSP_HEADER]
@@ -181,9 +181,9 @@ class Pages:
             headers["Vary"] = "Accept-Encoding"
             if "gzip" in request.headers.get("Accept-Encoding", ""):
                 headers["Content-Encoding"] = "gzip"
-                if name not in self._packed:  # milliseconds, in which clients would wait
-                    self._packed[name] = await asyncio.to_thread(gzip.compress, body, 6, mtime=0)
-                body = self._packed[name]
+                if name not in self._compressed:  # milliseconds, in which clients would wait
+                    self._compressed[name] = await asyncio.to_thread(gzip.compress, body, 6, mtime=0)
+                body = self._compressed[name]
         return web.Response(body=body, content_type=kind, charset="utf-8" if kind in _TEXTS else None, headers=headers)
 
 
@@ -256,6 +256,6 @@ def from_own_page(headers: Mapping[str, str], path: str) -> bool:
     return same and (path == "/" or not from_other_site(headers))
 
 
-def same_token(given: str | None, token: str) -> bool:
+def same_token(offered_token: str | None, token: str) -> bool:
     """Compare two tokens in constant time."""
-    return hmac.compare_digest((given or "").encode(), token.encode())
+    return hmac.compare_digest((offered_token or "").encode(), token.encode())

@@ -69,25 +69,25 @@ class _SimulatedConnection:
     """
 
     def __init__(
-        self, simulator: Simulated, latency: float, baud: int | None, write: Callable[[bytes], object]
+        self, simulator: Simulated, latency: float, baud: int | None, write_bytes: Callable[[bytes], object]
     ) -> None:
-        self._latency, self._write = latency, write
+        self._latency, self._write = latency, write_bytes
         #: How many replies are delayed and not sent yet.
-        self._pending = 0
+        self._delayed_replies = 0
         self._answer: Callable[[bytes], bytes] = simulator.connection(self._send_later)
         self.feed: Callable[[bytes], None] = self._receive
-        self._paces: list[SerialPace] = []
+        self._line_paces: list[SerialPace] = []
         if baud is not None:
-            self._paces = [SerialPace(baud, self._receive), SerialPace(baud, write)]
-            self.feed, self._write = self._paces[0].send, self._paces[1].send
+            self._line_paces = [SerialPace(baud, self._receive), SerialPace(baud, write_bytes)]
+            self.feed, self._write = self._line_paces[0].send, self._line_paces[1].send
 
     def _send_later(self, seconds: float, answer: bytes) -> None:
         """Send a reply after the latency and ``seconds`` more."""
-        self._pending += 1
+        self._delayed_replies += 1
         asyncio.get_running_loop().call_later(self._latency + seconds, self._send, answer)
 
     def _send(self, answer: bytes) -> None:
-        self._pending -= 1
+        self._delayed_replies -= 1
         self._write(answer)
 
     def _receive(self, data: bytes) -> None:
@@ -100,14 +100,14 @@ class _SimulatedConnection:
     @property
     def answered(self) -> bool:
         """Whether every reply has been sent."""
-        return not self._pending
+        return not self._delayed_replies
 
     def peer_closed(self) -> None:
         """Do nothing: a mount does not notice who is connected."""
 
     def close(self) -> None:
         self._write = lambda data: None
-        for pace in self._paces:
+        for pace in self._line_paces:
             pace.close()
 
 
@@ -120,8 +120,8 @@ async def serve_simulator(
     TCP ports are paced at ``baud`` if it is given, else not at all.
     """
 
-    def arrivals(pace: int | None) -> Accept:
-        return lambda connected: _SimulatedConnection(simulator, latency, pace, connected.write)
+    def arrivals(baud: int | None) -> Accept:
+        return lambda connected: _SimulatedConnection(simulator, latency, baud, connected.write)
 
     return [
         await open_port(place, arrivals(baud or (None if place.startswith(NETWORK_PREFIXES) else DEFAULT_BAUD)), baud)

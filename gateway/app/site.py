@@ -32,7 +32,7 @@ async def load_site(
     ``names`` are further host names by which clients may call this computer, besides those of the surfaces.
     """
     for gateway in gateways:
-        await gateway.listening.wait()
+        await gateway.ports_ready.wait()
     # loading takes a quarter of a second, and clients must not wait
     add_page = await asyncio.to_thread(_load, gateways, page)
     from gateway.app.pages import application

@@ -109,12 +109,12 @@ class AverageRate:
     """The rate of a counter that is sampled now and then, averaged over the last ``samples`` samples."""
 
     def __init__(self, samples: int = 5) -> None:
-        self._seen: deque[tuple[float, int]] = deque(maxlen=samples + 1)
+        self._samples: deque[tuple[float, int]] = deque(maxlen=samples + 1)
 
     def per_second(self, now: float, count: int) -> float:
         """Add a sample, ``count`` at the time ``now`` (seconds), and return the rate per second; 0 at first."""
-        self._seen.append((now, count))
-        then, before = self._seen[0]
+        self._samples.append((now, count))
+        then, before = self._samples[0]
         return (count - before) / (now - then) if now > then else 0.0
 
 
@@ -148,10 +148,10 @@ def position_text(line: StatusLine) -> str:
     return f"{format_position(line.position)}{old}"
 
 
-def format_position(place: Equatorial) -> str:
+def format_position(position: Equatorial) -> str:
     """Return a position as people write it: ``05:34:32 +22°00'52"``."""
-    degrees, minutes, seconds = signed(place.dec).replace("*", ":").split(":")
-    return f"{hours(place.ra)} {degrees}°{minutes}'{seconds}\""
+    degrees, minutes, seconds = signed(position.dec).replace("*", ":").split(":")
+    return f"{hours(position.ra)} {degrees}°{minutes}'{seconds}\""
 
 
 def activity(line: StatusLine) -> str:

@@ -26,11 +26,11 @@ class Observer(NamedTuple):
 
     latitude: float
     longitude: float
-    ahead: float = 0.0
+    clock_ahead: float = 0.0
 
     def sidereal(self, now: float) -> float:
         """Return the local apparent sidereal time in degrees."""
-        return sidereal_time(now + self.ahead, self.longitude)
+        return sidereal_time(now + self.clock_ahead, self.longitude)
 
 
 class Geometry(NamedTuple):

@@ -61,27 +61,27 @@ def main(argv: list[str] | None = None) -> int:
     return code if failed is None else _stdout_failed(failed, code)
 
 
-def _parsed(typed: list[str]) -> argparse.Namespace:
+def _parsed(typed_words: list[str]) -> argparse.Namespace:
     """Parse the words of the command line. Raises UserError, and SystemExit after printing help."""
-    if not typed:
+    if not typed_words:
         raise UserError("which command? mount-gateway demo needs no mount; mount-gateway --help lists all of them")
-    typed = suggestions.normalized_help(typed)
-    if typed[0] not in (*COMMANDS, *INFORMATION_FLAGS):
-        raise suggestions.unknown_command(typed[0], commands_of(parser()))
-    arguments, left = parser(typed[:1]).parse_known_args(typed)
+    typed_words = suggestions.normalized_help(typed_words)
+    if typed_words[0] not in (*COMMANDS, *INFORMATION_FLAGS):
+        raise suggestions.unknown_command(typed_words[0], commands_of(parser()))
+    arguments, left = parser(typed_words[:1]).parse_known_args(typed_words)
     if left:
         every = commands_of(parser())
         raise suggestions.unexpected_words(
-            left, every[typed[0]], [other for name, other in every.items() if name != typed[0]]
+            left, every[typed_words[0]], [other for name, other in every.items() if name != typed_words[0]]
         )
     return arguments
 
 
-def _stdout_failed(failed: Exception, code: int) -> int:
+def _stdout_failed(error: Exception, code: int) -> int:
     """Return the exit code if stdout could not be written."""
-    if isinstance(failed, BrokenPipeError):
+    if isinstance(error, BrokenPipeError):
         return code
-    why = explain_os_error(failed) if isinstance(failed, OSError) else str(failed)
+    why = explain_os_error(error) if isinstance(error, OSError) else str(error)
     streams.warn(f"cannot write to stdout: {why}", streams.ERROR)
     return 2
 

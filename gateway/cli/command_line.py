@@ -97,7 +97,7 @@ class _Help(argparse.Action):
 
     def __call__(self, parser: argparse.ArgumentParser, _: object, word: Any, __: str | None = None) -> None:
         assert isinstance(parser, Parser)
-        parser.whole = word == ALL_HELP_WORD
+        parser.shows_all = word == ALL_HELP_WORD
         parser.print_help()
         parser.exit()
 
@@ -105,26 +105,27 @@ class _Help(argparse.Action):
 class Parser(argparse.ArgumentParser):
     """A parser that reports a mistake in one line.
 
-    When the user asks for help, ``late`` makes the text below the flags, and ``more`` what ``--help all`` adds to it.
-    Only ``--help all`` shows the ``hidden`` flags; those ``elsewhere`` are in the help of another command.
+    When the user asks for help, ``late_epilog`` makes the text below the flags, and ``more`` what ``--help all`` adds
+    to it. Only ``--help all`` shows the ``hidden_actions`` flags; those ``elsewhere`` are in the help of another
+    command.
     """
 
     def __init__(
-        self, *, late: Callable[[], str] | None = None, more: Callable[[], str] | None = None, **others: Any
+        self, *, late_epilog: Callable[[], str] | None = None, more: Callable[[], str] | None = None, **others: Any
     ) -> None:
         self._width: int | None = 80  # argparse lays out every flag once, and nobody sees it
         super().__init__(add_help=False, **others)
-        self._late, self._more = late, more
-        self.whole = False
-        self.hidden: Sequence[argparse.Action] = ()
+        self._late_epilog, self._more_help = late_epilog, more
+        self.shows_all = False
+        self.hidden_actions: Sequence[argparse.Action] = ()
         self.elsewhere: Sequence[argparse.Action] = ()
         self.add_argument(*HELP_FLAGS, action=_Help, nargs="?", help=argparse.SUPPRESS)
 
     def format_help(self) -> str:
-        """Return the help, with all flags and the rest of the text if it is to be ``whole``."""
-        more = self._more() if self.whole and self._more is not None else ""
+        """Return the help, with all flags and the rest of the text if it is to be ``shows_all``."""
+        more = self._more_help() if self.shows_all and self._more_help is not None else ""
         self.epilog, self._width = f"{self._text_below()}\n{more}", None
-        left_out = [*self.elsewhere, *([] if self.whole else self.hidden)]
+        left_out = [*self.elsewhere, *([] if self.shows_all else self.hidden_actions)]
         helps = [action.help for action in left_out]
         for action in left_out:
             action.help = argparse.SUPPRESS
@@ -146,7 +147,7 @@ class Parser(argparse.ArgumentParser):
         return [] if option_string.partition("=")[0] == "--name" else super()._get_option_tuples(option_string)
 
     def _text_below(self) -> str:
-        return self._late() if self._late is not None else self.epilog or ""
+        return self._late_epilog() if self._late_epilog is not None else self.epilog or ""
 
 
 def endpoints() -> str:
@@ -225,29 +226,29 @@ class _Commands(argparse._SubParsersAction):  # type: ignore[type-arg]
         return super().add_parser(name, help=COMMANDS[name][1], **others)
 
 
-def parser(asked: Sequence[str] = ()) -> Parser:
-    """Return the parser of the whole command line, or of the commands in ``asked``; for help without their flags."""
+def parser(argv: Sequence[str] = ()) -> Parser:
+    """Return the parser of the whole command line, or of the commands in ``argv``; for help without their flags."""
     *shown, rest = COMMAND_GROUPS
     whole = Parser(
         prog="mount-gateway",
         usage="mount-gateway COMMAND [options]",
         description=FIRST_STEPS_HELP,
-        late=lambda: "\n".join([*map(listed, shown), HELP_EPILOG]),
+        late_epilog=lambda: "\n".join([*map(listed, shown), HELP_EPILOG]),
         more=lambda: f"{listed(rest)}\n{endpoints()}\n\n{EXIT_CODES_HELP}",
     )
     whole.add_argument("--version", action=_Version, nargs=0, help="print the version and the commit, and exit")
     commands = whole.add_subparsers(
         prog=whole.prog, required=True, metavar="COMMAND", action=_Commands, help=argparse.SUPPRESS
     )
-    for name in [name for name in COMMANDS if name in asked] or COMMANDS:
-        if asked and asked[0] in HELP_FLAGS:
+    for name in [name for name in COMMANDS if name in argv] or COMMANDS:
+        if argv and argv[0] in HELP_FLAGS:
             commands.add_parser(name)
         else:
             getattr(import_module(f"gateway.cli.{COMMANDS[name][0]}"), f"add_{name}")(commands)
     return whole
 
 
-def commands_of(whole: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+def commands_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
     """Return the parsers of all commands by name."""
-    [choices] = [action.choices for action in whole._actions if isinstance(action, argparse._SubParsersAction)]
+    [choices] = [action.choices for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
     return dict(choices)

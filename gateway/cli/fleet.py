@@ -41,7 +41,7 @@ def add_fleet(commands: Commands) -> None:
     fleet.add_argument("--mqtt", metavar="URL", required=True, help="mqtt://[USER@]HOST:PORT, or mqtts:// with TLS")
     for key in keys("mqtt"):
         if key.name in MQTT_KEYS:
-            fleet.add_argument(f"--{key.name}", default=key.default, metavar=key.shown, help=key.help)
+            fleet.add_argument(f"--{key.name}", default=key.default, metavar=key.metavar, help=key.help)
     fleet.add_argument("--port", type=int, default=PORT, help=f"of the page, on this computer (default {PORT})")
     fleet.set_defaults(run=_fleet)
 
@@ -65,16 +65,16 @@ async def _serve(access: BrokerAccess, prefix: str, port: int) -> int:
 
     done, was_there = until_signal(), True
 
-    def on_connection(connected: bool, why: str) -> None:
+    def on_connection(connected: bool, reason: str) -> None:
         nonlocal was_there
         if connected != was_there:
-            state = "is connected again" if connected else f"cannot be reached: {why}; this page keeps trying"
+            state = "is connected again" if connected else f"cannot be reached: {reason}; this page keeps trying"
             streams.warn(f"the broker {access.broker} {state}", streams.WARNING)
         was_there = connected
 
     page = Overview(access, prefix, PAGE_FOLDER, time.time, on_connection)
     await page.open(port)
-    streams.say(f"ready fleet {page.where}")
+    streams.say(f"ready fleet {page.address}")
     try:
         await done.wait()
     finally:

@@ -98,22 +98,22 @@ def example(text: str, prog: str) -> str:
 
 
 def unexpected_words(
-    arguments: Sequence[str], asked: argparse.ArgumentParser, others: Iterable[argparse.ArgumentParser]
+    arguments: Sequence[str], parser: argparse.ArgumentParser, other_parsers: Iterable[argparse.ArgumentParser]
 ) -> UserError:
     """Return the error for words that a command does not take: unknown flags, and superfluous arguments."""
     word = arguments[0].partition("=")[0]
-    name = asked.prog.rpartition(" ")[2]
+    name = parser.prog.rpartition(" ")[2]
     if not word.startswith("-"):
-        if "@" in word and "--mount" in _flags(asked):
+        if "@" in word and "--mount" in _flags(parser):
             return UserError(f"{word}: write --mount before the mount, and --surface before where programs connect")
-        return UserError(f"{word!r}: {name} does not take it ({asked.prog} --help explains it)")
-    flags = sorted(flag for flag in _flags(asked) if flag.startswith("--"))
-    right = f"{asked.prog} --help lists them"
-    if has := [other.prog for other in others if word in _flags(other)]:
+        return UserError(f"{word!r}: {name} does not take it ({parser.prog} --help explains it)")
+    flags = sorted(flag for flag in _flags(parser) if flag.startswith("--"))
+    right = f"{parser.prog} --help lists them"
+    if has := [other.prog for other in other_parsers if word in _flags(other)]:
         right = f"{' and '.join(has[:2])} {'has' if len(has) == 1 else 'have'} it"
     elif key := _key(word):
         right = key
-    elif close := similar(word, flags, least=0.75):
+    elif close := similar(word, flags, min_similarity=0.75):
         right = f"did you mean {close[0]}?"
     return UserError(f"{name} has no flag {word}; {right}")
 

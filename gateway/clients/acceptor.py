@@ -36,19 +36,19 @@ class ConnectionAcceptor:
         self,
         controller: MountController,
         binding: SurfaceBinding | Callable[[], SurfaceBinding],
-        shared: Shared,
+        shared_state: Shared,
         host_clock: Callable[[], float],
         number: int = 1,
         access: AccessRules = AccessRules(),
         where: str = "",
         warn: Callable[[str], None] = lambda text: None,
-        one_type: bool = True,
+        sends_one_type: bool = True,
     ) -> None:
-        self.controller, self._bind, self.shared, self.clock = controller, binding, shared, host_clock
+        self.controller, self._bind, self.shared_state, self.clock = controller, binding, shared_state, host_clock
         #: The number of the surface, counted from 1.
         self.number = number
         self.access, self._admission = access, ClientAdmission(access, number, controller.wire_log)
-        self._where, self._warn, self._one_type = where, warn, one_type
+        self._address, self._warn, self._one_type = where, warn, sends_one_type
         self._clients: set[CommandProcessor] = set()
         self._saved_states: dict[str, tuple[float, ClientState]] = {}
         self._connections: set[ClientConnection] = set()
@@ -63,7 +63,7 @@ class ConnectionAcceptor:
         """Notices programs with the wrong telescope type."""
         surface = self.binding.surface
         return PresetWatch(
-            self.controller, surface.protocol.name, self.binding.framing, self._where, self._warn, self._one_type
+            self.controller, surface.protocol.name, self.binding.framing, self._address, self._warn, self._one_type
         )
 
     @property
@@ -79,11 +79,11 @@ class ConnectionAcceptor:
         return self.create_silently(connected, lambda: wire_log.put(name, "-"))
 
     def create_silently(
-        self, connected: Connected, closed: Callable[[], None] = lambda: None, first_bytes: bytes = b""
+        self, connected: Connected, on_closed: Callable[[], None] = lambda: None, first_bytes: bytes = b""
     ) -> ConnectionHandler:
         """Create a connection.
 
-        ``closed`` is called at its end. ``first_bytes`` were received and answered elsewhere before.
+        ``on_closed`` is called at its end. ``first_bytes`` were received and answered elsewhere before.
         """
         binding, controller, host = self.binding, self.controller, connected.host
         rights = Rights(self.access.is_read_only(host), self.access.hibernate or connected.hang_up is None)
@@ -92,7 +92,7 @@ class ConnectionAcceptor:
             binding.model,
             binding.settings,
             self.clock,
-            self.shared,
+            self.shared_state,
             self._saved_state(host) if binding.surface.session.inherits else None,
             (lambda: log.refused_once("a setting refused: read only")) if rights.read_only else None,
         )
@@ -103,7 +103,7 @@ class ConnectionAcceptor:
             client,
             binding,
             self.presets.listen(connected.name, host),
-            lambda: self._leave(host, client, connection, closed),
+            lambda: self._leave(host, client, connection, on_closed),
             lambda: self._save_state(host, client),
             first_bytes,
         )
@@ -113,7 +113,7 @@ class ConnectionAcceptor:
 
     def clients(self) -> list[str]:
         """The hosts of all clients, including disconnected ones whose operations are still under way."""
-        self._clients = {client for client in self._clients if client.open or client.busy}
+        self._clients = {client for client in self._clients if client.is_open or client.busy}
         return [client.activity.who for client in self._clients]
 
     def present_hosts(self) -> list[str]:
@@ -125,7 +125,7 @@ class ConnectionAcceptor:
         present = [
             connection.host
             for connection in self._connections
-            if not connection.lasting or now - connection.heard <= PRESENCE_TIME
+            if not connection.stays_present or now - connection.last_received_at <= PRESENCE_TIME
         ]
         return present + [host for host in self.reconnecting_hosts() if host not in connected]
 
@@ -141,13 +141,13 @@ class ConnectionAcceptor:
 
     def set_address(self, where: str) -> None:
         """Take the address of the port, which is open now and has its real number."""
-        self._where = where
+        self._address = where
 
     def _leave(
-        self, host: str, client: CommandProcessor, connection: ClientConnection, closed: Callable[[], None]
+        self, host: str, client: CommandProcessor, connection: ClientConnection, on_closed: Callable[[], None]
     ) -> None:
         self._connections.discard(connection)
-        closed()
+        on_closed()
         if connection.stranger:
             self.controller.presence.forget(client.activity)
             return

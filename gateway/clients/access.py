@@ -69,7 +69,7 @@ class Refusal(NamedTuple):
     """The fault that the client gets, and the reason for the log."""
 
     fault: Fault
-    why: str
+    reason: str
 
 
 class Rights(Struct, frozen=True):
@@ -91,26 +91,28 @@ class ClientAdmission:
     """Admits connections to a surface, of this ``number``. A refused host is logged once, and shown in ``status``."""
 
     def __init__(self, access: AccessRules, number: int, wire_log: WireLog) -> None:
-        self._access, self._number, self._log = access, number, wire_log
+        self._access, self._count, self._log = access, number, wire_log
 
-    def check(self, new: Connected, hosts: Sequence[str]) -> None:
-        """Raises ConnectionRefused if ``hosts`` already has as many clients as allowed; a serial line needs no file."""
+    def check(self, new: Connected, connected_hosts: Sequence[str]) -> None:
+        """Raises ConnectionRefused if ``connected_hosts`` already has as many clients as allowed; a serial line needs
+        no file.
+        """
         host, most = new.host, self._access.most
         if not self._access.admits(host):
             why = "its address is not in allow"
-        elif len(hosts) >= most:
+        elif len(connected_hosts) >= most:
             why = f"there are {most} clients (max-clients) already"
-        elif hosts.count(host) >= (part := share(host, most)):
+        elif connected_hosts.count(host) >= (part := share(host, most)):
             why = f"it has {part} clients already, three quarters of max-clients"
         elif not new.on_a_line and (full := no_room()):
             why = full
         else:
             return
-        self._log.turned_away(new.name, f"connection from {host} refused on surface {self._number}: {why}", host)
+        self._log.turned_away(new.name, f"connection from {host} refused on surface {self._count}: {why}", host)
         raise ConnectionRefused
 
 
-def _is_in(host: str, among: Networks) -> bool:
+def _is_in(host: str, networks: Networks) -> bool:
     """Whether a host is in any of these networks; never for a serial line, which has no address."""
     try:
         address = ip_address(host)
@@ -118,7 +120,7 @@ def _is_in(host: str, among: Networks) -> bool:
         return False
     if isinstance(address, IPv6Address) and address.ipv4_mapped is not None:
         address = address.ipv4_mapped
-    return any(address in network for network in among)
+    return any(address in network for network in networks)
 
 
 def harmless(operation: Operation) -> bool:

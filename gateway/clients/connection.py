@@ -32,29 +32,29 @@ Deliver = Callable[[bytes, int | None, float | None], None]
 
 
 class Backlog:
-    """Whether a connection is behind, and ``late``: for more than a second. Times are loop times, seconds."""
+    """Whether a connection is behind, and ``is_late``: for more than a second. Times are loop times, seconds."""
 
     def __init__(self) -> None:
-        self.late = False
+        self.is_late = False
         #: The number of stops when it fell behind; None while it is not behind.
-        self._stops: int | None = None
-        self._since = self._last = -1e9
+        self._stop_count: int | None = None
+        self._behind_since = self._last_data_at = -1e9
 
     def stops_before(self, now: float) -> int | None:
         """Return the number of stops at the time when the next bytes may have been sent; None if that was just now."""
-        if self._stops is not None and now - self._last > (LATE_TIME if self.late else CATCH_UP_TIME):
-            self._stops, self.late = None, False
-        self.late = self.late or (self._stops is not None and now - self._since > LATE_TIME)
-        return NO_DEADLINE if self.late else self._stops
+        if self._stop_count is not None and now - self._last_data_at > (LATE_TIME if self.is_late else CATCH_UP_TIME):
+            self._stop_count, self.is_late = None, False
+        self.is_late = self.is_late or (self._stop_count is not None and now - self._behind_since > LATE_TIME)
+        return NO_DEADLINE if self.is_late else self._stop_count
 
-    def add(self, size: int, now: float, stops: int) -> None:
-        """Record that ``size`` bytes were read at ``now``, after ``stops`` stops."""
+    def add(self, size: int, now: float, stop_count: int) -> None:
+        """Record that ``size`` bytes were read at ``now``, after ``stop_count`` stops."""
         if size >= READ_BYTES:
-            if self._stops is None:
-                self._stops, self._since = stops, now
-            self._last = now
-        elif not self.late:
-            self._stops = None
+            if self._stop_count is None:
+                self._stop_count, self._behind_since = stop_count, now
+            self._last_data_at = now
+        elif not self.is_late:
+            self._stop_count = None
 
 
 class ClientConnection:
@@ -70,28 +70,32 @@ class ClientConnection:
         connected: Connected,
         client: CommandProcessor,
         binding: SurfaceBinding,
-        first: FirstCommands,
-        closed: Callable[[], None],
+        first_commands: FirstCommands,
+        on_closed: Callable[[], None],
         save_state: Callable[[], None],
         first_bytes: bytes = b"",
     ) -> None:
-        self.client, self._profiles, self._closed = client, binding.profiles, closed
-        self.lasting = connected.on_a_line
+        self.client, self._profiles, self._closed = client, binding.profiles, on_closed
+        self.stays_present = connected.on_a_line
         self._save_state = save_state
-        self._first: FirstCommands | None = first
+        self._first_commands: FirstCommands | None = first_commands
         self._binding, self._hang_up = binding, connected.hang_up
         self._controller, self._wanted = client.controller, client.controller.wanted
         #: The client program that was recognised.
         self.profile = ""
         #: Whether it is no telescope program.
         self.stranger = False
-        self.host, self.heard = connected.host, -1e9
+        self.host, self.last_received_at = connected.host, -1e9
         self._first_bytes = first_bytes
         self._backlog = Backlog()
         #: Whether its lateness was logged; whether the other end has closed.
         self._logged_late = self._peer_closed = False
         self._deliver: Deliver = (
-            self._deliver_serial if self.lasting else self._deliver_recognising if binding.profiles else client.feed
+            self._deliver_serial
+            if self.stays_present
+            else self._deliver_recognising
+            if binding.profiles
+            else client.feed
         )
         self._filter: StrangerFilter | None = None
         if connected.hang_up is not None:
@@ -108,12 +112,12 @@ class ClientConnection:
         return self.client.answered
 
     def feed(self, data: bytes) -> None:
-        if self._first is not None:
-            self._first.feed(data)
-            self._first = None if self._first.done else self._first
-        now, was_late = self._controller.now(), self._backlog.late
+        if self._first_commands is not None:
+            self._first_commands.feed(data)
+            self._first_commands = None if self._first_commands.is_done else self._first_commands
+        now, was_late = self._controller.now(), self._backlog.is_late
         sent = self._backlog.stops_before(now)
-        if self._backlog.late:
+        if self._backlog.is_late:
             self._note_late()
         elif was_late and not self._peer_closed:
             self._controller.presence.returned(self.client.activity)  # it has caught up, so a client is there
@@ -134,21 +138,21 @@ class ClientConnection:
     def peer_closed(self) -> None:
         """The other end has closed: from now on the client has a limited time to reconnect."""
         self._peer_closed = True
-        self.client.unread.whole()
+        self.client.unread_text.whole()
         if not self.stranger:
             self._save_state()
 
-    def _deliver_serial(self, data: bytes, stops: int | None, arrived: float | None) -> None:
+    def _deliver_serial(self, data: bytes, stop_count: int | None, arrived_at: float | None) -> None:
         """Feed the client of a serial line, and remember when it was last heard."""
-        self.heard = self._controller.now()
-        self.client.feed(data, stops, arrived)
+        self.last_received_at = self._controller.now()
+        self.client.feed(data, stop_count, arrived_at)
 
-    def _deliver_recognising(self, data: bytes, stops: int | None, arrived: float | None) -> None:
+    def _deliver_recognising(self, data: bytes, stop_count: int | None, arrived_at: float | None) -> None:
         """Feed the client, and compare its first bytes with the known client programs."""
         if self._profiles:
             self._first_bytes += data
             self._profiles = tuple(profile for profile in self._profiles if self._may_match(profile))
-        self.client.feed(data, stops, arrived)
+        self.client.feed(data, stop_count, arrived_at)
 
     def _may_match(self, profile: ClientProfile) -> bool:
         """Whether more bytes are needed to decide about a profile; if it fits, apply it."""
@@ -158,7 +162,7 @@ class ClientConnection:
         self.client.recognised(profile)
         return False
 
-    def _deliver_screened(self, data: bytes, stops: int | None, arrived: float | None) -> None:
+    def _deliver_screened(self, data: bytes, stops: int | None, arrived_at: float | None) -> None:
         """Feed the bytes that cannot be a stranger's, with their time of arrival; disconnect a stranger."""
         now = self._controller.now()
         assert self._filter is not None
@@ -170,14 +174,16 @@ class ClientConnection:
             self._deliver = self._deliver_after_filter
         for piece in pieces:
             late = piece.at != now
-            self._deliver_after_filter(piece.data, piece.stops if late else stops, piece.at if late else arrived)
+            self._deliver_after_filter(
+                piece.data, piece.stop_count if late else stops, piece.at if late else arrived_at
+            )
 
     def _reject(self, greeting: Greeting) -> None:
         """Log what the stranger sent, and close the connection."""
         assert self._hang_up is not None
         self.stranger, self._deliver = True, lambda data, stops, arrived: None
-        if self._first is not None:
-            self._first.end()
+        if self._first_commands is not None:
+            self._first_commands.end()
         titles, client = self._binding.titles, self.client
         client.log.note(
             f"sends {greeting.description}; this is a port for programs that speak {titles}: "

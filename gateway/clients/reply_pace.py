@@ -21,10 +21,10 @@ class ReplyPace:
     """The handler of a connection whose replies wait ``seconds``; ``accept`` makes the one that replies."""
 
     def __init__(self, connected: Connected, accept: Callable[[Connected], ConnectionHandler], seconds: float) -> None:
-        self._write, self._seconds = connected.write, seconds
+        self._write_bytes, self._seconds = connected.write, seconds
         self._loop = asyncio.get_running_loop()
-        self._due = 0.0
-        self._waiting = b""
+        self._next_byte_at = 0.0
+        self._delayed_bytes = b""
         self._timer: asyncio.TimerHandle | None = None
         change = connected.change_rate
         self._handler = accept(
@@ -37,26 +37,26 @@ class ReplyPace:
         )
 
     def feed(self, data: bytes) -> None:
-        self._due = self._loop.time() + self._seconds
+        self._next_byte_at = self._loop.time() + self._seconds
         self._handler.feed(data)
 
     def _send(self, data: bytes) -> int | None:
         """Send a reply, once the line would have it. Return how many bytes are pending, if that is known."""
-        if data and (self._waiting or self._loop.time() < self._due):
-            self._waiting += data
+        if data and (self._delayed_bytes or self._loop.time() < self._next_byte_at):
+            self._delayed_bytes += data
             if self._timer is None:
-                self._timer = self._loop.call_at(self._due, self.flush)
-        unsent = self._write(b"" if self._waiting else data)
-        return None if unsent is None else unsent + len(self._waiting)
+                self._timer = self._loop.call_at(self._next_byte_at, self.flush)
+        unsent = self._write_bytes(b"" if self._delayed_bytes else data)
+        return None if unsent is None else unsent + len(self._delayed_bytes)
 
     def flush(self) -> None:
         """Send the waiting replies now."""
-        data, self._waiting = self._waiting, b""
+        data, self._delayed_bytes = self._delayed_bytes, b""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
         if data:
-            self._write(data)
+            self._write_bytes(data)
 
     def _change(self, change: Callable[[int], int], baud: int) -> int:
         """Change the baud rate: the acknowledgement leaves at the old rate."""
@@ -65,14 +65,14 @@ class ReplyPace:
 
     @property
     def answered(self) -> bool:
-        return self._handler.answered and not self._waiting
+        return self._handler.answered and not self._delayed_bytes
 
     def peer_closed(self) -> None:
         self._handler.peer_closed()
 
     def close(self) -> None:
         """End the connection; drop the waiting replies, whose program has gone."""
-        self._waiting = b""
+        self._delayed_bytes = b""
         self.flush()
         self._handler.close()
 

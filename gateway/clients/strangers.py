@@ -90,15 +90,15 @@ def _of_protocols(served: str) -> Iterator[Greeting]:
 
 
 @cache
-def greetings(served: str = "") -> tuple[Greeting, ...]:
+def greetings(served_protocol: str = "") -> tuple[Greeting, ...]:
     """Return the greetings of strangers on a surface."""
-    return (*_of_strangers(), *_of_protocols(served))
+    return (*_of_strangers(), *_of_protocols(served_protocol))
 
 
 @cache
-def _beginning_with(byte: int, served: str) -> list[Greeting]:
+def _beginning_with(byte: int, served_protocol: str) -> list[Greeting]:
     """Return the greetings that may begin with a byte."""
-    return [greeting for greeting in greetings(served) if byte in greeting.first[0]]
+    return [greeting for greeting in greetings(served_protocol) if byte in greeting.first[0]]
 
 
 class OwnMethod:
@@ -113,25 +113,25 @@ class OwnMethod:
     def __init__(self) -> None:
         self._letters, self._after_method = 0, 0
         #: Whether such a request may still arrive.
-        self.possible = True
+        self.may_match = True
 
     @property
     def partial(self) -> bool:
         """Whether the blank has arrived: the following bytes are held back until they are identified."""
-        return self.possible and self._after_method > 0
+        return self.may_match and self._after_method > 0
 
     def feed(self, data: bytes) -> bool:
         """Examine more bytes. Return whether they complete the beginning of such a request."""
-        for byte in data if self.possible else b"":
+        for byte in data if self.may_match else b"":
             if not self._letters and byte in IDLE_BYTES:
                 continue
             if self._letters and byte in _AFTER_METHOD[self._after_method]:
                 self._after_method += 1
                 if self._after_method == len(_AFTER_METHOD):
-                    self.possible = False
+                    self.may_match = False
                     return True
             elif self._after_method or byte not in _METHOD_CHARACTERS or self._letters == MAX_METHOD_LENGTH:
-                self.possible = False
+                self.may_match = False
                 break
             else:
                 self._letters += 1
@@ -141,45 +141,45 @@ class OwnMethod:
 class Recogniser:
     """Examines a connection from its first byte, in pieces of any size, until it cannot be a stranger any more.
 
-    ``served`` is the protocol of the surface. To limit memory, only the progress of each greeting is stored.
+    ``served_protocol`` is the protocol of the surface. To limit memory, only the progress of each greeting is stored.
     """
 
-    def __init__(self, served: str = "") -> None:
-        self._served = served
+    def __init__(self, served_protocol: str = "") -> None:
+        self._is_served = served_protocol
         #: Whether a greeting of the table may still be recognised.
-        self._known = True
+        self._table_may_match = True
         self._own_method = OwnMethod()
         self._partial: list[tuple[Greeting, int]] = []
-        self._leading = True
+        self._in_idle_bytes = True
 
     @property
     def open(self) -> bool:
         """Whether the bytes so far may be the beginning of a greeting."""
-        return self._known or self._own_method.partial
+        return self._table_may_match or self._own_method.partial
 
     @property
     def done(self) -> bool:
         """Whether no stranger can be recognised any more."""
-        return not (self._known or self._own_method.possible)
+        return not (self._table_may_match or self._own_method.may_match)
 
     def feed(self, data: bytes) -> Greeting | None:
         """Examine more bytes. Return the greeting that they complete, if any."""
-        known = self._match_known(data) if self._known else None
+        known = self._match_known(data) if self._table_may_match else None
         return OTHER_METHOD_GREETING if self._own_method.feed(data) and known is None else known
 
     def _match_known(self, data: bytes) -> Greeting | None:
         for byte in data:
             partial = [(greeting, count + 1) for greeting, count in self._partial if byte in greeting.first[count]]
-            if self._leading:
-                partial += [(greeting, 1) for greeting in _beginning_with(byte, self._served)]
-                self._leading = byte in IDLE_BYTES
+            if self._in_idle_bytes:
+                partial += [(greeting, 1) for greeting in _beginning_with(byte, self._is_served)]
+                self._in_idle_bytes = byte in IDLE_BYTES
             for greeting, count in partial:
                 if count == len(greeting.first):
-                    self._known = False
+                    self._table_may_match = False
                     return greeting
             self._partial = partial
-            if not partial and not self._leading:
-                self._known = False
+            if not partial and not self._in_idle_bytes:
+                self._table_may_match = False
                 break
         return None
 
@@ -198,26 +198,26 @@ class Piece(NamedTuple):
 
     data: bytes
     at: float
-    stops: int
+    stop_count: int
 
 
 class StrangerFilter:
     """Holds back the first bytes of a connection until they cannot be a stranger's.
 
-    ``commands`` is a pattern of the well-formed commands and idle bytes of the protocol ``served``.
+    ``commands`` is a pattern of the well-formed commands and idle bytes of the protocol ``served_protocol``.
     """
 
-    def __init__(self, commands: bytes, served: str = "") -> None:
+    def __init__(self, commands: bytes, served_protocol: str = "") -> None:
         self._commands = commands
-        self._recogniser = Recogniser(served)
-        self._waiting: list[Piece] = []
+        self._recogniser = Recogniser(served_protocol)
+        self._held_pieces: list[Piece] = []
         #: The stranger that was recognised.
         self.stranger: Greeting | None = None
 
     @property
     def waiting(self) -> bytes:
         """The bytes that are held back, because they may be a stranger's."""
-        return b"".join(piece.data for piece in self._waiting)
+        return b"".join(piece.data for piece in self._held_pieces)
 
     @property
     def done(self) -> bool:
@@ -227,21 +227,21 @@ class StrangerFilter:
         """Take more bytes. Return those that may be processed now; none if it is a stranger."""
         self.stranger = self._recogniser.feed(piece.data)
         if self.stranger is not None:
-            self._waiting.clear()
+            self._held_pieces.clear()
             return []
-        self._waiting.append(piece)
+        self._held_pieces.append(piece)
         if self._recogniser.open:
             match = re.match(self._commands, self.waiting)
             return self._release(match.end() if match else 0)
-        return self._release(sum(len(piece.data) for piece in self._waiting))
+        return self._release(sum(len(piece.data) for piece in self._held_pieces))
 
     def _release(self, count: int) -> list[Piece]:
         """Take ``count`` bytes out of those that are held back."""
         released: list[Piece] = []
         while count > 0:
-            piece = self._waiting.pop(0)
+            piece = self._held_pieces.pop(0)
             if len(piece.data) > count:
-                self._waiting.insert(0, piece._replace(data=piece.data[count:]))
+                self._held_pieces.insert(0, piece._replace(data=piece.data[count:]))
                 piece = piece._replace(data=piece.data[:count])
             released.append(piece)
             count -= len(piece.data)

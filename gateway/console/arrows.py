@@ -20,14 +20,14 @@ from gateway.core.requests import FAILED, Answer, PressRequest, ReleaseKeyReques
 class HeldKey(NamedTuple):
     """An arrow that is held down: the number of the press and of its request, its rate, and the loop time.
 
-    ``ends`` are the numbers of stops and gotos at that time: after the next of them the arrow moves nothing.
+    ``end_counts`` are the numbers of stops and gotos at that time: after the next of them the arrow moves nothing.
     """
 
     press: int
     request: str
     rate: int
     since: float
-    ends: tuple[int, int]
+    end_counts: tuple[int, int]
 
 
 async def _already_ended() -> Answer:
@@ -39,67 +39,67 @@ class Arrows:
     """The arrows that a page holds on a mount; ``pages`` are the ``Arrows`` of all pages."""
 
     def __init__(self, gateway: Gateway, who: str, pages: list[Arrows]) -> None:
-        self._gateway, self._who, self._pages = gateway, who, pages
+        self._gateway, self._client_name, self._pages = gateway, who, pages
         self._controller = gateway.controller
-        self._held: dict[Direction, HeldKey] = {}
+        self._held_keys: dict[Direction, HeldKey] = {}
         #: The number of the newest press.
-        self._newest = 0
+        self._last_press_number = 0
         pages.append(self)
 
     def __bool__(self) -> bool:
         """Whether an arrow is held down."""
-        return bool(self._held)
+        return bool(self._held_keys)
 
-    def press(self, direction: Direction, rate: int, press: int = 0) -> asyncio.Task[Answer]:
-        """Press an arrow and release the opposite arrow, or change the rate of this ``press``.
+    def press(self, direction: Direction, rate: int, press_number: int = 0) -> asyncio.Task[Answer]:
+        """Press an arrow and release the opposite arrow, or change the rate of this ``press_number``.
 
         A press without a number is a new press.
         """
-        held = self._held.get(direction)
-        if held is not None and 0 < press == held.press:
+        held = self._held_keys.get(direction)
+        if held is not None and 0 < press_number == held.press:
             held = held._replace(rate=rate)
-        elif 0 < press <= self._newest:
+        elif 0 < press_number <= self._last_press_number:
             return self._controller.spawn(_already_ended())
         else:
-            for other in [arrow for arrow in self._held if arrow.axis == direction.axis]:
+            for other in [arrow for arrow in self._held_keys if arrow.axis == direction.axis]:
                 self.release(other)
-            self._newest = max(self._newest, press)
-            held = HeldKey(press, new_number(), rate, self._controller.now(), self._ends())
-        self._held[direction] = held
+            self._last_press_number = max(self._last_press_number, press_number)
+            held = HeldKey(press_number, new_number(), rate, self._controller.now(), self._ends())
+        self._held_keys[direction] = held
         return self._controller.spawn(self._move(direction, held))
 
-    async def _move(self, direction: Direction, held: HeldKey) -> Answer:
-        request = PressRequest(direction, held.rate, number=held.request, who=self._who)
+    async def _move(self, direction: Direction, held_key: HeldKey) -> Answer:
+        request = PressRequest(direction, held_key.rate, number=held_key.request, who=self._client_name)
         answer = await self._gateway.carry_out(request)
-        if not answer.done and (now := self._held.get(direction)) is not None and now.request == held.request:
-            del self._held[direction]  # refused, or ended by something else: a stop, a limit, the mount
-            self._let_go(held, lost=True)
+        if not answer.done and (now := self._held_keys.get(direction)) is not None and now.request == held_key.request:
+            del self._held_keys[direction]  # refused, or ended by something else: a stop, a limit, the mount
+            self._let_go(held_key, lost=True)
         return answer
 
-    def _let_go(self, held: HeldKey, lost: bool) -> None:
-        request = ReleaseKeyRequest(lost, number=held.request, who=self._who)
+    def _let_go(self, held_key: HeldKey, lost: bool) -> None:
+        request = ReleaseKeyRequest(lost, number=held_key.request, who=self._client_name)
         self._controller.spawn(self._gateway.carry_out(request))
 
     async def repeat(self) -> None:
         """Repeat the orders of all arrows that are held down, so that their motion does not time out."""
-        for direction, held in list(self._held.items()):
+        for direction, held in list(self._held_keys.items()):
             await self._move(direction, held)
 
-    def keep(self, named: Set[tuple[Direction, int]]) -> None:
+    def keep(self, held_keys: Set[tuple[Direction, int]]) -> None:
         """Release every arrow but these, each with the number of its press."""
-        for direction, held in list(self._held.items()):
-            if (direction, held.press) not in named:
+        for direction, held in list(self._held_keys.items()):
+            if (direction, held.press) not in held_keys:
                 self.release(direction, lost=True)
 
-    def release(self, direction: Direction | None = None, press: int = 0, lost: bool = False) -> None:
+    def release(self, direction: Direction | None = None, press_number: int = 0, lost: bool = False) -> None:
         """Release an arrow, or all of them; if a press is given, only if that press is still held.
 
         If the page is ``lost``, a motion that has not begun is dropped.
         """
-        for released in list(self._held) if direction is None else [direction]:
-            held = self._held.get(released)
-            if held is not None and press in (0, held.press):
-                del self._held[released]
+        for released in list(self._held_keys) if direction is None else [direction]:
+            held = self._held_keys.get(released)
+            if held is not None and press_number in (0, held.press):
+                del self._held_keys[released]
                 refused = partial(self._let_go, held, True)
                 any(page.take_over(released, held, refused) for page in self._pages)
                 self._let_go(held, lost)
@@ -109,15 +109,15 @@ class Arrows:
 
         If that is ``refused``, the motion of the other page ends, because nobody holds it any more.
         """
-        held = self._held.get(direction)
-        if held is None or held.since > released.since or held.ends != self._ends():
+        held = self._held_keys.get(direction)
+        if held is None or held.since > released.since or held.end_counts != self._ends():
             return False
-        self._held[direction] = held = held._replace(request=new_number())
+        self._held_keys[direction] = held = held._replace(request=new_number())
         self._controller.spawn(self._begin_press(direction, held, refused))
         return True
 
-    async def _begin_press(self, direction: Direction, held: HeldKey, refused: Callable[[], None]) -> None:
-        if not (await self._move(direction, held)).done:
+    async def _begin_press(self, direction: Direction, held_key: HeldKey, refused: Callable[[], None]) -> None:
+        if not (await self._move(direction, held_key)).done:
             refused()
 
     def _ends(self) -> tuple[int, int]:

@@ -43,7 +43,7 @@ class Mounts:
         self.publisher = Publisher(self.gateways, lambda: [recording.state for recording in self.recordings])
         #: By mount, the arrows that each page holds.
         self.arrows: list[list[Arrows]] = [[] for _ in self.gateways]
-        self._explaining = asyncio.Lock()
+        self._explain_lock = asyncio.Lock()
 
     def now(self) -> float:
         """Return the time by this computer's clock, Unix seconds."""
@@ -73,7 +73,7 @@ class Mounts:
 
     async def _run(self, argv: Sequence[str], what: str) -> tuple[bool, str]:
         """Run a command of the gateway, one at a time. Return success and its output."""
-        async with self._explaining:
+        async with self._explain_lock:
             process = await asyncio.create_subprocess_exec(
                 *argv, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE
             )

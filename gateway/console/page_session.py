@@ -32,17 +32,17 @@ from gateway.mount.controller import MountController
 MAX_SUGGESTIONS, NIGHT_LENGTH, TRACK_STEP = 12, 57600.0, 7200.0
 
 
-async def look_up(controller: MountController, where: Target) -> dict[str, Any]:
+async def look_up(controller: MountController, target: Target) -> dict[str, Any]:
     """Return the coordinates of a target, whether the mount ``may`` go to it, and if not, ``why``.
 
     For an object also its name, kind and magnitude. Raises UserError, Fault.
     """
     about: dict[str, Any] = {}
-    if isinstance(where, Named):
-        entry = await asyncio.to_thread(objects.describe, where.name)
+    if isinstance(target, Named):
+        entry = await asyncio.to_thread(objects.describe, target.name)
         about = {key: value for key, value in entry._asdict().items() if key != "where"}
-        where = entry.where
-    goal = await of_date(controller, where)
+        target = entry.where
+    goal = await of_date(controller, target)
     fault = await controller.preview(goal)
     why = "" if fault is None else in_page_wording(explain(fault, controller.policy.limits))
     return {**about, **coordinates(controller, goal), "may": fault is None, "why": why}
@@ -96,16 +96,16 @@ class Socket(Protocol):
 class PageSession:
     """One page: ``run`` sends to it until it disconnects, ``take`` receives its messages."""
 
-    def __init__(self, mounts: Mounts, socket: Socket, host: str, acts: bool) -> None:
-        self._mounts, self._socket, self._host, self._acts = mounts, socket, host, acts
-        self._who = f"the console at {host}"
+    def __init__(self, mounts: Mounts, socket: Socket, host: str, may_act: bool) -> None:
+        self._mounts, self._socket, self._host, self._may_act = mounts, socket, host, may_act
+        self._client_name = f"the console at {host}"
         self._loop = asyncio.get_running_loop()
-        self._heard = self._repeated = self._loop.time()
-        self._sent_text = ""
+        self._last_message_at = self._last_repeat_at = self._loop.time()
+        self._last_sent_text = ""
         #: The number of the next row of the conversation; None while the page does not show it.
         self._row: int | None = None
         pairs = zip(mounts.gateways, mounts.arrows, strict=True)
-        self._arrows = [Arrows(gateway, self._who, pages) for gateway, pages in pairs]
+        self._arrows = [Arrows(gateway, self._client_name, pages) for gateway, pages in pairs]
         self._tasks = BackgroundTasks()
 
     # --- sending ----------------------------------------------------------------------------------------------------
@@ -117,7 +117,7 @@ class PageSession:
         guard = self._loop.create_task(self._watch_keys())
         try:
             await self._send({"hello": {
-                "version": full_version(), "act": self._acts, "pin": bool(mounts.pin) and not self._acts,
+                "version": full_version(), "act": self._may_act, "pin": bool(mounts.pin) and not self._may_act,
                 "now": mounts.now(), "times": [list(mount.answer_times.samples) for mount in publisher.mounts],
             }})  # fmt: skip
             while True:
@@ -135,9 +135,9 @@ class PageSession:
     async def _show(self) -> None:
         """Send the newest state, then the conversation, unless the page has it."""
         publisher = self._mounts.publisher
-        if publisher.text != self._sent_text:
-            self._sent_text = publisher.text
-            await self._socket.send(self._sent_text)
+        if publisher.text != self._last_sent_text:
+            self._last_sent_text = publisher.text
+            await self._socket.send(self._last_sent_text)
         if self._row is not None and self._row != publisher.count:
             rows, self._row = publisher.since(self._row), publisher.count
             await self._send({"talk": rows})
@@ -150,21 +150,21 @@ class PageSession:
         while True:
             await asyncio.sleep(KEY_CHECK_PERIOD)
             now = self._loop.time()
-            repeats = now - self._repeated > REFUSAL_REPEAT_PERIOD
+            repeats = now - self._last_repeat_at > REFUSAL_REPEAT_PERIOD
             for arrows in filter(None, self._arrows):
-                if now - self._heard > KEY_TIMEOUT:
+                if now - self._last_message_at > KEY_TIMEOUT:
                     arrows.release(lost=True)
                 elif repeats:
-                    self._repeated = now
+                    self._last_repeat_at = now
                     self._tasks.spawn(arrows.repeat())
 
     # --- requests ---------------------------------------------------------------------------------------------------
 
     def take(self, text: str | bytes) -> None:
         """Receive a message from the page. An invalid message is answered with an error and has no effect."""
-        self._heard = self._loop.time()
+        self._last_message_at = self._loop.time()
         try:
-            message = messages.read(text, self._who)
+            message = messages.read(text, self._client_name)
         except ValueError as error:
             self._tasks.spawn(
                 self._answer(messages.number(text), False, f"the console does not understand this: {error}")
@@ -189,16 +189,16 @@ class PageSession:
         arrows, wish = self._arrows[message.mount], message.wish
         if isinstance(wish, messages.ReleaseArrow):
             arrows.release(None if wish.direction is None else _direction(wish.direction), wish.press)
-        elif isinstance(wish, messages.Jog) and self._acts:
+        elif isinstance(wish, messages.Jog) and self._may_act:
             return arrows.press(_direction(wish.direction), wish.rate, wish.press)
         return None
 
-    async def _carry_out(self, message: Message, pressed: asyncio.Task[Answer] | None = None) -> None:
+    async def _carry_out(self, message: Message, press_task: asyncio.Task[Answer] | None = None) -> None:
         try:
-            if pressed is None:
+            if press_task is None:
                 await self._do(message)
             else:
-                await self._tell(message, await pressed)
+                await self._tell(message, await press_task)
         except (UserError, Fault) as error:
             await self._answer(message.id, False, str(error))
         except ConnectionError:
@@ -216,16 +216,16 @@ class PageSession:
             await self._answer(message.id, all(answer.done for answer in answers), reason)
             return
         gateway = mounts.gateway(message.mount)
-        if not self._acts and not isinstance(wish, messages.Looks):
+        if not self._may_act and not isinstance(wish, messages.Looks):
             await self._answer(message.id, False, READ_ONLY_MESSAGE)
             return
         match wish:
             case messages.Talk():
                 self._listen(wish.on)
             case messages.EnterPin():
-                self._acts = self._acts or mounts.pin.admits(wish.pin, self._host)
-                reason = "this page may act now" if self._acts else "this is not the pin"
-                await self._answer(message.id, self._acts, reason)
+                self._may_act = self._may_act or mounts.pin.admits(wish.pin, self._host)
+                reason = "this page may act now" if self._may_act else "this is not the pin"
+                await self._answer(message.id, self._may_act, reason)
             case messages.ReleaseArrow() | messages.Jog():  # the outcome of a press is answered elsewhere
                 await self._answer(message.id, True, "let go")
             case messages.LookUp():
@@ -263,10 +263,10 @@ class PageSession:
     async def _tell(self, message: Message, answer: Answer) -> None:
         await self._answer(message.id, answer.done, in_page_wording(answer.text))
 
-    async def _answer(self, number: int, done: bool, text: str, more: dict[str, Any] | None = None) -> None:
+    async def _answer(self, number: int, is_done: bool, text: str, extra_fields: dict[str, Any] | None = None) -> None:
         if number:
             with contextlib.suppress(ConnectionError):
-                await self._send({"id": number, "ok": done, "words": text, **(more or {})})
+                await self._send({"id": number, "ok": is_done, "words": text, **(extra_fields or {})})
 
 
 def _direction(word: messages.Arrow) -> Direction:

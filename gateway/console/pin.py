@@ -25,39 +25,39 @@ MAX_HOSTS = 1000
 class Pin:
     """The right PIN, empty if there is none. ``now``: seconds that never go back; ``warn`` gets a line for the log."""
 
-    def __init__(self, right: str, now: Callable[[], float], warn: Callable[[str], None]) -> None:
-        self._right, self._now, self._warn = right, now, warn
+    def __init__(self, pin: str, now: Callable[[], float], warn: Callable[[str], None]) -> None:
+        self._pin, self._loop_time, self._warn = pin, now, warn
         #: Number and time of the last wrong tries by address; those that gave the right PIN; the times of all.
-        self._wrong: dict[str, tuple[int, float]] = {}
-        self._known: set[str] = set()
+        self._wrong_tries: dict[str, tuple[int, float]] = {}
+        self._known_hosts: set[str] = set()
         self._times: deque[float] = deque(maxlen=FREE_TRIES_OF_ALL)
 
     def __bool__(self) -> bool:
-        return bool(self._right)
+        return bool(self._pin)
 
     def admits(self, pin: str, host: str) -> bool:
         """Whether this is the right PIN. Raises UserError while the address has to wait."""
-        now = self._now()
+        now = self._loop_time()
         if (wait := ceil(self._free_at(host) - now)) > 0:
             raise UserError(f"too many wrong pins: wait {wait} s, then try again; looking and STOP need no pin")
-        if bool(self._right) and same_token(pin, self._right):
-            self._wrong.pop(host, None)
-            if len(self._known) < MAX_HOSTS:
-                self._known.add(host)
+        if bool(self._pin) and same_token(pin, self._pin):
+            self._wrong_tries.pop(host, None)
+            if len(self._known_hosts) < MAX_HOSTS:
+                self._known_hosts.add(host)
             return True
-        count = self._wrong.pop(host, (0, 0.0))[0] + 1
-        self._wrong[host] = (count, now)
-        if len(self._wrong) > MAX_HOSTS:
-            del self._wrong[next(iter(self._wrong))]
-        if host not in self._known:
+        count = self._wrong_tries.pop(host, (0, 0.0))[0] + 1
+        self._wrong_tries[host] = (count, now)
+        if len(self._wrong_tries) > MAX_HOSTS:
+            del self._wrong_tries[next(iter(self._wrong_tries))]
+        if host not in self._known_hosts:
             self._times.append(now)
         self._warn(f"wrong pin from {host} ({count} since the last right one)")
         return False
 
     def _free_at(self, host: str) -> float:
         """Return the time from which this address may try."""
-        count, last = self._wrong.get(host, (0, 0.0))
+        count, last = self._wrong_tries.get(host, (0, 0.0))
         allowed_at = last + TRY_PERIOD if count >= FREE_TRIES else 0.0
-        if host in self._known or len(self._times) < FREE_TRIES_OF_ALL:
+        if host in self._known_hosts or len(self._times) < FREE_TRIES_OF_ALL:
             return allowed_at
         return max(allowed_at, self._times[0] + TRY_PERIOD)

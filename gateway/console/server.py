@@ -47,7 +47,7 @@ class Console:
         self._token = secrets.token_urlsafe(24)
         self._metrics = Metrics(gateways)
         self._pages: set[asyncio.Task[Any]] = set()
-        self._room = Room(MAX_PAGES)
+        self._page_room = Room(MAX_PAGES)
 
     def add_to(self, app: web.Application) -> None:
         """Add the routes."""
@@ -122,22 +122,22 @@ class Console:
         host = request.remote or "?"
         ws = web.WebSocketResponse(max_msg_size=MAX_MESSAGE_BYTES, heartbeat=HEARTBEAT_PERIOD, compress=False)
         await ws.prepare(request)
-        if not self._room.enter(host):  # the page tries again much later
+        if not self._page_room.enter(host):  # the page tries again much later
             await ws.close(code=WSCloseCode.TRY_AGAIN_LATER, drain=False)
             return ws
         try:
             await self._converse(ws, request, host)
         finally:
-            self._room.leave(host)
+            self._page_room.leave(host)
         return ws
 
-    async def _converse(self, ws: web.WebSocketResponse, request: web.Request, host: str) -> None:
+    async def _converse(self, websocket: web.WebSocketResponse, request: web.Request, host: str) -> None:
         """Serve a page until it disconnects."""
-        session = PageSession(self._mounts, _Socket(ws, request), host, self._may_act(request))
+        session = PageSession(self._mounts, _Socket(websocket, request), host, self._may_act(request))
         shown = asyncio.ensure_future(session.run())
         self._pages.add(shown)
         try:
-            async for message in ws:
+            async for message in websocket:
                 if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
                     session.take(message.data)
                 if shown.done():
@@ -152,8 +152,8 @@ class Console:
 class _Socket:
     """aiohttp's WebSocket with the interface that a page session needs."""
 
-    def __init__(self, ws: web.WebSocketResponse, request: web.Request) -> None:
-        self._ws, self._transport = ws, request.transport
+    def __init__(self, websocket: web.WebSocketResponse, request: web.Request) -> None:
+        self._ws, self._transport = websocket, request.transport
         raw = request.transport.get_extra_info("socket") if request.transport else None
         if raw is not None and raw.family in (socket.AF_INET, socket.AF_INET6):
             raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 16384)  # to notice a stalled browser soon

@@ -40,11 +40,11 @@ def commit() -> str:
     return match[0][:COMMIT_DIGITS] if (match := _COMMIT.search(built)) else ""
 
 
-def full_version(number: str | None = None, built_from: str = "") -> str:
+def full_version(number: str | None = None, commit_id: str = "") -> str:
     """Return a version with its commit, if that is known: ``0.2.0 (commit 55d337efa1b2)``. Without arguments: this."""
     if number is None:
-        number, built_from = version(), commit()
-    return f"{number} (commit {built_from})" if built_from else number
+        number, commit_id = version(), commit()
+    return f"{number} (commit {commit_id})" if commit_id else number
 
 
 def checked_out(git: Path) -> str:

@@ -59,21 +59,21 @@ def explain_file_error(path: Path | str, error: OSError, *, reading: bool = Fals
     return explain_os_error(error)
 
 
-def similar(word: str, among: Iterable[str], most: int = 1, least: float = 0.6) -> list[str]:
+def similar(word: str, candidates: Iterable[str], most: int = 1, min_similarity: float = 0.6) -> list[str]:
     """Return up to ``most`` words similar to a mistyped word, the nearest first.
 
-    ``least`` is the similarity that they need, from 0 to 1.
+    ``min_similarity`` is the similarity that they need, from 0 to 1.
     """
     from difflib import get_close_matches  # imported here because only a mistake needs it
 
-    return get_close_matches(word, list(among), most, least)
+    return get_close_matches(word, list(candidates), most, min_similarity)
 
 
 class MappingError(UserError):
     """A row of ``mappings/`` that cannot be used. The text names the file, the row and the reason."""
 
-    def __init__(self, where: str, row: str, reason: str) -> None:
-        super().__init__(f"{where}: [{row}]: {reason}")
+    def __init__(self, file_and_row: str, row: str, reason: str) -> None:
+        super().__init__(f"{file_and_row}: [{row}]: {reason}")
 
 
 class Fault(GatewayError):
@@ -98,9 +98,9 @@ class Fault(GatewayError):
         if text or brief:
             self.brief = brief
 
-    def of(self, what: str) -> str:
-        """Return ``what`` and the reason of its refusal as one text; the text of a sync already has ``what``."""
-        return str(self) if str(self).startswith(what) else f"{what}: {self}"
+    def of(self, summary: str) -> str:
+        """Return ``summary`` and the reason of its refusal as one text; the text of a sync already has ``summary``."""
+        return str(self) if str(self).startswith(summary) else f"{summary}: {self}"
 
 
 class Invalid(Fault):

@@ -63,13 +63,13 @@ class WireLog:
     def __init__(self, clock: Callable[[], float]) -> None:
         self.clock = clock
         self.sinks: list[Sink] = []
-        self._logged: set[tuple[str, str]] = set()
+        self._notes_logged_once: set[tuple[str, str]] = set()
         #: The latest refusals and notes on the mount; they are kept even without a sink.
         self.recent: deque[Notice] = deque(maxlen=MAX_REMEMBERED_NOTES)
         #: The number of refusals, logged or not; and the function that is called with each that differs from the last.
         self.refusals = 0
         self.on_refusal: Callable[[str], object] | None = None
-        self._refused_last = ""
+        self._last_refusal = ""
 
     def remove(self, sink: Sink) -> None:
         """Remove a sink, if it is still there: a sink that fails has been removed already."""
@@ -95,23 +95,23 @@ class WireLog:
             self.recent.append(Notice(self.clock(), side, text))
         self.put(side, "!", note=text)
 
-    def note_once(self, side: str, text: str, of: str = "", kind: str = "") -> None:
-        """Like `note`, but only the first time that this text (or any text of its ``kind``) is logged for ``of``."""
-        if (of, kind or text) not in self._logged and len(self._logged) < MAX_NOTES_ONCE:
-            self._logged.add((of, kind or text))
+    def note_once(self, side: str, text: str, key: str = "", kind: str = "") -> None:
+        """Like `note`, but only the first time that this text (or any text of its ``kind``) is logged for ``key``."""
+        if (key, kind or text) not in self._notes_logged_once and len(self._notes_logged_once) < MAX_NOTES_ONCE:
+            self._notes_logged_once.add((key, kind or text))
             self.note(side, text)
 
-    def refused(self, side: str, text: str, once_of: str | None = None) -> None:
-        """Record a refusal; with ``once_of`` (a host), only the first of several texts that differ by numbers."""
+    def refused(self, side: str, text: str, once_key: str | None = None) -> None:
+        """Record a refusal; with ``once_key`` (a host), only the first of several texts that differ by numbers."""
         self.recent.append(Notice(self.clock(), side, text))
         self.refusals += 1
-        if self.on_refusal is not None and text != self._refused_last:
-            self._refused_last = text
+        if self.on_refusal is not None and text != self._last_refusal:
+            self._last_refusal = text
             self.on_refusal(text)
-        if once_of is None:
+        if once_key is None:
             self.note(side, text)
         else:
-            self.note_once(side, text, once_of, kind=_NUMBERS.sub("", text))
+            self.note_once(side, text, once_key, kind=_NUMBERS.sub("", text))
 
     def turned_away(self, side: str, text: str, host: str) -> None:
         """Record a refused connection, logged once."""

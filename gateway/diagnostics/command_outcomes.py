@@ -59,14 +59,14 @@ def _traits(mount: CommandSet, model: str, wedge: bool) -> frozenset[str]:
     return mount.traits(model, wedge)
 
 
-def _fits(traits: str, mount: CommandSet, kind: MountKind, unable: bool, face: frozenset[str] | None) -> bool:
+def _fits(traits: str, mount: CommandSet, kind: MountKind, unable: bool, surface: frozenset[str] | None) -> bool:
     """Whether all these traits are true of such a mount, and of the presented model."""
 
     def is_true(word: str) -> bool:
         if word in (ELSE, UNABLE, UNALIGNED):
             return word == ELSE or (unable if word == UNABLE else not kind.aligned)
         if word.startswith(PRESENTED):
-            return face is None or word.removeprefix(PRESENTED) in face
+            return surface is None or word.removeprefix(PRESENTED) in surface
         if word.startswith(LACKS):
             way = next(carried(word.removeprefix(LACKS), mount, kind), None)
             return way is None or way.outcome == "refused"
@@ -101,7 +101,7 @@ def versions(protocol: CommandSet) -> Iterator[tuple[str, str, Version | None]]:
             yield model, version, spec.counts_as(version) if version else None
 
 
-def remarks(row: SurfaceRow | None, ways: list[Implementation]) -> list[str]:
+def remarks(row: SurfaceRow | None, implementations: list[Implementation]) -> list[str]:
     """Return what users should know about a row and about how a mount carries it out, each remark once."""
     said = [row.why] if row is not None and row.why else []
-    return list(dict.fromkeys(said + [way.why for way in ways if way.why]))
+    return list(dict.fromkeys(said + [way.why for way in implementations if way.why]))

@@ -34,8 +34,8 @@ class Capture:
     def __init__(self, path: Path) -> None:
         self._path = path
         self.recording: Recording | None = read(path) if is_recording(path) else None
-        self._kind = "" if self.recording is not None else _kind(path)
-        if self.recording is None and not self._kind:
+        self._format = "" if self.recording is not None else _kind(path)
+        if self.recording is None and not self._format:
             raise UserError(
                 f"{path}: this is no recording of run --record, and no log of pyserial's spy:// or of socat -x"
             )
@@ -44,7 +44,7 @@ class Capture:
         """Yield everything in it, in order. Raises UserError for an invalid line of a recording."""
         if self.recording is not None:
             return iter(self.recording)
-        return _spy(self._path) if self._kind == "spy" else _socat(self._path)
+        return _spy(self._path) if self._format == "spy" else _socat(self._path)
 
     def sample(self) -> bytes:
         """Return the first bytes that clients sent."""

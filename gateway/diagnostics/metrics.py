@@ -32,31 +32,31 @@ class Histogram:
     """Counts values by upper bound; the last count is for values above all bounds."""
 
     def __init__(self, bounds: Sequence[float] = BUCKET_BOUNDS) -> None:
-        self.bounds, self.counts, self.sum = bounds, [0] * (len(bounds) + 1), 0.0
+        self.bucket_bounds, self.counts, self.sum = bounds, [0] * (len(bounds) + 1), 0.0
 
     def add(self, value: float) -> None:
         """Count a value."""
-        self.counts[bisect_left(self.bounds, value)] += 1
+        self.counts[bisect_left(self.bucket_bounds, value)] += 1
         self.sum += value
 
     def buckets(self) -> list[tuple[str, float]]:
         """Return Prometheus' cumulative buckets: every bound with the number of values up to it."""
-        bounds, totals = (*map(str, self.bounds), "+Inf"), map(float, accumulate(self.counts))
+        bounds, totals = (*map(str, self.bucket_bounds), "+Inf"), map(float, accumulate(self.counts))
         return list(zip(bounds, totals, strict=True))
 
 
 class Counts:
-    """Counts the events of a mount until it is closed. ``stops`` counts the stops requested; ``stopping`` is the time
-    from a request until the mount has acknowledged the stop.
+    """Counts the events of a mount until it is closed. ``stop_count`` counts the stops requested; ``stop_times`` is the
+    time from a request until the mount has acknowledged the stop.
     """
 
     def __init__(self, controller: MountController) -> None:
         self._controller = controller
         self.faults: Counter[str] = Counter()
-        self.answering, self.stopping = Histogram(), Histogram()
-        self.exchanges = self.stops = 0
-        self._stops = controller.stops
-        self._since: float | None = None
+        self.answer_times, self.stop_times = Histogram(), Histogram()
+        self.exchanges = self.stop_count = 0
+        self._last_stop_count = controller.stops
+        self._stop_began_at: float | None = None
         controller.line.exchanged.connect(self._exchanged)
         controller.wanted.changed.connect(self._changed)
         controller.reconciler.at_rest.connect(self._at_rest)
@@ -73,26 +73,26 @@ class Counts:
         if isinstance(outcome, Fault):
             self.faults[type(outcome).__name__] += 1
         else:
-            self.answering.add(self._controller.line.transaction.times.last_rtt)
+            self.answer_times.add(self._controller.line.transaction.times.last_rtt)
 
     def _changed(self, wanted: Wanted) -> None:
-        if wanted.stops != self._stops:
-            self.stops += wanted.stops - self._stops
-            self._stops = wanted.stops
-            if wanted.owed and self._since is None:
-                self._since = self._controller.now()
+        if wanted.stops != self._last_stop_count:
+            self.stop_count += wanted.stops - self._last_stop_count
+            self._last_stop_count = wanted.stops
+            if wanted.owed and self._stop_began_at is None:
+                self._stop_began_at = self._controller.now()
 
     def _at_rest(self, _: None) -> None:
-        if self._since is not None:
-            self.stopping.add(self._controller.now() - self._since)
-            self._since = None
+        if self._stop_began_at is not None:
+            self.stop_times.add(self._controller.now() - self._stop_began_at)
+            self._stop_began_at = None
 
 
 #: Name, help text, and how to get the value from the state of a mount and its counts.
 Row = tuple[str, str, Callable[[MountState, Counts], float]]
 COUNTERS: tuple[Row, ...] = (
     ("exchanges", "Commands that were sent to the mount and answered, or not.", lambda _, counts: counts.exchanges),
-    ("stops", "Stops that were requested, by any client or by the gateway.", lambda _, counts: counts.stops),
+    ("stops", "Stops that were requested, by any client or by the gateway.", lambda _, counts: counts.stop_count),
     ("refusals", "Commands and orders that were refused.", lambda state, _: state.refusals),
 )
 GAUGES: tuple[Row, ...] = (
@@ -100,8 +100,8 @@ GAUGES: tuple[Row, ...] = (
     ("clients", "Programs that are connected.", lambda state, _: len(state.programs)),
 )
 HISTOGRAMS: tuple[tuple[str, str, Callable[[Counts], Histogram]], ...] = (
-    ("answer_seconds", "How long the mount took to answer.", lambda counts: counts.answering),
-    ("stop_seconds", "From asking for a stop until the mount had acknowledged it.", lambda counts: counts.stopping),
+    ("answer_seconds", "How long the mount took to answer.", lambda counts: counts.answer_times),
+    ("stop_seconds", "From asking for a stop until the mount had acknowledged it.", lambda counts: counts.stop_times),
 )
 
 

@@ -50,9 +50,9 @@ class VirtualLoop(asyncio.SelectorEventLoop):
 
     def __init__(self) -> None:
         self.elapsed = 1000.0
-        self._soon: deque[_Due] = deque()
+        self._ready_timers: deque[_Due] = deque()
         self._timers: list[_Due] = []
-        self._number, self._many = 0, CLEANUP_THRESHOLD
+        self._timer_count, self._cleanup_threshold = 0, CLEANUP_THRESHOLD
         super().__init__(selectors.SelectSelector())
 
     def time(self) -> float:
@@ -70,7 +70,7 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         if self._closed:  # type: ignore[attr-defined]
             raise RuntimeError("Event loop is closed")
         due = _Due((0.0, 0, callback, args, copy_context() if context is None else context))
-        self._soon.append(due)
+        self._ready_timers.append(due)
         return due
 
     def call_soon_threadsafe(  # type: ignore[override]
@@ -85,8 +85,8 @@ class VirtualLoop(asyncio.SelectorEventLoop):
     ) -> _Due:
         if self._closed:  # type: ignore[attr-defined]
             raise RuntimeError("Event loop is closed")
-        self._number += 1
-        due = _Due((when, self._number, callback, args, copy_context() if context is None else context))
+        self._timer_count += 1
+        due = _Due((when, self._timer_count, callback, args, copy_context() if context is None else context))
         heapq.heappush(self._timers, due)
         return due
 
@@ -101,7 +101,7 @@ class VirtualLoop(asyncio.SelectorEventLoop):
 
     def _run_once(self) -> None:
         """Run iterations until the loop is stopped: whatever is ready, or else the next timers."""
-        soon, timers = self._soon, self._timers
+        soon, timers = self._ready_timers, self._timers
         take, pop = soon.popleft, heapq.heappop
         while True:
             while timers and timers[0][2] is None:
@@ -127,10 +127,10 @@ class VirtualLoop(asyncio.SelectorEventLoop):
     def _wait(self) -> None:
         """As nothing is ready, advance to the next timer, or without timers to what the system has ready."""
         timers = self._timers
-        if len(timers) > self._many:
+        if len(timers) > self._cleanup_threshold:
             timers[:] = [due for due in timers if due[2] is not None]
             heapq.heapify(timers)
-            self._many = max(CLEANUP_THRESHOLD, 2 * len(timers))
+            self._cleanup_threshold = max(CLEANUP_THRESHOLD, 2 * len(timers))
         if timers:  # without a system call, which would take longer than most callbacks
             self.elapsed += max(0.0, timers[0][0] - self.elapsed)
             return
@@ -141,7 +141,7 @@ class VirtualLoop(asyncio.SelectorEventLoop):
 
     def close(self) -> None:
         super().close()
-        self._soon.clear()
+        self._ready_timers.clear()
         self._timers.clear()
 
 

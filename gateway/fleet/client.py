@@ -54,11 +54,11 @@ class BrokerAccess(Struct, frozen=True):
         return ssl.create_default_context(cafile=self.ca) if self.broker.tls else None
 
 
-def access(at: str, user: str | None = None, password_file: str | None = None, ca: str | None = None) -> BrokerAccess:
+def access(url: str, user: str | None = None, password_file: str | None = None, ca: str | None = None) -> BrokerAccess:
     """Collect the settings for a broker. Raises UserError for a missing setting or an unreadable file."""
     if find_spec("aiomqtt") is None:
         raise UserError(f"for an MQTT broker aiomqtt is needed; to install it, {how_to_add('mqtt')}")
-    broker = parse_broker(at)
+    broker = parse_broker(url)
     broker_access = BrokerAccess(broker, user or broker.user or None, _password(password_file), ca)
     if broker_access.password is not None and broker_access.user is None:
         raise UserError("there is a password for the broker and no user: write user under [mqtt]")
@@ -92,8 +92,8 @@ class Client(Protocol):
 class _Subscriber:
     """Wraps aiomqtt's client so that orders arrive with the retain flag with which they were published (MQTT 5)."""
 
-    def __init__(self, client: Any, v5: bool) -> None:
-        self._client, self._v5 = client, v5
+    def __init__(self, client: Any, uses_mqtt_5: bool) -> None:
+        self._client, self._v5 = client, uses_mqtt_5
         self.publish = client.publish
 
     @property
@@ -123,7 +123,7 @@ def connector(access: BrokerAccess) -> Connect:
     old = False
 
     @asynccontextmanager
-    async def connect(will: MqttMessage | None) -> AsyncIterator[Client]:
+    async def connect(last_will: MqttMessage | None) -> AsyncIterator[Client]:
         import aiomqtt
 
         nonlocal old
@@ -136,7 +136,7 @@ def connector(access: BrokerAccess) -> Connect:
             username=access.user,
             password=access.password,
             identifier=f"mg-{secrets.token_hex(8)}",
-            will=None if will is None else aiomqtt.Will(will.topic, will.payload, 1, will.retain),
+            will=None if last_will is None else aiomqtt.Will(last_will.topic, last_will.payload, 1, last_will.retain),
             protocol=aiomqtt.ProtocolVersion.V311 if old else aiomqtt.ProtocolVersion.V5,
             # Orders sent while the gateway was not connected are not carried out later; MQTT 5 keeps no session anyway.
             clean_session=True if old else None,

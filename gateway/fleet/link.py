@@ -63,22 +63,22 @@ class BrokerLink:
         first_messages: Sequence[MqttMessage] = (),
         last_messages: Sequence[MqttMessage] = (),
         connect: Connect | None = None,
-        flood: int = MAX_FLOOD,
+        max_flood: int = MAX_FLOOD,
     ) -> None:
         self._connect = connect or connector(access)
         self._subscriptions = list(subscriptions)
-        self._on_message, self._on_connection, self._flood = on_message, on_connection, flood
+        self._on_message, self._on_connection, self._max_flood = on_message, on_connection, max_flood
         self._first_messages, self._last_messages = first_messages, last_messages
         self._outbox = Outbox()
-        self._home: asyncio.AbstractEventLoop | None = None
+        self._caller_loop: asyncio.AbstractEventLoop | None = None
         self._loop: _Loop | None = None
-        self._wake = asyncio.Event()
-        self._ending = asyncio.Event()
-        self._ended = threading.Event()
+        self._wake_event = asyncio.Event()
+        self._end_requested = asyncio.Event()
+        self._thread_ended = threading.Event()
 
     def start(self) -> None:
         """Begin to connect."""
-        self._home, self._loop = asyncio.get_running_loop(), _Loop()
+        self._caller_loop, self._loop = asyncio.get_running_loop(), _Loop()
         threading.Thread(target=self._run, name="mqtt", daemon=True).start()
 
     def put(self, message: MqttMessage) -> None:
@@ -88,7 +88,7 @@ class BrokerLink:
     def send(self) -> None:
         """Send the queued messages as soon as the broker takes them; this wakes the thread once for all."""
         if self._outbox.is_waiting:
-            self._on_thread(self._wake.set)
+            self._on_thread(self._wake_event.set)
 
     def publish(self, message: MqttMessage) -> None:
         """Queue a message and send it as soon as the broker takes it."""
@@ -99,20 +99,20 @@ class BrokerLink:
         """Send the last messages, if the broker takes them at once, and disconnect."""
         if self._loop is None:
             return
-        self._on_thread(self._ending.set)
+        self._on_thread(self._end_requested.set)
         until = asyncio.get_running_loop().time() + CLOSE_TIMEOUT
-        while not self._ended.is_set() and asyncio.get_running_loop().time() < until:
+        while not self._thread_ended.is_set() and asyncio.get_running_loop().time() < until:
             await asyncio.sleep(0.01)
 
-    def _on_thread(self, call: Callable[[], object]) -> None:
+    def _on_thread(self, function: Callable[[], object]) -> None:
         with contextlib.suppress(RuntimeError):  # the thread has ended
             if self._loop is not None:
-                self._loop.call_soon_threadsafe(call)
+                self._loop.call_soon_threadsafe(function)
 
-    def _on_home_loop(self, call: Callable[..., object], *arguments: object) -> None:
+    def _on_home_loop(self, function: Callable[..., object], *arguments: object) -> None:
         with contextlib.suppress(RuntimeError):  # the gateway has ended
-            if self._home is not None:
-                self._home.call_soon_threadsafe(call, *arguments)
+            if self._caller_loop is not None:
+                self._caller_loop.call_soon_threadsafe(function, *arguments)
 
     # --- on the thread ----------------------------------------------------------------------------------------------
 
@@ -123,11 +123,11 @@ class BrokerLink:
             self._loop.run_until_complete(self._serve())
         finally:
             self._loop.close()
-            self._ended.set()
+            self._thread_ended.set()
 
     async def _serve(self) -> None:
         failures = 0
-        while not self._ending.is_set():
+        while not self._end_requested.is_set():
             pause = DELAYS[min(failures, len(DELAYS) - 1)] if failures < MANY_FAILURES else LONG_PAUSE
             failures += 1
             try:
@@ -137,14 +137,14 @@ class BrokerLink:
             except Exception as error:  # of three libraries; try again after any of them
                 if isinstance(error, Flooded) or type(error).__name__ == "MqttConnectError":  # the broker refuses
                     pause = LONG_PAUSE
-                if not self._ending.is_set():
+                if not self._end_requested.is_set():
                     self._on_home_loop(self._on_connection, False, _reason(error))
             await self._pause(pause * random.uniform(0.8, 1.2))
 
     async def _pause(self, seconds: float) -> None:
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(seconds):
-                await self._ending.wait()
+                await self._end_requested.wait()
 
     async def _session(self, client: Client) -> None:
         """Use a connection until it is lost or the link is closed."""
@@ -154,8 +154,8 @@ class BrokerLink:
             await _send(client, message)
         self._outbox.requeue_states()
         self._on_home_loop(self._on_connection, True, "")
-        await _first_of(self._read(client), self._write(client), self._ending.wait())
-        if self._ending.is_set():
+        await _first_of(self._read(client), self._write(client), self._end_requested.wait())
+        if self._end_requested.is_set():
             for message in (*self._outbox.take(MAX_IN_FLIGHT), *self._last_messages):
                 await _send(client, message)
 
@@ -166,8 +166,8 @@ class BrokerLink:
             if loop.time() - since >= 1.0:
                 since, count = loop.time(), 0
             count += 1
-            if count > self._flood:
-                raise Flooded(f"it sent more than {self._flood} messages in a second")
+            if count > self._max_flood:
+                raise Flooded(f"it sent more than {self._max_flood} messages in a second")
             payload = message.payload[: MAX_MESSAGE_BYTES + 1] if isinstance(message.payload, bytes) else b""
             self._on_home_loop(self._on_message, Received(str(message.topic), payload, bool(message.retain)))
 
@@ -175,8 +175,8 @@ class BrokerLink:
         while True:
             messages = self._outbox.take(MAX_IN_FLIGHT)
             if not messages:
-                await self._wake.wait()
-                self._wake.clear()
+                await self._wake_event.wait()
+                self._wake_event.clear()
                 continue
             for message in messages[:-1]:
                 await _send(client, message, int(not message.newest))

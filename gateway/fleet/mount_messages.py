@@ -76,7 +76,7 @@ class Events:
 
     def __init__(self, publish: Callable[[bytes], None], clock: Callable[[], float]) -> None:
         self._publish, self._clock = publish, clock
-        self._events_left, self._since, self._dropped = EVENT_BURST, clock(), 0
+        self._events_left, self._refilled_at, self._dropped_count = EVENT_BURST, clock(), 0
 
     def put(self, entry: Entry) -> None:
         """Publish an entry of the wire log, if its kind is published."""
@@ -90,15 +90,15 @@ class Events:
     def publish(self, kind: str, who: str, text: str) -> None:
         """Publish an event, unless there are too many; ``who`` is a program, the mount, or ``mqtt``."""
         now = self._clock()
-        self._events_left = min(EVENT_BURST, self._events_left + max(0.0, now - self._since) * EVENT_RATE)
-        self._since = now
+        self._events_left = min(EVENT_BURST, self._events_left + max(0.0, now - self._refilled_at) * EVENT_RATE)
+        self._refilled_at = now
         if self._events_left < 1.0:
-            self._dropped += 1
+            self._dropped_count += 1
             return
         self._events_left -= 1.0
-        if self._dropped:
-            self._send(now, "left out", MOUNT_SIDE, f"{self._dropped} events, because there were too many")
-            self._dropped = 0
+        if self._dropped_count:
+            self._send(now, "left out", MOUNT_SIDE, f"{self._dropped_count} events, because there were too many")
+            self._dropped_count = 0
         self._send(now, kind, who, text)
 
     def _send(self, now: float, kind: str, who: str, text: str) -> None:

@@ -53,12 +53,12 @@ class Orders:
         self._gateway, self._allowed, self._doubt, self._report = gateway, allowed, doubt, report
         self._loop = asyncio.get_running_loop()
         self._last_stop = -1e9
-        self._later: asyncio.TimerHandle | None = None
+        self._stop_timer: asyncio.TimerHandle | None = None
         self._tasks = BackgroundTasks()
         self._busy = False
 
-    def take(self, payload: bytes, retained: bool, to: str) -> None:
-        """Carry out or refuse an order; ``to`` is the mount's name, or ``all``."""
+    def take(self, payload: bytes, retained: bool, mount_name: str) -> None:
+        """Carry out or refuse an order; ``mount_name`` is the mount's name, or ``all``."""
         text = payload[: MAX_ORDER_LENGTH + 1].decode("utf-8", "replace").strip()
         if not text and retained:
             return
@@ -70,7 +70,7 @@ class Orders:
         elif len(text) > MAX_ORDER_LENGTH:
             once = CLIENT if len(payload) > MAX_MESSAGE_BYTES else None
             self._refuse(f"{text[:20]}…", f"no order is longer than {MAX_ORDER_LENGTH} characters", once)
-        elif to == ALL_GATEWAYS:
+        elif mount_name == ALL_GATEWAYS:
             self._refuse(text, "the only order for all mounts together is stop")
         elif word not in (*PLAIN_ORDERS, GOTO) or (bool(rest) is not (word == GOTO)):
             self._refuse(text, f"there is no such order: {', '.join(('stop', *self._allowed))}")
@@ -85,33 +85,33 @@ class Orders:
 
     def close(self) -> None:
         """Cancel the orders in progress; later ones must not be passed to ``take``."""
-        if self._later is not None:
-            self._later.cancel()
+        if self._stop_timer is not None:
+            self._stop_timer.cancel()
         self._tasks.cancel()
 
-    def _refuse(self, text: str, why: str, once_of: str | None = None) -> None:
-        self._gateway.wire_log.refused(CLIENT, f"{text}: {why}", once_of)
+    def _refuse(self, text: str, reason: str, once_key: str | None = None) -> None:
+        self._gateway.wire_log.refused(CLIENT, f"{text}: {reason}", once_key)
 
     def _stop(self) -> None:
         """Stop at once, or, after a recent stop, once more when ``STOP_PERIOD`` seconds have passed since that."""
         left = self._last_stop + STOP_PERIOD - self._loop.time()
         if left <= 0:
             self._stop_now()
-        elif self._later is None:
-            self._later = self._loop.call_later(left, self._stop_now)
+        elif self._stop_timer is None:
+            self._stop_timer = self._loop.call_later(left, self._stop_now)
 
     def _stop_now(self) -> None:
-        self._later, self._last_stop = None, self._loop.time()
+        self._stop_timer, self._last_stop = None, self._loop.time()
         self._tasks.spawn(self._stopped())
 
     async def _stopped(self) -> None:
         answer = await self._gateway.carry_out(StopRequest())
         self._report(answer.outcome, f"stop: {answer.text}")
 
-    async def _carry_out(self, text: str, word: str, rest: str) -> None:
+    async def _carry_out(self, text: str, word: str, arguments: str) -> None:
         self._busy = True
         try:
-            request = GotoRequest(Named(rest), who=CLIENT) if word == GOTO else PLAIN_ORDERS[word](who=CLIENT)
+            request = GotoRequest(Named(arguments), who=CLIENT) if word == GOTO else PLAIN_ORDERS[word](who=CLIENT)
             answer = await self._gateway.carry_out(request)
         finally:
             self._busy = False
@@ -134,15 +134,15 @@ class BrokerPresence:
         self._topics, self._publish, self._warn = topics, publish, warn
         self._instance = secrets.token_hex(8)
         about = {"instance": self._instance, "host": socket.gethostname(), "process": os.getpid(), "version": version()}
-        self._who = MqttMessage(topics.gateway, json.dumps(about).encode(), retain=True, newest=True)
+        self._presence_message = MqttMessage(topics.gateway, json.dumps(about).encode(), retain=True, newest=True)
         self._online_message = MqttMessage(topics.availability, ONLINE, retain=True, newest=True)
-        self._answered: set[str] = set()
+        self._answered_gateways: set[str] = set()
         self.conflict = ""
 
     @property
     def first_messages(self) -> list[MqttMessage]:
         """The first messages on every connection."""
-        return [self._who, self._online_message]
+        return [self._presence_message, self._online_message]
 
     @property
     def last_messages(self) -> list[MqttMessage]:
@@ -154,7 +154,7 @@ class BrokerPresence:
         if received.topic == self._topics.availability:
             if received.payload == OFFLINE:  # of another gateway with this ID, or the will of a lost connection
                 self.conflict = ""
-                self._answered.clear()
+                self._answered_gateways.clear()
                 self._publish(self._online_message)
             return True
         if received.topic != self._topics.gateway:
@@ -169,9 +169,9 @@ class BrokerPresence:
             f"another gateway ({owner}) has the ID {self._topics.id!r} on the broker, too: both obey only stop "
             f"until you change one of them (--mqtt-id)"
         )
-        if other not in self._answered and len(self._answered) < MAX_GATEWAYS:
-            self._answered.add(other)
-            self._publish(self._who)
+        if other not in self._answered_gateways and len(self._answered_gateways) < MAX_GATEWAYS:
+            self._answered_gateways.add(other)
+            self._publish(self._presence_message)
             self._warn(self.conflict)
 
 
@@ -226,18 +226,18 @@ class _PublishedMount:
 
 
 class Station:
-    """All mounts of this process on the broker. ``say`` and ``warn`` show messages to the user at the terminal."""
+    """All mounts of this process on the broker. ``print_line`` and ``warn`` show messages at the terminal."""
 
     def __init__(
         self,
         config: MqttConfig,
         access: BrokerAccess,
         gateways: Sequence[Gateway],
-        say: Callable[[str], None],
+        print_line: Callable[[str], None],
         warn: Callable[[str], None],
         connect: Connect | None = None,
     ) -> None:
-        self.config, self._broker, self._say, self._warn = config, access.broker, say, warn
+        self.config, self._broker, self._print_line, self._warn = config, access.broker, print_line, warn
         self.topics = Topics(config.prefix, config.id or own_id())
         self.presence = BrokerPresence(self.topics, lambda message: self.link.publish(message), warn)
         topics = [self.topics.availability, self.topics.gateway, self.topics.of("+", "command"), self.topics.everyone]
@@ -251,7 +251,7 @@ class Station:
             connect,
         )
         self._mounts = {(mount := _PublishedMount(self, gateway)).name: mount for gateway in gateways}
-        self._connected: bool | None = None
+        self._was_connected: bool | None = None
         self._task: asyncio.Task[None] | None = None
 
     def start(self) -> None:
@@ -288,15 +288,15 @@ class Station:
         elif (addressed := self._mounts.get(to[1])) is not None:
             addressed.orders.take(received.payload, received.retained, addressed.name)
 
-    def _on_connection(self, connected: bool, why: str) -> None:
+    def _on_connection(self, connected: bool, reason: str) -> None:
         """Tell the user when the broker is connected or lost."""
-        if connected and self._connected is None:
-            self._say(f"ready broker {self._broker} as {self.topics.prefix}/{self.topics.id}")
-        elif connected and not self._connected:
+        if connected and self._was_connected is None:
+            self._print_line(f"ready broker {self._broker} as {self.topics.prefix}/{self.topics.id}")
+        elif connected and not self._was_connected:
             self._warn(f"the broker {self._broker} is connected again")
-        elif not connected and self._connected is not False:
+        elif not connected and self._was_connected is not False:
             self._warn(
-                f"the broker {self._broker} cannot be reached: {why}. The mounts and their programs are not "
+                f"the broker {self._broker} cannot be reached: {reason}. The mounts and their programs are not "
                 "affected; the gateway keeps trying"
             )
-        self._connected = connected
+        self._was_connected = connected

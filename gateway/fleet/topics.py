@@ -60,9 +60,9 @@ class Topics(Struct, frozen=True):
         """The topic of orders for all mounts on the broker."""
         return f"{self.prefix}/{ALL_GATEWAYS}/command"
 
-    def of(self, mount: str, what: str) -> str:
+    def of(self, mount: str, kind: str) -> str:
         """Return a topic of a mount: ``state``, ``event`` or ``command``."""
-        return f"{self.prefix}/{self.id}/{mount}/{what}"
+        return f"{self.prefix}/{self.id}/{mount}/{kind}"
 
     def parts(self, topic: str) -> list[str]:
         """Return the levels of a topic after the prefix; an empty list for a topic without the prefix."""
@@ -84,31 +84,31 @@ class Outbox:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._newest: dict[str, MqttMessage] = {}
-        self._waiting: dict[str, None] = {}
+        self._newest_by_topic: dict[str, MqttMessage] = {}
+        self._waiting_topics: dict[str, None] = {}
         self._events: deque[MqttMessage] = deque(maxlen=MAX_EVENTS)
 
     def put(self, message: MqttMessage) -> None:
         """Add a message; a state replaces the previous state of its topic."""
         with self._lock:
             if message.newest:
-                self._newest[message.topic] = message
-                self._waiting[message.topic] = None
+                self._newest_by_topic[message.topic] = message
+                self._waiting_topics[message.topic] = None
             else:
                 self._events.append(message)
 
     @property
     def is_waiting(self) -> bool:
         """Whether any message waits."""
-        return bool(self._waiting or self._events)
+        return bool(self._waiting_topics or self._events)
 
     def take(self, most: int) -> list[MqttMessage]:
         """Remove and return the next messages, at most ``most``."""
         with self._lock:
-            topics = list(self._waiting)[:most]
+            topics = list(self._waiting_topics)[:most]
             for topic in topics:
-                del self._waiting[topic]
-            messages = [self._newest[topic] for topic in topics]
+                del self._waiting_topics[topic]
+            messages = [self._newest_by_topic[topic] for topic in topics]
             while self._events and len(messages) < most:
                 messages.append(self._events.popleft())
             return messages
@@ -116,4 +116,4 @@ class Outbox:
     def requeue_states(self) -> None:
         """Queue all states again: after a reconnect the broker may have forgotten them."""
         with self._lock:
-            self._waiting = dict.fromkeys(self._newest)
+            self._waiting_topics = dict.fromkeys(self._newest_by_topic)

@@ -105,19 +105,19 @@ def listeners(ports: Collection[int], proc: Path = PROC_FOLDER) -> Iterator[tupl
         yield port, owners.get(f"socket:[{inode}]", ())
 
 
-def _sockets(proc: Path) -> Iterator[tuple[str, int]]:
+def _sockets(proc_folder: Path) -> Iterator[tuple[str, int]]:
     """Yield the inode and the port of every listening socket."""
     for name in ("tcp", "tcp6"):
         with contextlib.suppress(OSError):
-            for line in (proc / "net" / name).read_text().splitlines()[1:]:
+            for line in (proc_folder / "net" / name).read_text().splitlines()[1:]:
                 columns = line.split()
                 if len(columns) > 9 and columns[3] == LISTEN_STATE:
                     yield columns[9], int(columns[1].rpartition(":")[2], 16)
 
 
-def openers(targets: Collection[str], proc: Path = PROC_FOLDER) -> Iterator[tuple[str, tuple[int, str]]]:
+def openers(targets: Collection[str], proc_folder: Path = PROC_FOLDER) -> Iterator[tuple[str, tuple[int, str]]]:
     """Yield each of these files or sockets with the id and name of a process that has it open, if it may be seen."""
-    for process in proc.glob("[0-9]*"):
+    for process in proc_folder.glob("[0-9]*"):
         with contextlib.suppress(OSError):
             for file in (process / "fd").iterdir():
                 with contextlib.suppress(OSError):

@@ -61,11 +61,11 @@ class BaudTrial:
     """Changes the baud rate of a client's port, and changes it back if no command is understood at the new rate.
 
     ``:SB<n>#`` is acknowledged at the old rate; then both sides change (Meade protocol revision L, :SB). Without the
-    way back, a client that did not follow would be lost. ``change`` sets the rate and returns the last one.
+    way back, a client that did not follow would be lost. ``change_baud`` sets the rate and returns the last one.
     """
 
-    def __init__(self, change: Callable[[int], int]) -> None:
-        self._change = change
+    def __init__(self, change_baud: Callable[[int], int]) -> None:
+        self._change = change_baud
         self._previous: int | None = None
         self._timer: asyncio.TimerHandle | None = None
 
@@ -93,16 +93,16 @@ class BaudTrial:
             self._timer = None
 
 
-def misread(data: bytes, sent: int, read: int) -> bytes:
-    """Return what a receiver at ``read`` baud gets if bytes are sent without gaps at ``sent`` baud.
+def misread(data: bytes, send_baud: int, receive_baud: int) -> bytes:
+    """Return what a receiver at ``receive_baud`` baud gets if bytes are sent without gaps at ``send_baud`` baud.
 
     The receiver waits for the falling edge of a start bit and samples the middle of every bit by its own clock. A byte
     with a missing stop bit (framing error) is delivered all the same. Rates that differ by a few percent work.
     """
-    if sent == read or not sent or not read:
+    if send_baud == receive_baud or not send_baud or not receive_baud:
         return data
     wire = [bit for byte in data for bit in (0, *(byte >> place & 1 for place in range(8)), 1)]
-    width = sent / read  # length of the receiver's bits, in bits of the sender
+    width = send_baud / receive_baud  # length of the receiver's bits, in bits of the sender
     wire += [1] * (1 + int(BITS_PER_BYTE * width))  # idle after the last byte
     received = bytearray()
     at = 0.0

@@ -17,11 +17,11 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 READ_ONLY: web.AppKey[Callable[[web.Request], bool]] = web.AppKey("read only")
 
 
-def turned_away(request: web.Request, why: str, logs: Iterable[WireLog]) -> None:
+def turned_away(request: web.Request, reason: str, logs: Iterable[WireLog]) -> None:
     """Tell ``status`` and the log of each mount that a request is refused, in the log once per host."""
     host = request.remote or "?"
     for log in logs:
-        log.turned_away(host, f"request from {host} over HTTP refused: {why}", host)
+        log.turned_away(host, f"request from {host} over HTTP refused: {reason}", host)
 
 
 def addressed_here(request: web.Request, names: Iterable[str] = ()) -> bool:

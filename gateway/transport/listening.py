@@ -42,14 +42,14 @@ async def listen(where: str, make: Callable[[], asyncio.BaseProtocol], others: i
     return server, f"{where.partition('://')[0]}://{in_brackets(real[0])}:{real[1]}"
 
 
-async def _server(host: str, port: int, make: Callable[[], asyncio.BaseProtocol]) -> asyncio.Server:
+async def _server(host: str, port: int, make_protocol: Callable[[], asyncio.BaseProtocol]) -> asyncio.Server:
     loop = asyncio.get_running_loop()
     if host != "::":
-        return await loop.create_server(make, host, port, backlog=ACCEPT_BACKLOG)
+        return await loop.create_server(make_protocol, host, port, backlog=ACCEPT_BACKLOG)
     both = socket.create_server(
         (host, port), family=socket.AF_INET6, backlog=ACCEPT_BACKLOG, dualstack_ipv6=socket.has_dualstack_ipv6()
     )
-    return await loop.create_server(make, sock=both, backlog=ACCEPT_BACKLOG)
+    return await loop.create_server(make_protocol, sock=both, backlog=ACCEPT_BACKLOG)
 
 
 def _reason(error: OSError, host: str, port: int) -> str:

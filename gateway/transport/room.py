@@ -15,10 +15,10 @@ RESERVED_PLACES = 2
 
 
 class Room:
-    """A limited number of connections: ``most`` places."""
+    """A limited number of connections: ``capacity`` places."""
 
-    def __init__(self, most: int) -> None:
-        self._most = most
+    def __init__(self, capacity: int) -> None:
+        self._most = capacity
         self._taken: Counter[str] = Counter()
 
     def enter(self, host: str) -> bool:
@@ -35,10 +35,10 @@ class Room:
         self._taken -= Counter([plain_address(host)])
 
 
-def share(host: str, most: int) -> int:
-    """Return how many of ``most`` places one host may have; this computer and a serial line may have all."""
+def share(host: str, capacity: int) -> int:
+    """Return how many of ``capacity`` places one host may have; this computer and a serial line may have all."""
     try:
         loopback = ip_address(plain_address(host)).is_loopback
     except ValueError:
-        return most
-    return most if loopback else -(-most * 3 // 4)
+        return capacity
+    return capacity if loopback else -(-capacity * 3 // 4)

@@ -111,26 +111,26 @@ class _Connection(asyncio.BufferedProtocol):
         """The client does not read: close the connection rather than keep its replies for ever."""
         self.abort()
 
-    def _hang_up(self, last: bytes) -> None:
+    def _hang_up(self, last_bytes: bytes) -> None:
         """Send the last bytes, then discard input for a while before closing.
 
         If it is closed with unread bytes, the system resets it, and the client might never read the last bytes.
         """
         loop = asyncio.get_running_loop()
-        if last:
-            self._write(last)
+        if last_bytes:
+            self._write(last_bytes)
         self._close_handler()
         loop.call_soon(self._send_eof)  # after the replies to the bytes being processed
         loop.call_later(LINGER_TIME, self.abort)
 
-    def _hand_over(self, take: Taker) -> None:
+    def _hand_over(self, take_transport: Taker) -> None:
         """Give the connection to a new owner, who sets another asyncio protocol."""
         self._leave()
         transport, self._transport = self._transport, None
         if transport is not None and not transport.is_closing():
             if not transport.is_reading():
                 transport.resume_reading()
-            take(transport)
+            take_transport(transport)
 
     def _send_eof(self) -> None:
         if self._transport is not None and not self._transport.is_closing():

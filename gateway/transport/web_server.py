@@ -51,20 +51,20 @@ class WebPort:
 
 
 class WebServer:
-    """Serves the aiohttp application that ``load`` returns, until ``close``; without ``load``, refusals only."""
+    """Serves the aiohttp application that ``load_site`` returns, until ``close``; without it, refusals only."""
 
-    def __init__(self, load: Callable[[], Awaitable[Any]] | None = None) -> None:
-        self._load = load
+    def __init__(self, load_site: Callable[[], Awaitable[Any]] | None = None) -> None:
+        self._load = load_site
         self._loading: asyncio.Task[None] | None = None
         self._runner: Any = None
         self._ports: list[WebPort] = []
         self.room = Room(MAX_CONNECTIONS)
         #: The address of the console, if it has a port of its own.
-        self.where = ""
+        self.address = ""
 
-    async def listen(self, where: str, others: int = 0) -> WebPort:
-        """Open a port, or the first free port of the ``others`` that follow it. Raises UserError."""
-        server, real = await listen(where, lambda: HttpConnection(self), others)
+    async def listen(self, where: str, ports_tried: int = 0) -> WebPort:
+        """Open a port, or the first free port of the ``ports_tried`` that follow it. Raises UserError."""
+        server, real = await listen(where, lambda: HttpConnection(self), ports_tried)
         self._ports.append(WebPort(real, server))
         return self._ports[-1]
 
@@ -148,11 +148,11 @@ class HttpConnection(asyncio.Protocol):
             if len(self._sent) > MAX_EARLY_BYTES:
                 self._refuse(BUSY_RESPONSE)
 
-    def _loaded(self, loading: asyncio.Task[None]) -> None:
+    def _loaded(self, load_task: asyncio.Task[None]) -> None:
         if self._host is None:
             return
-        if not loading.cancelled():
-            loading.result()  # the log shows our own faults, and this connection ends in a while
+        if not load_task.cancelled():
+            load_task.result()  # the log shows our own faults, and this connection ends in a while
         inner = self._inner = self._server.handler()
         if inner is None:
             self._refuse(NO_PAGE_RESPONSE)

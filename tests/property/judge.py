@@ -254,10 +254,10 @@ class Judge:
         told = _site(await client.ask(b":Gt#:Gg#" if meade else b"w", 5.0, until=b"#"), meade)
         if meade:
             await until(self.now() - self.began + 1.0)
-            told = _site(client.heard, True)
+            told = _site(client.received, True)
         mine = self.sim.site if self._meade else self.sim.mechanics.sky[:2]
         if told is None:
-            self.complain("site", f"{client.heard!r} is told")
+            self.complain("site", f"{client.received!r} is told")
             return
         last = sites[-1]
         is_mounts = separation(told[1], told[0], mine[1], mine[0]) < 0.04

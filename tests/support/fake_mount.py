@@ -151,7 +151,7 @@ class Talk:
         reply = b""
         for frame in self.framer.feed(data, self.now):
             reply += self._handle(frame)
-            self.session.last = frame
+            self.session.last_frame = frame
         return reply
 
     def _handle(self, frame: bytes) -> bytes:

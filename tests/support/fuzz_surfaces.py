@@ -115,8 +115,8 @@ class Judge:
             ("inbox", len(client._inbox), MAX_WAITING_COMMANDS),
             ("memo", len(client._cache._replies), MAX_CACHED_REPLIES), ("framer", pending, 64),
             ("kept", len(repr(client.session.client)), KEPT), ("shared", len(repr(client.session.shared)), KEPT),
-            ("told", len(client.runner._sent), 40), ("deferred", len(client.runner._deferred), 4),
-            ("said", len(bridge.wire_log._logged), MAX_NOTES_ONCE),
+            ("told", len(client.runner._sent_operations), 40), ("deferred", len(client.runner._deferred_operations), 4),
+            ("said", len(bridge.wire_log._notes_logged_once), MAX_NOTES_ONCE),
             ("tasks", len(bridge.controller.context.tasks), 600), ("line", len(bridge.controller.line.queue), 600),
             ("hosts", len(bridge.acceptor._saved_states), 200),
         ):  # fmt: skip
@@ -152,7 +152,7 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
         while done < size:
             number += 1
             visitor = bridge.client(f"host {number % 8}:{number}")
-            client: CommandProcessor = getattr(visitor.guest, "client")  # noqa: B009
+            client: CommandProcessor = getattr(visitor.connection, "client")  # noqa: B009
             clients.append(client)
             for packet in packets(rng, thrown(rng, kind, case.presented, min(CONNECTION[kind], size - done))):
                 began = time.process_time()  # other programs do not count
@@ -162,7 +162,7 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
                 done += len(packet)
             await asyncio.sleep(rng.choice([0.1, 0.5, 5.0]))
             judge.weigh(bridge, client)
-            if len(visitor.heard) != judge.told[client.log.name]:
+            if len(visitor.received) != judge.told[client.log.name]:
                 judge.say(f"{case.presented}: replies that are not in the wire log", case.model)
             visitor.close()
         await asyncio.sleep(5.0)
@@ -189,7 +189,7 @@ def growth(seed: int, size: int = 60_000) -> dict[str, float]:
                 for packet in packets(rng, thrown(rng, KINDS[n % 3], case.presented, size // 6)):
                     visitor.tell(packet)
                     await asyncio.sleep(0.02)
-                visitor.heard = b""
+                visitor.received = b""
                 await asyncio.sleep(60.0)
                 gc.collect()  # a fault and its traceback refer to each other
                 marks.append(tracemalloc.get_traced_memory()[0])

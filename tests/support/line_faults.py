@@ -212,17 +212,17 @@ class Trial:
         """Send a request and wait; then a command that needs no mount must be answered."""
         loop = asyncio.get_running_loop()
         began = loop.time()
-        client.heard = b""
+        client.received = b""
         local, echo = (b":Gc#", b"24#") if self.driven == "nexstar" else (b"Kx", b"x#")
         client.tell(data + local)
-        while not client.heard.endswith(echo) and loop.time() - began < LONGEST_WAIT:
+        while not client.received.endswith(echo) and loop.time() - began < LONGEST_WAIT:
             await asyncio.sleep(0.01)
         self.longest = max(self.longest, loop.time() - began)
         self.asked[data.decode("latin-1")[:4]] += 1
-        if not client.heard.endswith(echo):
-            self._is_wrong("hang", f"{data!r} and {local!r}: {client.heard!r}")
+        if not client.received.endswith(echo):
+            self._is_wrong("hang", f"{data!r} and {local!r}: {client.received!r}")
             return b""
-        answer = client.heard.removesuffix(echo)
+        answer = client.received.removesuffix(echo)
         self.asked["answered" if answer else "silent"] += 1
         return answer
 

@@ -329,7 +329,7 @@ async def set_site(b: Bridge) -> bool:
 async def set_clock(b: Bridge) -> bool:
     await b.controller.perform(op.SetClock(b.clock() + 600.0, 2.0))
     await asyncio.sleep(10.0)
-    if abs(b.sim.mechanics.sky.ahead - 600.0) > 5.0:
+    if abs(b.sim.mechanics.sky.clock_ahead - 600.0) > 5.0:
         raise _kept(b)
     return True
 
@@ -352,7 +352,7 @@ class ClientState(Fault):
 
 async def clock_from_gps(b: Bridge) -> bool:
     await b.controller.perform(op.ClockFromGps())
-    return abs(b.sim.mechanics.sky.ahead) < 3.0
+    return abs(b.sim.mechanics.sky.clock_ahead) < 3.0
 
 
 async def set_guide_rate(b: Bridge) -> bool:

@@ -118,11 +118,11 @@ async def poll(bridge: Bridge, seconds: float, request: bytes = b":GR#:GD#") -> 
 async def ask(client: Visitor, request: bytes) -> bytes:
     """Return the whole reply to ``:GR#:GD#`` or ``e``; empty if it does not arrive in time."""
     until = asyncio.get_running_loop().time() + PATIENCE
-    client.heard = b""
+    client.received = b""
     client.tell(request)
     while asyncio.get_running_loop().time() < until:
-        if client.heard.count(b"#") >= max(1, request.count(b"#")):
-            return client.heard
+        if client.received.count(b"#") >= max(1, request.count(b"#")):
+            return client.received
         await asyncio.sleep(0.01)
     return b""
 

@@ -51,7 +51,7 @@ async def first_answer(model: str, named: bool, latency: float) -> float:
     bridge.controller.start()
     loop, client = asyncio.get_running_loop(), bridge.client()
     began = loop.time()
-    while client.heard.count(b"#") < 2 and loop.time() < began + 60.0:
+    while client.received.count(b"#") < 2 and loop.time() < began + 60.0:
         if client.answered:
             client.tell(b":GR#:GD#")
         await asyncio.sleep(0.05)

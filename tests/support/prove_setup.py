@@ -118,7 +118,7 @@ class Proven:
         )
         self._change(self)
         self.gateway.begin()
-        await self.gateway.fitted.wait()
+        await self.gateway.surfaces_fitted.wait()
         await self.controller.settled.wait()
         self.owner = Owner(self, self.gateway.mount.protocol)
         self._sampling = asyncio.ensure_future(sample(self.sim, self.truths.append, self._every))

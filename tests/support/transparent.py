@@ -145,7 +145,7 @@ async def differences(protocol: str, model: str, version: str | None) -> list[Di
         await asyncio.sleep(3.0)
         found = []
         for question in asked:
-            client.heard = b""
+            client.received = b""
             client.tell(question)
             answered = direct(question)  # both receive it at the same moment
             shared = await _whole(client)

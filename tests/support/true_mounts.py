@@ -61,7 +61,7 @@ def conditions(mount: str, seed: int) -> Conditions:
 
     def begin(proven: Proven) -> None:
         sim = proven.sim
-        sim.mechanics.sky = sim.mechanics.sky._replace(ahead=ahead)
+        sim.mechanics.sky = sim.mechanics.sky._replace(clock_ahead=ahead)
         if protocol == "lx200":
             sim.ahead = ahead  # type: ignore[attr-defined]
         point(proven, *horizon_to_hour_angle(azimuth, altitude, latitude))

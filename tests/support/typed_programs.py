@@ -204,10 +204,10 @@ class Stellarium(Face):
         return Sky().to_of_date(ra, dec, self.bridge.clock())
 
     async def place(self) -> tuple[float, float]:
-        self.client.heard = b""
-        while len(self.client.heard) < 24:
+        self.client.received = b""
+        while len(self.client.received) < 24:
             await asyncio.sleep(0.1)
-        _, _, _, ra, dec, _ = struct.unpack("<HHQIii", self.client.heard[-24:])
+        _, _, _, ra, dec, _ = struct.unpack("<HHQIii", self.client.received[-24:])
         return self._of_date(ra * 360.0 / 2**32, dec * 360.0 / 2**32)
 
     async def leave(self, ra: float, dec: float) -> None:
@@ -215,9 +215,9 @@ class Stellarium(Face):
         self.client.tell(
             struct.pack("<HHQIi", 20, 0, 0, round(wrap360(ra) * 2**32 / 360.0) % 2**32, round(dec * 2**32 / 360.0))
         )
-        self.client.heard = b""
+        self.client.received = b""
         await asyncio.sleep(3.0)
-        if struct.unpack("<i", self.client.heard[-4:])[0] < 0:
+        if struct.unpack("<i", self.client.received[-4:])[0] < 0:
             raise Refusal("status")
 
     async def goto(self, ra: float, dec: float) -> None:

@@ -80,49 +80,49 @@ class _Thread(threading.Thread):
 
     mount: Mount
 
-    def __init__(self, opening: contextlib.AbstractAsyncContextManager[Mount]) -> None:
+    def __init__(self, opened_mount: contextlib.AbstractAsyncContextManager[Mount]) -> None:
         super().__init__(name="mount-gateway", daemon=True)
-        self._opening, self._asked = opening, False
-        #: These get an item when the gateway is open, and when it is closed (``_is_over``). They are no Future: Ctrl-C
+        self._open_gateway, self._close_requested = opened_mount, False
+        #: These get an item when the gateway is open, and when it is closed (``_ended``). They are no Future: Ctrl-C
         #: in the middle of a wait can leave its lock taken, for which this thread would then wait for ever; and in the
         #: middle of ``is_alive`` or ``join`` it makes Python take this thread for ended.
-        self._opened, self._closed = SimpleQueue[None](), SimpleQueue[None]()
-        self._is_over = False
-        self._served = False
-        self._failure: BaseException | None = None
+        self._opened_queue, self._closed_queue = SimpleQueue[None](), SimpleQueue[None]()
+        self._ended = False
+        self._was_open = False
+        self._open_error: BaseException | None = None
 
     def run(self) -> None:
         try:
             asyncio.run(self._serve())
         except BaseException as error:
             # Python 3.12 begins no thread at its end, and asyncio wants one to end its own: everything is closed then.
-            self._failure = None if self._served else error
-        self._is_over = True
-        self._closed.put(None)
+            self._open_error = None if self._was_open else error
+        self._ended = True
+        self._closed_queue.put(None)
 
     async def _serve(self) -> None:
         serving = asyncio.current_task()
         assert serving is not None
-        self._leave = serving.cancel
+        self._cancel_serving = serving.cancel
         self._loop = asyncio.get_running_loop()
         with contextlib.suppress(asyncio.CancelledError):
-            if not self._asked:
-                async with self._opening as self.mount:
-                    self._opened.put(None)
+            if not self._close_requested:
+                async with self._open_gateway as self.mount:
+                    self._opened_queue.put(None)
                     await asyncio.Event().wait()
-        self._served = True
+        self._was_open = True
 
     def wait_until_open(self) -> None:
         """Wait until the gateway is open. Raises what opening it raises."""
         try:
-            self._get(self._opened)
+            self._get(self._opened_queue)
         except NoAnswer:
-            failure, self._failure = self._failure, None
+            failure, self._open_error = self._open_error, None
             raise failure or NoAnswer(CLOSED_MESSAGE) from None
 
     def _get(self, queue: SimpleQueue[_T]) -> _T:
         """Wait for an item in such a way that Ctrl-C ends the wait on every system. Raises NoAnswer."""
-        while not (self._is_over and queue.empty()):
+        while not (self._ended and queue.empty()):
             with contextlib.suppress(Empty):
                 return queue.get(timeout=CTRL_C_CHECK_PERIOD)
         raise NoAnswer(CLOSED_MESSAGE)
@@ -131,7 +131,7 @@ class _Thread(threading.Thread):
         """Begin a coroutine on the thread, wait for it, and return its result. Raises what it raises."""
         if threading.current_thread() is self:
             raise RuntimeError("A gateway that waits cannot be used on its own thread, by watch or warn.")
-        if self._asked:
+        if self._close_requested:
             raise NoAnswer(CLOSED_MESSAGE)
         calling: list[asyncio.Task[_T]] = []
         answers = SimpleQueue[asyncio.Task[_T]]()
@@ -155,26 +155,26 @@ class _Thread(threading.Thread):
 
     def end(self) -> None:
         """Stop the mount, close the gateway, and wait until that is done. Raises what closing raises."""
-        first, self._asked = not self._asked, True
+        first, self._close_requested = not self._close_requested, True
         if first and hasattr(self, "_loop"):
-            self._call(self._leave)
-        while not self._is_over:
+            self._call(self._cancel_serving)
+        while not self._ended:
             with contextlib.suppress(Empty):
-                self._closed.get(timeout=CTRL_C_CHECK_PERIOD)
+                self._closed_queue.get(timeout=CTRL_C_CHECK_PERIOD)
         if first:  # not when Python takes itself apart, after the end of the program
             self.join()
             atexit.unregister(self.end)
-        failure, self._failure = self._failure, None
+        failure, self._open_error = self._open_error, None
         if failure is not None:
             raise failure
 
 
 def _in_a_thread(
-    opens: Callable[_P, contextlib.AbstractAsyncContextManager[Mount]],
+    open_mount: Callable[_P, contextlib.AbstractAsyncContextManager[Mount]],
 ) -> Callable[_P, contextlib.AbstractContextManager[BlockingMount]]:
     """Return a version of ``open_gateway``, with the same parameters, for programs without an event loop."""
 
-    @functools.wraps(opens, assigned=())
+    @functools.wraps(open_mount, assigned=())
     @contextlib.contextmanager
     def open_blocking_gateway(*arguments: _P.args, **settings: _P.kwargs) -> Iterator[BlockingMount]:
         """Open a mount as ``open_gateway`` does, for a program without an event loop: ``with``, not ``async with``.
@@ -182,7 +182,7 @@ def _in_a_thread(
         ``warn`` and ``watch`` are called on the gateway's thread. Leaving the block stops the mount and closes
         everything; so does the end of the program, if it does not leave it.
         """
-        thread = _Thread(opens(*arguments, **settings))
+        thread = _Thread(open_mount(*arguments, **settings))
         thread.start()
         atexit.register(thread.end)
         try:

@@ -111,11 +111,11 @@ class Splitter:
     """
 
     def __init__(self, protocol: str, now: Callable[[], float] = time.monotonic) -> None:
-        self._framer, self._now = PROTOCOLS[_known(protocol)].framing(), now
+        self._framer, self._clock = PROTOCOLS[_known(protocol)].framing(), now
 
     def feed(self, data: bytes) -> list[bytes]:
         """Take received bytes and return the commands that are now complete, in order, each ready for ``decode``."""
-        return self._framer.feed(data, self._now())
+        return self._framer.feed(data, self._clock())
 
 
 def _known(protocol: str) -> str:

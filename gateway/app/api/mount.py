@@ -42,9 +42,9 @@ class Mount:
 
     def __init__(self, name: str, send: Send, who: str) -> None:
         self.name = name
-        self._send, self._who = send, who
+        self._send_request, self._client_name = send, who
         #: The number of all operations but gotos: with each of them a motion by hand goes on.
-        self._number = requests.new_number()
+        self._operation_number = requests.new_number()
         #: The number of the last request for a motion towards a goal; empty before, and once it has arrived.
         self._goal = ""
 
@@ -162,15 +162,15 @@ class Mount:
 
     async def stop(self) -> None:
         """End every motion, whoever began it, before all other orders; return when the position shows it at rest."""
-        await self._answer(requests.StopRequest(self._who))
+        await self._answer(requests.StopRequest(self._client_name))
 
     async def hold(self) -> None:
         """Stop the mount, and let nothing move it until it is released, over restarts of the gateway too."""
-        await self._answer(requests.HoldRequest(self._who))
+        await self._answer(requests.HoldRequest(self._client_name))
 
     async def release(self) -> None:
         """End ``hold``."""
-        await self._answer(requests.ReleaseHoldRequest(self._who))
+        await self._answer(requests.ReleaseHoldRequest(self._client_name))
 
     # --- any operation ------------------------------------------------------------------------------------------------
 
@@ -181,7 +181,7 @@ class Mount:
         Invalid if the argument is no operation, or a field has a wrong type.
         """
         towards = isinstance(operation, GOTOS)
-        request = packed(operation, requests.new_number() if towards else self._number)
+        request = packed(operation, requests.new_number() if towards else self._operation_number)
         answer = await self._ask(request)
         if towards:
             self._goal = request.number
@@ -194,14 +194,14 @@ class Mount:
 
     async def _ask(self, request: requests.Base, duration: float = 0.0) -> str:
         """Send a request, and return the text of the answer. Raises Fault."""
-        named = cast(requests.Request, checked(replace(request, who=self._who)))
+        named = cast(requests.Request, checked(replace(request, who=self._client_name)))
         text = (await self._answer(named, duration)).text
         if isinstance(request, requests.GotoRequest | requests.ParkRequest):
             self._goal = request.number
         return text
 
     async def _answer(self, request: requests.Request, duration: float = 0.0) -> requests.Answer:
-        answer = await self._send(request, duration)
+        answer = await self._send_request(request, duration)
         if answer.outcome == requests.FAILED:
             raise getattr(errors, answer.fault or NoAnswer.__name__, Fault)(answer.text)
         return answer

@@ -66,7 +66,7 @@ async def open_gateway(
             for surface in ([surfaces] if isinstance(surfaces, str) else surfaces)
         ],
     }
-    config = make_config(tables, Source("open_gateway"), served=False)
+    config = make_config(tables, Source("open_gateway"), must_serve=False)
     from gateway.app.gateway import Gateway
     from gateway.app.site import load_site
 
@@ -78,7 +78,7 @@ async def open_gateway(
     opened = Gateway(config.mount[0], config.surface, wire_log, sky, warn=warn, watchdog=guard)
     opened.web = WebServer(lambda: load_site([opened]))
 
-    almanac = AlmanacKeeper(sky, opened.warn, quiet=lambda: not opened.busy)
+    almanac = AlmanacKeeper(sky, opened.warn, is_quiet=lambda: not opened.busy)
     almanac.open()
     keeping: asyncio.Task[None] | None = None
     try:

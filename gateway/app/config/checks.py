@@ -29,14 +29,14 @@ _WILDCARDS = ("0.0.0.0", "::")
 class Mistake(NamedTuple):
     """The place of a mistake, and a message with the mistake and its correction."""
 
-    place: Place
+    key_path: Place
     message: str
 
 
-def mistakes(config: Config, served: bool = True, in_file: bool = False) -> Iterator[Mistake]:
+def mistakes(config: Config, must_serve: bool = True, in_file: bool = False) -> Iterator[Mistake]:
     """Yield the mistakes of a configuration whose values all have the right types, the most important first.
 
-    If programs are to be ``served``, a surface is needed. ``in_file``: the user has written a file.
+    If programs are to be ``must_serve``, a surface is needed. ``in_file``: the user has written a file.
     """
     yield from _endpoints(config)
     for number, mount in enumerate(config.mount):
@@ -50,7 +50,7 @@ def mistakes(config: Config, served: bool = True, in_file: bool = False) -> Iter
     yield from _console(config)
     yield from _mqtt(config)
     yield from _used_twice(config)
-    if served and not config.surface:
+    if must_serve and not config.surface:
         driven = parse_endpoint(config.mount[0].at).protocol
         at = f"{next(name for name in mounts() if name != driven)}@tcp://127.0.0.1:4030"
         how = f'write [[surface]] into the file, and below it at = "{at}"' if in_file else f"--surface {at}"
@@ -159,9 +159,9 @@ def _access(config: Config) -> Iterator[Mistake]:
                 yield Mistake(place, reason)
 
 
-def speaks_http(at: str) -> bool:
+def speaks_http(endpoint: str) -> bool:
     """Whether programs that speak HTTP can use a surface."""
-    protocol = parse_endpoint(at).protocol
+    protocol = parse_endpoint(endpoint).protocol
     return protocol == ANY or PROTOCOLS[protocol].web is not None
 
 

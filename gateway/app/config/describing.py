@@ -17,7 +17,7 @@ class Key(NamedTuple):
 
     name: str
     description: str
-    shown: str
+    metavar: str
     right: str
     choices: tuple[str, ...]
     kind: object
@@ -25,10 +25,10 @@ class Key(NamedTuple):
     example: object
     flag: bool
     #: Whether ``run --help`` shows its flag; ``run --help all`` shows every flag.
-    common: bool
+    in_short_help: bool
     required: bool
     #: Whether the value is a list, which is separated by commas in a flag.
-    several: bool
+    is_list: bool
 
     @property
     def help(self) -> str:
@@ -57,57 +57,57 @@ def find_key(table: str, name: str) -> Key | None:
     return next((key for key in keys(table) if key.name == name), None)
 
 
-def _key(field: Any, hint: Any) -> Key:
-    meta = _meta(hint)
+def _key(field: Any, type_hint: Any) -> Key:
+    meta = _meta(type_hint)
     assert meta is not None and meta.extra is not None
-    kind, choices, right = get_args(hint)[0], _choices(hint), _right(hint)
+    kind, choices, right = get_args(type_hint)[0], _choices(type_hint), _right(type_hint)
     default = None if field.required else field.default
     if field.default_factory is not msgspec.NODEFAULT:
         default = field.default_factory()
     return Key(
         name=field.encode_name,
         description=meta.description or "",
-        shown=meta.extra["shown"] or "|".join(choices),
+        metavar=meta.extra["shown"] or "|".join(choices),
         right=right,
         choices=choices,
         kind=Annotated[kind, meta],
         default=default,
         example=default if meta.extra["example"] is None else meta.extra["example"],
         flag=meta.extra["flag"],
-        common=meta.extra["common"],
+        in_short_help=meta.extra["common"],
         required=field.required,
-        several=any(get_origin(part) in (tuple, list) for part, _ in _types(hint)),
+        is_list=any(get_origin(part) in (tuple, list) for part, _ in _types(type_hint)),
     )
 
 
-def _meta(hint: object) -> msgspec.Meta | None:
+def _meta(type_hint: object) -> msgspec.Meta | None:
     """Return the description that a key was declared with; None for a field that is no key."""
-    return next((item for item in getattr(hint, "__metadata__", ()) if item.extra is not None), None)
+    return next((item for item in getattr(type_hint, "__metadata__", ()) if item.extra is not None), None)
 
 
-def _types(hint: object) -> Iterator[tuple[object, list[msgspec.Meta]]]:
+def _types(type_hint: object) -> Iterator[tuple[object, list[msgspec.Meta]]]:
     """Yield the types that a value may have, except None, each with its limits."""
-    if get_origin(hint) is Annotated:
-        inner, *metas = get_args(hint)
+    if get_origin(type_hint) is Annotated:
+        inner, *metas = get_args(type_hint)
         for kind, more in _types(inner):
             yield kind, [*metas, *more]
-    elif get_origin(hint) in (Union, types.UnionType):
-        for part in get_args(hint):
+    elif get_origin(type_hint) in (Union, types.UnionType):
+        for part in get_args(type_hint):
             yield from _types(part)
-    elif hint is not type(None):
-        yield hint, []
+    elif type_hint is not type(None):
+        yield type_hint, []
 
 
-def _choices(hint: object) -> tuple[str, ...]:
-    return tuple(word for kind, _ in _types(hint) if get_origin(kind) is Literal for word in get_args(kind))
+def _choices(type_hint: object) -> tuple[str, ...]:
+    return tuple(word for kind, _ in _types(type_hint) if get_origin(kind) is Literal for word in get_args(kind))
 
 
-def _right(hint: object) -> str:
+def _right(type_hint: object) -> str:
     """Return a description of the valid values."""
-    return " or ".join(_valid_values(kind, metas) for kind, metas in _types(hint))
+    return " or ".join(_valid_values(kind, metas) for kind, metas in _types(type_hint))
 
 
-def _valid_values(kind: object, metas: list[msgspec.Meta]) -> str:
+def _valid_values(kind: object, meta_values: list[msgspec.Meta]) -> str:
     if get_origin(kind) is Literal:
         return f"one of {', '.join(get_args(kind))}"
     if get_origin(kind) is tuple:
@@ -117,14 +117,14 @@ def _valid_values(kind: object, metas: list[msgspec.Meta]) -> str:
     if kind is bool:
         return "true or false"
     if kind in (int, float):
-        return ("a whole number" if kind is int else "a number") + _range(metas)
-    return f'{next((meta.title for meta in metas if meta.title), "text")} in "quotes"'
+        return ("a whole number" if kind is int else "a number") + _range(meta_values)
+    return f'{next((meta.title for meta in meta_values if meta.title), "text")} in "quotes"'
 
 
-def _range(metas: list[msgspec.Meta]) -> str:
+def _range(meta_values: list[msgspec.Meta]) -> str:
     """Return the limits as text: `` from 1 to 9``."""
     limits: dict[str, object] = {}
-    for meta in metas:
+    for meta in meta_values:
         limits |= {name: getattr(meta, name) for name in ("ge", "gt", "le", "lt") if getattr(meta, name) is not None}
     low = f" from {limits['ge']:g}" if "ge" in limits else f" more than {limits['gt']:g}" if "gt" in limits else ""
     high = f" to {limits['le']:g}" if "le" in limits else f" below {limits['lt']:g}" if "lt" in limits else ""

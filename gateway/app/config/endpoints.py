@@ -41,16 +41,16 @@ def resolve_name(text: str) -> str | None:
     return _look_up(of_protocol, rest) or f"{protocol}:{rest}"
 
 
-def suggest_name(word: str, among: Sequence[str] = tuple(PROTOCOLS)) -> str:
+def suggest_name(word: str, candidates: Sequence[str] = tuple(PROTOCOLS)) -> str:
     """Return a hint for an unknown word: the most similar name, else the protocol of each maker.
 
-    ``among`` are the protocols that may be meant.
+    ``candidates`` are the protocols that may be meant.
     """
-    known = [*among, *(model for protocol in PROTOCOLS for model in load(protocol).models)]
+    known = [*candidates, *(model for protocol in PROTOCOLS for model in load(protocol).models)]
     plain = _normalised(word)
-    names = [name for name, full_name in sorted(_all_names().items()) if full_name.partition(":")[0] in among]
+    names = [name for name, full_name in sorted(_all_names().items()) if full_name.partition(":")[0] in candidates]
     for choices in (known, names):
-        if close := similar(plain if choices is not known else word, choices, least=0.7):
+        if close := similar(plain if choices is not known else word, choices, min_similarity=0.7):
             return f"did you mean {close[0]!r}?"
     which = ", ".join(
         f"{name} for a {spec.makers[0].title()}" for name, spec in reversed(PROTOCOLS.items()) if spec.makers
@@ -73,8 +73,8 @@ def names_by_model(protocol: str) -> dict[str, Sequence[str]]:
     return {model: row["words"] for model, row in load(protocol).extra("called.toml").items()}
 
 
-def _look_up(table: Mapping[str, str], written: str) -> str | None:
-    plain = _normalised(written)
+def _look_up(table: Mapping[str, str], text: str) -> str | None:
+    plain = _normalised(text)
     return table.get(plain) or table.get(_makers().sub("", plain))
 
 
@@ -116,24 +116,24 @@ def shown(protocol: str, model: str | None = None, version: str | None = None) -
     return protocol if protocol == ANY else PROTOCOLS[protocol].shown(model, version)
 
 
-def parse_endpoint(text: str, of: str = "") -> Endpoint:
-    """Parse an endpoint, ``of`` a ``mount`` or a ``surface`` if known. Raises UserError for what does not exist."""
+def parse_endpoint(text: str, part: str = "") -> Endpoint:
+    """Parse an endpoint, ``part`` a ``mount`` or a ``surface`` if known. Raises UserError for what does not exist."""
     what, at, where = text.partition("@")
     if not at or not where:
         raise UserError(
-            f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example {_example(text.strip('@'), of)}"
+            f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example {_example(text.strip('@'), part)}"
         )
-    endpoint = _of_any(what, where) if what.partition(":")[0] == ANY else parse_device(what, where, of)
-    if of == "mount" and endpoint.protocol not in (*mounts(), ANY):
+    endpoint = _of_any(what, where) if what.partition(":")[0] == ANY else parse_device(what, where, part)
+    if part == "mount" and endpoint.protocol not in (*mounts(), ANY):
         raise UserError(f"{endpoint}: {endpoint.protocol} mounts cannot be driven; {' or '.join(mounts())} can")
-    return _over_http(endpoint, of) if where.startswith("http") or of == "mount" else endpoint
+    return _over_http(endpoint, part) if where.startswith("http") or part == "mount" else endpoint
 
 
-def _over_http(endpoint: Endpoint, of: str) -> Endpoint:
+def _over_http(endpoint: Endpoint, part: str) -> Endpoint:
     """Return the endpoint of a mount; if its protocol uses HTTP, with an HTTP address. Raises UserError."""
     where, over = endpoint.where, [name for name, spec in PROTOCOLS.items() if spec.over_http is not None]
     meant = "HOST:PORT" if (match := _ADDRESS.fullmatch(where)) is None else f"{match[2]}:{match[3]}"
-    if where.startswith("http") and (endpoint.protocol not in over or of == "surface"):
+    if where.startswith("http") and (endpoint.protocol not in over or part == "surface"):
         raise UserError(f"{endpoint}: only a mount is reached over HTTP; write {over[0]}@http://HOST:PORT")
     if endpoint.protocol in over and where != "sim" and not HTTP_ADDRESS.fullmatch(where):
         raise UserError(
@@ -143,10 +143,10 @@ def _over_http(endpoint: Endpoint, of: str) -> Endpoint:
     return endpoint
 
 
-def _of_any(what: str, where: str) -> Endpoint:
+def _of_any(text: str, where: str) -> Endpoint:
     """Parse the endpoint of a surface for every protocol. Raises UserError."""
-    if what != ANY:
-        raise UserError(f"{what!r}: a surface for every protocol presents no single model; write {ANY}@{where}")
+    if text != ANY:
+        raise UserError(f"{text!r}: a surface for every protocol presents no single model; write {ANY}@{where}")
     if not where.startswith("tcp://"):
         allowed = " or ".join(f"{name}@" for name in streams())
         mount = " or ".join(f"{name}@" for name in mounts())
@@ -158,9 +158,9 @@ def _of_any(what: str, where: str) -> Endpoint:
     return Endpoint(ANY, where)
 
 
-def _example(text: str, of: str) -> str:
+def _example(text: str, part: str) -> str:
     """Return an example of a whole endpoint, made from the half that was written."""
-    if of == "surface":
+    if part == "surface":
         return f"{_on_lines()[0]}@tcp://127.0.0.1:4030"
     if resolve_name(text.partition("/")[0]):
         return f"{text}@/dev/ttyUSB0"
@@ -174,16 +174,16 @@ def _on_lines() -> list[str]:
     return [name for name in mounts() if PROTOCOLS[name].over_http is None]
 
 
-def parse_device(what: str, where: str = "", of: str = "") -> Endpoint:
+def parse_device(text: str, where: str = "", part: str = "") -> Endpoint:
     """Parse ``PROTOCOL[:MODEL[/VERSION]]``, or an owner's name for a mount in place of protocol or model.
 
-    ``of`` is ``mount`` or ``surface``, for the message.
+    ``part`` is ``mount`` or ``surface``, for the message.
     A StarSense hand control may be written as a version or as a model. Raises UserError.
     """
-    name, slash, version = what.partition("/")
+    name, slash, version = text.partition("/")
     device = resolve_name(name)
     if device is None:
-        among = {"mount": mounts(), "surface": [*surfaces(), ANY]}.get(of, list(PROTOCOLS))
+        among = {"mount": mounts(), "surface": [*surfaces(), ANY]}.get(part, list(PROTOCOLS))
         raise UserError(f"{name!r} is neither a protocol ({', '.join(among)}) nor a model; {suggest_name(name, among)}")
     protocol, _, model = device.partition(":")
     spec = PROTOCOLS[protocol]
@@ -191,7 +191,7 @@ def parse_device(what: str, where: str = "", of: str = "") -> Endpoint:
         model, version = "", spec.version_names[model](version if slash else None)
     possible = [*spec.commands.models, *spec.version_names] if model or version else []
     if (model or version) and not possible:
-        raise UserError(f"{what!r}: {protocol} has neither models nor versions; write {protocol}@{where or 'WHERE'}")
+        raise UserError(f"{text!r}: {protocol} has neither models nor versions; write {protocol}@{where or 'WHERE'}")
     if model and model not in possible:
         other = resolve_name(model)
         right = f"write {other}" if other else suggest(model, possible)

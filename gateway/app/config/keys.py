@@ -18,9 +18,9 @@ OFF = "off"
 
 
 def key(
-    description: str, shown: str = "", example: Any = None, *, flag: bool = True, common: bool = False, **limits: Any
+    description: str, metavar: str = "", example: Any = None, *, flag: bool = True, common: bool = False, **limits: Any
 ) -> Meta:
-    extra = {"shown": shown, "example": example, "flag": flag, "common": common}
+    extra = {"shown": metavar, "example": example, "flag": flag, "common": common}
     return Meta(description=description, extra=extra, **limits)
 
 

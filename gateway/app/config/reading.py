@@ -109,10 +109,10 @@ def _control_characters(tables: object, place: Place = ()) -> Iterator[Mistake]:
             yield from _control_characters(value, (*place, number))
 
 
-def make_config(tables: dict[str, object], source: Source, served: bool = True) -> Config:
+def make_config(tables: dict[str, object], source: Source, must_serve: bool = True) -> Config:
     """Make the configuration from plain tables; ``mount`` is a list. Raises UserError that names line and key.
 
-    If programs are to be ``served``, a surface is needed.
+    If programs are to be ``must_serve``, a surface is needed.
     """
     for place, reason in _control_characters(tables):
         raise _located(source, Mistake(_key_place(place), reason))
@@ -120,7 +120,7 @@ def make_config(tables: dict[str, object], source: Source, served: bool = True) 
         config = msgspec.convert(tables, Config)
     except msgspec.ValidationError as error:
         raise _msgspec_error(tables, source, *_read_error(str(error))) from None
-    for mistake in mistakes(config, served, source.is_file):
+    for mistake in mistakes(config, must_serve, source.is_file):
         raise _located(source, mistake)
     return config
 
@@ -203,14 +203,14 @@ def _swapped_hint(name: str, value: object) -> str:
 
 def _located(source: Source, mistake: Mistake) -> UserError:
     """Return the error for a mistake: ``gateway.toml:12: [mount] lowest: …``."""
-    table, key = mistake.place[0], mistake.place[-1]
-    where = source.where(mistake.place)
-    if where.startswith("--") or not (source.is_file or len(mistake.place) > 1):
+    table, key = mistake.key_path[0], mistake.key_path[-1]
+    where = source.where(mistake.key_path)
+    if where.startswith("--") or not (source.is_file or len(mistake.key_path) > 1):
         return UserError(
             f"{where} {mistake.message}" if mistake.message[:1] in "'0123456789-" else f"{where}: {mistake.message}"
         )
     head = f"{title(str(table))} " if table in TABLES else ""
-    name = key if isinstance(key, str) and (len(mistake.place) > 1 or key not in TABLES) else ""
+    name = key if isinstance(key, str) and (len(mistake.key_path) > 1 or key not in TABLES) else ""
     return UserError(f"{where}: {f'{head}{name}'.strip()}: {mistake.message}")
 
 

@@ -50,9 +50,9 @@ class ControlEndpoint(Struct, frozen=True):
         """The mount's name; its port if it has no name."""
         return self.name or self.mount
 
-    def called(self, only: str | None) -> bool:
-        """Whether ``only`` names this mount: by its name, its endpoint or only its port; None names any."""
-        return only is None or only in (self.name, self.mount, self.mount.partition("@")[2])
+    def called(self, mount_name: str | None) -> bool:
+        """Whether ``mount_name`` names this mount: by its name, its endpoint or only its port; None names any."""
+        return mount_name is None or mount_name in (self.name, self.mount, self.mount.partition("@")[2])
 
 
 def read_endpoints(folder: Path, owner: int | None = None) -> list[tuple[Path, ControlEndpoint]]:
@@ -128,7 +128,7 @@ class Parts:
     """Collects the parts of an answer, in whatever order they arrive."""
 
     def __init__(self) -> None:
-        self._pieces: dict[int, str] = {}
+        self._parts_by_index: dict[int, str] = {}
 
     def add(self, text: str) -> str | None:
         """Add a part; return the answer if it is complete now, else None. Other texts are ignored."""
@@ -136,7 +136,7 @@ class Parts:
         place, _, rest = rest.partition(" ")
         count, _, piece = rest.partition(" ")
         if word == "tell" and place.isdecimal() and count.isdecimal() and int(place) < int(count):
-            self._pieces[int(place)] = piece
-            if len(self._pieces) == int(count):
-                return "".join(self._pieces[index] for index in sorted(self._pieces))
+            self._parts_by_index[int(place)] = piece
+            if len(self._parts_by_index) == int(count):
+                return "".join(self._parts_by_index[index] for index in sorted(self._parts_by_index))
         return None

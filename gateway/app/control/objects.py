@@ -142,9 +142,9 @@ def _named(text: str) -> tuple[str, CatalogObject]:
     return entry.name, entry
 
 
-def _from_library(name: str, look: Callable[[], CatalogObject | None]) -> CatalogObject | None:
+def _from_library(name: str, look_up: Callable[[], CatalogObject | None]) -> CatalogObject | None:
     try:
-        return look()
+        return look_up()
     except NotInstalled:
         raise NotSupplied(
             f"{name} is in the object library, which is not installed. Its RA and DEC work without it",

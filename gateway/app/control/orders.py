@@ -31,25 +31,25 @@ async def halt(request: StopOrHold, controller: MountController, store: StateSto
     return answer
 
 
-async def _answer(request: StopOrHold, who: str, controller: MountController, store: StateStore) -> Answer:
+async def _answer(request: StopOrHold, client_name: str, controller: MountController, store: StateStore) -> Answer:
     if isinstance(request, ReleaseHoldRequest):
-        trouble = await _on_disk(store, held=False)
+        trouble = await _on_disk(store, hold=False)
         controller.hold.on = False
         return Answer(FAILED, f"it is released{trouble}") if trouble else Answer(DONE, "released")
     if not isinstance(request, HoldRequest):
-        return await stopped(controller, who)
+        return await stopped(controller, client_name)
     controller.hold.on = True
-    answer, trouble = await asyncio.gather(stopped(controller, who), _on_disk(store, held=True))
+    answer, trouble = await asyncio.gather(stopped(controller, client_name), _on_disk(store, hold=True))
     if not answer.done:
         return Answer(FAILED, f"not stopped: {answer.text}; it is held from now on{trouble}")
     return Answer(FAILED, f"it is stopped and held{trouble}") if trouble else Answer(DONE, "stopped and held")
 
 
-async def stopped(controller: MountController, who: str = STOP_CLIENT) -> Answer:
-    """Stop the mount and watch it until it is at rest. ``who`` asks for it."""
+async def stopped(controller: MountController, client_name: str = STOP_CLIENT) -> Answer:
+    """Stop the mount and watch it until it is at rest. ``client_name`` asks for it."""
     try:
         async with asyncio.timeout(STOP_ACK_TIMEOUT):
-            await controller.stop(who)
+            await controller.stop(client_name)
     except (TimeoutError, Fault) as fault:
         if controller.driver.asleep and controller.line.state != "down":
             return STOPPED_ANSWER  # a hibernating mount is at rest, and does not answer
@@ -63,15 +63,15 @@ async def stopped(controller: MountController, who: str = STOP_CLIENT) -> Answer
     return STOPPED_ANSWER
 
 
-async def _on_disk(store: StateStore, *, held: bool) -> str:
+async def _on_disk(store: StateStore, *, hold: bool) -> str:
     """Write or remove the hold file; return an empty text, or what went wrong as the rest of a sentence."""
     try:
         async with asyncio.timeout(STOP_ACK_TIMEOUT):
-            await store.in_thread(on_disk.hold_folder if held else on_disk.release_folder, store.directory)
+            await store.in_thread(on_disk.hold_folder if hold else on_disk.release_folder, store.directory)
     except OSError as error:  # TimeoutError, for a disk that hangs, is an OSError too
         where = store.directory / on_disk.HOLD_FILE
         why = explain_os_error(error) if error.strerror else "the disk does not answer"
-        if held:
+        if hold:
             return f", but a restart of the gateway forgets that: {where} cannot be written ({why})"
         return f", but a restart of the gateway holds it again: {where} cannot be removed ({why})"
     return ""

@@ -187,14 +187,14 @@ async def ask(endpoint: ControlEndpoint, request: Request, seconds: float) -> An
         return _no_answer(explain_no_answer(endpoint.pid)) if processes.exists(endpoint.pid) else None
 
 
-def _no_answer(why: str) -> Answer:
-    return Answer(FAILED, why, NoAnswer.__name__)
+def _no_answer(reason: str) -> Answer:
+    return Answer(FAILED, reason, NoAnswer.__name__)
 
 
-def running_gateways(only: str | None, state: str | None) -> list[ControlEndpoint]:
+def running_gateways(mount_name: str | None, state: str | None) -> list[ControlEndpoint]:
     """Return the gateways on this computer that accept requests: of one mount or all, of a state folder or all."""
     gateways = search(scope_of(state)).gateways
-    return [endpoint for _, endpoint in gateways if exchange.is_listening(endpoint) and endpoint.called(only)]
+    return [endpoint for _, endpoint in gateways if exchange.is_listening(endpoint) and endpoint.called(mount_name)]
 
 
 async def request(endpoint: ControlEndpoint, request: Request, seconds: float = ANSWER_TIMEOUT) -> Answer:

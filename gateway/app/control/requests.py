@@ -41,8 +41,8 @@ _T = TypeVar("_T")
 class ActiveRequest:
     """A request under way: its activity as a client, the number of stops at its start, its goal, its cancellation."""
 
-    def __init__(self, activity: HostActivity, stops: int) -> None:
-        self.activity, self.stops = activity, stops
+    def __init__(self, activity: HostActivity, stop_count: int) -> None:
+        self.activity, self.stop_count = activity, stop_count
         self.goal: op.Equatorial | None = None
         self.is_park = False
         self.cancelled = asyncio.Event()
@@ -83,19 +83,19 @@ def explain(fault: Fault, limits: Limits) -> str:
     return f"{fault} {fault.explanation.format(sun=limits.sun, sync=limits.sync)}"
 
 
-async def of_date(controller: MountController, where: requests.Target) -> op.Equatorial:
+async def of_date(controller: MountController, target: requests.Target) -> op.Equatorial:
     """Return the position of a target for the equinox of date, in degrees. Raises Fault."""
-    if isinstance(where, requests.Named):
-        raise Invalid(f"The position of {where.name} has not been looked up.")
-    if isinstance(where, requests.Body):
+    if isinstance(target, requests.Named):
+        raise Invalid(f"The position of {target.name} has not been looked up.")
+    if isinstance(target, requests.Body):
         await _know_site(controller)
-        reads: op.Read[op.Equatorial] = op.MoonPlace() if where.name.lower() == "moon" else op.PlanetPlace(where.name)
-    elif not (-90.0 <= where.dec <= 90.0 and 0.0 <= where.ra <= 360.0):
+        reads: op.Read[op.Equatorial] = op.MoonPlace() if target.name.lower() == "moon" else op.PlanetPlace(target.name)
+    elif not (-90.0 <= target.dec <= 90.0 and 0.0 <= target.ra <= 360.0):
         raise Invalid("There is no such place on the sky.")
-    elif where.j2000:
-        reads = op.ToEquinoxOfDate(where.ra % 360.0, where.dec)
+    elif target.j2000:
+        reads = op.ToEquinoxOfDate(target.ra % 360.0, target.dec)
     else:
-        return op.Equatorial(where.ra % 360.0, where.dec)
+        return op.Equatorial(target.ra % 360.0, target.dec)
     return await controller.answer(reads)
 
 
@@ -231,7 +231,7 @@ class RequestHandler:
     async def _carry_out_operation(self, operation: op.Operation[object], active: ActiveRequest) -> str:
         """Carry out an operation, and return its answer as JSON. Raises Fault."""
         active.activity.sent_data = True  # the program is alive: a motion by hand that it has begun may continue
-        active.stops = self._controller.stops
+        active.stop_count = self._controller.stops
         active.goal = op.Equatorial(operation.ra, operation.dec) if isinstance(operation, op.Goto) else None
         active.is_park = isinstance(operation, op.Park)
         if isinstance(operation, NEEDS_SITE):
@@ -246,7 +246,7 @@ class RequestHandler:
             async with asyncio.timeout(MAX_START_DELAY + 1.0):
                 if isinstance(operation, op.Read):
                     return await self._controller.answer(operation, active.activity)
-                return await self._controller.perform(operation, active.stops, active.activity, MAX_START_DELAY)
+                return await self._controller.perform(operation, active.stop_count, active.activity, MAX_START_DELAY)
         except TimeoutError:
             raise Busy from None
 
@@ -262,7 +262,7 @@ class RequestHandler:
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(request.seconds):
                     await active.cancelled.wait()
-            lasted, stopped = controller.now() - since, active.stops != controller.stops
+            lasted, stopped = controller.now() - since, active.stop_count != controller.stops
         finally:
             if self._in_motion(active):
                 await controller.perform(op.StopAxis(operation.axis), None, active.activity)
@@ -276,7 +276,7 @@ class RequestHandler:
         if not 1 <= request.key <= 9:
             raise Invalid("Rates are from 1 to 9.")
         active.activity.sent_data = True
-        if active.stops != self._controller.stops:
+        if active.stop_count != self._controller.stops:
             raise Stopped
         if active.pressed == (request.direction, request.key):
             return f"it is moved {request.direction.word}"
@@ -336,7 +336,7 @@ class RequestHandler:
         at = f", at {format_position(look.position)}" if look.position else ""
         if controller.wanted.value.short:
             return Answer(FAILED, f"{controller.wanted.value.short}{at}", "Stopped")
-        if controller.stops != active.stops:
+        if controller.stops != active.stop_count:
             by = controller.wanted.stopped_by
             return Answer(FAILED, f"it was stopped on the way{f' by {by}' if by else ''}{at}", "Stopped")
         if active.goal is not None and look.position is not None and (short := missed(active.goal, look.position)):

@@ -34,7 +34,7 @@ Requests = dict[str, asyncio.Task[Answer]]
 class Control(asyncio.DatagramProtocol):
     """Receives requests, which ``carry_out`` carries out.
 
-    Endpoint files are written to ``folders``, the state folder first. ``called`` is the mount's name, or empty.
+    Endpoint files are written to ``folders``, the state folder first. ``mount_names`` is the mount's name, or empty.
     """
 
     def __init__(
@@ -43,15 +43,15 @@ class Control(asyncio.DatagramProtocol):
         name: str,
         mount: str,
         carry_out: Callable[[Request], Awaitable[Answer]],
-        called: str = "",
+        mount_names: str = "",
     ) -> None:
         self.paths = [folder / f"{name}.{os.getpid()}{exchange.ENDPOINT_SUFFIX}" for folder in folders]
         self._state = str(folders[0].absolute())
-        self._mount, self._carry_out, self._called = mount, carry_out, called
+        self._mount, self._carry_out, self._names = mount, carry_out, mount_names
         self._secret = os.urandom(16).hex()
         self._transport: asyncio.DatagramTransport | None = None
         self._requests: Requests = {}
-        self._occupied: list[int] = []
+        self._open_descriptors: list[int] = []
 
     async def open(self) -> None:
         """Open a port and write endpoint files. Raises OSError if no port is free, or no file can be written."""
@@ -63,7 +63,7 @@ class Control(asyncio.DatagramProtocol):
         self._transport = transport
         port = transport.get_extra_info("sockname")[1]
         endpoint = msgspec.json.encode(
-            ControlEndpoint(self._mount, os.getpid(), port, self._secret, self._state, self._called)
+            ControlEndpoint(self._mount, os.getpid(), port, self._secret, self._state, self._names)
         )
         failed: list[OSError] = []
         for path in self.paths:
@@ -73,7 +73,7 @@ class Control(asyncio.DatagramProtocol):
                 failed.append(error)
         if len(failed) == len(self.paths):
             raise failed[0]
-        self._occupied = [
+        self._open_descriptors = [
             number for path in self.paths[1:] if (number := protect_from_cleanup(path.parent)) is not None
         ]
 
@@ -132,8 +132,8 @@ class Control(asyncio.DatagramProtocol):
         for path in self.paths:
             with contextlib.suppress(OSError):
                 path.unlink(missing_ok=True)
-        while self._occupied:
-            os.close(self._occupied.pop())
+        while self._open_descriptors:
+            os.close(self._open_descriptors.pop())
         if self._transport is None:
             return
         waiting = [task for task in self._requests.values() if not task.done()]

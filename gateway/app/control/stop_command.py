@@ -47,7 +47,7 @@ class StopReport(Struct):
     others: set[str] = field(default_factory=set)
 
 
-async def order_all(scope: Scope, only: str | None, request: StopOrHold) -> StopReport:
+async def order_all(scope: Scope, mount_name: str | None, request: StopOrHold) -> StopReport:
     """Send a request to every gateway in the scope; unless it is ``ReleaseHoldRequest``, also stop mounts left moving.
 
     All mounts are served at once: no silent gateway and no doubt keeps another mount moving.
@@ -59,7 +59,7 @@ async def order_all(scope: Scope, only: str | None, request: StopOrHold) -> Stop
         new = [
             (path, endpoint)
             for path, endpoint in scan.gateways
-            if (not endpoint.mount or endpoint.called(only)) and (endpoint.pid, endpoint.port) not in asked
+            if (not endpoint.mount or endpoint.called(mount_name)) and (endpoint.pid, endpoint.port) not in asked
         ]
         asked |= {(endpoint.pid, endpoint.port) for _, endpoint in new}
         names = {endpoint.mount: endpoint.title for _, endpoint in scan.gateways}
@@ -67,7 +67,7 @@ async def order_all(scope: Scope, only: str | None, request: StopOrHold) -> Stop
         markers = {
             mark.mount: (folder, mark)
             for folder, mark in scan.markers
-            if only in (None, mark.mount, mark.mount.partition("@")[2]) or mark.mount in ("", *meant)
+            if mount_name in (None, mark.mount, mark.mount.partition("@")[2]) or mark.mount in ("", *meant)
         }
         report.others |= {
             names.get(mount, mount)
@@ -101,13 +101,13 @@ async def order_all(scope: Scope, only: str | None, request: StopOrHold) -> Stop
 
 
 async def _order_mount(
-    gateways: Sequence[tuple[Path, ControlEndpoint]], request: StopOrHold, left: tuple[Path, MarkerContent] | None
+    gateways: Sequence[tuple[Path, ControlEndpoint]], request: StopOrHold, marker: tuple[Path, MarkerContent] | None
 ) -> list[Answer]:
     """Return the answers of a mount's gateways; if none runs any more, stop the mount directly and return that."""
     asked = await asyncio.gather(*(ask(endpoint, request, STOP_TIMEOUT) for _, endpoint in gateways))
     answers = [answer for answer in asked if answer is not None]
-    if left is not None and not answers:
-        folder, mark = left
+    if marker is not None and not answers:
+        folder, mark = marker
         answers = [await _stop_directly(mark, folder)]
     for (path, endpoint), answer in zip(gateways, asked, strict=True):
         if answer is None and not left_moving(endpoint) and belongs_to_user(path.parent):
@@ -116,7 +116,7 @@ async def _order_mount(
     return answers
 
 
-async def _stop_directly(mark: MarkerContent, where: Path) -> Answer:
+async def _stop_directly(mark: MarkerContent, folder: Path) -> Answer:
     """Stop a mount that a killed gateway has left moving.
 
     This opens a gateway without surfaces: a gateway that finds a marker sends the stop before anything else.
@@ -127,7 +127,7 @@ async def _stop_directly(mark: MarkerContent, where: Path) -> Answer:
     if not mark.mount:
         return Answer(FAILED, "its motion marker cannot be read; start its gateway, which stops the mount first")
     try:
-        gateway = Gateway(MountConfig(mark.mount, baud=mark.baud, state=str(where)), [])
+        gateway = Gateway(MountConfig(mark.mount, baud=mark.baud, state=str(folder)), [])
         await gateway.open()
     except UserError as error:
         return Answer(FAILED, str(error))

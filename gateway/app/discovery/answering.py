@@ -80,7 +80,7 @@ class DiscoveryAnswers:
 
 class _SkyFiProtocol(asyncio.DatagramProtocol):
     def __init__(self, offers: Sequence[Offer]) -> None:
-        self._offers = offers
+        self._list_offers = offers
         self._transport: asyncio.DatagramTransport | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -88,17 +88,17 @@ class _SkyFiProtocol(asyncio.DatagramProtocol):
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
         assert self._transport is not None
-        reply = answer(data, self._offers, addr)
+        reply = answer(data, self._list_offers, addr)
         if reply:
             self._transport.sendto(reply, addr)
 
 
-def answer(question: bytes, offers: Sequence[Offer], asker: tuple[str, int]) -> bytes:
+def answer(question: bytes, offers: Sequence[Offer], sender: tuple[str, int]) -> bytes:
     """Return the answer to a SkyFi question from (host, port); empty for any other datagram."""
     match = re.fullmatch(_QUESTION, question)
     able = [offer for offer in offers if offer.reached_by_ipv4]
     if match is None or not able:
         return b""
     best = min(able, key=lambda offer: offer.port != SKYSAFARI_PORT)
-    address = address_towards(asker) if best.host in WILDCARD_ADDRESSES else best.host
+    address = address_towards(sender) if best.host in WILDCARD_ADDRESSES else best.host
     return match[1] + b"@" + address.encode() if address else b""

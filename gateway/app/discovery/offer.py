@@ -54,11 +54,11 @@ def network_offers(names: Iterable[str]) -> list[Offer]:
     return offers
 
 
-def address_towards(asker: tuple[str, int]) -> str:
+def address_towards(client_address: tuple[str, int]) -> str:
     """Return this computer's address on the route to another computer; empty without a route. Sends nothing."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as way:
         try:
-            way.connect(asker)
+            way.connect(client_address)
         except OSError:
             return ""
         return str(way.getsockname()[0])
@@ -66,7 +66,7 @@ def address_towards(asker: tuple[str, int]) -> str:
 
 def reachable_addresses(
     offer: Offer,
-    every: Callable[[], Held] = interface_addresses,
+    list_interfaces: Callable[[], Held] = interface_addresses,
     first: Callable[[tuple[str, int]], str] = address_towards,
 ) -> list[str]:
     """Return the addresses at which others reach an offer, the likeliest first; IPv6 only if there is no IPv4."""
@@ -74,7 +74,7 @@ def reachable_addresses(
         return [offer.host] if offer.wide else []
     outer = [
         address
-        for name, address in every()
+        for name, address in list_interfaces()
         if not (address.is_loopback or address.is_link_local or name.lower().startswith(_INTERNAL_INTERFACES))
     ]
     old = [str(address) for address in outer if address.version == 4]

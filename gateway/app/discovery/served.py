@@ -38,8 +38,8 @@ def served(gateway: Serving) -> Iterator[Served]:
         what, _, rest = name.partition("@")
         where = rest.partition(" ")[0]
         yield _served(what, where, next(iter(network_offers([name])), None))
-    if gateway.web.where:
-        host, port = split_address(gateway.web.where)
+    if gateway.web.address:
+        host, port = split_address(gateway.web.address)
         yield _served(CONSOLE_PROTOCOL, web_address(host, port), Offer(HTTP, "tcp", host, port))
 
 
@@ -57,14 +57,14 @@ class PhoneLines:
     """The lines that show what to type on a phone; each is printed when it is new, and again when it changes."""
 
     def __init__(self) -> None:
-        self._told: dict[tuple[str, int], str] = {}
+        self._logged_lines: dict[tuple[str, int], str] = {}
 
     def new_lines(self, offers: Iterable[Offer]) -> list[str]:
         """Return the lines of new and changed offers."""
         lines = []
         for offer in offers:
             key, line = (offer.protocol, offer.port), phone_line(offer, reachable_addresses(offer))
-            if offer.wide and self._told.get(key) != line:
-                self._told[key] = line
+            if offer.wide and self._logged_lines.get(key) != line:
+                self._logged_lines[key] = line
                 lines.append(line)
         return lines

@@ -69,12 +69,12 @@ class Recording:
         if not self.cut:
             self.cut = self._missing(last)
 
-    def _missing(self, last: Event | None) -> str:
+    def _missing(self, last_event: Event | None) -> str:
         """Return why the recording is incomplete, judged by its last event; empty if it is complete."""
-        if last is not None and (last.side, last.arrow) == (RECORDER_SIDE, "!"):
+        if last_event is not None and (last_event.side, last_event.arrow) == (RECORDER_SIDE, "!"):
             return ""
         return (
-            f"{self.parts[-1]}: the recording ends{_when(last)}, because the gateway was killed or still runs, "
+            f"{self.parts[-1]}: the recording ends{_when(last_event)}, because the gateway was killed or still runs, "
             "the disk was full, or it continues in a newer file; everything before that is complete"
         )
 
@@ -102,8 +102,8 @@ class Recording:
             yield last
 
 
-def _when(last: Event | None) -> str:
-    return f" after {last.at:.3f} s" if last is not None else ""
+def _when(last_event: Event | None) -> str:
+    return f" after {last_event.at:.3f} s" if last_event is not None else ""
 
 
 def part_path(path: Path, number: int) -> Path:

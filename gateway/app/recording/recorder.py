@@ -54,55 +54,55 @@ class Recorder:
         path: Path,
         settings: dict[str, Any],
         longest: int = MAX_FILE_BYTES,
-        keep: int = MAX_FILES,
+        max_files: int = MAX_FILES,
         warn: Callable[[str], object] = lambda text: None,
         clock: Callable[[], float] = time.time,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._path, self._longest, self._keep, self._warn = path, longest, keep, warn
-        self._clock, self._now, self._began = clock, now, now()
+        self._path, self._max_bytes, self._max_files, self._warn = path, longest, max_files, warn
+        self._clock, self._loop_time, self._start_time = clock, now, now()
         self._settings = {**settings, "python": "{}.{}".format(*sys.version_info)}
-        self._waiting: deque[Entry] = deque(maxlen=MAX_UNWRITTEN_LINES)
+        self._unwritten: deque[Entry] = deque(maxlen=MAX_UNWRITTEN_LINES)
         #: Takes an entry of the wire log. Nothing more is done then: a program waits for its reply.
-        self.put = self._waiting.append
-        self._lock, self._hurry = asyncio.Lock(), TimedEvent()
+        self.put = self._unwritten.append
+        self._lock, self._flush_event = asyncio.Lock(), TimedEvent()
         self._closing = self._lost = False
         # What follows belongs to the thread that writes; only one runs at a time.
         self._file, self._size = -1, 0
-        self._at, self._warned = 0.0, False
+        self._last_time, self._has_warned = 0.0, False
         try:
-            _rotate(path, keep)
+            _rotate(path, max_files)
             self._open(0.0)
         except OSError as error:
             self._close_file()
             raise UserError(f"cannot record to {path}: {explain_file_error(path, error)}") from None
-        self._writing = asyncio.get_running_loop().create_task(self._write())
+        self._write_task = asyncio.get_running_loop().create_task(self._write())
 
     # --- on the event loop --------------------------------------------------------------------------------------------
 
     async def _write(self) -> None:
         while not (self._closing or self._lost):
-            await self._hurry.within(WRITE_DELAY)
+            await self._flush_event.within(WRITE_DELAY)
             await self.flush()
 
     async def flush(self) -> None:
         """Write what was put so far, and wait until that is done."""
         async with self._lock:
-            if self._waiting and not self._lost:
-                await self._write_entries([self._waiting.popleft() for _ in range(len(self._waiting))])
+            if self._unwritten and not self._lost:
+                await self._write_entries([self._unwritten.popleft() for _ in range(len(self._unwritten))])
 
     async def _write_entries(self, entries: list[Entry]) -> None:
-        ahead, until = self._clock() - self._now(), self._now() - self._began
-        work = asyncio.ensure_future(in_thread(self._write_out, entries, ahead + self._began, until))
+        ahead, until = self._clock() - self._loop_time(), self._loop_time() - self._start_time
+        work = asyncio.ensure_future(in_thread(self._write_out, entries, ahead + self._start_time, until))
         while not (await asyncio.wait((work,), timeout=DISK_CHECK_PERIOD))[0]:
-            if len(self._waiting) == MAX_UNWRITTEN_LINES:
+            if len(self._unwritten) == MAX_UNWRITTEN_LINES:
                 work.add_done_callback(mark_retrieved)
                 self._end("the disk does not answer")
                 return
         try:
             if work.result():
                 self._warn(
-                    f"the recording {self._path} has filled {self._keep} files (record-keep): each new file now "
+                    f"the recording {self._path} has filled {self._max_files} files (record-keep): each new file now "
                     f"replaces the oldest"
                 )
         except Exception as error:  # neither a full disk nor a defect may end the night
@@ -120,37 +120,38 @@ class Recorder:
         """Write the remaining entries and the last line, and close the file."""
         self.put(Entry(self._clock(), RECORDER_SIDE, "!", b"", "ends here"))
         self._closing = True
-        self._hurry.set()
-        await asyncio.wait((self._writing,))
+        self._flush_event.set()
+        await asyncio.wait((self._write_task,))
         await self.flush()
         await in_thread(self._close_file)
 
     # --- on a thread --------------------------------------------------------------------------------------------------
 
-    def _write_out(self, entries: list[Entry], began: float, until: float) -> bool:
+    def _write_out(self, entries: list[Entry], start_time: float, end_time: float) -> bool:
         """Write entries; return whether the oldest file was deleted for the first time.
 
-        ``began`` is the start of the recording by the clock of the entries, which may have been set since; ``until`` is
-        the present second of the recording. Raises OSError after the end of a file that cannot be written any more.
+        ``start_time`` is the start of the recording by the clock of the entries, which may have been set since;
+        ``end_time`` is the present second of the recording. Raises OSError after the end of a file that cannot be
+        written any more.
         """
         full = False
         for start in range(0, len(entries) if self._file >= 0 else 0, LINES_PER_WRITE):
             lines = []
             for entry in entries[start : start + LINES_PER_WRITE]:
-                self._at = min(max(self._at, entry.time - began), until)
-                lines.append(_line(self._at, entry))
+                self._last_time = min(max(self._last_time, entry.time - start_time), end_time)
+                lines.append(_line(self._last_time, entry))
             try:
                 self._append("".join(lines))
-                full |= self._size >= self._longest and self._next_file()
+                full |= self._size >= self._max_bytes and self._next_file()
             except OSError:
                 self._close_file()
                 raise
         return full
 
-    def _open(self, at: float) -> None:
+    def _open(self, start: float) -> None:
         """Begin a file at a second of the recording. Raises OSError."""
         self._file, self._size = _open_private(self._path), 0
-        self._append(f"{FILE_HEADER}{FORMAT_VERSION}\n# {json.dumps({**self._settings, 'from': round(at, 6)})}\n")
+        self._append(f"{FILE_HEADER}{FORMAT_VERSION}\n# {json.dumps({**self._settings, 'from': round(start, 6)})}\n")
 
     def _append(self, text: str) -> None:
         """Write the whole text to the file. Raises OSError."""
@@ -163,9 +164,9 @@ class Recorder:
     def _next_file(self) -> bool:
         """Begin the next file; return whether the oldest was deleted for the first time. Raises OSError."""
         self._close_file()
-        first = _rotate(self._path, self._keep) and not self._warned
-        self._warned |= first
-        self._open(self._at)
+        first = _rotate(self._path, self._max_files) and not self._has_warned
+        self._has_warned |= first
+        self._open(self._last_time)
         return first
 
     def _close_file(self) -> None:
@@ -175,7 +176,7 @@ class Recorder:
                 os.close(file)
 
 
-def _line(at: float, entry: Entry) -> str:
+def _line(time: float, entry: Entry) -> str:
     """Return an entry of the wire log as a line; empty if a recording holds no entries of its kind."""
     side, arrow = entry.side, entry.arrow
     if arrow == "raw":
@@ -188,7 +189,7 @@ def _line(at: float, entry: Entry) -> str:
         return ""  # dropped bytes are parts of raw chunks, too
     else:
         text = entry.note.replace("\n", " ")
-    return f"{at:.6f} {'_'.join(side.split()) or '?'} {arrow} {text}".rstrip(" ") + "\n"
+    return f"{time:.6f} {'_'.join(side.split()) or '?'} {arrow} {text}".rstrip(" ") + "\n"
 
 
 def record(path: Path, gateway: Gateway, longest: int = MAX_FILE_BYTES) -> Recorder:
@@ -205,7 +206,7 @@ def record(path: Path, gateway: Gateway, longest: int = MAX_FILE_BYTES) -> Recor
     return recorder
 
 
-def _rotate(path: Path, keep: int) -> bool:
+def _rotate(path: Path, max_files: int) -> bool:
     """Rename existing files to FILE.1 and so on; return whether the oldest had to be deleted.
 
     Raises OSError, and UserError for a file that is not a recording, which stays unchanged.
@@ -217,10 +218,10 @@ def _rotate(path: Path, keep: int) -> bool:
     parts = [path]
     while part_path(path, len(parts)).exists():
         parts.append(part_path(path, len(parts)))
-    full = len(parts) >= keep
+    full = len(parts) >= max_files
     for number in range(len(parts) - 1, -1, -1):
         part = parts[number]
-        if number + 1 >= keep:
+        if number + 1 >= max_files:
             part.unlink()
             continue
         if not part.is_symlink() and stat.S_IMODE(part.stat().st_mode) & ~OWNER_ONLY_MODE:

@@ -159,9 +159,9 @@ def to_shared(state: SavedState) -> MountSettings:
 def from_shared(
     shared: MountSettings,
     mount: Values,
-    synced: SyncSum = SyncSum(),
+    sync_sum: SyncSum = SyncSum(),
     site: SiteOfProgram | None = None,
-    left: AsLeft | None = None,
+    as_left: AsLeft | None = None,
 ) -> SavedState:
     """Return the lasting part of the shared settings; the rest (a guide pulse, a drive rate) ends with the run."""
     return SavedState(
@@ -172,7 +172,7 @@ def from_shared(
         pec=shared.pec,
         motors=dict(shared.motors),
         mount=mount,
-        synced=synced,
-        left=left,
+        synced=sync_sum,
+        left=as_left,
         site_of_program=site,
     )

@@ -39,49 +39,49 @@ class MotionMarker:
         *,
         exists: bool = False,
     ) -> None:
-        self.path, self._content, self._busy, self._warn, self._in_thread = path, content, busy, warn, in_thread
-        self._wanted: bytes | None = b"" if exists else None
-        self._written = self._wanted
-        self._quiet = 0.0
-        self._writing: asyncio.Task[None] | None = None
-        self._watching: asyncio.Task[None] | None = None
+        self.path, self._content, self._busy, self._warn, self._run_in_thread = path, content, busy, warn, in_thread
+        self._wanted_content: bytes | None = b"" if exists else None
+        self._written_content = self._wanted_content
+        self._quiet_since = 0.0
+        self._write_task: asyncio.Task[None] | None = None
+        self._watch_task: asyncio.Task[None] | None = None
         if exists:
             self._watch()
 
     async def before_motion(self) -> None:
         """Write the marker; return once it is written, or after ``WRITE_TIMEOUT`` seconds on a busy disk."""
-        marked = self._written is not None and self._wanted is not None
+        marked = self._written_content is not None and self._wanted_content is not None
         self._want(msgspec.json.encode(self._content()))
-        self._quiet = 0.0
+        self._quiet_since = 0.0
         self._watch()
-        if not marked and self._writing is not None:
-            await asyncio.wait({self._writing}, timeout=WRITE_TIMEOUT)
+        if not marked and self._write_task is not None:
+            await asyncio.wait({self._write_task}, timeout=WRITE_TIMEOUT)
 
     def renew(self) -> None:
         """Update the marker after a change that matters for stopping, for example suspended tracking."""
-        if self._wanted is not None:
+        if self._wanted_content is not None:
             self._want(msgspec.json.encode(self._content()))
 
     def _want(self, content: bytes | None) -> None:
         """Write this content, or delete the file (None); writes run one after another, and the last write wins."""
-        self._wanted = content
-        if self._writing is None and self._written != content:
-            self._writing = asyncio.get_running_loop().create_task(self._write())
+        self._wanted_content = content
+        if self._write_task is None and self._written_content != content:
+            self._write_task = asyncio.get_running_loop().create_task(self._write())
 
     async def _write(self) -> None:
         try:
-            while self._written != self._wanted:
-                content = self._wanted
+            while self._written_content != self._wanted_content:
+                content = self._wanted_content
                 try:
-                    await self._in_thread(self._put, content)
+                    await self._run_in_thread(self._put, content)
                 except OSError as error:
                     self._warn(
                         f"cannot write the motion marker {self.path} "
                         f"({explain_os_error(error)}): after a crash the mount would not be stopped automatically"
                     )
-                self._written = content
+                self._written_content = content
         finally:
-            self._writing = None
+            self._write_task = None
 
     def _put(self, content: bytes | None) -> None:
         if content is None:
@@ -90,22 +90,22 @@ class MotionMarker:
             replace_file(self.path, content, flush=False)
 
     def _watch(self) -> None:
-        if self._watching is None or self._watching.done():
-            self._watching = asyncio.get_running_loop().create_task(self._until_quiet())
+        if self._watch_task is None or self._watch_task.done():
+            self._watch_task = asyncio.get_running_loop().create_task(self._until_quiet())
 
     async def _until_quiet(self) -> None:
         """Delete the marker once nothing has moved for ``REST_DELAY`` seconds; a guiding program moves all the time."""
-        self._quiet = 0.0
-        while self._quiet < REST_DELAY:
+        self._quiet_since = 0.0
+        while self._quiet_since < REST_DELAY:
             await asyncio.sleep(CHECK_PERIOD)
-            self._quiet = 0.0 if self._busy() else self._quiet + CHECK_PERIOD
+            self._quiet_since = 0.0 if self._busy() else self._quiet_since + CHECK_PERIOD
         self._want(None)
 
     async def close(self) -> None:
         """Delete the marker, unless the mount could not be stopped: then the next gateway needs it."""
-        if self._watching is not None:
-            self._watching.cancel()
+        if self._watch_task is not None:
+            self._watch_task.cancel()
         if not self._busy():
             self._want(None)
-        if self._writing is not None:
-            await asyncio.wait({self._writing})
+        if self._write_task is not None:
+            await asyncio.wait({self._write_task})

@@ -20,11 +20,11 @@ LOCAL_HOSTS = ("localhost", "::1", "0.0.0.0", "::")
 
 
 class MountTaken(UserError):
-    """Another gateway has the mount; ``by`` names its process, such as ``process 17``."""
+    """Another gateway has the mount; ``holder`` names its process, such as ``process 17``."""
 
-    def __init__(self, text: str, by: str) -> None:
+    def __init__(self, text: str, holder: str) -> None:
         super().__init__(text)
-        self.by = by
+        self.holder = holder
 
 
 def claim(mount: Endpoint, warn: Callable[[str], None]) -> Claim | None:
@@ -42,9 +42,9 @@ def claim(mount: Endpoint, warn: Callable[[str], None]) -> Claim | None:
         return None
 
 
-def taken_message(mount: str, by: str) -> str:
-    """Return the message for a mount that another gateway has; ``by`` is its process."""
-    return f"{mount}: another gateway ({by}) already drives this mount; connect programs to its surfaces"
+def taken_message(mount: str, holder: str) -> str:
+    """Return the message for a mount that another gateway has; ``holder`` is its process."""
+    return f"{mount}: another gateway ({holder}) already drives this mount; connect programs to its surfaces"
 
 
 def address(where: str) -> str | None:

@@ -62,7 +62,7 @@ class StateStore:
         self,
         protocol: str,
         where: str,
-        marker_base: MarkerContent,
+        marker_defaults: MarkerContent,
         configured: str | None,
         warn: Callable[[str], None],
         in_thread: InThread = in_thread,
@@ -74,8 +74,8 @@ class StateStore:
         self.held = False
         #: A simulated mount ends with this process: it needs no marker, and a second gateway is no conflict.
         self._simulated = where == "sim"
-        self._marker_base, self.in_thread = marker_base, in_thread
-        self._warn, self._warned = warn, False
+        self._marker_base, self.in_thread = marker_defaults, in_thread
+        self._warn, self._has_warned = warn, False
         #: What to tell the user, once this gateway serves, of another gateway that has these files; empty if none.
         self.other_gateway = ""
         #: The process that has the lock instead, as text; empty if none is known to have it.
@@ -86,22 +86,22 @@ class StateStore:
         self.shared = Shared(file.to_shared(saved), self.changed)
         self._uses_marker = self.held and not self._simulated
         self.previous_run = PreviousRun(saved, file.read_marker(self._marker_path) if self._uses_marker else None)
-        self._written = file.encode(saved)
-        self._memory: Callable[[bool], Values] = lambda moving: saved.mount
-        self._synced: Callable[[], SyncSum] = lambda: saved.synced
-        self._left: Callable[[], AsLeft | None] = lambda: saved.left
+        self._written_bytes = file.encode(saved)
+        self._get_driver_memory: Callable[[bool], Values] = lambda moving: saved.mount
+        self._get_sync_sum: Callable[[], SyncSum] = lambda: saved.synced
+        self._get_as_left: Callable[[], AsLeft | None] = lambda: saved.left
         self._site: Callable[[], SiteOfProgram | None] = lambda: saved.site_of_program
         self._motion: Callable[[], LeftMotion | None] = lambda: None
         self._host_clock: Callable[[], float] = lambda: 0.0
         self._marker: MotionMarker | None = None
-        self._dirty = False
+        self._has_changes = False
         self._closing = asyncio.Event()
         self._writer: asyncio.Task[None] | None = None
 
     def _warn_once(self, text: str) -> None:
         """Warn the user, but only once: a disk that is full stays full for a while."""
-        if not self._warned:
-            self._warned = True
+        if not self._has_warned:
+            self._has_warned = True
             self._warn(text)
 
     # --- beginning --------------------------------------------------------------------------------------------------
@@ -147,12 +147,12 @@ class StateStore:
 
     def attach(self, controller: MountController) -> None:
         """Restore the previous state in the controller, and follow its motions and changes from now on."""
-        self._memory = controller.driver.saved_state
-        self._synced = lambda: controller.synced.value
+        self._get_driver_memory = controller.driver.saved_state
+        self._get_sync_sum = lambda: controller.synced.value
         restore(controller, self.previous_run)
         self._motion, self._host_clock = controller.identification.left_motion, controller.site_clock.host
         self._site = controller.site_clock.lasting_site
-        self._left = lambda: controller.same_mount.left
+        self._get_as_left = lambda: controller.same_mount.left
         for lasting in (controller.changed, controller.site_clock.lasting, controller.same_mount.lasting):
             lasting.connect(lambda _: self.changed())
         controller.hold.on = file.is_held(self.directory)
@@ -185,7 +185,7 @@ class StateStore:
     def _content(self) -> MarkerContent:
         base, motion = self._marker_base, self._motion()
         at = 0.0 if motion is None else self._host_clock()  # guide pulses must not write the marker again and again
-        return MarkerContent(base.mount, base.baud, self._memory(True), at, motion)
+        return MarkerContent(base.mount, base.baud, self._get_driver_memory(True), at, motion)
 
     # --- saving -----------------------------------------------------------------------------------------------------
 
@@ -193,15 +193,15 @@ class StateStore:
         """Save soon: saved state may have changed."""
         if self._marker is not None:
             self._marker.renew()
-        self._dirty = True
+        self._has_changes = True
         if self.held and self._writer is None and not self._closing.is_set():
             self._writer = asyncio.get_running_loop().create_task(self._save())
 
     async def _save(self) -> None:
         """Write the first change at once, and those that follow together."""
         try:
-            while self._dirty:
-                self._dirty = False
+            while self._has_changes:
+                self._has_changes = False
                 if await self._write():
                     with contextlib.suppress(TimeoutError):
                         await asyncio.wait_for(self._closing.wait(), WRITE_PERIOD)
@@ -210,15 +210,15 @@ class StateStore:
 
     async def _write(self) -> bool:
         """Write the state if it differs from the file; return whether it did."""
-        values = self._memory(False), self._synced(), self._site(), self._left()
+        values = self._get_driver_memory(False), self._get_sync_sum(), self._site(), self._get_as_left()
         data = file.encode(file.from_shared(self.shared.settings, *values))
-        if data == self._written:
+        if data == self._written_bytes:
             return False
-        self._written = data
+        self._written_bytes = data
         try:
             await self.in_thread(replace_file, self.path, data)
         except OSError as error:
-            self._written = b""
+            self._written_bytes = b""
             self._warn_once(
                 f"cannot write the state file {self.path} ({explain_os_error(error)}): what is "
                 "set now is lost when the gateway ends"

@@ -53,18 +53,18 @@ class Watchdog:
         self._mounts: list[WatchedMount] = []
         self._beating: asyncio.TimerHandle | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._began: float | None = None
+        self._started_at: float | None = None
         self._connection: socket.socket | None = None
         self.pid: int | None = None
 
     def start(self) -> None:
         """Start the process and report every mount to it, unless it was started before."""
-        if self._began is None:
+        if self._started_at is None:
             self._run()
 
     def _run(self) -> None:
         self._loop = asyncio.get_running_loop()
-        self._began = self._loop.time()
+        self._started_at = self._loop.time()
         self._spawn()
         if self._connection is not None:
             self._loop.add_reader(self._connection.fileno(), self._on_readable)
@@ -101,12 +101,12 @@ class Watchdog:
         lock: Path | None,
         stop_commands: Callable[[], Sequence[bytes]],
         busy: Callable[[], bool],
-        stopped: Callable[[], None],
-        clear: Callable[[], bool] = lambda: False,
+        on_stopped: Callable[[], None],
+        path_is_clear: Callable[[], bool] = lambda: False,
     ) -> WatchedMount:
         """Add a mount to be watched. See ``WatchedMount``."""
         number = len(self._mounts)
-        self._mounts.append(WatchedMount(self, number, title, lock, stop_commands, busy, stopped, clear))
+        self._mounts.append(WatchedMount(self, number, title, lock, stop_commands, busy, on_stopped, path_is_clear))
         return self._mounts[-1]
 
     def send(self, text: str, descriptors: Sequence[int] = ()) -> None:
@@ -146,9 +146,9 @@ class Watchdog:
 
     def _ended(self) -> None:
         """Restart the process after it was killed, unless it ended right after its start."""
-        assert self._loop is not None and self._began is not None
+        assert self._loop is not None and self._started_at is not None
         self._disconnect()
-        if self._loop.time() - self._began < MIN_LIFETIME:
+        if self._loop.time() - self._started_at < MIN_LIFETIME:
             self.warn(
                 "the watchdog process has ended: a gateway that is killed leaves its mount moving "
                 "until mount-gateway stop is run"
@@ -178,9 +178,9 @@ class Watchdog:
 class WatchedMount:
     """One mount as the watchdog knows it.
 
-    ``stop_commands`` returns the bytes that stop it now, ``busy`` whether it moves or is about to; ``stopped`` is
-    called when the process has stopped the mount because heartbeats were missing; ``clear`` returns whether all that
-    moves is a goto on a path within the limits. ``lock`` is the file that changes when another gateway takes over.
+    ``stop_commands`` returns the bytes that stop it now, ``busy`` whether it moves or is about to; ``on_stopped`` is
+    called when the process has stopped the mount because heartbeats were missing; ``path_is_clear`` returns whether all
+    that moves is a goto on a path within the limits. ``lock`` is the file that changes when another gateway takes over.
     """
 
     def __init__(
@@ -191,14 +191,14 @@ class WatchedMount:
         lock: Path | None,
         stop_commands: Callable[[], Sequence[bytes]],
         busy: Callable[[], bool],
-        stopped: Callable[[], None],
-        clear: Callable[[], bool],
+        on_stopped: Callable[[], None],
+        path_is_clear: Callable[[], bool],
     ) -> None:
-        self._watchdog, self._number, self._title, self._lock = watchdog, number, title, lock
-        self._stop_commands, self._busy, self._stopped, self._clear = stop_commands, busy, stopped, clear
+        self._watchdog, self._mount_number, self._title, self._lock = watchdog, number, title, lock
+        self._stop_commands, self._busy, self._stopped, self._clear = stop_commands, busy, on_stopped, path_is_clear
         self._descriptor: int | None = None
         self._server: tuple[str, ...] = ()
-        self._sent: tuple[str, tuple[bytes, ...]] = REST_STATE
+        self._last_state: tuple[str, tuple[bytes, ...]] = REST_STATE
         self.moving = False
 
     def opened(self, descriptor: int) -> None:
@@ -214,7 +214,7 @@ class WatchedMount:
     def closed(self) -> None:
         """Tell the process to close its duplicate: the line is about to be closed."""
         self._descriptor, self._server = None, ()
-        self._watchdog.send(f"gone {self._number}")
+        self._watchdog.send(f"gone {self._mount_number}")
 
     def register(self) -> None:
         """Send the line's descriptor or the server's address to the process, and the stop commands if it moves."""
@@ -222,9 +222,9 @@ class WatchedMount:
             kind, files = ("server", []) if self._descriptor is None else ("line", [self._descriptor])
             parts = (self._title, str(self._lock or ""), *self._server)
             self._watchdog.send(
-                f"{kind} {self._number} {' '.join(word.encode().hex() or '00' for word in parts)}", files
+                f"{kind} {self._mount_number} {' '.join(word.encode().hex() or '00' for word in parts)}", files
             )
-            self._sent = REST_STATE
+            self._last_state = REST_STATE
             if self.moving:
                 self.renew()
 
@@ -248,12 +248,12 @@ class WatchedMount:
     def _report(self) -> None:
         commands = tuple(self._stop_commands()) if self.moving else ()
         kind = ("clear" if self._clear() else "moving") if commands else "rest"
-        if (kind, commands) != self._sent:
-            self._sent = kind, commands
+        if (kind, commands) != self._last_state:
+            self._last_state = kind, commands
             text = "".join(f" {command.hex()}" for command in commands)
-            self._watchdog.send(f"{kind} {self._number}{text}")
+            self._watchdog.send(f"{kind} {self._mount_number}{text}")
 
     def was_stopped(self) -> None:
         """Report that the process has stopped the mount because heartbeats were missing."""
-        self._sent = REST_STATE
+        self._last_state = REST_STATE
         self._stopped()

@@ -38,7 +38,7 @@ class GuardedMount:
         self.holder = read(lock)
         self.stop: list[bytes] = []
         #: Whether it is on a path that was checked.
-        self.clear = False
+        self.path_is_clear = False
 
     def taken_over(self) -> bool:
         """Whether another gateway has taken this mount."""
@@ -74,40 +74,40 @@ class ServedMount(GuardedMount):
     a connection after an answer. The first is opened in advance if the server answers ``beside`` an idle one.
     """
 
-    def __init__(self, title: str, lock: str, host: str, port: str, when: str) -> None:
+    def __init__(self, title: str, lock: str, host: str, port: str, connect_mode: str) -> None:
         super().__init__(title, lock, -1)
-        self.address, self.beforehand = (host, int(port)), when == "beside"
-        self.next: list[_socket.socket] = []
+        self.address, self.preconnected = (host, int(port)), connect_mode == "beside"
+        self.next_connections: list[_socket.socket] = []
         #: The connections that were used last: closing a connection could cancel its request.
-        self.used: list[_socket.socket] = []
+        self.used_connections: list[_socket.socket] = []
 
     def get_ready(self, now: bool = False) -> None:
         """Connect, unless there is a connection that the server has not closed meanwhile."""
-        if self.next and select.select(self.next, [], [], 0.0)[0]:
-            self.next.pop().close()
-        if (now or self.beforehand) and self.stop and not self.next:
+        if self.next_connections and select.select(self.next_connections, [], [], 0.0)[0]:
+            self.next_connections.pop().close()
+        if (now or self.preconnected) and self.stop and not self.next_connections:
             family = _socket.AF_INET6 if ":" in self.address[0] else _socket.AF_INET
             made = _socket.socket(family, _socket.SOCK_STREAM)
             try:
                 made.settimeout(CONNECT_TIMEOUT)
                 made.connect(self.address)
-                self.next.append(made)
+                self.next_connections.append(made)
             except OSError:
                 made.close()  # it is tried again with the next command
 
     def send(self, command: bytes) -> None:
         self.get_ready(now=True)
         try:
-            self.next[0].send(command)
+            self.next_connections[0].send(command)
         except (IndexError, OSError):
             pass
-        self.used += self.next
-        self.next.clear()
-        while len(self.used) > MAX_USED_CONNECTIONS:
-            self.used.pop(0).close()
+        self.used_connections += self.next_connections
+        self.next_connections.clear()
+        while len(self.used_connections) > MAX_USED_CONNECTIONS:
+            self.used_connections.pop(0).close()
 
     def close(self) -> None:
-        for connection in (*self.next, *self.used):
+        for connection in (*self.next_connections, *self.used_connections):
             connection.close()
 
 
@@ -154,7 +154,7 @@ class Watch:
                     return
             elif left is not None and self._patience == MAX_SILENCE and time.monotonic() - asked > left + FREEZE_TIME:
                 self.heard()  # the whole computer was suspended or overloaded
-            elif all(mount.clear for mount in moving) and self.starved():
+            elif all(mount.path_is_clear for mount in moving) and self.starved():
                 self._patience = min(MAX_STARVED_SILENCE, time.monotonic() - self.last_heard + WAITING_CHECK_PERIOD)
             else:
                 self.stop_for_silent_gateway(moving)
@@ -199,7 +199,7 @@ class Watch:
         elif kind == "gone":
             self.drop(number)
         elif number in self.mounts and kind in ("moving", "clear", "rest"):
-            self.mounts[number].stop, self.mounts[number].clear = (
+            self.mounts[number].stop, self.mounts[number].path_is_clear = (
                 [bytes.fromhex(word) for word in parts[2:]],
                 kind == "clear",
             )
@@ -239,11 +239,11 @@ class Watch:
         for mount in mounts:
             mount.stop = []
 
-    def say(self, mounts: list[GuardedMount], why: str) -> None:
+    def say(self, mounts: list[GuardedMount], reason: str) -> None:
         """Write one line for each mount to the gateway's stderr, if it is still open."""
         for mount in mounts:
             text = (
-                f"mount-gateway watchdog: the gateway (process {self.gateway}) {why} while {mount.title} moved; "
+                f"mount-gateway watchdog: the gateway (process {self.gateway}) {reason} while {mount.title} moved; "
                 "stopping the mount.\n"
             )
             try:

@@ -61,9 +61,9 @@ def names_beginning_with(text: str, most: int) -> list[str]:
     return list(dict.fromkeys((*sorted(begin, key=_rank), *sorted(containing, key=_rank))))[:most]
 
 
-def _rank(known: str) -> tuple[bool, float, int]:
-    number = HIPPARCOS.get(known)
-    return known in OTHER_NAMES, _NO_MAGNITUDE if number is None else supplied.stars()[number].magnitude, len(known)
+def _rank(name: str) -> tuple[bool, float, int]:
+    number = HIPPARCOS.get(name)
+    return name in OTHER_NAMES, _NO_MAGNITUDE if number is None else supplied.stars()[number].magnitude, len(name)
 
 
 def suggestions(name: str, more: tuple[str, ...] = ()) -> list[str]:

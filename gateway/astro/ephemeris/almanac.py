@@ -64,9 +64,9 @@ class Almanac(msgspec.Struct, frozen=True):
         rows = [form.unpack_from(day, place + number * form.size) for number in range(first, first + 4)]
         return tuple(sum(map(mul, weights, column)) for column in zip(*rows, strict=True))
 
-    def days_from(self, first: int) -> int:
+    def days_from(self, first_day: int) -> int:
         """Return the number of consecutive days in it from this day on."""
-        return next(number for number in count() if first + number not in self.days)
+        return next(number for number in count() if first_day + number not in self.days)
 
     def joined(self, newer: Almanac) -> Almanac:
         """Return this almanac joined with a newer almanac."""
@@ -109,8 +109,8 @@ def read(path: Path) -> Almanac:
         return decoded(file.read(MAX_FILE_BYTES))
 
 
-def stored(named: str | None = None) -> Almanac:
-    """Return the almanac of the cache folder (empty if that has none), joined with that of a ``named`` file.
+def stored(path: str | None = None) -> Almanac:
+    """Return the almanac of the cache folder (empty if that has none), joined with that of a ``path`` file.
 
     Raises UserError if the named file cannot be used.
     """
@@ -119,8 +119,8 @@ def stored(named: str | None = None) -> Almanac:
     except (OSError, ValueError):
         almanac = Almanac()
     try:
-        return almanac if named is None else almanac.joined(read(Path(named).expanduser()))
+        return almanac if path is None else almanac.joined(read(Path(path).expanduser()))
     except (OSError, ValueError) as error:
         raise UserError(
-            f"--almanac {named}: {explain_os_error(error) if isinstance(error, OSError) else error}"
+            f"--almanac {path}: {explain_os_error(error) if isinstance(error, OSError) else error}"
         ) from None

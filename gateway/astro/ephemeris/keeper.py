@@ -98,37 +98,37 @@ async def _on_daemon(days: Collection[int]) -> tuple[Almanac, str]:
 class AlmanacKeeper:
     """Keeps the almanac of a process that serves mounts: ``open`` it first, then run ``keep`` until the end.
 
-    ``quiet``: whether nothing moves.
+    ``is_quiet``: whether nothing moves.
     """
 
     def __init__(
         self,
         sky: Sky,
         warn: Callable[[str], object],
-        quiet: Callable[[], bool] = lambda: True,
+        is_quiet: Callable[[], bool] = lambda: True,
         clock: Callable[[], float] = time.time,
     ) -> None:
-        self._sky, self._warn, self._quiet, self._clock = sky, warn, quiet, clock
+        self._sky, self._warn, self._is_quiet, self._clock = sky, warn, is_quiet, clock
         #: The almanac of the start, that of this run, and both.
-        self._named_almanac = self._calculated = self._almanac = Almanac()
-        self._warned: set[str] = set()
-        self._asked = asyncio.Event()
+        self._named_almanac = self._calculated_almanac = self._almanac = Almanac()
+        self._given_warnings: set[str] = set()
+        self._calculation_requested = asyncio.Event()
 
     def open(self, named: str | None = None) -> None:
         """Use the stored almanac, and that of a file that the user has ``named``. Raises UserError."""
         self._named_almanac = stored(named)
-        self._sky.ask = self._asked.set
+        self._sky.request_almanac = self._calculation_requested.set
         self._use(Almanac())
 
     async def keep(self) -> None:
         """Calculate what is missing or will soon be, until this is cancelled."""
         while True:
-            self._asked.clear()
+            self._calculation_requested.clear()
             if days := self._lacking():
                 await asyncio.sleep(CHECK_PERIOD if await self._renew(days) else RETRY_PERIOD)
             else:
                 with contextlib.suppress(TimeoutError):
-                    await asyncio.wait_for(self._asked.wait(), CHECK_PERIOD)
+                    await asyncio.wait_for(self._calculation_requested.wait(), CHECK_PERIOD)
 
     async def _renew(self, days: list[int]) -> bool:
         try:
@@ -145,21 +145,21 @@ class AlmanacKeeper:
         return True
 
     def _use(self, newer: Almanac) -> None:
-        self._calculated = self._calculated.joined(newer).newest()
-        self._almanac = self._named_almanac.joined(self._calculated)
+        self._calculated_almanac = self._calculated_almanac.joined(newer).newest()
+        self._almanac = self._named_almanac.joined(self._calculated_almanac)
         self._sky.use(self._almanac)
 
     def _lacking(self) -> list[int]:
         """Return the days to calculate: today, a date that a clock of a mount shows, and, at rest, the next ones."""
         today = int(self._clock() // DAY)
-        starts = {today, self._sky.missing or today}
-        if self._quiet():
+        starts = {today, self._sky.missing_day or today}
+        if self._is_quiet():
             starts.add(today + MIN_DAYS_LEFT)
         held = self._almanac.days
         days = {start + more for start in starts if start not in held for more in range(DAYS_PER_CALCULATION)}
         return sorted(day for day in days if day not in held and FIRST_DATE <= day * DAY < LAST_DATE)
 
     def _warn_once(self, message: str) -> None:
-        if message not in self._warned:
-            self._warned.add(message)
+        if message not in self._given_warnings:
+            self._given_warnings.add(message)
             self._warn(message)

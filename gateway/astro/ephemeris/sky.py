@@ -44,14 +44,14 @@ class Sky:
         self._almanac = Almanac()
         self._frames: dict[float, Frame] = {}
         #: The last needed day without tables; ``ask`` is called when another day is needed.
-        self.missing: int | None = None
-        self.ask: Callable[[], object] = lambda: None
+        self.missing_day: int | None = None
+        self.request_almanac: Callable[[], object] = lambda: None
 
     def use(self, almanac: Almanac) -> None:
         """Use the tables of this almanac from now on."""
         self._almanac = almanac
         self._frames.clear()
-        self.missing = None if self.missing in almanac.days else self.missing
+        self.missing_day = None if self.missing_day in almanac.days else self.missing_day
 
     @property
     def ready(self) -> bool:
@@ -64,9 +64,9 @@ class Sky:
             return None
         values = self._almanac.at(part, unix)
         day = int(unix // DAY)
-        if values is None and day != self.missing:
-            self.missing = day
-            self.ask()
+        if values is None and day != self.missing_day:
+            self.missing_day = day
+            self.request_almanac()
         return values
 
     def source(self, unix: float) -> str:

@@ -42,9 +42,9 @@ class Terminal(Screen):
         super().__init__(None)
         self.stop = asyncio.Event()
         self._keys: asyncio.Queue[str] = asyncio.Queue()
-        self._bar, self._asks = 0, False
+        self._bar, self._is_asking = 0, False
         #: Whether q was pressed in a stage, or left the last questions.
-        self._leaving = False
+        self._wants_to_leave = False
 
     @contextlib.contextmanager
     def open(self) -> Iterator[Terminal]:
@@ -92,8 +92,8 @@ class Terminal(Screen):
             await asyncio.sleep(KEYBOARD_PERIOD)
 
     def pressed(self, key: str) -> None:
-        leaves = key in "qQ" and not self._asks
-        self._leaving |= leaves
+        leaves = key in "qQ" and not self._is_asking
+        self._wants_to_leave |= leaves
         if key == " " or leaves:  # whoever wants to leave in the middle wants it to stop
             self.stop.set()
         self._keys.put_nowait(key.lower())
@@ -105,17 +105,17 @@ class Terminal(Screen):
 
     warn = say
 
-    def progress(self, part: float, what: str) -> None:
+    def progress(self, part: float, title: str) -> None:
         """Show how far the stage has come, below the last line."""
         done = round(BAR_COLUMNS * part)
-        line = f"[{'#' * done}{'.' * (BAR_COLUMNS - done)}] {what}"[: LINE_COLUMNS - 1]
+        line = f"[{'#' * done}{'.' * (BAR_COLUMNS - done)}] {title}"[: LINE_COLUMNS - 1]
         self._print(f"{line}\r")
         self._bar = len(line)
 
     def _print(self, text: str) -> None:
         """Print below a question, or over a progress bar; a terminal that is gone must not keep a mount moving."""
-        before = " " * self._bar + "\r" if self._bar else "\n" * self._asks
-        self._bar, self._asks = 0, False
+        before = " " * self._bar + "\r" if self._bar else "\n" * self._is_asking
+        self._bar, self._is_asking = 0, False
         with contextlib.suppress(OSError, ValueError):
             print(before + text, end="", flush=True)
 
@@ -126,13 +126,13 @@ class Terminal(Screen):
         while not self._keys.empty():
             self._keys.get_nowait()
         while not self.stop.is_set():
-            if self._leaving:
-                self._leaving = False
+            if self._wants_to_leave:
+                self._wants_to_leave = False
                 return "q"
             self._print(f"{textwrap.fill(question, LINE_COLUMNS - 4)} > ")
-            self._asks = True
+            self._is_asking = True
             if (key := await self._keys.get()) in keys:
-                self._asks = False
+                self._is_asking = False
                 self._print(f"{key}\n")
                 return key
         return " "
@@ -173,7 +173,7 @@ def _prove(arguments: argparse.Namespace) -> int:
     from gateway.diagnostics.prove.findings import load, save, write
     from gateway.diagnostics.prove.guide import GuidedCheck
 
-    config, _ = settings(arguments, served=False)
+    config, _ = settings(arguments, must_serve=False)
     if not sys.stdin.isatty():
         raise UserError("prove asks questions: start it in a terminal")
     folder: Path = arguments.folder
@@ -200,7 +200,7 @@ def _prove(arguments: argparse.Namespace) -> int:
         code = with_loop(False, serve)
     except MountTaken as taken:
         raise UserError(
-            f"another mount-gateway ({taken.by}) has this mount: end it first (Ctrl-C in its terminal), then "
+            f"another mount-gateway ({taken.holder}) has this mount: end it first (Ctrl-C in its terminal), then "
             "type this command again"
         ) from None
     if (findings := load(findings_file)).stages:

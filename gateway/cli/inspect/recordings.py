@@ -92,8 +92,8 @@ def _report(arguments: argparse.Namespace) -> int:
     night = gather(recording)
     write_whole(target, page(night, path.name), arguments.force or _is_report(target))
     print(f"wrote {target}")
-    if night.cut:
-        print(night.cut)
+    if night.cut_reason:
+        print(night.cut_reason)
     return 0
 
 

@@ -26,10 +26,10 @@ PROGRESS_PERIOD = 1.0
 NO_GATEWAY = "no gateway runs here{which}; mount-gateway run starts one, and root finds those of other users, too"
 
 
-def add_which(command: argparse.ArgumentParser, which: str = "which mount, if there are several") -> None:
+def add_which(command: argparse.ArgumentParser, verb: str = "which mount, if there are several") -> None:
     """Add the flags that choose a gateway."""
     command.add_argument(
-        "--mount", metavar="NAME", help=f"{which}: its name, or what --mount of run says, or the part of that behind @"
+        "--mount", metavar="NAME", help=f"{verb}: its name, or what --mount of run says, or the part of that behind @"
     )
     command.add_argument("--state", metavar="PATH", help="only gateways with this state folder")
 
@@ -65,9 +65,9 @@ def _flags(names: Iterable[str]) -> str:
     return " or ".join(sorted(f"--mount {name}" for name in names))
 
 
-def no_such_mount(mount: str, others: Iterable[str]) -> str:
+def no_such_mount(mount: str, mount_names: Iterable[str]) -> str:
     """Return the message for a mount that no gateway on this computer has, when gateways with other mounts run."""
-    return f"no gateway runs here for {mount}; write {_flags(others)}"
+    return f"no gateway runs here for {mount}; write {_flags(mount_names)}"
 
 
 def report_no_gateway(arguments: argparse.Namespace) -> None:
@@ -113,8 +113,8 @@ def run_with_gateway(
     return asyncio.run(run())
 
 
-async def cancelled_while_waiting(done: asyncio.Event) -> bool:
+async def cancelled_while_waiting(interrupted: asyncio.Event) -> bool:
     """Wait until the next request for the progress; return whether the user pressed Ctrl-C meanwhile."""
     with contextlib.suppress(TimeoutError):
-        await asyncio.wait_for(done.wait(), PROGRESS_PERIOD)
-    return done.is_set()
+        await asyncio.wait_for(interrupted.wait(), PROGRESS_PERIOD)
+    return interrupted.is_set()

@@ -123,10 +123,10 @@ def _add_wait(command: Parser) -> None:
     command.add_argument("--wait", action="store_true", help="wait until it has arrived; Ctrl-C stops it")
 
 
-def _add_request(command: Parser, make: Make) -> None:
+def _add_request(command: Parser, make_request: Make) -> None:
     """Add the flags that choose a gateway, and the function that makes the request."""
     gateway_client.add_which(command)
-    command.set_defaults(run=lambda arguments: _carry_out(arguments, make), wait=False)
+    command.set_defaults(run=lambda arguments: _carry_out(arguments, make_request), wait=False)
 
 
 def _move(arguments: argparse.Namespace) -> requests.MoveRequest:
@@ -135,12 +135,12 @@ def _move(arguments: argparse.Namespace) -> requests.MoveRequest:
     return requests.MoveRequest(Direction[arguments.direction.upper()], arguments.rate, arguments.seconds)
 
 
-def _carry_out(arguments: argparse.Namespace, make: Make) -> int:
+def _carry_out(arguments: argparse.Namespace, make_request: Make) -> int:
     """Send the request to the chosen gateway; cancel it if the user presses Ctrl-C."""
     from gateway.app.control.reach import ANSWER_TIMEOUT
     from gateway.app.control.reach import request as send
 
-    request = make(arguments)
+    request = make_request(arguments)
     lasting = request.seconds if isinstance(request, requests.MoveRequest) else 0.0
 
     async def work(endpoint: ControlEndpoint, done: asyncio.Event) -> int:
@@ -199,12 +199,12 @@ def place(arguments: argparse.Namespace) -> requests.Where:
     return requests.Spot(right if degrees else right * 15.0, up, arguments.j2000)
 
 
-def _angle(text: str, what: str, most: float, least: float) -> float:
+def _angle(text: str, what: str, maximum: float, minimum: float) -> float:
     """Parse an angle; return it in hours or degrees, as it was typed. Raises UserError."""
     try:
         value = sexagesimal.parse_typed(text)
     except ValueError:
         raise UserError(f"{text!r} is not {what}: write it like 05:34:32, or in degrees like 83.63") from None
-    if not least <= value <= most:
-        raise UserError(f"{text!r} is not {what}: it is from {least:g} to {most:g}")
+    if not minimum <= value <= maximum:
+        raise UserError(f"{text!r} is not {what}: it is from {minimum:g} to {maximum:g}")
     return value

@@ -38,7 +38,7 @@ async def open_console(page: ConsoleConfig, web: WebServer, screen: Screen, phon
     from gateway.app.discovery.offer import web_address
 
     try:
-        web.where = (await web.listen(page.at, PORTS_TRIED)).where
+        web.address = (await web.listen(page.at, PORTS_TRIED)).where
     except UserError as error:
         screen.warn(
             f"the console cannot be opened: {error}; the mount and its surfaces work without it, and --console "
@@ -49,7 +49,7 @@ async def open_console(page: ConsoleConfig, web: WebServer, screen: Screen, phon
         screen.say(line)
         for row in qr_code(line):
             screen.say(row)
-    screen.say(f"ready console {web_address(*split_address(web.where))}")
+    screen.say(f"ready console {web_address(*split_address(web.address))}")
 
 
 async def load_console(page: ConsoleConfig | None, gateways: Sequence[Gateway]) -> object:
@@ -97,7 +97,7 @@ def console_offers(web: WebServer) -> list[Offer]:
     """Return the offers to announce for a console: none if only this computer reaches it."""
     from gateway.app.discovery.offer import HTTP, Offer
 
-    offers = [Offer(HTTP, "tcp", *split_address(web.where))] if web.where else []
+    offers = [Offer(HTTP, "tcp", *split_address(web.address))] if web.address else []
     return [offer for offer in offers if offer.wide]
 
 

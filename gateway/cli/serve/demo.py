@@ -105,9 +105,9 @@ def _demo(arguments: argparse.Namespace) -> int:
     return with_loop(True, lambda: serve_mounts(config, banner))
 
 
-def free_port(first: int) -> int:
-    """Return the first free port from ``first`` on; ``first`` itself if all that were tried are in use."""
-    for port in range(first, min(first + PORTS_TRIED, 65536)):
+def free_port(first_port: int) -> int:
+    """Return the first free port from ``first_port`` on; ``first_port`` itself if all that were tried are in use."""
+    for port in range(first_port, min(first_port + PORTS_TRIED, 65536)):
         with socket.socket() as tried:
             if os.name == "posix":
                 tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -115,7 +115,7 @@ def free_port(first: int) -> int:
                 tried.bind(("127.0.0.1", port))
                 tried.listen()
                 return port
-    return min(first, 65535)
+    return min(first_port, 65535)
 
 
 def free_name(path: str) -> str:

@@ -36,32 +36,32 @@ MESSAGE_DELAY = 1.0
 
 async def serve(
     gateway: Gateway,
-    patient: bool,
+    waits_for_port: bool,
     longest: float,
-    ready: Callable[[Gateway], Awaitable[None]],
+    on_ready: Callable[[Gateway], Awaitable[None]],
     warn: Callable[[str], None],
 ) -> None:
-    """Wait for a mount and report that it is ready. Raises UserError if it does not answer, unless ``patient``.
+    """Wait for a mount and report that it is ready. Raises UserError if it does not answer, unless ``waits_for_port``.
 
     A silent port is given up after ``longest`` seconds, and not before a few.
     """
-    if not patient:
+    if not waits_for_port:
         await find(gateway, warn, longest)
-    answers = not patient or await gateway.wait_identified(READY_LINES_WAIT)
-    await ready(gateway)
+    answers = not waits_for_port or await gateway.wait_identified(READY_LINES_WAIT)
+    await on_ready(gateway)
     if not answers and not await _found(gateway, warn):
         reason = gateway.controller.line.reason or "no answer"
         at = f" at {gateway.config.baud} baud (mounts talk at {BAUD})" * (gateway.config.baud != BAUD)
         warn(f"{gateway.title}: {reason}{at}; the gateway keeps trying")
 
 
-async def _found(gateway: Gateway, warn: Callable[[str], None], more: float | None = None) -> bool:
+async def _found(gateway: Gateway, warn: Callable[[str], None], retry_wait: float | None = None) -> bool:
     """Wait for the mount and return whether it answers; give up early if there is little hope.
 
-    A port may be silent for `REPLY_WAIT` seconds, or for ``more`` seconds when the wait is repeated.
+    A port may be silent for `REPLY_WAIT` seconds, or for ``retry_wait`` seconds when the wait is repeated.
     """
     line, now, position = gateway.controller.line, asyncio.get_running_loop().time, gateway.controller.context.found
-    began, said, soon = now(), more is not None, NAMED_PORT_WAIT if gateway.mount.model else UNNAMED_PORT_WAIT
+    began, said, soon = now(), retry_wait is not None, NAMED_PORT_WAIT if gateway.mount.model else UNNAMED_PORT_WAIT
     heard = began if line.transaction.ever_answered else None
     while not (position.is_set() and now() > began + soon):
         if await gateway.wait_identified(0.1):
@@ -69,7 +69,7 @@ async def _found(gateway: Gateway, warn: Callable[[str], None], more: float | No
         if heard is None and line.transaction.ever_answered:
             heard = now()
         hope = (
-            (REPLY_WAIT if more is None else more)
+            (REPLY_WAIT if retry_wait is None else retry_wait)
             if heard is None
             else MODEL_WAIT
             if line.times.answers

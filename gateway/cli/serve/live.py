@@ -30,16 +30,16 @@ TERMINAL_PERIOD, SYSTEMD_PERIOD = 1.0, 5.0
 class Screen:
     """Prints lines for the user, and below them, on a terminal, a status line that is rewritten in place.
 
-    With ``as_json`` warnings are written as JSON, like the log for programs, which uses the same stream.
+    With ``prints_json`` warnings are written as JSON, like the log for programs, which uses the same stream.
     """
 
-    def __init__(self, terminal: TextIO | None, night: bool = False, as_json: bool = False) -> None:
-        self.terminal, self._as_json = terminal, as_json
+    def __init__(self, terminal: TextIO | None, night_colours: bool = False, prints_json: bool = False) -> None:
+        self.terminal, self._prints_json = terminal, prints_json
         self._colours: dict[str, str] = {}
-        if terminal is not None and night:
+        if terminal is not None and night_colours:
             from gateway.diagnostics.log.layout import colours_of
 
-            self._colours = colours_of(terminal, night)
+            self._colours = colours_of(terminal, night_colours)
         self._shown_length = 0
 
     @property
@@ -80,7 +80,7 @@ class Screen:
     def warn(self, text: str) -> None:
         """Print a warning on stderr; ignore errors, because a closed terminal must not keep a mount moving."""
         self.clear()
-        if self._as_json:
+        if self._prints_json:
             streams.print_to_stderr(f"{streams.level(streams.WARNING, sys.stderr)}{warning(time.time(), text)}")
         else:
             streams.warn(text, streams.WARNING)

@@ -33,13 +33,13 @@ def add_run(commands: Commands) -> None:
               "       mount-gateway run gateway.toml",
         description="Connects programs to a mount. Prints a line that begins with \"ready\" for every place where they "
                     "can connect. Ctrl-C stops the mount and ends the gateway.",
-        late=lambda: HELP_EPILOG,
+        late_epilog=lambda: HELP_EPILOG,
         more=str,
     )  # fmt: skip
     loop = run.add_argument(
         "--loop", choices=("fast", "asyncio"), default="fast", help="event loop: uvloop where it exists"
     )
-    run.hidden = [loop, *add_settings(run)]
+    run.hidden_actions = [loop, *add_settings(run)]
     run.set_defaults(run=_run)
 
 

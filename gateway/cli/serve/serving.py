@@ -217,22 +217,22 @@ async def _say_new_addresses(phone: PhoneLines, reached: Callable[[], list[Offer
             say(line)
 
 
-async def _print_first_messages(gateway: Gateway, screen: Screen, several: bool) -> None:
+async def _print_first_messages(gateway: Gateway, screen: Screen, several_mounts: bool) -> None:
     """Print the first messages, once the mount has reported its identity, site and clock."""
     from gateway.app.control.user_messages import first_messages
 
     await gateway.controller.settled.wait()
     for message in first_messages(gateway.controller, gateway.mount.model, gateway.mount.version):
-        (screen.warn if message.warns else screen.say)(f"{gateway.title}: " * several + message.text)
+        (screen.warn if message.warns else screen.say)(f"{gateway.title}: " * several_mounts + message.text)
 
 
-def _print_last_message(gateway: Gateway, moved: bool, screen: Screen, several: bool) -> None:
+def _print_last_message(gateway: Gateway, moved: bool, screen: Screen, several_mounts: bool) -> None:
     """Print the last message: the actions at the end, and the final state of the mount."""
     from gateway.app.control.user_messages import last_message
 
     message = last_message(gateway.controller, moved) if gateway.prepared else None
     if message is not None:
-        (screen.warn if message.warns else screen.say)(f"{gateway.title}: " * several + message.text)
+        (screen.warn if message.warns else screen.say)(f"{gateway.title}: " * several_mounts + message.text)
 
 
 def _surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
@@ -261,8 +261,8 @@ async def _stop_before_suspension(gateways: Sequence[Gateway], screen: Screen) -
     except (Fault, TimeoutError):
         outcome = "the mount has not acknowledged the stop; look at it"
     for gateway in gateways:
-        if gateway.watched is not None:
-            gateway.watched.renew()  # else the watchdog process, which gets no heartbeats now, would stop it again
+        if gateway.watchdog_mount is not None:
+            gateway.watchdog_mount.renew()  # else the watchdog process, without heartbeats now, would stop it again
     screen.warn(f"suspended: {outcome}. Programs get no answers until the gateway continues (fg, or bg)")
 
 

@@ -74,7 +74,7 @@ def add_settings(parser: argparse.ArgumentParser) -> list[argparse.Action]:
         metavar="PROTOCOL@WHERE",
         help="for example nexstar@/dev/ttyUSB0",
         action=Once,
-        because="write several mounts into gateway.toml, each under its own [[mount]] (mount-gateway config "
+        reason="write several mounts into gateway.toml, each under its own [[mount]] (mount-gateway config "
         "--example shows how)",
     )
     ends.add_argument(
@@ -90,7 +90,7 @@ def add_settings(parser: argparse.ArgumentParser) -> list[argparse.Action]:
         metavar="FILE",
         help="read this gateway.toml; options given here win",
         action=Once,
-        because="write one file",
+        reason="write one file",
     )
     parser.add_argument("file", nargs="?", type=Path, metavar="FILE", help=argparse.SUPPRESS)
     groups = {title: parser.add_argument_group(title) for title in (MOUNT_GROUP, SURFACE_GROUP, *FLAG_GROUPS)}
@@ -101,7 +101,7 @@ def add_settings(parser: argparse.ArgumentParser) -> list[argparse.Action]:
         add_flag(groups[SURFACE_GROUP], key)
     for table in TABLE_FLAGS:
         add_table_flags(parser, table)
-    common = {key.name.replace("-", "_") for table in TABLES for key in keys(table) if key.common}
+    common = {key.name.replace("-", "_") for table in TABLES for key in keys(table) if key.in_short_help}
     common |= {*before, "mount", "surface", "config", "file", "console"}
     return [action for action in parser._actions if action.dest not in common]
 
@@ -111,7 +111,7 @@ def add_table_flags(parser: argparse.ArgumentParser, table: str) -> None:
     about, flags = TABLE_FLAGS[table]
     group, known = parser.add_argument_group(about), {key.name: key for key in keys(table)}
     for flag, name in flags.items():
-        group.add_argument(f"--{flag}", metavar=known[name].shown, help=known[name].help)
+        group.add_argument(f"--{flag}", metavar=known[name].metavar, help=known[name].help)
     if table == "console":
         group.add_argument("--no-console", dest="console", action="store_const", const=OFF, help="no console")
 
@@ -129,14 +129,14 @@ def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
     """Add the flag of a key. A flag for true, false or a choice of words needs no value, or has ``=WORD``."""
     help_text = f"{key.description} (default: yes)" if key.default is True else key.description
     if isinstance(key.default, bool) and key.choices:
-        group.add_argument(f"--{key.name}", nargs="?", const=True, type=_word, metavar=key.shown, help=help_text)
+        group.add_argument(f"--{key.name}", nargs="?", const=True, type=_word, metavar=key.metavar, help=help_text)
         group.add_argument(f"--no-{key.name}", dest=key.name, action="store_const", const=False, help=argparse.SUPPRESS)
-    elif isinstance(key.default, bool) and key.several:
-        group.add_argument(f"--{key.name}", nargs="?", const=ALL, metavar=f"{ALL},{key.shown}", help=help_text)
+    elif isinstance(key.default, bool) and key.is_list:
+        group.add_argument(f"--{key.name}", nargs="?", const=ALL, metavar=f"{ALL},{key.metavar}", help=help_text)
     elif isinstance(key.default, bool) or key.right == "true or false":
         group.add_argument(f"--{key.name}", action=argparse.BooleanOptionalAction, default=None, help=help_text)
     elif key.flag:
-        group.add_argument(f"--{key.name}", metavar=key.shown.replace("|", ","), help=key.help)
+        group.add_argument(f"--{key.name}", metavar=key.metavar.replace("|", ","), help=key.help)
 
 
 def _word(text: str) -> bool | str:
@@ -154,11 +154,11 @@ def naming_flag(flag: str) -> Iterator[None]:
 
 
 class Once(argparse.Action):
-    """A flag that may be given only once; ``because`` says what to write instead of a second one."""
+    """A flag that may be given only once; ``reason`` says what to write instead of a second one."""
 
-    def __init__(self, *arguments: Any, because: str, **others: Any) -> None:
+    def __init__(self, *arguments: Any, reason: str, **others: Any) -> None:
         super().__init__(*arguments, **others)
-        self._because = because
+        self._reason = reason
 
     def __call__(
         self,
@@ -168,13 +168,13 @@ class Once(argparse.Action):
         option_string: str | None = None,
     ) -> None:
         if getattr(namespace, self.dest) is not None:
-            raise UserError(f"{option_string} is given twice: {self._because}")
+            raise UserError(f"{option_string} is given twice: {self._reason}")
         setattr(namespace, self.dest, values)
 
 
-def settings(arguments: argparse.Namespace, served: bool = True) -> tuple[Config, Source]:
+def settings(arguments: argparse.Namespace, must_serve: bool = True) -> tuple[Config, Source]:
     """Return the merged configuration, and the source of its values; it needs surfaces if programs are to be
-    ``served``. Raises UserError."""
+    ``must_serve``. Raises UserError."""
     tables: dict[str, object] = {}
     source = Source("command line")
     path = _file(arguments)
@@ -182,7 +182,7 @@ def settings(arguments: argparse.Namespace, served: bool = True) -> tuple[Config
         tables, source = read_tables(path)
     _put_flags(arguments, tables, source)
     try:
-        config = make_config(tables, source, served)
+        config = make_config(tables, source, must_serve)
     except UserError as error:
         if path is None and not arguments.surface and DEFAULT_FILE.is_file():
             raise UserError(f"{error} ({DEFAULT_FILE} of this folder is not read where --mount is given)") from None
@@ -277,7 +277,7 @@ def _value(key: Key, text: Any) -> Any:
             return list(parse_site(text))
     if text == ALL and isinstance(key.default, bool):
         return True
-    value = text.split(",") if key.several and text not in key.choices else text
+    value = text.split(",") if key.is_list and text not in key.choices else text
     try:
         return msgspec.to_builtins(msgspec.convert(value, key.kind, strict=False))
     except msgspec.ValidationError:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def add_sim(commands: Commands) -> None:
-    sim = commands.add_parser("sim", late=lambda: f"{_EPILOG}\n{models()}")
+    sim = commands.add_parser("sim", late_epilog=lambda: f"{_EPILOG}\n{models()}")
     sim.add_argument("device", metavar="PROTOCOL[:MODEL[/VERSION]]", help="for example nexstar:cpc/4.21")
     sim.add_argument("--at", action="append", metavar="WHERE", help="tcp://HOST:PORT or pty:PATH; may be repeated")
     sim.add_argument("--latency", type=float, default=0.0, metavar="S", help="seconds to answer (a real one: 0.1-0.3)")
@@ -108,7 +108,7 @@ def models() -> str:
 def _sim(arguments: argparse.Namespace) -> int:
     from gateway.app.simulated import make_simulator, parse_time, running_clock
 
-    endpoint = parse_device(arguments.device, of="mount")
+    endpoint = parse_device(arguments.device, part="mount")
     if not (0 <= arguments.latency < inf and 0 < arguments.speed < inf):
         raise UserError("sim: --latency is 0 or more seconds, --speed more than 0")
     places = arguments.at or ["tcp://127.0.0.1:0"]
@@ -140,13 +140,13 @@ def _sim(arguments: argparse.Namespace) -> int:
 
 
 async def _serve(
-    simulator: Simulated, name: str, places: list[str], latency: float, baud: int | None, truth: str | None
+    simulator: Simulated, name: str, places: list[str], latency: float, baud: int | None, truth_path: str | None
 ) -> int:
     from gateway.app.discovery.offer import network_offers
     from gateway.app.simulated import serve_simulator
 
     done = until_signal()
-    file = None if truth is None else _open(truth)
+    file = None if truth_path is None else _open(truth_path)
     ports = await serve_simulator(simulator, places, latency, baud)
     for port in ports:
         streams.say(f"ready {name}@{port.where}")

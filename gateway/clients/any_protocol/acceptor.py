@@ -30,17 +30,17 @@ class AnyConnection:
 
     def __init__(self, port: AnyAcceptor, connected: Connected, closed: Callable[[], None]) -> None:
         self._acceptors, self._web, self._controller, self._closed = port.acceptors, port.web, port.controller, closed
-        self._connected, self.host = connected, connected.host
+        self._transport, self.host = connected, connected.host
         #: The connection that answers, and its protocol; preliminary while the protocol is undecided.
         self._handler: ConnectionHandler | None = None
         self._protocol = ""
         #: Received bytes that no connection has got yet.
-        self.sent = b""
+        self.undelivered = b""
         #: Bytes that were answered before the decision.
         self._answered_bytes = b""
         self._last_received = -1e9
         self.feed: Callable[[bytes], None] = self._recognise
-        self._silence = port.controller.loop.call_later(GREETING_DELAY, self._greet)
+        self._greeting_timer = port.controller.loop.call_later(GREETING_DELAY, self._greet)
 
     @property
     def decided(self) -> bool:
@@ -52,12 +52,12 @@ class AnyConnection:
         return self._handler is None or self._handler.answered
 
     def peer_closed(self) -> None:
-        self._silence.cancel()
+        self._greeting_timer.cancel()
         if self._handler is not None:
             self._handler.peer_closed()
 
     def close(self) -> None:
-        self._silence.cancel()
+        self._greeting_timer.cancel()
         self.feed = lambda data: None
         if self._handler is not None:
             self._handler.close()
@@ -72,17 +72,17 @@ class AnyConnection:
             self._answer_in(protocol, f"because the program has sent nothing for {GREETING_DELAY:g} s")
 
     def _recognise(self, data: bytes) -> None:
-        self._silence.cancel()
+        self._greeting_timer.cancel()
         now = self._controller.now()
-        if now - self._last_received >= INCOMPLETE_TIMEOUT and (half := self.sent.lstrip(IDLE_BYTES)):
+        if now - self._last_received >= INCOMPLETE_TIMEOUT and (half := self.undelivered.lstrip(IDLE_BYTES)):
             self._controller.wire_log.put(
-                self._connected.name, "x", half, "an incomplete command that was not continued within a second"
+                self._transport.name, "x", half, "an incomplete command that was not continued within a second"
             )
-            self.sent = b""
+            self.undelivered = b""
         self._last_received = now
-        self.sent += data
+        self.undelivered += data
         waits = self._handler is not None and PROTOCOLS[self._protocol].mount_speaks_first
-        while rest := self.sent.lstrip(IDLE_BYTES):
+        while rest := self.undelivered.lstrip(IDLE_BYTES):
             verdict = decide(rest)
             if verdict is None:
                 break
@@ -90,28 +90,28 @@ class AnyConnection:
             if verdict.protocol == HTTP_PROTOCOL:
                 self._pass_to_web(rest)
                 return
-            self._answer_in(verdict.protocol, verdict.why)
+            self._answer_in(verdict.protocol, verdict.reason)
             assert self._handler is not None
             count = shared_prefix(verdict.protocol, rest)
             if not count:
                 self._decide()
                 return
-            common, self.sent = rest[:count], rest[count:]
+            common, self.undelivered = rest[:count], rest[count:]
             self._answered_bytes += common
             self._handler.feed(common)
         if waits:
             self._close_handler()  # the first byte does not decide for that protocol
         if not rest:
-            self.sent = self.sent[-MAX_IDLE_BYTES:]
+            self.undelivered = self.undelivered[-MAX_IDLE_BYTES:]
 
-    def _answer_in(self, protocol: str, why: str = "") -> None:
+    def _answer_in(self, protocol: str, reason: str = "") -> None:
         """Let the acceptor of this protocol answer from now on."""
         if protocol == self._protocol:
             return
         self._close_handler()
         self._protocol = protocol
-        self._controller.wire_log.put(self._connected.name, "~", note=", ".join(filter(None, (protocol, why))))
-        self._handler = self._acceptors[protocol].create_silently(self._connected, first_bytes=self._answered_bytes)
+        self._controller.wire_log.put(self._transport.name, "~", note=", ".join(filter(None, (protocol, reason))))
+        self._handler = self._acceptors[protocol].create_silently(self._transport, first_bytes=self._answered_bytes)
 
     def _close_handler(self) -> None:
         """Close the connection that has answered until now."""
@@ -122,17 +122,17 @@ class AnyConnection:
     def _decide(self) -> None:
         assert self._handler is not None
         self.feed = self._handler.feed
-        sent, self.sent = self.sent, b""
+        sent, self.undelivered = self.undelivered, b""
         self.feed(sent)
 
-    def _pass_to_web(self, sent: bytes) -> None:
+    def _pass_to_web(self, received: bytes) -> None:
         self._close_handler()
         text = "speaks HTTP: passed to the console, nothing of it reaches the mount"
-        self._controller.wire_log.note_once(self._connected.name, text, of=self.host)
-        if self._connected.hand_over is not None:
-            self._connected.hand_over(lambda transport: self._web.take(transport, sent))
-        elif self._connected.hang_up is not None:
-            self._connected.hang_up(answer_of(*NO_PAGE_RESPONSE))
+        self._controller.wire_log.note_once(self._transport.name, text, key=self.host)
+        if self._transport.hand_over is not None:
+            self._transport.hand_over(lambda transport: self._web.take(transport, received))
+        elif self._transport.hang_up is not None:
+            self._transport.hang_up(answer_of(*NO_PAGE_RESPONSE))
 
 
 class AnyAcceptor:

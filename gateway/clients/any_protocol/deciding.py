@@ -23,22 +23,22 @@ class Decision(NamedTuple):
     """The protocol, and the reason if the user may want to know it."""
 
     protocol: str
-    why: str = ""
+    reason: str = ""
 
 
-def decide(sent: bytes) -> Decision | None:
+def decide(received: bytes) -> Decision | None:
     """Return the verdict for these bytes, which do not begin with idle bytes; None if more bytes are needed."""
-    if any(sent.startswith(method) for method in _methods()):
+    if any(received.startswith(method) for method in _methods()):
         return Decision(HTTP_PROTOCOL)
     spoken = streams()
-    whole = [name for name in spoken if (match := re.match(PROTOCOLS[name].opening, sent)) and match.end()]
+    whole = [name for name in spoken if (match := re.match(PROTOCOLS[name].opening, received)) and match.end()]
     if whole:
         titles = " and ".join(PROTOCOLS[name].title for name in whole)
         return Decision(whole[0], f"because {titles} programs may begin like this" if len(whole) > 1 else "")
-    if any(method.startswith(sent) for method in _methods()):
+    if any(method.startswith(received) for method in _methods()):
         return None
-    begun = [name for name in spoken if load(name).may_begin(sent)]
-    begun = begun or [name for name in spoken if load(name).may_begin(sent[:1])]
+    begun = [name for name in spoken if load(name).may_begin(received)]
+    begun = begun or [name for name in spoken if load(name).may_begin(received[:1])]
     if len(begun) > 1:
         return None
     return (
@@ -46,16 +46,16 @@ def decide(sent: bytes) -> Decision | None:
     )
 
 
-def shared_prefix(protocol: str, sent: bytes) -> int:
+def shared_prefix(protocol: str, received: bytes) -> int:
     """Return how many of these bytes are commands with which clients of other protocols may begin, too."""
     pattern = PROTOCOLS[protocol].shared_openings
-    match = re.match(pattern, sent) if pattern is not None else None
+    match = re.match(pattern, received) if pattern is not None else None
     return match.end() if match is not None else 0
 
 
-def may_change(protocol: str, sent: bytes) -> bool:
+def may_change(protocol: str, received: bytes) -> bool:
     """Whether these bytes, so far taken for this protocol, may still turn out to be another protocol."""
-    rest = sent.lstrip(IDLE_BYTES)
+    rest = received.lstrip(IDLE_BYTES)
     return PROTOCOLS[protocol].mount_speaks_first or (bool(rest) and shared_prefix(protocol, rest) == len(rest))
 
 

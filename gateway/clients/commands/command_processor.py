@@ -72,42 +72,42 @@ class Pushes:
     """The subscriptions of a connection: readings that are sent without a request.
 
     Each has its own timer, so that a slow reading does not delay the others. A reading that the mount cannot give now
-    is skipped, and so is a reading that falls due while earlier bytes are unread. ``read`` takes a reading in this
-    client's form, ``send`` writes bytes, ``unsent`` counts pending bytes.
+    is skipped, and so is a reading that falls due while earlier bytes are unread. ``read_operation`` takes a reading in
+    this client's form, ``send_bytes`` writes bytes, ``count_unsent`` counts pending bytes.
     """
 
     def __init__(
         self,
         subscriptions: Sequence[Subscription],
-        read: Callable[[Operation], Awaitable[object]],
-        send: Callable[[bytes], None],
-        unsent: Callable[[], int],
+        read_operation: Callable[[Operation], Awaitable[object]],
+        send_bytes: Callable[[bytes], None],
+        count_unsent: Callable[[], int],
         spawn: Callable[[Coroutine[object, object, None]], asyncio.Task[None]],
     ) -> None:
-        self._read, self._send, self._unsent = read, send, unsent
+        self._read_operation, self._send_bytes, self._unsent_bytes = read_operation, send_bytes, count_unsent
         self._tasks = [spawn(self._serve(subscription)) for subscription in subscriptions]
 
     async def _serve(self, subscription: Subscription) -> None:
         """Run until cancelled. Times that were missed are skipped."""
         now = asyncio.get_running_loop().time
-        last, due = b"", now() + subscription.after
-        if subscription.after:
-            await asyncio.sleep(subscription.after)
+        last, due = b"", now() + subscription.first_delay
+        if subscription.first_delay:
+            await asyncio.sleep(subscription.first_delay)
         while True:
-            if not self._unsent():
+            if not self._unsent_bytes():
                 last = await self._push(subscription, last)
-            due = max(due + subscription.every, now())
+            due = max(due + subscription.period, now())
             await asyncio.sleep(due - now())
 
-    async def _push(self, subscription: Subscription, last: bytes) -> bytes:
+    async def _push(self, subscription: Subscription, last_bytes: bytes) -> bytes:
         """Send a reading. Return the bytes that were sent last."""
         try:
-            data = subscription.encode(await self._read(subscription.operation))
+            data = subscription.encode(await self._read_operation(subscription.operation))
         except Fault:
-            return last
-        if not data or (subscription.changes and data == last):
-            return last
-        self._send(data)
+            return last_bytes
+        if not data or (subscription.changes and data == last_bytes):
+            return last_bytes
+        self._send_bytes(data)
         return data
 
     def close(self) -> None:
@@ -138,15 +138,15 @@ class CommandProcessor:
         self._cache = self.runner.cache
         #: The task of the command that waits for the mount, and the tasks of commands whose reply is too late.
         self._task: asyncio.Task[None] | None = None
-        self._detached: set[asyncio.Task[None]] = set()
+        self._detached_tasks: set[asyncio.Task[None]] = set()
         #: The command that waits for the mount; and whether its reply may take until the next command.
-        self._turn: Turn | None = None
-        self._lasting = False
-        self.open = True
+        self._waiting_turn: Turn | None = None
+        self._may_outlast = False
+        self.is_open = True
         #: Whether the next byte begins a command.
-        self._idle = True
+        self._between_commands = True
         #: What the program may leave unread of its last reply; over a network only.
-        self.unread = UnreadText(self._send, self.log, controller.loop, binding.hold if connected.hang_up else 0.0)
+        self.unread_text = UnreadText(self._send, self.log, controller.loop, binding.hold if connected.hang_up else 0.0)
         #: The baud rate, if the connection is a serial port.
         self._rate = None if connected.change_rate is None else BaudTrial(connected.change_rate)
         subscriptions, unsent = self.surface.subscriptions(session), lambda: self.write(b"") or 0
@@ -155,7 +155,7 @@ class CommandProcessor:
     @property
     def busy(self) -> bool:
         """Whether an operation of this client is still under way."""
-        return self._task is not None or bool(self._detached) or bool(self.runner.background)
+        return self._task is not None or bool(self._detached_tasks) or bool(self.runner.background)
 
     @property
     def answered(self) -> bool:
@@ -166,31 +166,32 @@ class CommandProcessor:
         """The client's program is known now: serve it by its profile."""
         self.session.recognised(profile.settings)
         self.runner.equinox = profile.equinox or self.runner.equinox
-        self.unread.hold, self.releases.by_stop = profile.hold, profile.stops_arrows
+        self.unread_text.hold_time, self.releases.by_stop = profile.hold, profile.stops_arrows
         self.log.note(f"recognised client {profile.program}: applying its profile")
 
     # --- bytes in ---------------------------------------------------------------------------------------------------
 
-    def feed(self, data: bytes, stops: int | None = None, arrived: float | None = None) -> None:
+    def feed(self, data: bytes, stop_count: int | None = None, arrived_at: float | None = None) -> None:
         """Process received bytes.
 
-        If they were sent earlier, ``stops`` is the controller's count of stops at that time. If they were held back,
-        ``arrived`` is the loop time of their arrival. Without bytes, those that the framer held back are processed.
+        If they were sent earlier, ``stop_count`` is the controller's count of stops at that time. If they were held
+        back, ``arrived_at`` is the loop time of their arrival. Without bytes, those that the framer held back are
+        processed.
         """
-        self.activity.sent_data |= stops != NO_DEADLINE
+        self.activity.sent_data |= stop_count != NO_DEADLINE
         if self.log.sinks and data:
             self.log.put("raw", data)
-        if self.unread.hold:
-            self.unread.heard(data)
-        if self._idle and self._task is None and self._answer_from_cache(data):
+        if self.unread_text.hold_time:
+            self.unread_text.heard(data)
+        if self._between_commands and self._task is None and self._answer_from_cache(data):
             return
-        arrived = self.controller.now() if arrived is None else arrived
-        frames = self.framer.feed(data, arrived)
+        arrived_at = self.controller.now() if arrived_at is None else arrived_at
+        frames = self.framer.feed(data, arrived_at)
         if self.log.sinks:
             self._log_dropped()
-        self._idle = self.framer.idle  # else the next bytes may belong to these
+        self._between_commands = self.framer.idle  # else the next bytes may belong to these
         if self.framer.held:
-            self.controller.loop.call_later(RESYNC_GAP, self._feed_held, stops)
+            self.controller.loop.call_later(RESYNC_GAP, self._feed_held, stop_count)
         ended: set[bytes] = set()  # frames that ended a motion, with no other command since
         for frame in frames:
             if isinstance(frame, Unterminated):
@@ -205,19 +206,19 @@ class CommandProcessor:
                 ended.clear()
             else:
                 ended.add(frame)
-                self._end_motion(frame, ending, arrived)
+                self._end_motion(frame, ending, arrived_at)
             steps = self.surface.handle(self.session, frame)
-            before = self._wanted.value.stops if stops is None else stops
-            self._inbox.add(Turn(frame, steps, before, ending, arrived))
-        if self._lasting and self._inbox and self._turn is not None:
-            self._give_up(self._turn)
+            before = self._wanted.value.stops if stop_count is None else stop_count
+            self._inbox.add(Turn(frame, steps, before, ending, arrived_at))
+        if self._may_outlast and self._inbox and self._waiting_turn is not None:
+            self._give_up(self._waiting_turn)
         if self._task is None:
             self._pump()
 
-    def _feed_held(self, stops: int | None) -> None:
+    def _feed_held(self, stop_count: int | None) -> None:
         """Process what the framer has held back, unless the client has gone or more has arrived."""
-        if self.open and self.framer.held:
-            self.feed(b"", stops)
+        if self.is_open and self.framer.held:
+            self.feed(b"", stop_count)
 
     def _answer_from_cache(self, data: bytes) -> bool:
         """Send a cached reply to the same command again if it is still valid. Return whether it was."""
@@ -228,16 +229,16 @@ class CommandProcessor:
             return False
         reply, kinds = cached
         controller.touch(kinds, now)  # a cached reply counts as interest in its readings
-        self.session.last = data
+        self.session.last_frame = data
         if self.log.sinks:
             self.log.put(">", data)
             self.log.put("<", reply)
         self.write(reply)
         return True
 
-    def _end_motion(self, frame: bytes, ending: UrgentEnd, arrived: float) -> None:
+    def _end_motion(self, frame: bytes, ending: UrgentEnd, arrived_at: float) -> None:
         """End a motion before all waiting commands, and remove those that would begin it."""
-        ends = self.releases.ends(frame, ending, arrived, self._turn)
+        ends = self.releases.ends(frame, ending, arrived_at, self._waiting_turn)
         if ends is None:
             return
         self._inbox.take_back(ends.takes_back, frame)
@@ -245,7 +246,7 @@ class CommandProcessor:
             if not (self.releases.by_stop and self.controller.reconciler.releases_arrow(self.activity)):
                 self.controller.begin_stop(self.activity.who)
         else:
-            self.runner.background.start(ends.operation, self._wanted.value.stops, arrived)
+            self.runner.background.start(ends.operation, self._wanted.value.stops, arrived_at)
 
     def _log_dropped(self) -> None:
         for why, data in self.framer.dropped.items():
@@ -266,7 +267,7 @@ class CommandProcessor:
             except Exception as error:  # a defect must cost a single command, never the client's connection
                 self.runner.defect(turn.frame, error)
                 continue
-            self._task, self._turn = self.controller.loop.create_task(self._wait(turn, wanted)), turn
+            self._task, self._waiting_turn = self.controller.loop.create_task(self._wait(turn, wanted)), turn
             until = turn.arrived + MOUNT_TIMEOUT
             if self.controller.now() < until:
                 turn.timer = self.controller.loop.call_at(until, self._give_up, turn)
@@ -275,34 +276,34 @@ class CommandProcessor:
 
     def _give_up(self, turn: Turn) -> None:
         """The mount has not answered in time: leave this command without a reply and continue with the next."""
-        self._lasting = turn.lasting and not self._inbox
-        if turn is self._turn and not self._lasting:
+        self._may_outlast = turn.lasting and not self._inbox
+        if turn is self._waiting_turn and not self._may_outlast:
             self._detach(turn)
             self._pump()
 
     def _detach(self, turn: Turn) -> None:
         """Detach the task under way from this command, and answer as if the mount does not respond."""
         assert self._task is not None
-        self._detached.add(self._task)
-        self._task.add_done_callback(self._detached.discard)
-        self._task, self._turn, turn.late = None, None, True
+        self._detached_tasks.add(self._task)
+        self._task.add_done_callback(self._detached_tasks.discard)
+        self._task, self._waiting_turn, turn.late = None, None, True
         reply = self.surface.unanswered(turn.frame, NoAnswer())
         if not reply:
             self._log_no_reply(turn.frame)
         self._answer(turn, reply)
 
-    async def _wait(self, turn: Turn, wanted: Operation) -> None:
+    async def _wait(self, turn: Turn, operation: Operation) -> None:
         """Finish a command that needs the mount, then continue with the commands that arrived meanwhile."""
         turn.reusable = False
         reply = None
         try:
-            reply = await self.runner.finish(turn, wanted)
+            reply = await self.runner.finish(turn, operation)
         except Exception as error:
             self.runner.defect(turn.frame, error)
         finally:
             if not turn.late:
-                self._task = self._turn = None
-                self._lasting = False
+                self._task = self._waiting_turn = None
+                self._may_outlast = False
                 if turn.timer is not None:
                     turn.timer.cancel()
         if turn.late:
@@ -315,7 +316,7 @@ class CommandProcessor:
 
     def _answer(self, turn: Turn, reply: bytes | None) -> None:
         frame, now = turn.frame, self.controller.now()
-        self.session.last = frame
+        self.session.last_frame = frame
         self._log_refused(frame)
         if not (turn.reusable and turn.readings):
             self._cache.clear()
@@ -326,8 +327,8 @@ class CommandProcessor:
             self._log_no_reply(frame)
         if reply:
             read = self.surface.protocol.partly_read.get(frame)
-            if self.unread.hold and read is not None:
-                reply = self.unread.read_part(reply, read, bool(self._inbox))
+            if self.unread_text.hold_time and read is not None:
+                reply = self.unread_text.read_part(reply, read, bool(self._inbox))
             self._send(reply)
         elif self.log.sinks and (why := self.surface.silence(self.session, frame)):
             self.log.note_once(f"no reply to {show(frame)}: {why}")
@@ -359,9 +360,9 @@ class CommandProcessor:
 
     def close(self) -> None:
         """The connection is closed: its operations continue, their replies are dropped."""
-        self.open = False
+        self.is_open = False
         self.write = lambda data: None
-        self.unread.drop()
+        self.unread_text.drop()
         self._pushes.close()
         for frame in self.framer.end():  # the next connection must not continue an incomplete command
             self.log.note(frame.refusal_text)

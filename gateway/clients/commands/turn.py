@@ -55,8 +55,8 @@ class Turn(Struct, eq=False):
 
     ``ending`` is the motion that it ended on arrival. ``reusable``: its reply depends only on the cached ``readings``.
     ``ended_motion``: its last operation ended a motion. ``lasting``: its reply may take until the next command.
-    ``late``: its reply is no longer sent. ``baud``: the rate to use after its reply. ``held``: for how many seconds the
-    arrow that it presses was held, if its release has arrived already.
+    ``late``: its reply is no longer sent. ``baud``: the rate to use after its reply. ``held``: for how many
+    seconds the arrow that it presses was held, if its release has arrived already.
     """
 
     frame: bytes
@@ -137,21 +137,21 @@ class ReplyCache:
     def __init__(self, controller: MountController) -> None:
         self._controller = controller
         self._replies: dict[bytes, tuple[bytes, Kinds]] = {}
-        self._version, self._until = -1, 0.0
+        self._version, self._valid_until = -1, 0.0
 
     def reply(self, command: bytes, now: float) -> tuple[bytes, Kinds] | None:
         """Return the cached reply to this command, and the kinds of readings it was made of; None if not valid."""
-        current = now < self._until and self._version == self._controller.version
+        current = now < self._valid_until and self._version == self._controller.version
         return self._replies.get(command) if current else None
 
     def remember(self, command: bytes, reply: bytes, kinds: Kinds, now: float) -> None:
         """Cache a reply that is valid until one of these readings expires."""
         version, until = self._controller.version, self._controller.fresh_until(kinds)
-        if self._version != version or now >= self._until or len(self._replies) >= MAX_CACHED_REPLIES:
+        if self._version != version or now >= self._valid_until or len(self._replies) >= MAX_CACHED_REPLIES:
             self._replies.clear()
-            self._version, self._until = version, float("inf")
+            self._version, self._valid_until = version, float("inf")
         self._replies[command] = reply, kinds
-        self._until = min(self._until, until)
+        self._valid_until = min(self._valid_until, until)
 
     def clear(self) -> None:
         """Forget all replies, because something was changed or may have been."""
@@ -172,10 +172,10 @@ class BackgroundOperations:
     def __bool__(self) -> bool:
         return bool(self._operations)
 
-    def start(self, operation: op.Operation, stops: int, asked: float) -> None:
+    def start(self, operation: op.Operation, stop_count: int, asked: float) -> None:
         """Start an operation without a reply, which the client ``asked`` for then; a failure goes to the wire log."""
         controller = self._controller
-        if isinstance(operation, MOVERS) and stops != controller.stops:  # a stop came since, or the client is gone
+        if isinstance(operation, MOVERS) and stop_count != controller.stops:  # a stop came since, or the client is gone
             return
         halts = isinstance(operation, op.StopAxis | op.AbortSlew)
         if halts and controller.reconciler.halt_is_pending(operation):
@@ -186,7 +186,7 @@ class BackgroundOperations:
             self._log.note_once(f"commands arrive faster than the mount accepts them: {what}: not carried out")
             return
         failed = partial(self._failed, operation)
-        task = controller.begin(operation, stops, failed, self._activity, asked)
+        task = controller.begin(operation, stop_count, failed, self._activity, asked)
         self._operations[task] = operation
         task.add_done_callback(lambda done: self._operations.pop(done, None))
 
@@ -214,9 +214,9 @@ class TurnRunner:
         self._activity, self._log, self.cache = activity, log, ReplyCache(controller)
         self.rights, self.equinox = rights, binding.converter
         self.background = BackgroundOperations(controller, log, activity)
-        self._deferred: dict[str, asyncio.TimerHandle] = {}
+        self._deferred_operations: dict[str, asyncio.TimerHandle] = {}
         #: By kind: the last reading as it was sent, when, and the version at that time.
-        self._sent: dict[type[op.Operation], tuple[object, float, int]] = {}
+        self._sent_operations: dict[type[op.Operation], tuple[object, float, int]] = {}
 
     def advance(self, turn: Turn, answer: object, fault: Fault | None = None) -> op.Operation:
         """Continue a command until it must wait. Return the operation to wait for; StopIteration carries the reply."""
@@ -258,22 +258,22 @@ class TurnRunner:
                     turn.reusable = False
                 answer = self._to_client(wanted, value)
 
-    async def finish(self, turn: Turn, wanted: op.Operation) -> bytes | None:
+    async def finish(self, turn: Turn, operation: op.Operation) -> bytes | None:
         """Wait for each operation of the command until the command is done. Return its reply."""
         while True:
             answer, fault = None, None
             try:
                 patience = turn.arrived + START_TIMEOUT - self._controller.now() if self._surface.replies else inf
                 value = await self._controller.perform(
-                    self._to_internal(wanted), turn.stops, self._activity, patience, turn.arrived
+                    self._to_internal(operation), turn.stops, self._activity, patience, turn.arrived
                 )
-                answer = self._to_client(wanted, value)
+                answer = self._to_client(operation, value)
             except Fault as error:
-                text = error.of(wanted.title())
-                (self._log.note if isinstance(wanted, op.Read) else self._log.refused)(text)
+                text = error.of(operation.title())
+                (self._log.note if isinstance(operation, op.Read) else self._log.refused)(text)
                 fault = error
             try:
-                wanted = self.advance(turn, answer, fault)
+                operation = self.advance(turn, answer, fault)
             except StopIteration as end:
                 reply: bytes | None = end.value
                 return reply
@@ -291,9 +291,9 @@ class TurnRunner:
         if turn.held is not None and isinstance(operation, op.Move | op.MoveAxis):
             self.background.start(op.StopAxis(operation.axis), turn.stops, turn.arrived + turn.held)
 
-    def _refusal(self, operation: op.Operation, arrived: float) -> Fault | None:
+    def _refusal(self, operation: op.Operation, arrived_at: float) -> Fault | None:
         """Return the fault if the client may not request this or it is too late, and log it."""
-        late = self._controller.now() - arrived
+        late = self._controller.now() - arrived_at
         if late > MAX_START_DELAY and (
             isinstance(operation, HAND_MOTIONS)  # a motion or a sync is not done after its reply is too late
             or (late > MOUNT_TIMEOUT and (begins_motion(operation) or isinstance(operation, op.Sync)))
@@ -302,7 +302,7 @@ class TurnRunner:
             return Busy(STARTED_TOO_LATE)
         refusal = self.rights.refusal(operation)
         if refusal is not None:
-            self._log.refused_once(f"{operation.title()} refused: {refusal.why}")
+            self._log.refused_once(f"{operation.title()} refused: {refusal.reason}")
         return None if refusal is None else refusal.fault
 
     def _impossible(self, operation: op.Operation) -> Fault | None:
@@ -316,7 +316,7 @@ class TurnRunner:
 
     def _recent_reading(self, operation: op.Operation, turn: Turn) -> object:
         """Return the reading that the client was sent a moment ago; None if that is too long ago."""
-        value, at, version = self._sent.get(type(operation), (None, -inf, 0))
+        value, at, version = self._sent_operations.get(type(operation), (None, -inf, 0))
         if self._controller.now() - at >= COORDINATE_PAIR_WINDOW:
             return None
         if version == self._controller.version:
@@ -329,7 +329,7 @@ class TurnRunner:
         if self.equinox is not None:
             value = self.equinox.to_client(operation, value)
         if type(operation) in MAX_AGE:
-            self._sent[type(operation)] = value, self._controller.now(), self._controller.version
+            self._sent_operations[type(operation)] = value, self._controller.now(), self._controller.version
         return value
 
     async def reading(self, operation: op.Operation) -> object:
@@ -342,14 +342,14 @@ class TurnRunner:
 
     # --- deferred commands -------------------------------------------------------------------------------------------
 
-    def _defer(self, wanted: Defer) -> None:
+    def _defer(self, deferral: Defer) -> None:
         controller = self._controller
-        controller.context.incoming.expect(self._activity.program, controller.now() + wanted.seconds)
-        old = self._deferred.pop(wanted.handler, None)
+        controller.context.incoming.expect(self._activity.program, controller.now() + deferral.seconds)
+        old = self._deferred_operations.pop(deferral.handler, None)
         if old is not None:
             old.cancel()
-        self._deferred[wanted.handler] = controller.loop.call_later(
-            wanted.seconds, lambda: controller.spawn(self._deferred_handler(wanted.handler))
+        self._deferred_operations[deferral.handler] = controller.loop.call_later(
+            deferral.seconds, lambda: controller.spawn(self._deferred_handler(deferral.handler))
         )
 
     async def _deferred_handler(self, handler: str) -> None:

@@ -23,13 +23,13 @@ _IGNORED_BYTES = b"#\r\n\0 "
 
 
 class UnreadText:
-    """The text that waits on a connection. ``send`` sends and logs bytes; ``hold`` of 0 s holds nothing back."""
+    """The text that waits on a connection. ``send_bytes`` sends and logs bytes; ``hold`` of 0 s holds nothing back."""
 
     def __init__(
-        self, send: Callable[[bytes], None], log: ClientLog, loop: asyncio.AbstractEventLoop, hold: float
+        self, send_bytes: Callable[[bytes], None], log: ClientLog, loop: asyncio.AbstractEventLoop, hold: float
     ) -> None:
-        self._send, self._log, self._loop, self.hold = send, log, loop, hold
-        self._text = b""
+        self._send_bytes, self._log, self._loop, self.hold_time = send_bytes, log, loop, hold
+        self._held_text = b""
         self._timer: asyncio.TimerHandle | None = None
 
     def heard(self, data: bytes) -> None:
@@ -44,35 +44,35 @@ class UnreadText:
         if text := self._remove_text():
             self._log.put("x", text, "not sent, because the program did not wait for it")
 
-    def read_part(self, reply: bytes, read: int, more: bool) -> bytes:
-        """Return the part of a reply to send now: the first ``read`` bytes.
+    def read_part(self, reply: bytes, byte_count: int, more: bool) -> bytes:
+        """Return the part of a reply to send now: the first ``byte_count`` bytes.
 
         ``more``: further commands wait already, so the program does not wait between the bytes of this reply; if some
         programs read nothing of it, it reads nothing.
         """
-        if len(reply) <= read or (more and read):
+        if len(reply) <= byte_count or (more and byte_count):
             return reply
-        self._text = reply[read:]
+        self._held_text = reply[byte_count:]
         if more:
             self.drop()
-        elif self.hold != float("inf"):
-            self._timer = self._loop.call_later(self.hold, self._settle)
-        return reply[:read]
+        elif self.hold_time != float("inf"):
+            self._timer = self._loop.call_later(self.hold_time, self._settle)
+        return reply[:byte_count]
 
     def _settle(self) -> None:
         self._timer = self._loop.call_later(SETTLE_TIME, self._release)
 
     def _release(self) -> None:
         if text := self._remove_text():
-            self._send(text)
+            self._send_bytes(text)
 
     def whole(self) -> None:
         """Send the waiting text, and hold nothing back from now on."""
         self._release()
-        self.hold = 0.0
+        self.hold_time = 0.0
 
     def _remove_text(self) -> bytes:
-        text, self._text = self._text, b""
+        text, self._held_text = self._held_text, b""
         if self._timer is not None:
             self._timer.cancel()
         return text

@@ -65,7 +65,7 @@ class ConnectedPrograms:
 
     def __init__(self, gateway: Gateway) -> None:
         self._gateway = gateway
-        self._last: dict[str, bytes] = {}
+        self._last_commands: dict[str, bytes] = {}
         self._counts: dict[str, int] = {}
         self._rates: dict[str, AverageRate] = {}
 
@@ -75,12 +75,12 @@ class ConnectedPrograms:
         if side == MOUNT_SIDE:
             return
         if entry.arrow == "-":
-            for known in (self._last, self._counts, self._rates):
+            for known in (self._last_commands, self._counts, self._rates):
                 known.pop(side, None)
         elif entry.arrow == ">":
-            if side not in self._last and len(self._last) >= MAX_CLIENTS:
+            if side not in self._last_commands and len(self._last_commands) >= MAX_CLIENTS:
                 return
-            self._last[side] = entry.data
+            self._last_commands[side] = entry.data
             self._counts[side] = self._counts.get(side, 0) + 1
 
     def connections(self, now: float) -> Iterator[dict[str, Any]]:
@@ -93,7 +93,7 @@ class ConnectedPrograms:
             yield {
                 "name": show(side.encode()), "surface": surface_spoken(surface, visit.protocol),
                 "profile": visit.profile,
-                "last": show(self._last.get(side, b"")[:MAX_COMMAND_BYTES]), "rate": round(rate, 1),
+                "last": show(self._last_commands.get(side, b"")[:MAX_COMMAND_BYTES]), "rate": round(rate, 1),
                 "read_only": client.runner.rights.read_only,
             }  # fmt: skip
 
@@ -169,7 +169,7 @@ class Publisher:
         self.text = ""
         self._pages = self._listening = 0
         #: What all pages wait for.
-        self._next: asyncio.Future[None] = self._loop.create_future()
+        self._next_message: asyncio.Future[None] = self._loop.create_future()
         self._task: asyncio.Task[None] | None = None
         self._rows: deque[Any] = deque(maxlen=MAX_ROWS)
         #: The number of rows of the conversation so far.
@@ -195,11 +195,11 @@ class Publisher:
         """Wait for another message or more rows. Raises ConnectionError after the end."""
         if self._task is None:
             raise ConnectionError("the page has nothing to show")
-        await asyncio.shield(self._next)
+        await asyncio.shield(self._next_message)
 
-    def listen(self, by: int) -> None:
+    def listen(self, change: int) -> None:
         """Count one page more (1) or less (-1) that shows the conversation."""
-        self._listening += by
+        self._listening += change
         for mount in self.mounts:
             mount.talk.listen(self._listening > 0)
 
@@ -222,7 +222,7 @@ class Publisher:
             elif rows == self.count:
                 await asyncio.sleep(MOTION_PERIOD)
                 continue
-            shown, self._next = self._next, self._loop.create_future()
+            shown, self._next_message = self._next_message, self._loop.create_future()
             shown.set_result(None)
             await asyncio.sleep(MOTION_PERIOD)
 
@@ -250,7 +250,7 @@ class Publisher:
             self._stop()
             error = task.exception()
             self.mounts[0].gateway.wire_log.note("console", f"internal error, please report it: {error!r}")
-            shown, self._next = self._next, self._loop.create_future()
+            shown, self._next_message = self._next_message, self._loop.create_future()
             shown.set_exception(ConnectionError("the console has a defect"))
             shown.exception()  # perhaps nobody waits for it
 

@@ -27,10 +27,10 @@ class ConversationView:
     def __init__(self, gateway: Gateway, index: int) -> None:
         self._gateway, self._index = gateway, index
         self._entries: deque[Entry] = deque(maxlen=MAX_WAITING_ENTRIES)
-        self._listening = False
-        self._number = 0
-        self._open: dict[str, tuple[int, float]] = {}
-        self._asked: int | None = None
+        self._is_listening = False
+        self._row_number = 0
+        self._unanswered: dict[str, tuple[int, float]] = {}
+        self._cause_row: int | None = None
         #: By connection, the surface at which it was accepted; empty for what is no connection, or is gone.
         self._surfaces: dict[str, str] = {}
         self._rows = self._new_rows()
@@ -41,11 +41,11 @@ class ConversationView:
 
     def listen(self, on: bool) -> None:
         """Begin or end collecting entries."""
-        if on == self._listening:
+        if on == self._is_listening:
             return
-        self._listening, wire_log = on, self._gateway.wire_log
+        self._is_listening, wire_log = on, self._gateway.wire_log
         if on:
-            self._rows, self._open, self._asked = self._new_rows(), {}, None
+            self._rows, self._unanswered, self._cause_row = self._new_rows(), {}, None
             self._surfaces = connected(self._gateway)
             for side, surface in self._surfaces.items():
                 if (protocol := kind(surface).partition(":")[0]) != ANY:
@@ -77,18 +77,18 @@ class ConversationView:
     def _pair(self, entry: Entry) -> int | None:
         """Return the number of the client's command that an entry belongs to, judged by their order, or None."""
         if entry.side != MOUNT_SIDE and entry.arrow == ">":
-            self._number += 1
-            self._open[entry.side] = (self._number, entry.time)
-            return self._number
+            self._row_number += 1
+            self._unanswered[entry.side] = (self._row_number, entry.time)
+            return self._row_number
         if entry.side != MOUNT_SIDE:
-            number = self._open.get(entry.side, (None, 0.0))[0]
+            number = self._unanswered.get(entry.side, (None, 0.0))[0]
             if entry.arrow in "<-":  # not after a note: a refusal is noted first, and its reply follows
-                self._open.pop(entry.side, None)
+                self._unanswered.pop(entry.side, None)
             return number
         if entry.arrow == ">":  # the mount's answer belongs to the same command, however late it arrives
-            waiting = [number for number, at in self._open.values() if entry.time - at <= CAUSE_WINDOW]
-            self._asked = max(waiting, default=None)
-        return self._asked
+            waiting = [number for number, at in self._unanswered.values() if entry.time - at <= CAUSE_WINDOW]
+            self._cause_row = max(waiting, default=None)
+        return self._cause_row
 
 
 def connected(gateway: Gateway) -> dict[str, str]:

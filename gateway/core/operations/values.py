@@ -44,13 +44,13 @@ POLAR_FIELDS = ("dec", "latitude")
 FIELD_CHOICES: dict[str, tuple[object, ...]] = {"axis": (1, 2), "sense": (1, -1)}
 
 
-def _is_number(value: object, most: float) -> bool:
+def _is_number(value: object, maximum: float) -> bool:
     """Whether this is a finite number, at most so large without its sign."""
     try:
         number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else inf
     except (OverflowError, TypeError, ValueError):  # a whole number of a thousand digits, a masked value
         return False
-    return isfinite(number) and abs(number) <= most
+    return isfinite(number) and abs(number) <= maximum
 
 
 class Operation(Struct, Generic[AnswerT], frozen=True):

@@ -65,21 +65,21 @@ class _Talk:
 
     def __init__(self, driver: Driver, line: MountLink) -> None:
         self.driver, self.line = driver, line
-        self.took: list[float] = []
+        self.reply_times: list[float] = []
         #: The commands that were answered, in order.
-        self.answered: list[str] = []
+        self.answered_commands: list[str] = []
 
     async def perform(self, operation: op.Operation[_T]) -> _T:
         """Return the operation's answer. Raises Fault."""
         return await run_driver(self.driver.perform(operation), self._exchange, lambda later: None)
 
     async def _exchange(self, ask: Send) -> Values:
-        if ask.patience is not None and self.took:
-            ask = ask._replace(patience=min(ask.patience, max(MIN_TIMEOUT, TIMEOUT_FACTOR * max(self.took))))
+        if ask.patience is not None and self.reply_times:
+            ask = ask._replace(patience=min(ask.patience, max(MIN_TIMEOUT, TIMEOUT_FACTOR * max(self.reply_times))))
         answer = await self.line.exchange(ask)
         if self.driver.protocol.commands[ask.command].replies:
-            self.took.append(self.line.transaction.times.last_rtt)
-            self.answered.append(ask.command)
+            self.reply_times.append(self.line.transaction.times.last_rtt)
+            self.answered_commands.append(ask.command)
         return answer
 
 
@@ -98,9 +98,9 @@ async def identify(
             answers: dict[str, str] = {}
             fields: dict[str, object] = {}
             for name, operation in QUESTIONS:
-                talk.answered.clear()
+                talk.answered_commands.clear()
                 fields[name] = await _maybe(talk, operation)
-                answers[name] = _written(driver, talk.answered) if fields[name] is not None else ""
+                answers[name] = _written(driver, talk.answered_commands) if fields[name] is not None else ""
             await _maybe(talk, op.Position())  # once more, for the usual time of an answer
     except TimeoutError:
         raise NoAnswer from None
@@ -113,7 +113,7 @@ async def identify(
         model=identity.model,
         version=identity.version,
         motors=identity.motors,
-        latency=statistics.median(talk.took),
+        latency=statistics.median(talk.reply_times),
         equinox=driver.equinox,
         aligned=status.aligned if isinstance(status, op.Status) else None,
         equatorial=status.equatorial if isinstance(status, op.Status) else None,
@@ -123,10 +123,10 @@ async def identify(
     )
 
 
-async def _maybe(talk: _Talk, operation: op.Operation[_T]) -> _T | None:
+async def _maybe(conversation: _Talk, operation: op.Operation[_T]) -> _T | None:
     """Return the answer, or None if the mount cannot give it."""
     try:
-        return await talk.perform(operation)
+        return await conversation.perform(operation)
     except Fault:
         return None
 

@@ -31,16 +31,16 @@ class PortListener:
 
     def __init__(self, wire: Tunable) -> None:
         self.name, self._wire = wire.name, wire
-        self.heard = b""
-        self.lost = ""
-        self._last = 0.0
+        self.received = b""
+        self.loss_reason = ""
+        self._last_byte_at = 0.0
         self._on_data: OnData | None = None
         self._on_lost: OnLost | None = None
 
     async def begin(self) -> None:
         """Open the port. Raises OSError with a reason that users understand."""
         await self._wire.open(self._arrived, self._vanished)
-        self._last = self.now()
+        self._last_byte_at = self.now()
 
     async def end(self) -> None:
         """Close the port."""
@@ -55,8 +55,8 @@ class PortListener:
 
     def forget(self) -> None:
         """Discard what was received."""
-        self.heard = b""
-        self._last = self.now()
+        self.received = b""
+        self._last_byte_at = self.now()
 
     def now(self) -> float:
         """Return the event loop's time in seconds."""
@@ -65,20 +65,20 @@ class PortListener:
     @property
     def still(self) -> float:
         """Seconds since the last byte arrived, or since listening began."""
-        return self.now() - self._last
+        return self.now() - self._last_byte_at
 
     async def tick(self) -> None:
         """Wait for a moment. Raises OSError if the port has disappeared."""
         await asyncio.sleep(CHECK_PERIOD)
-        if self.lost:
-            raise OSError(self.lost)
+        if self.loss_reason:
+            raise OSError(self.loss_reason)
 
     # --- as a transport -------------------------------------------------------------------------------------------
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
         """Pass received bytes to the borrower from now on. Raises OSError if the port has disappeared."""
-        if self.lost:
-            raise OSError(self.lost)
+        if self.loss_reason:
+            raise OSError(self.loss_reason)
         self._on_data, self._on_lost = on_data, on_lost
 
     def write(self, data: bytes) -> None:
@@ -90,13 +90,13 @@ class PortListener:
         self._on_data = self._on_lost = None
 
     def _arrived(self, data: bytes) -> None:
-        self._last = self.now()
+        self._last_byte_at = self.now()
         if self._on_data is not None:
             self._on_data(data)
         else:
-            self.heard = (self.heard + data)[-4096:]
+            self.received = (self.received + data)[-4096:]
 
     def _vanished(self, reason: str) -> None:
-        self.lost = reason or "the port is gone"
+        self.loss_reason = reason or "the port is gone"
         if self._on_lost is not None:
             self._on_lost(reason)

@@ -96,10 +96,10 @@ def gateway_of_another() -> str:
     return f"perhaps by the gateway of {user_name(owner.user)} (process {owner.pid})" if owner else ""
 
 
-def unsupported_device(where: str) -> str:
+def unsupported_device(port: str) -> str:
     """Return the name of the device that usually listens at a network address, if no gateway can use it; else empty."""
     try:
-        url = urlsplit(where)
+        url = urlsplit(port)
         names = (url.hostname, str(url.port)) if url.scheme == "socket" else ()
     except ValueError:
         return ""

@@ -60,7 +60,7 @@ AT_9600 = Patience(quiet=1.05, restless=2.5, first=0.6, answer=3.5)
 AT_OTHERS = Patience(quiet=0.3, restless=1.5, first=0.3, answer=1.05)
 
 
-def questions(named: str | None) -> list[Question]:
+def questions(protocol: str | None) -> list[Question]:
     """Return the queries that may be sent, in order.
 
     First comes ``Kx``, which a hand control echoes as ``x#`` and an LX200 ignores. Then come ``#`` and the single byte
@@ -73,20 +73,20 @@ def questions(named: str | None) -> list[Question]:
         ((spec.name, question) for spec in PROTOCOLS.values() for question in spec.questions),
         key=lambda candidate: candidate[1].rank,
     )
-    last = max((question.rank for name, question in every if name == named), default=None)
+    last = max((question.rank for name, question in every if name == protocol), default=None)
     return [
         question
         for name, question in every
-        if (not question.named or name == named) and (last is None or question.rank <= last)
+        if (not question.named or name == protocol) and (last is None or question.rank <= last)
     ]
 
 
-async def probe(listener: PortListener, patience: Patience, named: str | None = None) -> str:
+async def probe(listener: PortListener, patience: Patience, protocol: str | None = None) -> str:
     """Query an open port and return the verdict. Raises OSError if the port disappears meanwhile."""
     if not await _fell_quiet(listener, patience):
-        return PortVerdict.GPS if sentence(listener.heard) else PortVerdict.TALKER
+        return PortVerdict.GPS if sentence(listener.received) else PortVerdict.TALKER
     listener.forget()
-    asked = questions(named)
+    asked = questions(protocol)
     waits = [patience.first] * (len(asked) - 1)
     waits.append(patience.answer - sum(waits))
     for question, seconds in zip(asked, waits, strict=True):
@@ -94,43 +94,43 @@ async def probe(listener: PortListener, patience: Patience, named: str | None = 
         verdict = await _wait(listener, seconds, partial(_judge, listener, question))
         if verdict is not None:
             return verdict
-    if not listener.heard:
+    if not listener.received:
         return PortVerdict.SILENT
-    if sentence(listener.heard):
+    if sentence(listener.received):
         return PortVerdict.GPS
-    return PortVerdict.STRANGER if _TEXT.fullmatch(listener.heard) else PortVerdict.GARBLED
+    return PortVerdict.STRANGER if _TEXT.fullmatch(listener.received) else PortVerdict.GARBLED
 
 
 async def overhear(listener: PortListener, seconds: float) -> str:
     """Listen to a device that sends by itself and tell whether it is a GPS receiver. Raises OSError."""
     return (
-        await _wait(listener, seconds, lambda: PortVerdict.GPS if sentence(listener.heard) else None)
+        await _wait(listener, seconds, lambda: PortVerdict.GPS if sentence(listener.received) else None)
         or PortVerdict.TALKER
     )
 
 
 def _judge(listener: PortListener, question: Question) -> str | None:
-    return judge(listener.heard, listener.still, question)
+    return judge(listener.received, listener.still, question)
 
 
-def judge(heard: bytes, still: float, question: Question) -> str | None:
+def judge(received: bytes, quiet_seconds: float, question: Question) -> str | None:
     """Return the verdict of the bytes received after a query; None while they are ambiguous.
 
-    ``still`` is the time since the last byte in seconds. The answer to the query before may arrive late.
+    ``quiet_seconds`` is the time since the last byte in seconds. The answer to the query before may arrive late.
     """
     before = [asked for spec in PROTOCOLS.values() for asked in spec.questions if asked.rank < question.rank]
-    if heard.startswith((question.request, *(asked.request for asked in before if asked.late))):
+    if received.startswith((question.request, *(asked.request for asked in before if asked.late))):
         return PortVerdict.ECHO
     for asked in (*(asked for asked in before if asked.late), question):
-        if (said := asked.judge(heard, still)) is not None:
+        if (said := asked.judge(received, quiet_seconds)) is not None:
             return said
     return None
 
 
-def sentence(heard: bytes) -> bool:
+def sentence(received: bytes) -> bool:
     """Whether these bytes contain a complete NMEA 0183 sentence with a valid checksum."""
     return any(
-        NMEASentence.checksum(body.decode("latin-1")) == int(check, 16) for body, check in _SENTENCE.findall(heard)
+        NMEASentence.checksum(body.decode("latin-1")) == int(check, 16) for body, check in _SENTENCE.findall(received)
     )
 
 
@@ -138,7 +138,7 @@ async def _fell_quiet(listener: PortListener, patience: Patience) -> bool:
     """Wait until nothing has arrived for a while. A single stray byte is ignored: opening a port often causes it."""
     end = listener.now() + patience.restless
     while listener.still < patience.quiet:
-        if sentence(listener.heard) or listener.now() > end:
+        if sentence(listener.received) or listener.now() > end:
             return False
         await listener.tick()
     return True
@@ -208,54 +208,54 @@ async def ask_servers(urls: Sequence[str] | None) -> list[PortFinding]:
 
 
 async def look(
-    place: SerialPortInfo, wire: Tunable | None = None, first: Patience = AT_9600, others: Patience = AT_OTHERS
+    port: SerialPortInfo, wire: Tunable | None = None, first: Patience = AT_9600, others: Patience = AT_OTHERS
 ) -> PortFinding:
     """Examine a port; problems with it are part of the result. ``wire`` replaces the port of a pyserial URL."""
-    if wire is None and (process := serving_gateway(place.url)):
-        return PortFinding(place, SERVED, reason=f"mount-gateway, process {process}")
-    who = port_holder(place.url) if wire is None else ""
+    if wire is None and (process := serving_gateway(port.url)):
+        return PortFinding(port, SERVED, reason=f"mount-gateway, process {process}")
+    who = port_holder(port.url) if wire is None else ""
     if who:
-        return PortFinding(place, BUSY, reason=f"in use by {who}")
+        return PortFinding(port, BUSY, reason=f"in use by {who}")
     now = asyncio.get_running_loop().time
     began = now()
-    listener = PortListener(wire or SerialTransport(place.url, DEFAULT_BAUD))
+    listener = PortListener(wire or SerialTransport(port.url, DEFAULT_BAUD))
     try:
         await listener.begin()
     except Exception as error:  # pyserial has more kinds of failure than OSError
         state = BUSY if getattr(error, "errno", None) == errno.EBUSY else UNOPENED
         if state == BUSY and (who := gateway_of_another()):
-            return PortFinding(place, FOREIGN, reason=f"in use, {who}", seconds=now() - began)
-        return PortFinding(place, state, reason=getattr(error, "strerror", None) or str(error), seconds=now() - began)
+            return PortFinding(port, FOREIGN, reason=f"in use, {who}", seconds=now() - began)
+        return PortFinding(port, state, reason=getattr(error, "strerror", None) or str(error), seconds=now() - began)
     try:
-        verdict, baud, rates = await _at_every_rate(listener, place, first, others)
+        verdict, baud, rates = await _at_every_rate(listener, port, first, others)
         state, mount, reason = str(verdict), None, ""
         if state in PROTOCOLS:
-            named = place.named if place.named and place.named.protocol == state else None
+            named = port.named if port.named and port.named.protocol == state else None
             model, version = (named.model, named.version) if named else (None, None)
             try:
                 mount = await identify(state, listener, model, version)
             except Fault as fault:
-                if listener.lost:
-                    raise OSError(listener.lost) from None
+                if listener.loss_reason:
+                    raise OSError(listener.loss_reason) from None
                 reason, state = f"speaks {state}, but did not say who it is: {fault}", MUTE
             except OSError:
                 raise
             except Exception as error:  # a defect in a driver must affect this port only
                 reason, state = f"speaks {state}; internal error, please report it: {error!r}", MUTE
-        return PortFinding(place, state, baud if place.has_rates else None, reason, mount, rates, now() - began)
+        return PortFinding(port, state, baud if port.has_rates else None, reason, mount, rates, now() - began)
     except OSError as error:
-        return PortFinding(place, VANISHED, reason=str(error), seconds=now() - began)
+        return PortFinding(port, VANISHED, reason=str(error), seconds=now() - began)
     finally:
         await listener.end()
 
 
 async def _at_every_rate(
-    listener: PortListener, place: SerialPortInfo, first: Patience, others: Patience
+    listener: PortListener, port: SerialPortInfo, first: Patience, others: Patience
 ) -> tuple[str, int, int]:
     """Return the verdict, the baud rate and the number of rates tried. Raises OSError if the port disappears."""
-    protocol = place.named.protocol if place.named else None
+    protocol = port.named.protocol if port.named else None
     verdict, baud, rates = await probe(listener, first, protocol), DEFAULT_BAUD, 1
-    if not place.has_rates or verdict not in UNDECIDED_VERDICTS:
+    if not port.has_rates or verdict not in UNDECIDED_VERDICTS:
         return verdict, baud, rates
     talks, garbled = verdict == PortVerdict.TALKER, verdict == PortVerdict.GARBLED
     for baud in OTHER_BAUD_RATES:

@@ -122,9 +122,9 @@ def gather(state: str | None = None, almanac: str | None = None) -> Facts:
     )
 
 
-def _almanac_until(now: float, named: str | None) -> float | None:
+def _almanac_until(now: float, path: str | None) -> float | None:
     today = int(now // DAY)
-    days = stored(named).days_from(today)
+    days = stored(path).days_from(today)
     return (today + days - 1) * DAY if days else None
 
 
@@ -173,10 +173,10 @@ async def _served(endpoint: ControlEndpoint) -> tuple[tuple[str, ...], str]:
     return (tuple(map(str, state.served)), state.sky) if isinstance(state, State) else ((), "")
 
 
-def processes_named(names: Collection[str], proc: Path = PROC_FOLDER) -> dict[str, int]:
+def processes_named(names: Collection[str], proc_folder: Path = PROC_FOLDER) -> dict[str, int]:
     """Return the process ids of running programs with these names."""
     results = {}
-    for process in proc.glob("[0-9]*"):
+    for process in proc_folder.glob("[0-9]*"):
         with contextlib.suppress(OSError):
             name = (process / "comm").read_text().strip()
             if name in names:

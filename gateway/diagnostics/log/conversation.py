@@ -59,9 +59,9 @@ class Side:
 
     # --- commands ---------------------------------------------------------------------------------------------------
 
-    def commands(self, data: bytes, at: float) -> Iterator[Heard]:
-        """Yield the commands that these bytes complete. ``at`` is when they arrived, in seconds."""
-        for frame in self._framer.feed(data, at):
+    def commands(self, data: bytes, time: float) -> Iterator[Heard]:
+        """Yield the commands that these bytes complete. ``time`` is when they arrived, in seconds."""
+        for frame in self._framer.feed(data, time):
             yield self.command(frame)
 
     def command(self, frame: bytes) -> Heard:

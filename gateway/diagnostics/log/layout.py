@@ -46,15 +46,15 @@ def stamp(unix: float) -> str:
     return datetime.fromtimestamp(unix, UTC).strftime("%H:%M:%S.%f")[:-3]
 
 
-def plain(row: Row, timed: bool = True) -> str:
+def plain(row: Row, with_time: bool = True) -> str:
     """Format a row as one line, however long."""
     data = [show(row.data).ljust(BYTES_COLUMNS)] if row.data else []
-    return " ".join([_head(row, timed), *data, row.text]).rstrip()
+    return " ".join([_head(row, with_time), *data, row.text]).rstrip()
 
 
 def wrapped(row: Row, columns: int) -> list[str]:
     """Format a row as lines of at most so many columns."""
-    head, columns = _head(row, timed=True) + " ", max(columns, MIN_COLUMNS)
+    head, columns = _head(row, with_time=True) + " ", max(columns, MIN_COLUMNS)
     start: list[str] = []
     if len(head) > columns - MIN_WORDS_COLUMNS:  # the rest moves to the lines below
         start, head = _split_text(head.rstrip(), columns - len(INDENTATION)), INDENTATION
@@ -83,9 +83,9 @@ def _in_columns(data: str, note: str, room: int) -> list[str]:
     return [*pieces, *(" " * beside + line for line in text)]
 
 
-def _head(row: Row, timed: bool) -> str:
+def _head(row: Row, with_time: bool) -> str:
     """Return the beginning of a line: time, mount, connection, direction."""
-    clock = [stamp(row.time)] if timed else []
+    clock = [stamp(row.time)] if with_time else []
     name = [f"{row.name:<8}"] if row.name else []
     return " ".join([*clock, *name, f"{row.side:<{NAME_COLUMNS}}", row.arrow])
 
@@ -121,12 +121,12 @@ def columns_of(stream: TextIO) -> Callable[[], int]:
     return columns
 
 
-def colours_of(stream: TextIO, night: bool) -> dict[str, str]:
+def colours_of(stream: TextIO, night_colours: bool) -> dict[str, str]:
     """Return the colours for a stream; empty if it is no terminal or the user wants no colours."""
     shows = sys.platform != "win32" or "WT_SESSION" in os.environ
     if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" or not shows or not stream.isatty():
         return {}
-    return NIGHT_COLOURS if night else DAY_COLOURS
+    return NIGHT_COLOURS if night_colours else DAY_COLOURS
 
 
 def painted(line: str, kind: str, colours: dict[str, str]) -> str:

@@ -51,7 +51,7 @@ class _Run:
     def __init__(self, since: float) -> None:
         self.since, self.count = since, 0
         self.values: tuple[object, ...] | None = None
-        self.last = ""
+        self.last_reply = ""
 
 
 class _Party:
@@ -59,8 +59,8 @@ class _Party:
 
     def __init__(self) -> None:
         self.runs: dict[bytes, _Run] = {}
-        self.held: list[Row] = []
-        self.left = -1e9
+        self.held_rows: list[Row] = []
+        self.left_at = -1e9
 
 
 class Folding:
@@ -72,8 +72,8 @@ class Folding:
 
     def __init__(self, shown: str = "all") -> None:
         self._filter = shown
-        self._parties: dict[str, _Party] = {}
-        self._gone: dict[str, _Party] = {}
+        self._connected_parties: dict[str, _Party] = {}
+        self._gone_parties: dict[str, _Party] = {}
 
     def take(self, line: LogLine) -> list[Row]:
         """Process the next line and return the rows to show now."""
@@ -91,39 +91,39 @@ class Folding:
         return self._shown(self._party(line), line)
 
     def _party(self, line: LogLine) -> _Party:
-        return self._parties.setdefault(line.row.side, _Party())
+        return self._connected_parties.setdefault(line.row.side, _Party())
 
     # --- connections --------------------------------------------------------------------------------------------------
 
     def _connection_opened(self, line: LogLine) -> list[Row]:
-        party = self._gone.pop(line.host, None)
-        has_party = any(side.rpartition(":")[0] == line.host for side in self._parties)
-        if party is None or has_party or line.row.time - party.left > RECONNECT_WINDOW:
+        party = self._gone_parties.pop(line.host, None)
+        has_party = any(side.rpartition(":")[0] == line.host for side in self._connected_parties)
+        if party is None or has_party or line.row.time - party.left_at > RECONNECT_WINDOW:
             party = _Party()
-        self._parties[line.row.side] = party
+        self._connected_parties[line.row.side] = party
         if not party.runs and self._filter != "refusals":
             return [line.row]
-        party.held = [line.row]
+        party.held_rows = [line.row]
         return []
 
     def _protocol_recognised(self, line: LogLine) -> list[Row]:
         """The protocol of a connection was recognised; it is shown together with the connection."""
         party = self._party(line)
-        if not party.held and self._filter != "refusals":
+        if not party.held_rows and self._filter != "refusals":
             return self._shown(party, line)
-        party.held.append(line.row)
+        party.held_rows.append(line.row)
         return []
 
     def _connection_closed(self, line: LogLine) -> list[Row]:
-        party = self._parties.pop(line.row.side, None) or _Party()
-        party.left = line.row.time
-        self._gone[line.host] = party
-        if len(self._gone) > MAX_HOSTS:
-            del self._gone[next(iter(self._gone))]
-        silent = bool(party.held) and party.held[0].arrow == "+"
+        party = self._connected_parties.pop(line.row.side, None) or _Party()
+        party.left_at = line.row.time
+        self._gone_parties[line.host] = party
+        if len(self._gone_parties) > MAX_HOSTS:
+            del self._gone_parties[next(iter(self._gone_parties))]
+        silent = bool(party.held_rows) and party.held_rows[0].arrow == "+"
         rows = self._unanswered(party)
         if silent and not rows:
-            party.held.clear()
+            party.held_rows.clear()
             return []
         return [*rows, *self._counts_line(party, line.row), line.row] if self._filter != "refusals" else rows
 
@@ -136,11 +136,11 @@ class Folding:
             return [*rows, *self._shown(party, line)]
         if not line.heard.asks:
             if self._filter == "refusals":
-                party.held.append(line.row)
+                party.held_rows.append(line.row)
                 return rows
             return [*rows, *self._shown(party, line)]
         if line.row.data in party.runs or self._filter in ("changes", "refusals"):
-            party.held.append(line.row)
+            party.held_rows.append(line.row)
             return rows
         party.runs[line.row.data] = _Run(line.row.time)
         return [*rows, *self._show_held(party), line.row]
@@ -150,7 +150,7 @@ class Folding:
         if line.heard.fails:
             return self._shown(party, line)
         if self._filter == "refusals" or (line.heard.asks and self._filter == "changes"):
-            party.held = [row for row in party.held if row.arrow in CONNECTION_ARROWS]
+            party.held_rows = [row for row in party.held_rows if row.arrow in CONNECTION_ARROWS]
             return []
         asked: Row | None = line.row
         if line.heard.pushed:
@@ -159,23 +159,23 @@ class Folding:
             key, repeated = line.asked, party.runs.get(line.asked) if line.heard.asks else None
             if repeated is None:
                 return self._shown(party, line)
-            run, asked = repeated, next((row for row in party.held if row.arrow == ">"), None)
+            run, asked = repeated, next((row for row in party.held_rows if row.arrow == ">"), None)
         new, run.values = run.values != line.heard.values, line.heard.values
         if asked is None or new:
             counted = self._count(key, run, asked) if asked is not None else []
             run.since = line.row.time
             return [*counted, *self._show_held(party), line.row]
         if not line.heard.pushed:
-            party.held.remove(asked)
-        run.count, run.last = run.count + 1, line.row.text
+            party.held_rows.remove(asked)
+        run.count, run.last_reply = run.count + 1, line.row.text
         return self._count(key, run, line.row) if line.row.time - run.since >= REPEAT_REPORT_PERIOD else []
 
     def _unanswered(self, party: _Party) -> list[Row]:
         """Show a request that was held back and is still unanswered when the next request arrives."""
-        if all(row.arrow in CONNECTION_ARROWS for row in party.held):
+        if all(row.arrow in CONNECTION_ARROWS for row in party.held_rows):
             return []
         if self._filter == "refusals":
-            party.held = [row for row in party.held if row.arrow in CONNECTION_ARROWS]
+            party.held_rows = [row for row in party.held_rows if row.arrow in CONNECTION_ARROWS]
             return []
         return self._show_held(party)
 
@@ -186,26 +186,26 @@ class Folding:
         return rows
 
     def _show_held(self, party: _Party) -> list[Row]:
-        rows, party.held = party.held[-MAX_HELD_LINES:], []
+        rows, party.held_rows = party.held_rows[-MAX_HELD_LINES:], []
         return rows
 
-    def _counts_line(self, party: _Party, by: Row) -> list[Row]:
+    def _counts_line(self, party: _Party, row: Row) -> list[Row]:
         """Return one line, at the end of a fold, with all counts that were not shown yet."""
         counts = {show(asked) or "line unasked": run.count for asked, run in party.runs.items() if run.count}
         for run in party.runs.values():
-            run.count, run.since = 0, by.time
+            run.count, run.since = 0, row.time
         if not counts or self._filter == "normal":
             return []
         text = "repeated: " + ", ".join(f"{asked} ×{count}" for asked, count in counts.items())
-        return [Row(by.time, by.side, "=", b"", text, "again", by.name)]
+        return [Row(row.time, row.side, "=", b"", text, "again", row.name)]
 
-    def _count(self, asked: bytes, run: _Run, by: Row) -> list[Row]:
+    def _count(self, query: bytes, run: _Run, row: Row) -> list[Row]:
         """Return a line with how often a query was repeated since it was shown, and its latest reply."""
         if not run.count:
             return []
-        text = f"{_times(run.count)} more in {by.time - run.since:.0f} s, now {run.last}"
-        run.count, run.since = 0, by.time
-        return [Row(by.time, by.side, "=", asked, text, "again", by.name)]
+        text = f"{_times(run.count)} more in {row.time - run.since:.0f} s, now {run.last_reply}"
+        run.count, run.since = 0, row.time
+        return [Row(row.time, row.side, "=", query, text, "again", row.name)]
 
 
 def _times(count: int) -> str:
@@ -222,16 +222,16 @@ class Rows:
     """Turns entries into rows. ``surfaces`` are the endpoints of the surfaces in their order, or only the protocols."""
 
     def __init__(self, mount: str, surfaces: Sequence[str], shown: str = "all", name: str = "") -> None:
-        self._mount, self._surfaces, self._name = mount, surfaces, name
-        self._shown = shown
+        self._mount, self._surfaces, self._mount_name = mount, surfaces, name
+        self._is_shown = shown
         self._folding = Folding(shown)
-        self._sides: dict[str, Side] = {}
-        self._asked: dict[str, bytes] = {}
+        self._sides_by_name: dict[str, Side] = {}
+        self._last_queries: dict[str, bytes] = {}
 
     def take(self, entry: Entry) -> Iterable[Row]:
         """Process an entry and return the rows to show now."""
         ours = entry.side == MOUNT_SIDE
-        if entry.arrow in HIDDEN_ENTRIES or self._shown == (MOUNT_SIDE if not ours else "program"):
+        if entry.arrow in HIDDEN_ENTRIES or self._is_shown == (MOUNT_SIDE if not ours else "program"):
             return ()
         host = entry.side.rpartition(":")[0] or entry.side
         kind = "mount" if ours else "program"
@@ -241,21 +241,21 @@ class Rows:
         if entry.arrow not in "<>":
             kind = {"!": "note", "x": "no"}.get(entry.arrow, "event")
         row = Row(
-            entry.time, entry.side, entry.arrow, entry.data, heard.text, "no" if heard.fails else kind, self._name
+            entry.time, entry.side, entry.arrow, entry.data, heard.text, "no" if heard.fails else kind, self._mount_name
         )
-        asked = self._asked.get(entry.side, b"") if entry.arrow == "<" else b""
+        asked = self._last_queries.get(entry.side, b"") if entry.arrow == "<" else b""
         if entry.arrow == ">":
-            self._asked[entry.side] = bytes(entry.data)
+            self._last_queries[entry.side] = bytes(entry.data)
         elif entry.arrow == "~":
-            self._sides[entry.side] = Side(entry.note.partition(",")[0])
+            self._sides_by_name[entry.side] = Side(entry.note.partition(",")[0])
         elif entry.arrow == "-":
-            self._sides.pop(entry.side, None)
-            self._asked.pop(entry.side, None)
+            self._sides_by_name.pop(entry.side, None)
+            self._last_queries.pop(entry.side, None)
         return self._folding.take(LogLine(row, host, heard, asked))
 
     def knows(self, side: str, protocol: str) -> None:
         """Note the protocol of a connection that was open before this log began."""
-        self._sides[side] = Side(protocol)
+        self._sides_by_name[side] = Side(protocol)
 
     def _surface(self, entry: Entry) -> str:
         """Return the surface to which a client has connected; the entry contains its number. Empty if it is unknown."""
@@ -266,7 +266,7 @@ class Rows:
         if surface := self._surface(entry):
             protocol = surface.partition("@")[0].partition(":")[0]
             if protocol != ANY:  # an entry for the recognised protocol follows
-                self._sides[entry.side] = Side(protocol)
+                self._sides_by_name[entry.side] = Side(protocol)
 
     def _heard(self, entry: Entry) -> Heard:
         """Describe an entry as text."""
@@ -275,7 +275,7 @@ class Rows:
             if entry.arrow == "+" and "@" in (surface := self._surface(entry)):
                 note = note.replace(note.partition(",")[0], surface, 1)
             return Heard(entry.data, describe_event(entry.arrow, _plain(note)))
-        side = self._sides.get(entry.side)
+        side = self._sides_by_name.get(entry.side)
         if side is None and entry.arrow == "<" and entry.side != MOUNT_SIDE:
             # A client that connected before this log began: its next command shows its protocol.
             return Heard(entry.data, _plain(entry.note), fails=bool(entry.note))
@@ -284,7 +284,7 @@ class Rows:
             # What is no command of any protocol says nothing of what follows.
             if protocol is None or (entry.side != MOUNT_SIDE and load(protocol).find(entry.data) is None):
                 return Heard(entry.data, _plain(entry.note), fails=bool(entry.note))
-            side = self._sides[entry.side] = Side(protocol)
+            side = self._sides_by_name[entry.side] = Side(protocol)
         if entry.arrow == "x":
             foreign = other(side.protocol, entry.data)
             hint = f"; {foreign} has such a command" if foreign else ""
@@ -304,15 +304,15 @@ def _plain(text: str) -> str:
     return "".join(char if char.isprintable() else show(char.encode("utf-8", "replace")) for char in text)
 
 
-def printer(rows: Rows, stream: TextIO, night: bool = False) -> Callable[[Entry], None]:
+def printer(rows: Rows, stream: TextIO, night_colours: bool = False) -> Callable[[Entry], None]:
     """Return a sink that writes lines to a stream; in systemd's journal notes have a higher level than the rest."""
     notice, info = (streams.level(number, stream) for number in (streams.NOTICE, streams.INFO))
-    colours, columns = colours_of(stream, night), columns_of(stream)
+    colours, columns = colours_of(stream, night_colours), columns_of(stream)
 
     def put(entry: Entry) -> None:
         for row in rows.take(entry):
             level = notice if row.arrow == "!" else info
-            for line in [plain(row, timed=False)] if level else wrapped(row, columns()):
+            for line in [plain(row, with_time=False)] if level else wrapped(row, columns()):
                 stream.write(f"{level}{painted(line, row.kind, colours)}\n")
         stream.flush()
 

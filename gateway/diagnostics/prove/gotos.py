@@ -110,13 +110,13 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         report.add(Finding("cancelled goto", NOT_TRIED, refused))
         return
     position = (await telescope.rest()).sky
-    if (left := degrees_apart(position, goal)) > GOAL_TOLERANCE:
+    if (left := sky_distance(position, goal)) > GOAL_TOLERANCE:
         report.add(Finding("cancelled goto", SAME, f"it rests {left:.1f}° before its goal"))
     else:
         means = "A stop may not end a goto: keep a hand at the mount's switch."
         report.add(Finding("cancelled goto", DIFFERS, "it went on to its goal", means=means))
     report.progress(3, GOTO_COUNT, "back to where it was")
-    if degrees_apart(position, start) > REST_TOLERANCE:
+    if sky_distance(position, start) > REST_TOLERANCE:
         await telescope.goto(start, inf)
         await telescope.rest()
 
@@ -136,7 +136,7 @@ async def _there_and_back(telescope: CheckedMount, report: StageReporter) -> tup
             return None
         said = await telescope.look()
         took, arrived = telescope.now() - began, await telescope.rest()
-        off = degrees_apart(arrived.sky, to)
+        off = sky_distance(arrived.sky, to)
         measured = f"{took:.0f} s, {off * 60.0:.1f}' from its goal"
         if off > GOAL_TOLERANCE + max(telescope.ticks):
             report.add(
@@ -151,12 +151,12 @@ async def _there_and_back(telescope: CheckedMount, report: StageReporter) -> tup
     return start, goal
 
 
-def check_arrival(arrived: TimedPosition, goal: op.Equatorial) -> None:
+def check_arrival(end_position: TimedPosition, goal: op.Equatorial) -> None:
     """Raise Ended if a goto has ended far from its goal."""
-    if (off := degrees_apart(arrived.sky, goal)) > MIN_DISTANCE_FROM_GOAL:
+    if (off := sky_distance(end_position.sky, goal)) > MIN_DISTANCE_FROM_GOAL:
         raise Ended(f"the goto ended {off:.0f}° from its goal: somebody used its keys, or it cannot go there")
 
 
-def degrees_apart(place: op.Equatorial, other: op.Equatorial) -> float:
+def sky_distance(place: op.Equatorial, other: op.Equatorial) -> float:
     """Return the degrees between two positions."""
     return separation(place.ra, place.dec, other.ra, other.dec)

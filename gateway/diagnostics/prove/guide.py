@@ -25,17 +25,17 @@ KEYS_AFTER_STOP = "y: next stage  a: this one again  q: leave"
 
 
 class Stage(NamedTuple):
-    """A part of the check. ``will`` announces it in one sentence; ``moves``: whether it moves the mount; ``points``:
+    """A part of the check. ``plan`` announces it in one sentence; ``moves``: whether it moves the mount; ``points``:
     whether the mount must know where it points, which every stage that moves it requires.
 
-    ``run`` raises Ended. ``why`` is the reason why it is needed; empty if it is not.
+    ``run`` raises Ended. ``reason_to_skip`` is the reason why it is needed; empty if it is not.
     """
 
     name: str
-    will: str
+    plan: str
     moves: bool
     run: Callable[[CheckedMount, StageReporter], Awaitable[None]]
-    why: Callable[[CheckedMount], str] = lambda telescope: "it belongs to every check"
+    reason_to_skip: Callable[[CheckedMount], str] = lambda telescope: "it belongs to every check"
     points: bool = False
 
 
@@ -55,24 +55,24 @@ class Person(Protocol):
     stop: asyncio.Event
 
     def say(self, text: str) -> None: ...
-    def progress(self, part: float, what: str) -> None: ...
+    def progress(self, part: float, title: str) -> None: ...
     async def key(self, question: str, keys: str) -> str: ...
 
 
 class GuidedCheck:
-    """One session. ``keep`` is called with the findings after every stage."""
+    """One session. ``save`` is called with the findings after every stage."""
 
     def __init__(
         self,
         gateway: Gateway,
         person: Person,
         findings: Findings,
-        keep: Callable[[Findings], None],
+        save: Callable[[Findings], None],
         stages: tuple[Stage, ...] = STAGES,
     ) -> None:
-        self._telescope, self._person, self._findings, self._keep = CheckedMount(gateway), person, findings, keep
+        self._telescope, self._person, self._findings, self._keep = CheckedMount(gateway), person, findings, save
         self._stages = stages
-        self._here: list[Finding] = []
+        self._stage_findings: list[Finding] = []
         self.before: list[Finding] = []
 
     async def run(self) -> Findings:
@@ -109,7 +109,7 @@ class GuidedCheck:
             if self._findings.whole(stage.name):
                 person.say(f"{title}: done before.")
                 continue
-            if not stage.why(telescope):
+            if not stage.reason_to_skip(telescope):
                 person.say(f"{title}: not needed.")
                 continue
             key = ""
@@ -120,7 +120,7 @@ class GuidedCheck:
                     break
                 resumes = any(finding.rate is not None for finding in self._findings.stages.get(stage.name, []))
                 again = " It continues after the last measurement." * resumes
-                person.say(f"{title}: {stage.will}{again}{self._where() * stage.moves}")
+                person.say(f"{title}: {stage.plan}{again}{self._where() * stage.moves}")
                 key = key or await self._answer("y: yes  s: skip it  q: leave", "ysq")
                 if key in ("y", "a"):
                     key = await self._stage(stage)
@@ -153,7 +153,7 @@ class GuidedCheck:
     async def _stage(self, stage: Stage) -> str:
         """Carry out a stage; return the key for the next step: y for the next stage, a for again, q to quit."""
         telescope, person = self._telescope, self._person
-        self._here, self.before = [], self._findings.stages.get(stage.name, [])
+        self._stage_findings, self.before = [], self._findings.stages.get(stage.name, [])
         telescope.begin()
         try:
             await telescope.look()
@@ -182,7 +182,7 @@ class GuidedCheck:
                     self._keep_all(stage)
                 raise
             reason, theirs = "stopped by you" if stopped else str(ended), isinstance(ended, StoppedByOthers)
-            if telescope.mine and not (stopped or theirs or telescope.other):
+            if telescope.mine and not (stopped or theirs or telescope.moved_by_others):
                 await telescope.stop()
             person.say(f"This stage ends: {reason}.")
             self._ends_early(stage, reason)
@@ -198,12 +198,12 @@ class GuidedCheck:
 
     def _ends_early(self, stage: Stage, reason: str) -> None:
         """Add the findings of an earlier run to those of this run, and the reason why the rest is missing."""
-        again = {rest_of(stage.name), *(finding.what for finding in self._here)}
-        self._here += [finding for finding in self.before if finding.what not in again]
-        self._here.append(Finding(rest_of(stage.name), NOT_TRIED, reason))
+        again = {rest_of(stage.name), *(finding.what for finding in self._stage_findings)}
+        self._stage_findings += [finding for finding in self.before if finding.what not in again]
+        self._stage_findings.append(Finding(rest_of(stage.name), NOT_TRIED, reason))
 
     def _keep_all(self, stage: Stage) -> None:
-        stages = self._findings.stages | {stage.name: self._here}
+        stages = self._findings.stages | {stage.name: self._stage_findings}
         self._findings.stages = {known.name: stages[known.name] for known in STAGES if known.name in stages}
         self._keep(self._findings)
 
@@ -221,14 +221,14 @@ class GuidedCheck:
         trouble = await stopping
         self._person.say(f"Not stopped: {trouble}" if trouble else "STOPPED.")
 
-    async def _restore(self, tracked: op.Tracking, ours: bool) -> None:
+    async def _restore(self, tracking: op.Tracking, ours: bool) -> None:
         """Turn off tracking that was off before the stage, if it was turned on by the check: ``ours``. What is off now
         was turned off by others, or at a limit."""
         telescope = self._telescope
         telescope.begin()
         with contextlib.suppress(Ended):
             await telescope.look()
-            before, after = (each is not op.Tracking.OFF for each in (tracked, telescope.status.tracking))
+            before, after = (each is not op.Tracking.OFF for each in (tracking, telescope.status.tracking))
             if before == after:
                 return
             if before or not ours:
@@ -241,14 +241,14 @@ class GuidedCheck:
     # --- reports of a stage -------------------------------------------------------------------------------------------
 
     def add(self, finding: Finding) -> None:
-        self._here.append(finding)
+        self._stage_findings.append(finding)
         if any(earlier is finding for earlier in self.before):  # a rate that was measured before the stage was ended
             return
         self._person.say(finding.line)
         if finding.verdict == DIFFERS and finding.means:
             self._person.say(f"  {finding.means}")
 
-    def progress(self, done: int, of: int, what: str) -> None:
+    def progress(self, done_count: int, total: int, title: str) -> None:
         """Show how far the stage has come, and on the page and in ``status`` that a check is under way."""
         self._telescope.controller.wire_log.remember(CLIENT, "checks this mount")
-        self._person.progress(done / max(1, of), what)
+        self._person.progress(done_count / max(1, total), title)

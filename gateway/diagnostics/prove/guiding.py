@@ -61,18 +61,18 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         report.add(finding)
 
 
-def guide_rate_finding(what: str, rate: float, assumed: float, exchange: float, tick: float) -> Finding:
-    """Return the finding on the guide rate of an axis. It is accurate to two steps of the reading (``tick``, degrees)
-    for all pulses together, and to half an exchange (seconds) for each pulse, which the gateway may time.
+def guide_rate_finding(title: str, rate: float, assumed: float, exchange: float, reading_step: float) -> Finding:
+    """Return the finding on the guide rate of an axis. It is accurate to two steps of the reading (``reading_step``,
+    degrees) for all pulses together, and to half an exchange (seconds) for each pulse, which the gateway may time.
     """
     rates = rate_text(rate), rate_text(assumed)
-    if max(abs(rate), assumed) * PULSE_COUNT * PULSE_SECONDS < MIN_READING_STEPS * tick:
-        return Finding(what, NOT_MEASURABLE, "too few steps of its reading", rates[1])
-    shows = exchange / 2.0 / PULSE_SECONDS * assumed + 2.0 * tick / (PULSE_COUNT * PULSE_SECONDS)
+    if max(abs(rate), assumed) * PULSE_COUNT * PULSE_SECONDS < MIN_READING_STEPS * reading_step:
+        return Finding(title, NOT_MEASURABLE, "too few steps of its reading", rates[1])
+    shows = exchange / 2.0 / PULSE_SECONDS * assumed + 2.0 * reading_step / (PULSE_COUNT * PULSE_SECONDS)
     measured = f"{rates[0]} ± {rate_text(shows)}"
     if (off := abs(rate - assumed)) <= RATE_TOLERANCE * assumed:
-        return Finding(what, SAME, measured, rates[1])
+        return Finding(title, SAME, measured, rates[1])
     if off <= RATE_TOLERANCE * assumed + shows:
-        return Finding(what, NOT_MEASURABLE, f"{measured}, too rough to judge", rates[1])
+        return Finding(title, NOT_MEASURABLE, f"{measured}, too rough to judge", rates[1])
     means = "A guiding program calibrates itself to that; guide-rate in gateway.toml sets it where it can be set."
-    return Finding(what, DIFFERS, ("reversed, " if rate < 0.0 else "") + measured, rates[1], means)
+    return Finding(title, DIFFERS, ("reversed, " if rate < 0.0 else "") + measured, rates[1], means)

@@ -100,26 +100,26 @@ def _identity(identity: op.Identity | None, driver: Driver) -> Finding:
     return Finding("identity", DIFFERS, name, "", means)
 
 
-def _forms(fits: int, silent: list[str], strange: list[str]) -> Finding:
+def _forms(matching_count: int, silent_commands: list[str], strange_replies: list[str]) -> Finding:
     what = "answers to its protocol's questions"
-    if not silent and not strange:
-        return Finding(what, SAME, f"all {fits} in their form")
-    parts = [f"none to {', '.join(silent)}"] * bool(silent)
-    parts += [f"of another form to {', '.join(strange)}"] * bool(strange)
+    if not silent_commands and not strange_replies:
+        return Finding(what, SAME, f"all {matching_count} in their form")
+    parts = [f"none to {', '.join(silent_commands)}"] * bool(silent_commands)
+    parts += [f"of another form to {', '.join(strange_replies)}"] * bool(strange_replies)
     means = "Programs that ask these get what the gateway knows instead, or a refusal."
-    return Finding(what, DIFFERS, "; ".join(parts), f"{fits} others fit", means)
+    return Finding(what, DIFFERS, "; ".join(parts), f"{matching_count} others fit", means)
 
 
-def _times(took: dict[str, float], usual: float) -> Finding:
-    """Return the finding on the reply times; ``usual`` is that of an exchange; a question may take several."""
-    if not took:
+def _times(reply_times: dict[str, float], usual_time: float) -> Finding:
+    """Return the finding on the reply times; ``usual_time`` is that of an exchange; a question may take several."""
+    if not reply_times:
         return Finding("reply times", DIFFERS, "no reply", "", "Nothing was answered.")
-    longest = max(took.values())
-    measured = f"{usual * 1000.0:.0f} ms, at most {longest * 1000.0:.0f} ms"
-    if usual > USUAL_REPLY_TIME:
+    longest = max(reply_times.values())
+    measured = f"{usual_time * 1000.0:.0f} ms, at most {longest * 1000.0:.0f} ms"
+    if usual_time > USUAL_REPLY_TIME:
         means = "A slow line: limits stop the mount earlier, and arrows end later. The gateway adapts by itself."
         return Finding("reply times", DIFFERS, measured, f"below {USUAL_REPLY_TIME * 1000.0:.0f} ms", means)
-    if longest > MAX_EXCHANGES * usual + BUSY_EXTRA_TIME:
+    if longest > MAX_EXCHANGES * usual_time + BUSY_EXTRA_TIME:
         means = "At times it is busy and answers late; the gateway waits for it."
         return Finding("reply times", DIFFERS, measured, "even", means)
     return Finding("reply times", SAME, measured)

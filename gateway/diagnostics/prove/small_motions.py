@@ -59,19 +59,19 @@ class Velocity(NamedTuple):
 
 def velocity(telescope: CheckedMount, motion: Motion, axis: int, speed: float) -> Velocity | None:
     """Return how an axis moved that was ordered to turn at ``speed``; None without positions before and after."""
-    if motion.before is None or motion.after is None:
+    if motion.start_position is None or motion.end_position is None:
         return None
-    number, tick, lasted = axis - 1, telescope.ticks[axis - 1], motion.ended - motion.began
-    distance = telescope.turned(motion.before, motion.after)[number]
-    even = [place for place in motion.places if place.at > motion.began + RUN_UP]
+    number, tick, lasted = axis - 1, telescope.ticks[axis - 1], motion.ended_at - motion.began_at
+    distance = telescope.turned(motion.start_position, motion.end_position)[number]
+    even = [place for place in motion.positions if place.at > motion.began_at + RUN_UP]
     span = even[-1].at - even[0].at if even else 0.0
-    last = motion.places[-1] if motion.places else motion.before
-    rest, left = abs(telescope.turned(last, motion.after)[number]), motion.ended - last.at
+    last = motion.positions[-1] if motion.positions else motion.start_position
+    rest, left = abs(telescope.turned(last, motion.end_position)[number]), motion.ended_at - last.at
     long = rest > (left + 2.0 * RUN_ON) * speed + RUN_ON_TOLERANCE  # then the whole distance does not show the rate
     if (short := span < MIN_RATE_SPAN) and not long:
         rate = distance / lasted
         error = SHORT_TOLERANCE * abs(rate) + 2.0 * tick / lasted
-    elif len(two := even[:1] + even[-1:] if not short else list(motion.places[-2:])) == 2:
+    elif len(two := even[:1] + even[-1:] if not short else list(motion.positions[-2:])) == 2:
         span = two[1].at - two[0].at
         rate = telescope.turned(*two)[number] / span
         part = (
@@ -119,7 +119,7 @@ async def _measured(telescope: CheckedMount, what: str, speed: float, key: int, 
     motions = [await telescope.press(direction, key, min(MAX_SECONDS, MAX_DEGREES / speed)) for direction in pair]
     onwards, back = (velocity(telescope, motion, axis, speed) for motion in motions)
     if onwards is None or back is None:
-        return Finding(what, NOT_TRIED, motions[0].refused or motions[1].refused)
+        return Finding(what, NOT_TRIED, motions[0].refusal or motions[1].refusal)
     rate, error = (onwards.rate - back.rate) / 2.0, (onwards.error + back.error) / 2.0
     distance, least = max(onwards.distance, back.distance), MIN_READING_STEPS * telescope.ticks[axis - 1]
     run_ons = (onwards.run_on, back.run_on) if distance > least else ()
@@ -128,37 +128,37 @@ async def _measured(telescope: CheckedMount, what: str, speed: float, key: int, 
 
 
 def rate_finding(
-    what: str, rate: float, error: float, speed: float, measured_velocity: Velocity, distance: float, least: float
+    title: str, rate: float, error: float, speed: float, measured_velocity: Velocity, distance: float, least: float
 ) -> Finding:
     """Return the finding on a rate; ``distance`` is how far the axis turned, which shows nothing below ``least``."""
     measured, assumed = rate_text(rate), rate_text(speed)
     if distance <= least:
         if speed * MAX_SECONDS > 2.0 * least:
-            return Finding(what, DIFFERS, "it does not move", assumed, "This arrow key does nothing on your mount.")
-        return Finding(what, NOT_MEASURABLE, "too few steps of its reading", assumed)
+            return Finding(title, DIFFERS, "it does not move", assumed, "This arrow key does nothing on your mount.")
+        return Finding(title, NOT_MEASURABLE, "too few steps of its reading", assumed)
     if error == inf:
-        return Finding(what, NOT_MEASURABLE, "it runs on for too long", assumed)
+        return Finding(title, NOT_MEASURABLE, "it runs on for too long", assumed)
     off = abs(rate - speed)
     if off <= max(STEADINESS_TOLERANCE * speed, 0.0 if measured_velocity.short else error):
-        return Finding(what, SAME, measured, assumed)
+        return Finding(title, SAME, measured, assumed)
     if measured_velocity.short and (off <= error or rate < speed):
-        return Finding(what, NOT_MEASURABLE, f"{measured} on average, still speeding up", assumed)
-    return Finding(what, DIFFERS, measured, assumed, RATE_EFFECT)
+        return Finding(title, NOT_MEASURABLE, f"{measured} on average, still speeding up", assumed)
+    return Finding(title, DIFFERS, measured, assumed, RATE_EFFECT)
 
 
 def rate_text(rate: float) -> str:
     return f"{abs(rate):.2f}°/s" if abs(rate) >= 0.1 else f'{abs(rate) * 3600.0:.1f}"/s'
 
 
-def direction_finding(pair: tuple[Direction, Direction], turned_round: list[bool]) -> Finding:
+def direction_finding(pair: tuple[Direction, Direction], reversals: list[bool]) -> Finding:
     """Return the finding on the direction of an axis."""
     what = f"direction of {pair[0].word} and {pair[1].word}"
-    if not turned_round:
+    if not reversals:
         return Finding(what, NOT_TRIED)
-    if not any(turned_round):
+    if not any(reversals):
         return Finding(what, SAME)
     means = "Arrows go the other way. A setting of the hand control may reverse them: look for 'direction' there."
-    return Finding(what, DIFFERS, "reversed" if all(turned_round) else "reversed at some rates", "", means)
+    return Finding(what, DIFFERS, "reversed" if all(reversals) else "reversed at some rates", "", means)
 
 
 def run_on_finding(run_ons: list[tuple[float, float]], exchange: float, run_on_time: float) -> Finding:

@@ -48,8 +48,8 @@ Pair = tuple[float, float]
 class Ended(Exception):
     """A stage ends early. The text is the reason, without a full stop: it may end with a refusal that has one."""
 
-    def __init__(self, why: str) -> None:
-        super().__init__(why.removesuffix("."))
+    def __init__(self, reason: str) -> None:
+        super().__init__(reason.removesuffix("."))
 
 
 class StoppedByOthers(Ended):
@@ -62,12 +62,12 @@ class Motion(NamedTuple):
     ``places`` are the positions during the motion, ``before`` and ``after`` those at rest. ``refused``: why it did not.
     """
 
-    began: float = 0.0
-    ended: float = 0.0
-    before: TimedPosition | None = None
-    places: tuple[TimedPosition, ...] = ()
-    after: TimedPosition | None = None
-    refused: str = ""
+    began_at: float = 0.0
+    ended_at: float = 0.0
+    start_position: TimedPosition | None = None
+    positions: tuple[TimedPosition, ...] = ()
+    end_position: TimedPosition | None = None
+    refusal: str = ""
 
 
 class CheckedMount:
@@ -76,7 +76,7 @@ class CheckedMount:
     def __init__(self, gateway: Gateway) -> None:
         self.gateway, self.controller = gateway, gateway.controller
         self.now, self.driver = self.controller.now, self.controller.driver
-        self._stops, self._places = self.controller.stops, list[TimedPosition]()
+        self._stop_count, self._positions = self.controller.stops, list[TimedPosition]()
         #: Whether a motion of the check is under way.
         self.mine = False
         self._epoch: Pair | None = None
@@ -106,12 +106,12 @@ class CheckedMount:
 
     def begin(self) -> None:
         """Begin a stage, and forget earlier stops."""
-        self._stops, self.tracking_by_others = self.controller.stops, False
+        self._stop_count, self.tracking_by_others = self.controller.stops, False
 
     def check(self) -> None:
         """Raise Ended if the stage cannot go on."""
         controller = self.controller
-        if controller.stops != self._stops:
+        if controller.stops != self._stop_count:
             said = [entry.text for entry in controller.wire_log.recent if entry.side != CLIENT]
             reason = controller.wanted.value.short or next(reversed(said), "")
             by = controller.wanted.stopped_by
@@ -119,13 +119,13 @@ class CheckedMount:
         if controller.line.state not in ("up", "busy"):
             still = "; it may still move, and is stopped as soon as it answers" * (controller.wanted.owed or self.mine)
             raise Ended(f"the mount does not answer ({controller.line.reason}){still}")
-        if other := self.other:
+        if other := self.moved_by_others:
             raise Ended(f"another program moves the mount ({other})")
         if controller.watch.moved_by_others and not self.mine and controller.context.run_on.value is None:
             raise Ended("the mount is moved at its keys, or by itself")
 
     @property
-    def other(self) -> str:
+    def moved_by_others(self) -> str:
         """Who else moves the mount; empty if nobody does."""
         return next((by.who for by in self._movers() if by is not None and by.who != CLIENT), "")
 
@@ -145,10 +145,10 @@ class CheckedMount:
         orders = [order for order in wanted.pending if isinstance(order.operation, op.SetTracking | op.TrackRate)]
         self.tracking_by_others |= any(order.by is not None and order.by.who != CLIENT for order in orders)
 
-    async def until(self, done: Callable[[], bool], seconds: float) -> bool:
+    async def until(self, is_done: Callable[[], bool], seconds: float) -> bool:
         """Wait for a condition; return whether it became true. Raises Ended."""
         end = self.now() + seconds
-        while not done():
+        while not is_done():
             if self.now() >= end:
                 return False
             await asyncio.sleep(LOOK_PERIOD)
@@ -197,17 +197,17 @@ class CheckedMount:
         """Move by hand, and wait until it rests. Raises Ended."""
         before = await self.rest()
         speed, number = self.speed(key), requests.new_number()
-        self._places.clear()
+        self._positions.clear()
         self.mine = True
         try:
             answer = await self.ask(requests.PressRequest(direction=direction, key=key, number=number, who=CLIENT))
             if refused := self._refused(answer):
-                return Motion(refused=refused)
+                return Motion(refusal=refused)
             began, changed, count = self.now(), self.now(), 0
             while self.now() < began + longest and count < ENOUGH_CHANGES:
                 await asyncio.sleep(max(0.01, min(LOOK_PERIOD, began + longest - self.now())))
                 self.check()
-                observed = sum(self._changed(*two, fast=speed > FAST) for two in pairwise(self._places))
+                observed = sum(self._changed(*two, fast=speed > FAST) for two in pairwise(self._positions))
                 if observed != count:
                     count, changed = observed, self.now()
                 if speed > FAST and self.now() > changed + MAX_UNCHANGED_TIME:
@@ -215,7 +215,7 @@ class CheckedMount:
         finally:
             await self.ask(requests.ReleaseKeyRequest(number=number, who=CLIENT, lost=True))
         ended = self.now()
-        places = tuple(place for place in self._places if place.asked > began and place.at < ended)
+        places = tuple(place for place in self._positions if place.asked > began and place.at < ended)
         after = await self.rest()
         across = abs(self.turned(before, after)[2 - direction.axis])
         if across > MAX_CROSS_MOTION + abs(SIDEREAL_RATE) * (after.at - before.at) and not self.driver.moves_by_gotos:
@@ -272,13 +272,13 @@ class CheckedMount:
         """Take a new position."""
         if (place := self.latest) is None:
             return
-        self._places.append(place)
-        before = self._places[-2:][0].sky
+        self._positions.append(place)
+        before = self._positions[-2:][0].sky
         for number, change in enumerate((wrap180(place.sky.ra - before.ra), place.sky.dec - before.dec)):
             if abs(change) > CALCULATED_CHANGE:
                 self._steps[number] = min(self._steps[number], max(FINEST_STEP, abs(change)))
 
-    def axes(self, place: TimedPosition) -> Pair:
+    def axes(self, position: TimedPosition) -> Pair:
         """Return hour angle and declination, or on an alt-az mount with motors azimuth and altitude. Raises Ended."""
         if self._epoch is None:
             try:
@@ -287,10 +287,10 @@ class CheckedMount:
                 if not self.status.equatorial:
                     raise Ended("the site is not known: without it an alt-az mount cannot be measured") from None
                 self._epoch = self.now(), 0.0
-        hour_angle = self._epoch[1] + SIDEREAL_RATE * (place.at - self._epoch[0]) - place.sky.ra
+        hour_angle = self._epoch[1] + SIDEREAL_RATE * (position.at - self._epoch[0]) - position.sky.ra
         if self.status.equatorial or self.driver.moves_by_gotos:
-            return hour_angle, place.sky.dec
-        return hour_angle_to_horizon(hour_angle, place.sky.dec, self.controller.astrometry.place().latitude)
+            return hour_angle, position.sky.dec
+        return hour_angle_to_horizon(hour_angle, position.sky.dec, self.controller.astrometry.place().latitude)
 
     def turned(self, before: TimedPosition, after: TimedPosition) -> Pair:
         """Return by how much both axes have turned over the ground."""

@@ -55,21 +55,21 @@ class Explained(NamedTuple):
     valid: bool
 
 
-def explain(surface: str, mount: str, typed: str) -> Explained:
+def explain(surface: str, mount: str, typed_words: str) -> Explained:
     """Explain a command. ``surface`` and ``mount`` are ``PROTOCOL[:MODEL[/VERSION]]``, or only a model.
 
     Raises UserError if any of them does not exist, or if the protocol does not have the command.
     """
-    face, at = parse_device(surface), parse_device(mount, of="mount")
+    face, at = parse_device(surface), parse_device(mount, part="mount")
     if at.protocol not in mounts():
         raise UserError(f"{at.protocol} mounts cannot be driven; {' or '.join(mounts())} can")
     at = with_defaults(at)
-    frame = unescape(typed)
+    frame = unescape(typed_words)
     protocol, driven = load(face.protocol), load(at.protocol).of(at.model)
     match = protocol.find(frame)
     if match is None:
         raise UserError(
-            f"{face.protocol} has no command {typed!r}{_hint(face.protocol, at.protocol, frame) or TABLES_HINT}"
+            f"{face.protocol} has no command {typed_words!r}{_hint(face.protocol, at.protocol, frame) or TABLES_HINT}"
         )
     command, picture = match
     row = protocol.surface.get(command.name)
@@ -131,26 +131,26 @@ def counted_version(mount: Endpoint) -> Version | None:
     return PROTOCOLS[mount.protocol].counts_as(mount.version) if mount.version else None
 
 
-def traits(face: Endpoint, command: Command, facts: Model | None = None) -> frozenset[str]:
+def traits(surface: Endpoint, command: Command, facts: Model | None = None) -> frozenset[str]:
     """Return the traits of a presented model for a command; empty if its version does not have the command.
 
     ``facts`` are those of the presented model, if it was chosen to fit the mount, which may lack a part.
     """
-    spec = PROTOCOLS[face.protocol]
-    protocol, model = spec.commands, facts["name"] if facts else face.model or spec.default_model or ""
-    version = spec.counts_as(face.version) if face.version else None
+    spec = PROTOCOLS[surface.protocol]
+    protocol, model = spec.commands, facts["name"] if facts else surface.model or spec.default_model or ""
+    version = spec.counts_as(surface.version) if surface.version else None
     return protocol.traits(model, facts=facts) if command.known_to(None, version) or command.beyond else frozenset()
 
 
-def commands_before(face: Endpoint, row: SurfaceRow) -> Before:
+def commands_before(surface: Endpoint, row: SurfaceRow) -> Before:
     """Return the commands that a program sends before this command, and immediately before it."""
-    spec = PROTOCOLS[face.protocol]
+    spec = PROTOCOLS[surface.protocol]
     after = (*spec.required_requests, *spec.target, *row.after)
     return Before(tuple(map(unescape, after)), tuple(map(unescape, row.during)))
 
 
 def play_one(
-    face: Endpoint, mount: Endpoint, frame: bytes, *, aligned: bool = True, wedge: bool = False, lacking: str = ""
+    face: Endpoint, mount: Endpoint, frame: bytes, *, aligned: bool = True, wedge: bool = False, missing: str = ""
 ) -> tuple[Play, str, str]:
     """Play a frame on a new stage, whose model fits the mount if none is named.
 
@@ -162,7 +162,7 @@ def play_one(
     command, row = match[0], protocol.surface.get(match[0].name)
 
     async def play() -> tuple[Play, str, str]:
-        async with stage(face, mount, rehearsal_sky(), aligned=aligned, wedge=wedge, lacking=lacking) as whole_gateway:
+        async with stage(face, mount, rehearsal_sky(), aligned=aligned, wedge=wedge, missing=missing) as whole_gateway:
             await whole_gateway.gateway.present_fitting_model()
             await asyncio.sleep(IDLE_TIME)  # readings in the cache expire, so that the mount is asked
             played = await Player(whole_gateway).play(
@@ -193,12 +193,12 @@ def _circumstances(mount: Endpoint) -> Iterator[tuple[str, dict[str, Any]]]:
     if driven.traits(mount.model or "") != driven.traits(mount.model or "", wedge=True):
         yield "on a wedge", {"wedge": True}
     for part in (name for name, has in spec.rehearsal_settings(False).items() if has):
-        yield f"without a {part}", {"lacking": part}
+        yield f"without a {part}", {"missing": part}
 
 
-def _name(at: Endpoint) -> str:
-    model = str(at.model)
-    return f"{'an' if model[0] in 'aeilo' else 'a'} {model}{f'/{at.version}' if at.version else ''}"
+def _name(endpoint: Endpoint) -> str:
+    model = str(endpoint.model)
+    return f"{'an' if model[0] in 'aeilo' else 'a'} {model}{f'/{endpoint.version}' if endpoint.version else ''}"
 
 
 def _means(outcome: str, reply: bytes) -> str:
@@ -230,9 +230,9 @@ def _hint(client: str, mount: str, frame: bytes) -> str:
     return f"; {alike[0].help} is written like '{show(example(alike[0]))}'" if alike else ""
 
 
-def in_lines(play: Play, face: str, mount: Endpoint) -> list[str]:
+def in_lines(play: Play, surface: str, mount: Endpoint) -> list[str]:
     """Format a play: its meaning, what is sent to the mount up to the reply, and what changes the mount after it."""
-    program, driven = Side(face), Side(mount.protocol, mount.model)
+    program, driven = Side(surface), Side(mount.protocol, mount.model)
     lines: list[str] = []
     answered, last, again = False, "", 0
     for event in play.events:

@@ -129,11 +129,11 @@ def is_look(protocol: CommandSet, data: bytes) -> bool:
 
 
 def stage(
-    face: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True, wedge: bool = False, lacking: str = ""
+    surface: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True, wedge: bool = False, missing: str = ""
 ) -> RehearsalMount:
     """Return a gateway between a presented model and a simulated mount, each with its version, at the time ``START``.
 
-    ``lacking`` is a part that this simulated mount does not have. What old mounts do not report is in the settings:
+    ``missing`` is a part that this simulated mount does not have. What old mounts do not report is in the settings:
     name, site, and on a wedge the tracking mode.
     """
     spec = PROTOCOLS[mount.protocol]
@@ -142,23 +142,23 @@ def stage(
         mount.version,
         start=START_TIME,
         driven=mount.protocol,
-        presented=face.protocol,
-        surface=face.model,
-        surface_version=face.version,
+        presented=surface.protocol,
+        surface=surface.model,
+        surface_version=surface.version,
         aligned=aligned,
         sky=sky,
         speed=SLEW_SPEEDUP,
         named=True,
         config={"site": DEFAULT_SITE} | ({"mode": "eq-north"} if wedge else {}),
-        simulated={name: has for name, has in spec.rehearsal_settings(wedge).items() if name != lacking},
+        simulated={name: has for name, has in spec.rehearsal_settings(wedge).items() if name != missing},
     )
 
 
-async def _until(reached: Callable[[], bool], seconds: float) -> None:
+async def _until(condition: Callable[[], bool], seconds: float) -> None:
     """Wait until the condition holds, for so many seconds at most."""
     loop = asyncio.get_running_loop()
     end = loop.time() + seconds
-    while not reached() and loop.time() < end:
+    while not condition() and loop.time() < end:
         await asyncio.sleep(_STEP)
 
 
@@ -191,10 +191,10 @@ class Player:
         self.begin()
         wire, refusals = len(self.stage.wire), self.stage.wire_log.refusals
         self._events.clear()
-        visitor.heard = b""
+        visitor.received = b""
         visitor.tell(frame)
         await self._settled(visitor, 0.0)
-        reply = visitor.heard
+        reply = visitor.received
         self._events.append(PlayedStep("reply", "", reply))
         await asyncio.sleep(watching)
         protocol = self.driver.protocol
@@ -204,21 +204,21 @@ class Player:
     def begin(self) -> None:
         """Note that the play begins now, after the commands that a program sends first."""
 
-    async def _settled(self, visitor: Visitor, least: float) -> None:
+    async def _settled(self, visitor: Visitor, min_wait: float) -> None:
         """Wait until everything sent was answered, at most as long as a program waits."""
-        await asyncio.sleep(least)
+        await asyncio.sleep(min_wait)
         await _until(lambda: visitor.answered, REPLY_TIMEOUT)
 
     async def _at_rest(self) -> None:
         """Wait until the mount has arrived and its position shows that to the gateway."""
         await _until(lambda: not (self.stage.sim.slewing or self.stage.controller.reconciler.busy), SLEW_TIMEOUT)
 
-    def _ask(self, wanted: SurfaceStep) -> bool:
+    def _ask(self, request: SurfaceStep) -> bool:
         """Note a request; return False, as it is carried out as well."""
-        if isinstance(wanted, ChangeBaudRate):
-            self._events.append(PlayedStep("baud", str(wanted.baud)))
-        elif not isinstance(wanted, Defer | CheckPossible | Note):
-            operation = wanted.operation if isinstance(wanted, FireAndForget | ReuseLastReading) else wanted
+        if isinstance(request, ChangeBaudRate):
+            self._events.append(PlayedStep("baud", str(request.baud)))
+        elif not isinstance(request, Defer | CheckPossible | Note):
+            operation = request.operation if isinstance(request, FireAndForget | ReuseLastReading) else request
             self._events.append(PlayedStep("means", meaning(operation)))
         return False
 

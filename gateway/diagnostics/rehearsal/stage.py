@@ -60,8 +60,8 @@ class RehearsalMount:
         simulated: dict[str, Any] | None = None,
     ) -> None:
         loop = asyncio.get_running_loop()
-        self._began: float = loop.time() if on is None else on._began
-        self.clock: Callable[[], float] = lambda: start + loop.time() - self._began
+        self._start_time: float = loop.time() if on is None else on._start_time
+        self.clock: Callable[[], float] = lambda: start + loop.time() - self._start_time
         self.host: Callable[[], float] = lambda: self.clock() + host_ahead
         endpoint = Endpoint(driven, "sim", mount, version)
         settings = {"site": site, "aligned": aligned, "speed": speed, "ramps": ramps, **(simulated or {})}
@@ -80,7 +80,7 @@ class RehearsalMount:
         self.driver, self.site_clock = self.controller.driver, self.controller.site_clock
         [made] = self.gateway.acceptors
         assert isinstance(made, ConnectionAcceptor)
-        self.face, self.shared = made.binding, made.shared
+        self.face, self.shared = made.binding, made.shared_state
         self.acceptor = ConnectionAcceptor(self.controller, self.face, self.shared, self.clock, access=access)
 
     def open_store(self) -> None:
@@ -89,8 +89,8 @@ class RehearsalMount:
     def _listening(self, connect: Connection) -> Connection:
         """Wrap a connection to the mount and record the bytes sent to it."""
 
-        def connection(later: Callable[[float, bytes], None]) -> Callable[[bytes], bytes]:
-            feed = connect(later)
+        def connection(send_later: Callable[[float, bytes], None]) -> Callable[[bytes], bytes]:
+            feed = connect(send_later)
 
             def heard(data: bytes) -> bytes:
                 self.wire.append(data)
@@ -119,34 +119,34 @@ class RehearsalMount:
 
 class Visitor:
     def __init__(self, stage: RehearsalMount, host: str) -> None:
-        self.heard = b""
-        self._more = TimedEvent()
-        self.guest = stage.acceptor.accept(Connected(host, host, self._hear))
+        self.received = b""
+        self._received_event = TimedEvent()
+        self.connection = stage.acceptor.accept(Connected(host, host, self._hear))
 
     def _hear(self, data: bytes) -> None:
-        self.heard += data
-        self._more.set()
+        self.received += data
+        self._received_event.set()
 
     @property
     def answered(self) -> bool:
         """Whether everything sent so far that has a reply was answered."""
-        return bool(self.guest.answered)
+        return bool(self.connection.answered)
 
     async def ask(self, data: bytes, seconds: float = 10.0, *, until: bytes = b"") -> bytes:
         """Send bytes and return the reply: up to ``until``, else whatever comes first; b"" after ``seconds``."""
-        self.heard = b""
-        self.guest.feed(data)
+        self.received = b""
+        self.connection.feed(data)
         loop = asyncio.get_running_loop()
         end = loop.time() + seconds
-        while not self.heard or not self.heard.endswith(until):
-            self._more.clear()
-            if not await self._more.within(end - loop.time()):
+        while not self.received or not self.received.endswith(until):
+            self._received_event.clear()
+            if not await self._received_event.within(end - loop.time()):
                 break
-        return self.heard
+        return self.received
 
     def tell(self, data: bytes) -> None:
         """Send bytes that have no reply."""
-        self.guest.feed(data)
+        self.connection.feed(data)
 
     def close(self) -> None:
-        self.guest.close()
+        self.connection.close()

@@ -35,8 +35,8 @@ def gather(recording: Recording) -> Night:
     for event in gathering.sides.introduced(recording):
         gathering.take(event)
     night = gathering.night
-    night.cut = recording.cut
-    if not gathering.taken:
+    night.cut_reason = recording.cut
+    if not gathering.entry_count:
         raise UserError(f"{recording.parts[0]}: nothing happened in this recording, so there is nothing to report")
     return night
 
@@ -45,34 +45,35 @@ class _Gathering:
     def __init__(self, recording: Recording) -> None:
         config = recording.settings["config"]
         self.sides = RecordedSides(recording)
-        self._began = recording.settings["began"]
+        self._start_time = recording.settings["began"]
         mount = config["mount"]
         self.night = Night(
-            mount["at"], [surface["at"] for surface in config["surface"]], self._began + recording.settings["from"],
-            equinox=mount.get("equinox") or "jnow",
-            lowest=mount.get("lowest") or 0.0, highest=90.0 if mount.get("highest") is None else mount["highest"],
+            mount["at"], [surface["at"] for surface in config["surface"]],
+            self._start_time + recording.settings["from"],
+            equinox=mount.get("equinox") or "jnow", lowest_alt=mount.get("lowest") or 0.0,
+            highest_alt=90.0 if mount.get("highest") is None else mount["highest"],
         )  # fmt: skip
         self.night.ended = self.night.began
         by = recording.settings
         self.night.recorded_by = full_version(by.get("version", ""), by.get("commit", ""))
         if mount.get("site"):
             self.night.site = SiteOfNight(float(mount["site"][0]), float(mount["site"][1]), "the settings")
-        self.taken = 0
+        self.entry_count = 0
         protocol = PROTOCOLS[self.sides.protocol(MOUNT_SIDE)]
         self._rows = protocol.night
-        self._answering = {name for name, command in protocol.commands.commands.items() if command.replies}
-        self._speaking: dict[str, Side] = {}
+        self._answered_commands = {name for name, command in protocol.commands.commands.items() if command.replies}
+        self._sides_by_name: dict[str, Side] = {}
         self._programs: dict[str, ProgramConnections] = {}
-        self._asked: deque[tuple[float, str]] = deque(maxlen=MAX_UNANSWERED)
-        self._told: dict[str, tuple[float, float]] = {}
+        self._unanswered: deque[tuple[float, str]] = deque(maxlen=MAX_UNANSWERED)
+        self._last_coordinates: dict[str, tuple[float, float]] = {}
 
     def take(self, event: Event) -> None:
         """Process a line of the recording."""
-        time = self._began + event.at
+        time = self._start_time + event.at
         self.night.ended = max(self.night.ended, time)
         if event.side == RECORDER_SIDE:
             return
-        self.taken += 1
+        self.entry_count += 1
         if event.side == MOUNT_SIDE:
             self._of_mount(event, time)
         else:
@@ -85,45 +86,45 @@ class _Gathering:
             text = event.data.decode("latin-1")
             if event.arrow == "v":
                 text = f"the mount's port was lost: {text}" if text else "the mount's port was lost"
-                self._given_up(len(self._asked))
-                self._speaking.pop(MOUNT_SIDE, None)
+                self._given_up(len(self._unanswered))
+                self._sides_by_name.pop(MOUNT_SIDE, None)
             if text and len(self.night.remarks) < MAX_REMARKS:
                 self.night.remarks.append(Incident(time, MOUNT_SIDE, text))
             return
         side = self._side(MOUNT_SIDE)
         if event.arrow == ">":
             for heard in side.commands(event.data, event.at):
-                if heard.command in self._answering:
-                    self._asked.append((event.at, heard.command))
+                if heard.command in self._answered_commands:
+                    self._unanswered.append((event.at, heard.command))
                 self.night.gotos += heard.command in self._rows.gotos
         else:
             for heard in side.replies(event.data):
                 self._answered(heard, event.at)
 
-    def _answered(self, heard: Heard, at: float) -> None:
+    def _answered(self, message: Heard, time: float) -> None:
         """Match a reply to the newest request of its command; older requests were not answered."""
-        waiting = [place for place, (_, name) in enumerate(self._asked) if name == heard.command]
+        waiting = [place for place, (_, name) in enumerate(self._unanswered) if name == message.command]
         if waiting:
             self._given_up(waiting[-1])
-            asked, _ = self._asked.popleft()
-            self.night.asked.append(self._began + asked)
-            self.night.took.append(at - asked)
-        if heard.command in self._rows.places and not heard.fails:
-            self._place(heard.fields, self._began + at)
-        if heard.command in self._rows.site and not heard.fails:
-            self._site(heard.fields, self._began + at)
+            asked, _ = self._unanswered.popleft()
+            self.night.request_times.append(self._start_time + asked)
+            self.night.reply_times.append(time - asked)
+        if message.command in self._rows.places and not message.fails:
+            self._place(message.fields, self._start_time + time)
+        if message.command in self._rows.site and not message.fails:
+            self._site(message.fields, self._start_time + time)
 
     def _given_up(self, number: int) -> None:
         """Count so many of the oldest requests as unanswered."""
         for _ in range(number):
-            self._asked.popleft()
+            self._unanswered.popleft()
         self.night.unanswered += number
 
     def _place(self, fields: Mapping[str, Any], time: float) -> None:
-        self._told |= {name: (time, fields[name]) for name in ("ra", "dec") if name in fields}
-        if not {"ra", "dec"} <= set(self._told) or "dec" not in fields:
+        self._last_coordinates |= {name: (time, fields[name]) for name in ("ra", "dec") if name in fields}
+        if not {"ra", "dec"} <= set(self._last_coordinates) or "dec" not in fields:
             return
-        (asked, ra), (_, dec) = self._told["ra"], self._told["dec"]
+        (asked, ra), (_, dec) = self._last_coordinates["ra"], self._last_coordinates["dec"]
         if time - asked > COORDINATE_PAIR_WINDOW or not -90.0 <= dec <= 90.0:
             return
         places = self.night.pointings
@@ -131,8 +132,8 @@ class _Gathering:
             places.append(Pointing(time, ra, dec))
 
     def _site(self, fields: Mapping[str, Any], time: float) -> None:
-        self._told |= {name: (time, fields[name]) for name in ("latitude", "longitude") if name in fields}
-        values = [self._told.get(name) for name in ("latitude", "longitude")]
+        self._last_coordinates |= {name: (time, fields[name]) for name in ("latitude", "longitude") if name in fields}
+        values = [self._last_coordinates.get(name) for name in ("latitude", "longitude")]
         if None in values or (self.night.site is not None and self.night.site.source != "the mount"):
             return
         latitude, longitude = (value[1] for value in values if value is not None)
@@ -146,11 +147,11 @@ class _Gathering:
             self._connection_opened(event, time)
             return
         if event.arrow == "~":
-            self._speaking.pop(event.side, None)
+            self._sides_by_name.pop(event.side, None)
             return
         program = self._programs.get(event.side)
         if event.arrow == "-":
-            self._speaking.pop(event.side, None)
+            self._sides_by_name.pop(event.side, None)
             self._programs.pop(event.side, None)
         elif event.arrow == "!":
             if program is not None:
@@ -168,7 +169,7 @@ class _Gathering:
     def _connection_opened(self, event: Event, time: float) -> None:
         number = self.sides.surface[event.side]
         host = event.data.decode("latin-1").rpartition("host ")[2]
-        self._speaking.pop(event.side, None)
+        self._sides_by_name.pop(event.side, None)
         program = self._program(event.side, host, self.night.surfaces[number - 1], time)
         program.connections += 1
 
@@ -178,6 +179,6 @@ class _Gathering:
         return program
 
     def _side(self, name: str) -> Side:
-        if name not in self._speaking:
-            self._speaking[name] = self.sides.side(name)
-        return self._speaking[name]
+        if name not in self._sides_by_name:
+            self._sides_by_name[name] = self.sides.side(name)
+        return self._sides_by_name[name]

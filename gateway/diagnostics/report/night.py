@@ -28,7 +28,7 @@ class Incident(NamedTuple):
     """A problem or a refusal: whom it concerned, and a description."""
 
     time: float
-    who: str
+    client_name: str
     text: str
 
 
@@ -58,19 +58,19 @@ class Night:
     began: float
     ended: float = 0.0
     equinox: str = "jnow"
-    lowest: float = 0.0
-    highest: float = 90.0
+    lowest_alt: float = 0.0
+    highest_alt: float = 90.0
     site: SiteOfNight | None = None
     pointings: list[Pointing] = field(default_factory=list)
     #: When each query was sent to the mount, and how long its reply took; a night has a million of them.
-    asked: array[float] = field(default_factory=lambda: array("d"))
-    took: array[float] = field(default_factory=lambda: array("d"))
+    request_times: array[float] = field(default_factory=lambda: array("d"))
+    reply_times: array[float] = field(default_factory=lambda: array("d"))
     unanswered: int = 0
     gotos: int = 0
     #: Problems of the connection with the mount, and the gateway's notes about the mount.
     remarks: list[Incident] = field(default_factory=list)
     refusals: list[Incident] = field(default_factory=list)
     programs: dict[tuple[str, str], ProgramConnections] = field(default_factory=dict)
-    cut: str = ""
+    cut_reason: str = ""
     #: The version that recorded it, with its commit.
     recorded_by: str = ""

@@ -38,7 +38,7 @@ def page(night: Night, source: str) -> str:
             "How high it pointed", "Behind the line: day, twilight, darkness. Triangles: refusals. Dashed: the "
             "limits.", _wide(plots.altitude(points, light(night, sky), night)),
         ))  # fmt: skip
-    if night.took:
+    if night.reply_times:
         parts.append(_section(
             "How long the mount took to answer", "Line: the median. Band: nine of ten replies. Dots: the longest. "
             "Red: a note about the mount or its connection.",
@@ -101,13 +101,13 @@ def table_of_programs(night: Night) -> str:
     return table(heads, rows) if rows else "<p>No program was connected.</p>"
 
 
-def table_of_remarks(remarks: Sequence[Incident], none: str, of_programs: bool) -> str:
+def table_of_remarks(remarks: Sequence[Incident], empty_text: str, of_programs: bool) -> str:
     """Return a table with each remark once: how often it occurred, first and last time; sorted by frequency."""
     same: dict[tuple[str, str], list[float]] = {}
     for remark in remarks:
-        same.setdefault((remark.text, remark.who), []).append(remark.time)
+        same.setdefault((remark.text, remark.client_name), []).append(remark.time)
     if not same:
-        return f"<p>{html.escape(none)}</p>"
+        return f"<p>{html.escape(empty_text)}</p>"
     rows = []
     for (text, who), times in sorted(same.items(), key=lambda item: -len(item[1]))[:MAX_ROWS]:
         when = clock(times[0], seconds=True)
@@ -133,7 +133,7 @@ def sentences(night: Night, points: list[TrackPoint]) -> list[str]:
         _programs(night),
         _refusals(night),
         _remarks(night),
-        *([f"The recording is not whole: {night.cut}."] if night.cut else []),
+        *([f"The recording is not whole: {night.cut_reason}."] if night.cut_reason else []),
     ]
 
 
@@ -143,9 +143,9 @@ def _lasting(seconds: float) -> str:
     return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s" if minutes else f"{rest} s"
 
 
-def counted(number: int, thing: str) -> str:
+def counted(number: int, noun: str) -> str:
     """Format a count, as in ``1 program`` or ``1,200 commands``."""
-    return f"{number:,} {thing}{'s' * (number != 1)}"
+    return f"{number:,} {noun}{'s' * (number != 1)}"
 
 
 def _pointing(night: Night, points: list[TrackPoint]) -> str:
@@ -159,9 +159,9 @@ def _pointing(night: Night, points: list[TrackPoint]) -> str:
 
 
 def _answering(night: Night) -> str:
-    if not night.took:
+    if not night.reply_times:
         return "The mount answered no question."
-    times = sorted(night.took)
+    times = sorted(night.reply_times)
     lost = f"; {counted(night.unanswered, 'question')} had no answer" if night.unanswered else ""
     every = "" if lost or len(times) == 1 else "all "
     return (

@@ -21,22 +21,22 @@ class Spread(NamedTuple):
     """The reply times of an interval: its time, the 5 % quantile, the median, the 95 % quantile, the maximum."""
 
     time: float
-    low: float
-    middle: float
-    high: float
-    longest: float
+    quantile_05: float
+    median: float
+    quantile_95: float
+    maximum: float
 
 
-def at(part: float, ordered: Sequence[float]) -> float:
+def at(part: float, sorted_values: Sequence[float]) -> float:
     """Return the quantile ``part`` of sorted values."""
-    return ordered[min(len(ordered) - 1, int(part * len(ordered)))]
+    return sorted_values[min(len(sorted_values) - 1, int(part * len(sorted_values)))]
 
 
 def spreads(night: Night) -> list[Spread]:
     """Return the spread of every interval in which the mount answered."""
     width = max((night.ended - night.began) / INTERVAL_COUNT, 1e-3)
     parts: dict[int, list[float]] = {}
-    for time, took in zip(night.asked, night.took, strict=True):
+    for time, took in zip(night.request_times, night.reply_times, strict=True):
         parts.setdefault(int((time - night.began) / width), []).append(took)
     marks = []
     for number, times in sorted(parts.items()):
@@ -48,7 +48,7 @@ def spreads(night: Night) -> list[Spread]:
 
 def _longest(night: Night) -> float:
     """Return the longest reply time that is shown, milliseconds."""
-    return max(at(SHOWN_FRACTION, sorted(night.took)) * 1000.0 * SCALE_MARGIN, 1.0)
+    return max(at(SHOWN_FRACTION, sorted(night.reply_times)) * 1000.0 * SCALE_MARGIN, 1.0)
 
 
 def _round(value: float) -> float:
@@ -69,14 +69,14 @@ def over_time(night: Night) -> str:
     drawn = [frame.axes((step * number, f"{step * number:g} ms") for number in range(int(reach / step) + 1))]
     measured = spreads(night)
     for piece in _unbroken(measured, night):
-        band = [(frame.x(spread.time), frame.y(spread.high * 1000.0)) for spread in piece]
-        band += [(frame.x(spread.time), frame.y(spread.low * 1000.0)) for spread in reversed(piece)]
+        band = [(frame.x(spread.time), frame.y(spread.quantile_95 * 1000.0)) for spread in piece]
+        band += [(frame.x(spread.time), frame.y(spread.quantile_05 * 1000.0)) for spread in reversed(piece)]
         drawn.append(path(band, "spread", closed=True))
-        drawn.append(path(((frame.x(spread.time), frame.y(spread.middle * 1000.0)) for spread in piece), "middle"))
+        drawn.append(path(((frame.x(spread.time), frame.y(spread.median * 1000.0)) for spread in piece), "middle"))
     for spread in measured:
-        if spread.longest > 1.5 * spread.high:
+        if spread.maximum > 1.5 * spread.quantile_95:
             drawn.append(
-                tag("circle", cx=frame.x(spread.time), cy=frame.y(spread.longest * 1000.0), r=1.8, class_="longest")
+                tag("circle", cx=frame.x(spread.time), cy=frame.y(spread.maximum * 1000.0), r=1.8, class_="longest")
             )
     for remark in night.remarks:
         x = frame.x(remark.time)
@@ -84,11 +84,11 @@ def over_time(night: Night) -> str:
     return picture(frame.width, frame.height, "".join(drawn), "How long the mount took to answer, over time")
 
 
-def _unbroken(measured: list[Spread], night: Night) -> list[list[Spread]]:
+def _unbroken(spreads: list[Spread], night: Night) -> list[list[Spread]]:
     """Split into stretches without a gap."""
     gap = 3.5 * (night.ended - night.began) / INTERVAL_COUNT
     parts: list[list[Spread]] = []
-    for spread in measured:
+    for spread in spreads:
         if not parts or spread.time - parts[-1][-1].time > gap:
             parts.append([])
         parts[-1].append(spread)
@@ -107,14 +107,15 @@ WIDE, HIGH = 46.0, 15.0
 
 
 class TrackPoint(NamedTuple):
-    """A position in altitude and azimuth. ``slewing``: the tube was slewing to it; ``joined``: a line connects it with
-    the position before."""
+    """A position in altitude and azimuth. ``slewing``: the tube was slewing to it; ``continues_track``: a line connects
+    it with the position before.
+    """
 
     time: float
     alt: float
     az: float
     slewing: bool
-    joined: bool
+    continues_track: bool
 
 
 def track(night: Night, sky: Sky) -> list[TrackPoint]:
@@ -137,9 +138,9 @@ def pieces(points: list[TrackPoint]) -> Iterator[list[TrackPoint]]:
     """Split into stretches of one kind, each beginning at the end of the previous."""
     piece: list[TrackPoint] = []
     for place in points:
-        if piece and (not place.joined or (len(piece) > 1 and place.slewing != piece[-1].slewing)):
+        if piece and (not place.continues_track or (len(piece) > 1 and place.slewing != piece[-1].slewing)):
             yield piece
-            piece = [piece[-1]] if place.joined else []
+            piece = [piece[-1]] if place.continues_track else []
         piece.append(place)
     if piece:
         yield piece
@@ -183,7 +184,7 @@ def all_sky(points: list[TrackPoint], night: Night) -> str:
     for altitude in (30.0, 60.0):
         drawn.append(tag("circle", cx=middle, cy=middle, r=_reach(altitude), class_="grid"))
         drawn.append(text(f"{altitude:.0f}°", middle + 4, middle - _reach(altitude) - 3, "tick", "start"))
-    for altitude in {night.lowest, night.highest} - {0.0, 90.0}:
+    for altitude in {night.lowest_alt, night.highest_alt} - {0.0, 90.0}:
         drawn.append(tag("circle", cx=middle, cy=middle, r=_reach(altitude), class_="limit"))
     drawn += [
         tag("line", x1=middle - CHART_RADIUS, x2=middle + CHART_RADIUS, y1=middle, y2=middle, class_="grid"),
@@ -218,7 +219,7 @@ def _times(points: Iterable[TrackPoint]) -> list[str]:
     taken: list[Point] = []
     for place in points:
         x, y = _point(place.az, place.alt)
-        if place.slewing or not place.joined or any(abs(x - a) < WIDE and abs(y - b) < HIGH for a, b in taken):
+        if place.slewing or not place.continues_track or any(abs(x - a) < WIDE and abs(y - b) < HIGH for a, b in taken):
             continue
         drawn.append(tag("circle", cx=x, cy=y, r=3.5, class_="dot"))
         drawn.append(text(clock(place.time), x + 7, y + 4, "time", "start"))
@@ -231,7 +232,7 @@ def altitude(points: list[TrackPoint], lights: list[Light], night: Night) -> str
     frame = PlotFrame(night.began, night.ended, 0.0, 90.0)
     drawn = [frame.band(part.began, part.ended, part.kind) for part in lights]
     drawn.append(frame.axes((value, f"{value}°") for value in (0, 30, 60, 90)))
-    for limit in {night.lowest, night.highest} - {0.0, 90.0}:
+    for limit in {night.lowest_alt, night.highest_alt} - {0.0, 90.0}:
         y = frame.y(limit)
         drawn.append(tag("line", x1=frame.x(night.began), x2=frame.x(night.ended), y1=y, y2=y, class_="limit"))
     for piece in pieces(points):

@@ -82,9 +82,9 @@ class Roster:
             case [gateway, mount, "event"] if not received.retained:
                 self._put(self._results, (gateway, mount), received, ShownEvent)
 
-    def _put(self, known: dict[_Name, tuple[Any, float]], of: _Name, received: Received, kind: Any) -> None:
+    def _put(self, table: dict[_Name, tuple[Any, float]], key: _Name, received: Received, kind: Any) -> None:
         if not received.payload:
-            known.pop(of, None)  # an empty payload deletes a retained message
+            table.pop(key, None)  # an empty payload deletes a retained message
             return
         try:
             value = msgspec.json.decode(received.payload, type=kind)
@@ -92,9 +92,9 @@ class Roster:
             return
         if isinstance(value, ShownEvent) and (value.kind not in RESULT_KINDS or value.who != "mqtt"):
             return
-        if of in known or len(known) < MAX_MOUNTS:
+        if key in table or len(table) < MAX_MOUNTS:
             then = value.time if received.retained and isinstance(value, ShownState) else self._clock()
-            known[of] = value, then
+            table[key] = value, then
 
     def mounts(self) -> list[dict[str, Any]]:
         """Return the mounts as the page shows them, sorted by name. ``age`` is that of the state, in seconds."""
@@ -133,14 +133,14 @@ class StopForm(Struct, frozen=True, forbid_unknown_fields=True):
 class Overview:
     """Serves the page until it is closed. ``on_connection`` is called when the broker is connected, and when lost.
 
-    ``look`` is the folder of the console's page, whose style this page shares.
+    ``style_folder`` is the folder of the console's page, whose style this page shares.
     """
 
     def __init__(
         self,
         access: BrokerAccess,
         prefix: str,
-        look: Path,
+        style_folder: Path,
         clock: Callable[[], float],
         on_connection: Callable[[bool, str], None],
         connect: Connect | None = None,
@@ -149,19 +149,19 @@ class Overview:
         self._commands = [Topics(prefix, "+").of("+", "command"), Topics(prefix, "+").everyone]
         subscriptions = [*self._roster.subscriptions, *self._commands]
         self._link = BrokerLink(
-            access, subscriptions, self._on_message, self._on_connection, connect=connect, flood=MAX_MESSAGE_RATE
+            access, subscriptions, self._on_message, self._on_connection, connect=connect, max_flood=MAX_MESSAGE_RATE
         )
         self._token = secrets.token_urlsafe(24)
         files = {path.name: path for path in PAGE_FOLDER.iterdir()}
-        self._files = Pages(files | {name: look / name for name in CONSOLE_FILES})
-        self._connected, self._why = False, "the broker has not answered yet"
+        self._files = Pages(files | {name: style_folder / name for name in CONSOLE_FILES})
+        self._is_connected, self._disconnect_reason = False, "the broker has not answered yet"
         self._waiting_for_echo: dict[str, asyncio.Event] = {}
         self._server = WebServer(self._load)
-        self.where = ""
+        self.address = ""
 
     async def open(self, port: int) -> None:
         """Listen on a port of this computer only. Raises UserError."""
-        self.where = (await self._server.listen(f"tcp://127.0.0.1:{port}")).where.replace("tcp", "http") + "/"
+        self.address = (await self._server.listen(f"tcp://127.0.0.1:{port}")).where.replace("tcp", "http") + "/"
         self._link.start()
 
     async def _load(self) -> web.Application:
@@ -180,22 +180,22 @@ class Overview:
 
     # --- the broker -------------------------------------------------------------------------------------------------
 
-    def _on_connection(self, connected: bool, why: str) -> None:
-        self._connected, self._why = connected, why
-        self._on_change(connected, why)
+    def _on_connection(self, connected: bool, reason: str) -> None:
+        self._is_connected, self._disconnect_reason = connected, reason
+        self._on_change(connected, reason)
 
-    def _on_message(self, heard: Received) -> None:
-        if heard.topic in self._waiting_for_echo and not heard.retained:
-            self._waiting_for_echo[heard.topic].set()
+    def _on_message(self, message: Received) -> None:
+        if message.topic in self._waiting_for_echo and not message.retained:
+            self._waiting_for_echo[message.topic].set()
         else:
-            self._roster.receive(heard)
+            self._roster.receive(message)
 
     async def send_stop(self, stop: StopForm) -> str:
         """Send a stop to one mount or all; return why it was not sent, or an empty text."""
         topics = Topics(self._prefix, stop.gateway)
         topic = topics.of(stop.mount, "command") if stop.mount else topics.everyone
-        if not self._connected:
-            return f"the broker cannot be reached ({self._why})"
+        if not self._is_connected:
+            return f"the broker cannot be reached ({self._disconnect_reason})"
         heard = self._waiting_for_echo.setdefault(topic, asyncio.Event())
         self._link.publish(MqttMessage(topic, b"stop"))
         try:
@@ -219,7 +219,7 @@ class Overview:
         return await self._files.index(request, token=self._token)
 
     async def _mounts(self, request: web.Request) -> web.StreamResponse:
-        state = {"there": self._connected, "why": self._why, "mounts": self._roster.mounts()}
+        state = {"there": self._is_connected, "why": self._disconnect_reason, "mounts": self._roster.mounts()}
         return web.Response(body=msgspec.json.encode(state), content_type="application/json")
 
     async def _stop(self, request: web.Request) -> web.StreamResponse:

@@ -257,7 +257,7 @@ class Driver:
         """Return the values to store in the state file; while the mount moves, also what is needed to stop it."""
         return {}
 
-    def restore_state(self, saved: SavedValues, moving: bool) -> None:
+    def restore_state(self, saved_values: SavedValues, moving: bool) -> None:
         """Restore what ``saved_state`` returned in an earlier run; invalid values are ignored."""
 
     @property

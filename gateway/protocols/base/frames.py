@@ -52,8 +52,8 @@ class Suspect(bytes):
 class Dropped(dict[str, bytearray]):
     """The bytes that the last call of a framer has dropped, reason -> bytes; only for the log."""
 
-    def add(self, data: bytes, why: str) -> None:
-        self.setdefault(why, bytearray()).extend(data)
+    def add(self, data: bytes, reason: str) -> None:
+        self.setdefault(reason, bytearray()).extend(data)
 
 
 class WholeFramer:

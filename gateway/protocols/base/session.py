@@ -111,15 +111,15 @@ class Session:
         model: Model,
         settings: ClientSettings,
         clock: Callable[[], float],
-        shared: Shared | None = None,
+        shared_state: Shared | None = None,
         client: ClientState | None = None,
         may_not_set: Callable[[], None] | None = None,
     ) -> None:
         self.model, self.settings, self.clock = model, settings, clock
-        self.common = shared or Shared()
+        self.common = shared_state or Shared()
         self._may_not_set = may_not_set
         #: The previous frame.
-        self.last = b""
+        self.last_frame = b""
         #: Why the current command was refused, if its protocol has no reply form for a refusal; else empty.
         self.refused = ""
         #: Whether the reply to the current command is a refusal that is not in the log.
@@ -139,11 +139,11 @@ class Session:
     def shared(self) -> MountSettings:
         return self.common.settings
 
-    def set_for_all(self, settings: MountSettings, *, lasting: bool = True) -> None:
-        """Replace the shared settings; ``lasting`` writes them to the state file. Raises ReadOnly."""
+    def set_for_all(self, settings: MountSettings, *, save: bool = True) -> None:
+        """Replace the shared settings; ``save`` writes them to the state file. Raises ReadOnly."""
         self.check_may_set()
         self.common.settings = settings
-        if lasting:
+        if save:
             self.common.changed()
 
     def check_may_set(self) -> None:

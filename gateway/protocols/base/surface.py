@@ -240,11 +240,11 @@ class Surface:
         return b"" if form is None else self.as_written(command.name, form.encode(_fields_of(answer, form.fields)))
 
 
-def _without_motion(wanted: SurfaceStep) -> bool:
+def _without_motion(request: SurfaceStep) -> bool:
     """Whether to drop a request because it would begin a motion. Raises Disturbed if the command can be refused."""
-    if not begins_motion(getattr(wanted, "operation", wanted)):
+    if not begins_motion(getattr(request, "operation", request)):
         return False
-    if isinstance(wanted, FireAndForget):
+    if isinstance(request, FireAndForget):
         return True
     raise Disturbed
 

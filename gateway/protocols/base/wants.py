@@ -54,10 +54,10 @@ class Subscription(NamedTuple):
     """
 
     operation: Read
-    every: float
+    period: float
     encode: Callable[[Any], bytes]
     changes: bool = False
-    after: float = 0.0
+    first_delay: float = 0.0
 
 
 class Note(NamedTuple):
@@ -77,10 +77,10 @@ def decoded(values: Values) -> Values:
     return values
 
 
-def relayed(steps: Handling, instead: Callable[[SurfaceStep], bool]) -> Handling:
-    """Pass on the requests of a handler and the answers to them, unless ``instead`` steps in.
+def relayed(steps: Handling, intercept: Callable[[SurfaceStep], bool]) -> Handling:
+    """Pass on the requests of a handler and the answers to them, unless ``intercept`` steps in.
 
-    ``instead`` receives each request first. It returns True to drop it, answered by None; or raises the answer.
+    ``intercept`` receives each request first. It returns True to drop it, answered by None; or raises the answer.
     """
     answer: object = None
     fault: Fault | None = None
@@ -91,7 +91,7 @@ def relayed(steps: Handling, instead: Callable[[SurfaceStep], bool]) -> Handling
             return end.value
         answer, fault = None, None
         try:
-            if not instead(wanted):
+            if not intercept(wanted):
                 answer = yield wanted
         except Fault as error:
             fault = error

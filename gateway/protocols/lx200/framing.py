@@ -123,7 +123,7 @@ class Lx200Framer:
         self._begin()
         return [frame for frame in self._frames if isinstance(frame, Unterminated)]
 
-    def _cut(self, why: str = HALF) -> None:
+    def _cut(self, reason: str = HALF) -> None:
         """End the incomplete command here: with an argument it is unterminated, any other is dropped."""
         piece = bytes(self._frame)
         name = setter(piece) if len(piece) > 1 else None
@@ -138,7 +138,7 @@ class Lx200Framer:
             self._suspect = True
             self._extend_unterminated(piece, name)
         elif len(piece) > 1:
-            self.dropped.add(piece, why)
+            self.dropped.add(piece, reason)
 
     def _extend_unterminated(self, piece: bytes, name: str | None) -> None:
         """Add a piece to the unterminated text: its bytes for the log, and its command, whose setting is cleared."""

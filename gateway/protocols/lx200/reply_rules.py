@@ -131,14 +131,14 @@ class Lx200ReplyRules:
     """The ``ReplyRules`` of a Meade. They own the notation that was learnt from its answers.
 
     ``protocol`` is the dialect of the ``speaker``, which asks the mount for its name. Without a speaker it is the
-    dialect of the model that the user has ``named``, or whose name the mount replies.
+    dialect of the model that the user has ``model``, or whose name the mount replies.
     """
 
     closing, padding = b"#", PADDING
 
-    def __init__(self, named: str | None = None, speaker: Driver | None = None) -> None:
-        self._notation, self._named, self._speaker = Notation(), named is not None, speaker
-        self._protocol: CommandSet = load("lx200").of(named)
+    def __init__(self, model: str | None = None, speaker: Driver | None = None) -> None:
+        self._notation, self._named, self._speaker = Notation(), model is not None, speaker
+        self._protocol: CommandSet = load("lx200").of(model)
 
     @property
     def protocol(self) -> CommandSet:

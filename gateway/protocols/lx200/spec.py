@@ -90,14 +90,14 @@ def _recognises(sent: bytes) -> float:
     return 1.0 if begins and (b":" in sent or ACK in sent) else 0.0
 
 
-def _answered_ack(heard: bytes, still: float) -> str | None:
+def _answered_ack(received: bytes, quiet_seconds: float) -> str | None:
     """Judge the answer to ACK: a Meade sends one letter, a D if it waits for new firmware. An OnStep takes the bytes
     before ACK for a command, and refuses that first.
     """
-    heard = heard.removeprefix(b"0").strip().removesuffix(b"#")
-    if len(heard) != 1 or still < LONE:
+    received = received.removeprefix(b"0").strip().removesuffix(b"#")
+    if len(received) != 1 or quiet_seconds < LONE:
         return None
-    return NAME if heard in b"APLG" else "downloader" if heard == b"D" else None
+    return NAME if received in b"APLG" else "downloader" if received == b"D" else None
 
 
 def _hint(frame: bytes) -> str:

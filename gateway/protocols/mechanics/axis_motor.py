@@ -65,10 +65,10 @@ class Leg:
     before, it still runs on (``run_on`` degrees, until ``ramp_ends``), which shortens the distance by as much.
     """
 
-    def __init__(self, started: float, distance: float, fast: float, slow: float, acceleration: float) -> None:
-        self.started, self.distance, self.acceleration = started, distance, acceleration
+    def __init__(self, started_at: float, distance: float, fast: float, slow: float, acceleration: float) -> None:
+        self.started, self.distance, self.acceleration = started_at, distance, acceleration
         self._rates = fast, slow
-        self.set_run_on(0.0, started)
+        self.set_run_on(0.0, started_at)
 
     def set_run_on(self, run_on: float, ramp_ends: float) -> None:
         """Count the distance from where the motor would come to rest, and calculate the phases."""

@@ -39,7 +39,7 @@ class Simulated(ABC):
         """Make the framer of a connection."""
 
     @abstractmethod
-    def answer(self, frame: bytes, later: Later | None) -> bytes:
+    def answer(self, frame: bytes, send_later: Later | None) -> bytes:
         """Carry out a command and return its immediate reply."""
 
     @cached_property
@@ -47,15 +47,15 @@ class Simulated(ABC):
         """The framer of the first connection."""
         return self.framer()
 
-    def feed(self, data: bytes, framer: TimedFramer | None = None, later: Later | None = None) -> bytes:
-        """Process bytes from the port and return the immediate replies; delayed ones go to ``later``."""
+    def feed(self, data: bytes, framer: TimedFramer | None = None, send_later: Later | None = None) -> bytes:
+        """Process bytes from the port and return the immediate replies; delayed ones go to ``send_later``."""
         self.advance_to_now()
-        return b"".join([self.answer(frame, later) for frame in (framer or self._framer).feed(data, self.now)])
+        return b"".join([self.answer(frame, send_later) for frame in (framer or self._framer).feed(data, self.now)])
 
-    def connection(self, later: Later | None = None) -> Callable[[bytes], bytes]:
+    def connection(self, send_later: Later | None = None) -> Callable[[bytes], bytes]:
         """Return the ``feed`` of another connection to the same mount, with its own framer."""
         framer = self.framer()
-        return lambda data: self.feed(data, framer, later)
+        return lambda data: self.feed(data, framer, send_later)
 
     def truth(self) -> Pair:
         """Return the true right ascension and declination of date, degrees."""

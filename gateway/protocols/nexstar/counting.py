@@ -37,9 +37,9 @@ def key_speed(rates: Model, key: int) -> float:
     return float(degrees[key - len(sidereal) - 1])
 
 
-def fields_of(local: datetime) -> dict[str, int]:
+def fields_of(local_time: datetime) -> dict[str, int]:
     """Return the fields of a clock command for a local date and time."""
-    return {"year": local.year % 100, **{name: getattr(local, name) for name in _FIELDS}}
+    return {"year": local_time.year % 100, **{name: getattr(local_time, name) for name in _FIELDS}}
 
 
 def unix_of(fields: Mapping[str, int], century: int = 2000) -> float:

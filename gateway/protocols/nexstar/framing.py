@@ -68,11 +68,11 @@ def is_question(frame: bytes) -> bool:
 class Interrupted:
     """An incomplete command that was dropped, how many bytes it lacks, and the ``burst`` of bytes since the last pause.
 
-    ``until`` is the time after which its end is no longer expected, ``lengths`` those of all commands.
+    ``expires_at`` is the time after which its end is no longer expected, ``lengths`` those of all commands.
     """
 
-    def __init__(self, half: bytes, until: float, lengths: dict[int, int]) -> None:
-        self.missing, self.until, self.burst = lengths[half[0]] - len(half), until, bytearray()
+    def __init__(self, half: bytes, expires_at: float, lengths: dict[int, int]) -> None:
+        self.missing, self.until, self.burst = lengths[half[0]] - len(half), expires_at, bytearray()
         self._letter, self._at = half[0], len(half)
         self._lengths = lengths
         #: The places in the burst of commands that have been passed on.
@@ -130,18 +130,18 @@ class Interrupted:
     def _one_command(self) -> bool:
         return len(self.burst) == self._lengths.get(self.burst[0])
 
-    def _cut(self, at: int) -> tuple[list[tuple[int, bytes]], bool]:
+    def _cut(self, index: int) -> tuple[list[tuple[int, bytes]], bool]:
         """Return the whole commands of the burst from a place on, each with its place, and whether that is all."""
         frames: list[tuple[int, bytes]] = []
-        while at < len(self.burst):
-            length = self._lengths.get(self.burst[at])
-            if length is None and self.burst[at] not in STRAY:
+        while index < len(self.burst):
+            length = self._lengths.get(self.burst[index])
+            if length is None and self.burst[index] not in STRAY:
                 return frames, False
             if length is not None:
-                if at + length > len(self.burst):
+                if index + length > len(self.burst):
                     return frames, False
-                frames.append((at, bytes(self.burst[at : at + length])))
-            at += length or 1
+                frames.append((index, bytes(self.burst[index : index + length])))
+            index += length or 1
         return frames, True
 
 

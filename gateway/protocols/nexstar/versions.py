@@ -71,17 +71,17 @@ def numbered(text: str) -> Number:
     return Number(shown, counts_as(shown, starsense=True), True)
 
 
-def counts_as(shown: Version, *, starsense: bool = False, synscan: bool = False) -> Version:
+def counts_as(version: Version, *, starsense: bool = False, synscan: bool = False) -> Version:
     """Return the version whose commands a hand control with this version number has."""
     if starsense:
         return STARSENSE_COUNTS_AS
-    if SYNSCAN_THIRD <= shown < (4,):
+    if SYNSCAN_THIRD <= version < (4,):
         return SYNSCAN_COUNTS_AS
-    if synscan and (4,) <= shown < SYNSCAN_FOURTH:
+    if synscan and (4,) <= version < SYNSCAN_FOURTH:
         return SYNSCAN_OLD
-    if shown[0] < GT_FIRST:
-        return shown
-    return GT_NEW if shown >= GT_SECOND else GT_OLD
+    if version[0] < GT_FIRST:
+        return version
+    return GT_NEW if version >= GT_SECOND else GT_OLD
 
 
 def shifted(row: Model, version: Version | None) -> bool:

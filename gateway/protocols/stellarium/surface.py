@@ -92,9 +92,9 @@ def subscriptions(session: Session) -> Sequence[Subscription]:
         status = ENDED_SHORT if session.client.short and not session.client.status else session.client.status
         return template.encode({"time": now, "ra": position.ra, "dec": position.dec, "status": status})
 
-    def note(moves: Activity) -> bytes:
-        session.client.short = bool(moves.short)
+    def note(activity: Activity) -> bytes:
+        session.client.short = bool(activity.short)
         return b""
 
     every = pushed.pushed
-    return [Subscription(GetActivity(), every, note), Subscription(Position(), every, message, after=FIRST)]
+    return [Subscription(GetActivity(), every, note), Subscription(Position(), every, message, first_delay=FIRST)]

@@ -129,7 +129,7 @@ async def test_equinox_is_checked_against_what_the_alpaca_server_reports(
     sends: str, declares: int, key: str | None, told: str
 ) -> None:
     config = {} if key is None else {"equinox": key}
-    made = server("altaz", config, sends_j2000=sends == "j2000", tells={"equatorialsystem": declares})
+    made = server("altaz", config, sends_j2000=sends == "j2000", answers={"equatorialsystem": declares})
     async with made as one:
         await one.controller.perform(goal(one))
         await arrive(one)
@@ -238,7 +238,7 @@ async def test_another_server_at_the_same_address_is_examined_anew(first: bool) 
         await asyncio.sleep(2.0)
         return one.sim.truth()[1] - before
 
-    async with server("polar", senses=(-1, -1) if first else (1, 1), tells={"equatorialsystem": 1}) as one:
+    async with server("polar", senses=(-1, -1) if first else (1, 1), answers={"equatorialsystem": 1}) as one:
         await one.controller.perform(goal(one))
         await arrive(one)
         await asyncio.sleep(5.0)

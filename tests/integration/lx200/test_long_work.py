@@ -35,7 +35,7 @@ async def test_stop_alone_is_sent_while_the_gps_is_queried() -> None:
         assert await other.ask(b":GR#", 5.0) == b""
         assert bridge.sent()[before:] == [b":Q#"]
         await asyncio.sleep(60.0)
-        assert asking.heard == b"1"
+        assert asking.received == b"1"
         assert bridge.controller.line.state == "up"
         assert (await other.ask(b":GR#")).endswith(b"#")
         assert bridge.sim.mechanics.axes(bridge.sim.now)[1] == pytest.approx(45.0, abs=1.0)  # :Mn never came

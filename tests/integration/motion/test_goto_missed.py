@@ -128,11 +128,11 @@ async def test_missed_goto_shows_in_the_stellarium_status(how: str) -> None:
     async with Bridge("cpc", presented="stellarium", surface=None, config={"sun": 0.0}) as bridge:
         client = bridge.client()
         await ended(bridge, "nexstar", how)
-        [status] = struct.unpack("<i", client.heard[-4:])
+        [status] = struct.unpack("<i", client.received[-4:])
         assert status == (-2 if ENDS[how] else 0)
         await inside(bridge.gateway).goto(121.0, 30.0)
         await asyncio.sleep(2.0)
-        assert client.heard[-4:] == b"\0\0\0\0"
+        assert client.received[-4:] == b"\0\0\0\0"
 
 
 def test_goto_that_ends_near_its_target_counts_as_arrived() -> None:

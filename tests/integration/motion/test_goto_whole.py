@@ -46,7 +46,7 @@ async def test_release_of_an_ended_arrow_leaves_the_goto_alone(mount: str, drive
         await asyncio.sleep(early)
         client.tell(b":Qe#:Qn#")
         assert await arrives(bridge)
-        assert client.heard.endswith(b"0")
+        assert client.received.endswith(b"0")
 
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)

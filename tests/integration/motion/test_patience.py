@@ -58,7 +58,7 @@ async def test_waiting_goto_is_refused_before_its_program_times_out(mount: str, 
         assert await client.ask(GOTO, 3.5, until=b".#") == told
         await asyncio.sleep(60.0)
         assert motions(bridge) == []
-        assert client.heard == told
+        assert client.received == told
 
 
 async def test_newer_of_two_waiting_gotos_is_carried_out() -> None:
@@ -68,7 +68,7 @@ async def test_newer_of_two_waiting_gotos_is_carried_out() -> None:
         older.tell(OTHER)
         await asyncio.sleep(0.5)
         assert await newer.ask(GOTO, 20.0, until=b"0") == b"110"
-        assert older.heard == b"111Stopped.#"
+        assert older.received == b"111Stopped.#"
         assert motions(bridge) == [b":MS#"]
         await asyncio.sleep(90.0)
         assert arrived(bridge)
@@ -95,9 +95,9 @@ async def test_stop_or_disconnection_cancels_a_waiting_goto(how: bytes | None) -
         if how:
             bridge.client("10.0.0.4").tell(how)
             await asyncio.sleep(0.5)
-            assert client.heard == b"111Stopped.#"
+            assert client.received == b"111Stopped.#"
         elif how is None:
-            client.guest.peer_closed()
+            client.connection.peer_closed()
         else:
             client.close()
         await asyncio.sleep(60.0)

@@ -151,7 +151,7 @@ async def test_tap_behind_a_pending_read_is_carried_out_in_its_turn() -> None:
         await asyncio.sleep(0.1)
         client.tell(b":Qn#")
         await asyncio.sleep(3.0)
-        assert b"T" in client.heard
+        assert b"T" in client.received
         assert abs(axes.moved) > 0.03
         assert refusals(own) == []
         assert not moving(own.sim)
@@ -225,7 +225,7 @@ async def test_program_that_releases_arrows_by_a_full_stop_can_tap(how: str, kno
     before, seconds, taps = STOPS[how]
     async with stage("lx200", "cpc", 0.3) as own:
         axes, client = Axes(own), own.client()
-        client.guest.client.releases.by_stop = known
+        client.connection.client.releases.by_stop = known
         client.tell(b":RM#")
         await asyncio.sleep(1.0)
         await axes.begin()
@@ -250,7 +250,7 @@ async def test_program_that_releases_arrows_by_a_full_stop_can_tap(how: str, kno
 async def test_repeated_full_stop_is_sent_before_everything_else(presses: bytes) -> None:
     async with stage("lx200", "cpc", 0.3) as own:
         axes, client = Axes(own), own.client()
-        client.guest.client.releases.by_stop = True
+        client.connection.client.releases.by_stop = True
         client.tell(b":RM#")
         await asyncio.sleep(1.0)
         await axes.begin()

@@ -31,11 +31,11 @@ async def test_two_nexstar_programs_each_get_their_replies_whole_and_in_order(br
         for _ in range(40):
             assert await client.ask(b"K" + mark) == mark + b"#"
             assert len(place(await client.ask(b"e", until=b"#"))) == 2
-            client.heard = b""
+            client.received = b""
             for byte in b"P\1\x10\xfe\0\0\0\2":
                 client.tell(bytes((byte,)))
                 await asyncio.sleep(0.02)
-            assert client.heard == b"\x06\x0b#"
+            assert client.received == b"\x06\x0b#"
             assert await client.ask(b"L") in (b"0#", b"1#")
 
     async def slew() -> None:

@@ -128,7 +128,7 @@ async def test_first_position_after_a_stop_is_read_after_the_stop(
             polls.tell(b":GR#" if presented == "lx200" else b"e")
             await asyncio.sleep(0.3)
         await asyncio.sleep(phase)
-        polls.heard = b""
+        polls.received = b""
         await bridge.controller.stop()
         since, late = bridge.controller.now() - 0.16, bridge.client("10.0.0.3")
         for _ in range(4):

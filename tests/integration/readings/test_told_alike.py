@@ -46,14 +46,18 @@ async def compared(bridge: Bridge, questions: tuple[bytes, ...], scenario: Scena
         left -= going.done()
         moment += 1
         for question, poller in pollers[moment % 2 :: 2]:
-            if poller.guest.client.busy:  # type: ignore[attr-defined]
+            if poller.connection.client.busy:  # type: ignore[attr-defined]
                 continue  # it waits for the mount
             await asyncio.sleep(0)  # not more than two may be answered in a turn
-            poller.heard, newcomer = b"", bridge.client("10.0.0.250")
+            poller.received, newcomer = b"", bridge.client("10.0.0.250")
             poller.tell(question)
             newcomer.tell(question)
-            if poller.heard:
-                assert alike(question, poller.heard, newcomer.heard), (question, poller.heard, newcomer.heard)
+            if poller.received:
+                assert alike(question, poller.received, newcomer.received), (
+                    question,
+                    poller.received,
+                    newcomer.received,
+                )
             newcomer.close()
         await asyncio.sleep(STEP)
     await going
@@ -208,16 +212,16 @@ async def test_forgotten_value_is_reported_to_no_program(forget: str) -> None:
         client = bridge.client()
         for _ in range(3):
             assert await client.ask(b":GR#", until=b"#")
-        client.heard = b""
+        client.received = b""
         client.tell(b":GR#")
-        assert client.heard, "it is told again"
-        client.heard = b""
+        assert client.received, "it is told again"
+        client.received = b""
         if forget == "forget":
             bridge.controller.cache.forget(op.Position)
         else:
             bridge.controller.reader.outdate()
         client.tell(b":GR#")
-        assert client.heard == b"", "the mount is asked"
+        assert client.received == b"", "the mount is asked"
 
 
 def test_half_a_position_is_not_reused_for_another_instant() -> None:

@@ -108,7 +108,7 @@ async def happens(bridge: Bridge, event: str, state: Path) -> Bridge:
             bridge.sim.ahead -= 100.0
             bridge.sim.feed(b":AP#")
         else:
-            bridge.sim.relocate(bridge.sim.mechanics.sky._replace(ahead=-100.0))
+            bridge.sim.relocate(bridge.sim.mechanics.sky._replace(clock_ahead=-100.0))
             bridge.sim.feed(b"T\2")
     if event == "moved":
         bridge.sim.truth()

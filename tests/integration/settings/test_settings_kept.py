@@ -160,7 +160,7 @@ async def test_deferred_settings_are_dropped_if_the_mount_was_set_or_aligned_at_
         if aligned:
             bridge.sim.aligned = True
         else:
-            bridge.sim.relocate(Observer(*has, bridge.sim.mechanics.sky.ahead))
+            bridge.sim.relocate(Observer(*has, bridge.sim.mechanics.sky.clock_ahead))
         await plugged_in(bridge, cable)
         assert bridge.sim.mechanics.sky[:2] == has
         assert await client.ask(b":Gt#") == told
@@ -281,7 +281,7 @@ async def test_site_and_time_are_sent_again_exactly_as_set(mount: str, driven: s
         assert (await client.ask(b"h")) == b"\x14\x1e\x28\x07\x0e\x1b\x01\x01#"
         assert (await client.ask(b"w"))[:8] == SYDNEY[1:]
         await asyncio.sleep(30.0)
-        assert (await client.ask(b"h"))[:2] + client.heard[3:] == b"\x14\x1f\x07\x0e\x1b\x01\x01#"
+        assert (await client.ask(b"h"))[:2] + client.received[3:] == b"\x14\x1f\x07\x0e\x1b\x01\x01#"
         if driven == "nexstar" and not aligned:
             assert (bridge.sim.zone, bridge.sim.daylight) == (1, 1)
 

@@ -20,7 +20,7 @@ async def test_refused_lx200_command_without_a_reply_is_logged(said: bytes) -> N
         before = len(bridge.sent())
         client.tell(said)
         await asyncio.sleep(1.0)
-        assert client.heard == b""
+        assert client.received == b""
         assert any(said.decode()[:3] in entry.note and "refused" in entry.note for entry in bridge.entries)
         assert not [data for data in bridge.sent()[before:] if data[:1] in (b"P", b"H", b"T")]
 

@@ -68,7 +68,7 @@ async def test_motion_that_the_mount_heard_without_an_answer_counts_as_running(o
             assert bridge.driver.parked
             assert truth_of(bridge.sim).axis2 == pytest.approx(90.0, abs=0.1)
         else:
-            assert client.heard == b"11", "after its time nothing is told"
+            assert client.received == b"11", "after its time nothing is told"
             assert separation(*bridge.sim.truth(), 120.0, 30.0) < 0.02
 
 

@@ -114,7 +114,7 @@ async def test_flood_of_halts_starts_no_tasks(flood: bytes) -> None:
         await asyncio.sleep(0.05)
         assert len(asyncio.all_tasks()) <= before + 10
         if flood[:1] != b":":
-            assert all(client.heard == b"#" * 40 for client in crowd), "every one is answered"
+            assert all(client.received == b"#" * 40 for client in crowd), "every one is answered"
 
 
 @pytest.mark.parametrize("flood", [b":Qe#", b":Qn#:Qe#", b"M", EAST_STOPS + NORTH_STOPS])

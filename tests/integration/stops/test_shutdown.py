@@ -210,7 +210,7 @@ class Served:
         return serving.with_loop(fast, program)
 
     async def _move(self, then: Callable[[], object]) -> None:
-        while not (self.opened and self.opened[0].fitted.is_set()):
+        while not (self.opened and self.opened[0].surfaces_fitted.is_set()):
             await asyncio.sleep(0.01)
         controller = self.opened[0].controller
         await controller.perform(op.GotoAxes(10.0, 20.0))

@@ -184,7 +184,7 @@ class World:
     def believed(self, place: Pair) -> float:
         """Return the altitude of a place by the site and clock that the mount tells."""
         ground = self.mechanics.sky
-        unix = self.now + ground.ahead + self.slip.told
+        unix = self.now + ground.clock_ahead + self.slip.told
         return altitude_at((ground.latitude, ground.longitude), *place, unix)
 
     # --- the mount ----------------------------------------------------------------------------------------------------

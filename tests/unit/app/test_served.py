@@ -36,7 +36,7 @@ def addresses(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def gateway(console: str = "tcp://0.0.0.0:4080") -> Any:
-    return SimpleNamespace(names=lambda: NAMES, web=SimpleNamespace(where=console))
+    return SimpleNamespace(names=lambda: NAMES, web=SimpleNamespace(address=console))
 
 
 def test_status_names_every_surface_with_reachable_addresses(addresses: list[str]) -> None:

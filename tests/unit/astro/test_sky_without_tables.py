@@ -39,14 +39,14 @@ def almanac() -> Almanac:
 
 def test_sky_answers_without_an_almanac_and_requests_the_day(almanac: Almanac) -> None:
     sky, asked = Sky(), list[int]()
-    sky.ask = lambda: asked.append(1)
+    sky.request_almanac = lambda: asked.append(1)
     moment = unix(1987, 4, 10) - UT1_UTC_1987
     assert not sky.ready and sky.source(moment) == "closed form"
     assert sky.sidereal_time(moment, 0.0) == pytest.approx(GREENWICH_1987, abs=0.02 / 240 + abs(UT1_UTC_1987) / 240)
     assert (sky.sun(moment), sky.planet("Mars", moment)) == (Sky().sun(moment), None)
-    assert (sky.missing, len(asked)) == (DAY_OF_1987, 1), "once, however often it is needed"
+    assert (sky.missing_day, len(asked)) == (DAY_OF_1987, 1), "once, however often it is needed"
     sky.use(almanac)
-    assert sky.ready and sky.planet("Mars", moment) is not None and sky.missing is None
+    assert sky.ready and sky.planet("Mars", moment) is not None and sky.missing_day is None
     assert sky.source(moment) == "almanac of 1987-04-10"
     assert sky.sidereal_time(moment, 0.0) == pytest.approx(GREENWICH_1987, abs=0.005 / 240)
 
@@ -56,7 +56,7 @@ def test_sky_continues_with_closed_forms_after_the_last_almanac_day(almanac: Alm
     sky.use(almanac)
     before = sky.sidereal_time(midnight - 0.001, 0.0)
     assert sky.source(midnight - 0.001) == "almanac of 1987-04-11" and sky.source(midnight) == "closed form"
-    assert sky.missing == DAY_OF_1987 + 2
+    assert sky.missing_day == DAY_OF_1987 + 2
     assert sky.sidereal_time(midnight, 0.0) - before == pytest.approx(0.001 / 240, abs=1.0 / 240)
     first = unix(1987, 4, 11)  # between two days of the almanac only UT1-UTC changes
     assert sky.sidereal_time(first, 0.0) - sky.sidereal_time(first - 1e-3, 0.0) == pytest.approx(
@@ -67,7 +67,7 @@ def test_sky_continues_with_closed_forms_after_the_last_almanac_day(almanac: Alm
 @each("moment", [94780799.5, 4102444800.0])
 def test_sky_requests_no_almanac_for_a_year_without_tables(moment: float) -> None:
     sky = Sky()
-    assert sky.source(moment) == "closed form" and sky.missing is None
+    assert sky.source(moment) == "closed form" and sky.missing_day is None
 
 
 @each(("body", "middle", "ends"), [("Sun", 0.0002, 0.0002), ("Moon", 0.0017, 0.004)])

@@ -16,10 +16,10 @@ from gateway.transport.listening import in_brackets
     ("host", "wide"), [("127.0.0.1", False), ("::1", False), ("0.0.0.0", True), ("192.0.2.7", True)]
 )
 def test_run_warns_only_of_a_console_that_other_computers_reach(host: str, wide: bool) -> None:
-    page: Any = SimpleNamespace(where=f"tcp://{in_brackets(host)}:4080")
+    page: Any = SimpleNamespace(address=f"tcp://{in_brackets(host)}:4080")
     assert bool(console_offers(page)) is wide and bool(PhoneLines().new_lines(console_offers(page))) is wide
 
 
 def test_run_prints_the_console_address() -> None:
-    page: Any = SimpleNamespace(where="tcp://192.0.2.7:4080")
+    page: Any = SimpleNamespace(address="tcp://192.0.2.7:4080")
     assert b"".join(PhoneLines().new_lines(console_offers(page))[0].encode().split()[-1:]) == b"http://192.0.2.7:4080/"

@@ -62,7 +62,7 @@ def test_run_help_fits_a_screen_and_run_help_all_has_every_key(
     assert len(few.splitlines()) <= 70
     every = [key for key in (*keys("mount"), *keys("")) if key.flag]
     assert all(f"\n  --{key.name}" in page for key in every)
-    assert all((f"\n  --{key.name}" in few) is key.common for key in every)
+    assert all((f"\n  --{key.name}" in few) is key.in_short_help for key in every)
     titles = ["connections", "about the mount:", *(f"{title}:" for title in FLAG_GROUPS), "Examples:"]
     places = [page.index(f"\n{title}") for title in titles]
     assert places == sorted(places)

@@ -184,7 +184,7 @@ def test_status_line_is_shown_only_on_a_terminal_that_can_return(monkeypatch: py
 
 
 def test_warning_beside_a_json_log_is_a_json_object(capsys: pytest.CaptureFixture[str]) -> None:
-    Screen(None, as_json=True).warn("the port is gone")
+    Screen(None, prints_json=True).warn("the port is gone")
     Screen(None).warn("the port is gone")
     first, second = capsys.readouterr().err.splitlines()
     assert json.loads(first)["words"] == "the port is gone" and second == "mount-gateway: the port is gone"

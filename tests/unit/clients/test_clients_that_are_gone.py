@@ -44,11 +44,11 @@ async def test_backlog_of_a_gone_client_ends_motions_and_is_answered() -> None:
         await flood(gone, b":GR#" * 20_000, 2.0)
         other.tell(b":RM#:Mn#")
         await flood(gone, b":GR#" * 2000, 0.5)
-        gone.heard = b""
+        gone.received = b""
         gone.tell((b":Sr05:00:00#:Sd+30*00:00#:MS#:RM#:Me#" + b":GR#" * READ_BYTES)[:READ_BYTES])
         await asyncio.sleep(1.0)
-        assert gone.heard.startswith(b"111Stopped.#")
-        assert gone.heard.endswith(b"#")
+        assert gone.received.startswith(b"111Stopped.#")
+        assert gone.received.endswith(b"#")
         assert bridge.controller.wanted.axes == {2}
         gone.tell((b":Q#" + b":GR#" * READ_BYTES)[:READ_BYTES])
         await asyncio.sleep(2.0)
@@ -73,7 +73,7 @@ async def test_client_that_stopped_sending_keeps_no_arrow_alive() -> None:
         client = bridge.client("10.0.0.1")
         client.tell(b":RM#:Me#")
         await asyncio.sleep(1.0)
-        client.guest.peer_closed()
+        client.connection.peer_closed()
         await asyncio.sleep(7.0)
         assert not bridge.controller.moving
 
@@ -82,7 +82,7 @@ async def test_backlog_of_a_late_client_keeps_no_arrow_alive() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client("10.0.0.1")
         await flood(client, b":GR#" * 10_000, 3.0)
-        client.guest.peer_closed()
+        client.connection.peer_closed()
         await asyncio.sleep(3.0)
         client.tell(b":RM#:Me#")
         await asyncio.sleep(20.0)

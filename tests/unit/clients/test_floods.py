@@ -357,7 +357,7 @@ async def test_memory_of_one_client_is_bounded() -> None:
             for number in range(MEMORY):
                 client.tell(noise + b":Sz%03d#" % number)
                 await asyncio.sleep(0.05)
-            client.heard = b""
+            client.received = b""
             gc.collect()
 
         await make()

@@ -199,7 +199,7 @@ def test_bytes_held_back_as_a_possible_greeting_are_bounded() -> None:
             for byte in data:
                 if not beginning.done:
                     beginning.feed(Piece(bytes((byte,)), 0.0, 0))
-                assert len(beginning._waiting) <= longest
+                assert len(beginning._held_pieces) <= longest
 
 
 async def test_held_back_bytes_are_framed_by_their_arrival_time() -> None:

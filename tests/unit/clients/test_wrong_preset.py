@@ -27,7 +27,7 @@ def _listening(bridge: Bridge) -> list[str]:
     """What a person is told."""
     told: list[str] = []
     bridge.acceptor.presets.warn = told.append
-    bridge.acceptor.presets.where = "tcp://127.0.0.1:4030"
+    bridge.acceptor.presets.address = "tcp://127.0.0.1:4030"
     return told
 
 

@@ -187,7 +187,7 @@ class _Nobody:
 
 async def test_heartbeat_halts_an_arrow_that_it_does_not_name() -> None:
     async with stage("lx200", "cpc", 0.1) as own:
-        session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", acts=True)
+        session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", may_act=True)
         session.take('{"do":"jog","direction":"north","rate":7,"press":1}')
         session.take('{"do":"jog","direction":"east","rate":7,"press":2}')
         await asyncio.sleep(2.0)
@@ -207,7 +207,7 @@ async def test_heartbeat_leaves_a_released_tap_alone() -> None:
     async with stage("lx200", "cpc", 0.3) as own:
         axes = Axes(own)
         await axes.begin()
-        session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", acts=True)
+        session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", may_act=True)
         session.take('{"do":"jog","direction":"north","rate":7,"press":1}')
         await asyncio.sleep(0.1)
         session.take('{"do":"let_go","direction":"north","press":1}')
@@ -221,7 +221,7 @@ async def test_lost_page_cancels_a_pending_press() -> None:
     async with stage("lx200", "cpc", 0.3) as own:
         axes = Axes(own)
         await axes.begin()
-        session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", acts=True)
+        session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", may_act=True)
         shown = asyncio.ensure_future(session.run())
         await asyncio.sleep(0.0)
         session.take('{"do":"jog","direction":"north","rate":7,"press":1}')

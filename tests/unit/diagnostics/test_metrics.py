@@ -24,11 +24,11 @@ async def test_metrics_count_exchanges_and_reply_times() -> None:
         before = bridge.controller.line.times.answers
         await bridge.client().ask(b":Sr05:34:32#:Sd+22*00:52#:MS#", until=b"0")
         assert counts.exchanges >= bridge.controller.line.times.answers - before > 0
-        assert sum(counts.answering.counts) == counts.exchanges - sum(counts.faults.values())
+        assert sum(counts.answer_times.counts) == counts.exchanges - sum(counts.faults.values())
         counts.close()
         seen = counts.exchanges
         await bridge.client().ask(b":Q#:GR#", until=b"#")
-        assert counts.exchanges == seen and counts.stops == 0
+        assert counts.exchanges == seen and counts.stop_count == 0
 
 
 async def test_metrics_count_stops_with_their_time_to_acknowledgement() -> None:
@@ -37,8 +37,8 @@ async def test_metrics_count_stops_with_their_time_to_acknowledgement() -> None:
         await bridge.controller.stop()
         await asyncio.sleep(100.0)
         await bridge.controller.stop()
-        assert counts.stops == 2 and sum(counts.stopping.counts) == 2
-        assert 0.0 < counts.stopping.sum < 2.0
+        assert counts.stop_count == 2 and sum(counts.stop_times.counts) == 2
+        assert 0.0 < counts.stop_times.sum < 2.0
 
 
 async def test_metrics_count_link_faults_by_kind(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -48,7 +48,7 @@ async def test_metrics_count_link_faults_by_kind(monkeypatch: pytest.MonkeyPatch
             patch.setattr(bridge.controller.line.wire, "write", lambda data: None)
             with pytest.raises(Fault):
                 await bridge.controller.stop()
-        assert counts.faults["NoAnswer"] >= 1 and counts.stops == 1 and not sum(counts.stopping.counts)
+        assert counts.faults["NoAnswer"] >= 1 and counts.stop_count == 1 and not sum(counts.stop_times.counts)
 
 
 async def test_metrics_count_every_refusal_once() -> None:

@@ -30,11 +30,11 @@ class There:
         self.token = ""
 
     async def get(self, path: str, **headers: str) -> aiohttp.ClientResponse:
-        return await self.http.get(self.page.where + path, headers={"X-Token": self.token, **headers})
+        return await self.http.get(self.page.address + path, headers={"X-Token": self.token, **headers})
 
     async def stop(self, body: object, **headers: str) -> tuple[int, Any]:
         data = body if isinstance(body, bytes) else json.dumps(body).encode()
-        where = f"{self.page.where}stop"
+        where = f"{self.page.address}stop"
         async with self.http.post(where, data=data, headers={"X-Token": self.token, **headers}) as answer:
             return answer.status, json.loads(await answer.text()) if answer.status == 200 else await answer.text()
 

@@ -39,9 +39,9 @@ async def test_no_client_waits_for_a_slow_hand_control_while_it_polls() -> None:
         await client.ask(b":GR#")
         for _ in range(40):
             await asyncio.sleep(0.25)
-            client.heard = b""
+            client.received = b""
             client.tell(b":GR#")
-            assert client.heard.endswith(b"#"), "answered within the call that brought the bytes"
+            assert client.received.endswith(b"#"), "answered within the call that brought the bytes"
 
 
 @pytest.mark.safety_line(8)

@@ -170,7 +170,7 @@ def test_idle_connection_does_not_block_a_server_that_serves_one_at_a_time(kind:
             request_bytes(url, TelescopeHttp(url).request(order)) for order in (b"put abortslew", b"put park")
         ]
         mount.get_ready()
-        assert len(mount.next) == (0 if alone else 1)
+        assert len(mount.next_connections) == (0 if alone else 1)
         for _ in range(2):
             wire.write(b"get altitude\n")
             assert await lines.get() == b"true\n"

@@ -108,10 +108,10 @@ def slewing(mount: AlpacaDriver, _: op.Slewing) -> Steps:
     return False
 
 
-def _begin(mount: AlpacaDriver, steps: Steps, then: str | None = None, side: str = "") -> Steps:
+def _begin(mount: AlpacaDriver, steps: Steps, then_command: str | None = None, side: str = "") -> Steps:
     """Begin a goto, to this side of the pier if known. If given up it is ended as well: it may begin after that."""
     try:
-        yield from mount.begin_goto(GotoUnderWay(then=then), steps, _slews)
+        yield from mount.begin_goto(GotoUnderWay(then=then_command), steps, _slews)
     except NoAnswer:
         with suppress(Fault):
             yield Send("abortslew", patience=ORDER)
@@ -272,14 +272,14 @@ def sync(mount: AlpacaDriver, operation: op.Sync) -> Steps:
 def park(mount: AlpacaDriver, _: op.Park) -> Steps:
     """Send the mount to its park position, where it does not track."""
     yield from stop_current_motion(mount)
-    yield from _begin(mount, order(mount, "park"), then="park")
+    yield from _begin(mount, order(mount, "park"), then_command="park")
 
 
 def home(mount: AlpacaDriver, _: op.Home) -> Steps:
     """Send the mount to its home position."""
     yield from stop_current_motion(mount)
     mount.home_state = 0
-    yield from _begin(mount, order(mount, "findhome"), then="home")
+    yield from _begin(mount, order(mount, "findhome"), then_command="home")
 
 
 def set_home(mount: AlpacaDriver, _: op.SetHome) -> Steps:

@@ -161,8 +161,8 @@ class AlpacaDriver(Driver):
     def saved_state(self, moving: bool) -> SavedValues:
         return {"suspended": True} if self.suspended else {}
 
-    def restore_state(self, saved: SavedValues, moving: bool) -> None:
-        if moving and saved.get("suspended") is True:  # the stop that is owed turns tracking on again
+    def restore_state(self, saved_values: SavedValues, moving: bool) -> None:
+        if moving and saved_values.get("suspended") is True:  # the stop that is owed turns tracking on again
             self.suspended = self.tracks = True
 
     def impossible(self, operation: op.Operation) -> Fault | None:
@@ -221,13 +221,13 @@ class AlpacaDriver(Driver):
         return op.Abilities(able.can, self.ranges.get(1, ()), self.rates, self.german)
 
 
-def read_member(mount: AlpacaDriver, member: str, otherwise: Any = None, **values: object) -> Steps:
-    """Return the value of a member; ``otherwise`` if the server does not have the member, or fails to read it.
+def read_member(mount: AlpacaDriver, member: str, default: Any = None, **values: object) -> Steps:
+    """Return the value of a member; ``default`` if the server does not have the member, or fails to read it.
 
     If the server reports that it lacks the member, and has never sent it, it is not requested again.
     """
     if member in mount.absent:
-        return otherwise
+        return default
     try:
         answer = yield Send(member, values)
     except NoAnswer:
@@ -236,12 +236,12 @@ def read_member(mount: AlpacaDriver, member: str, otherwise: Any = None, **value
         missing = isinstance(fault, Unsupported) and not isinstance(fault, Untold)
         if missing and not values and member not in mount.present:
             mount.absent.add(member)
-        return otherwise
+        return default
     mount.present.add(member)
-    return next(iter(answer.values()), otherwise)
+    return next(iter(answer.values()), default)
 
 
-def read_member_again(mount: AlpacaDriver, member: str, otherwise: Any = None, **values: object) -> Steps:
+def read_member_again(mount: AlpacaDriver, member: str, default: Any = None, **values: object) -> Steps:
     """Return the same as ``read_member``, but ask again after a failure: a server may fail for a moment."""
     for left in reversed(range(TIMES)):
         value = yield from read_member(mount, member, **values)
@@ -249,7 +249,7 @@ def read_member_again(mount: AlpacaDriver, member: str, otherwise: Any = None, *
             return value
         if left and member not in mount.absent:
             yield Wait(AGAIN)
-    return otherwise
+    return default
 
 
 def device_state(mount: AlpacaDriver, ask: Callable[..., Steps] = read_member) -> Steps:

@@ -146,14 +146,14 @@ class Device:
     def __init__(self, web: WebDevice) -> None:
         self.web, self.programs = web, Programs(web.accept)
 
-    async def answer(self, asked: Asked, host: str) -> dict[str, Any]:
+    async def answer(self, request: Asked, host: str) -> dict[str, Any]:
         """Return the value or the error as the members of a JSON object. Raises ConnectionRefused."""
-        stop = asked.command.name == STOP
-        program = self.programs.of(host, asked.client, stop)
+        stop = request.command.name == STOP
+        program = self.programs.of(host, request.client, stop)
         try:
-            reply = _parsed(await program.ask(asked.line, stop))
-            if not reply["ErrorNumber"] and member(asked.command.name).arrival:
-                refusal = await _arrival(self.programs.extra_connection(host, asked.client))
+            reply = _parsed(await program.ask(request.line, stop))
+            if not reply["ErrorNumber"] and member(request.command.name).arrival:
+                refusal = await _arrival(self.programs.extra_connection(host, request.client))
                 reply = refused(Refused(refusal)) if refusal else reply
         except NoAnswerInTime as error:
             reply = refused(NoAnswer(str(error)))

@@ -29,11 +29,11 @@ Pairs = Sequence[tuple[str, str]]
 
 
 class BadRequest(Exception):
-    """The request is invalid; ``allow`` names the methods of this member if another method was used."""
+    """The request is invalid; ``allowed_methods`` names the methods of this member if another method was used."""
 
-    def __init__(self, text: str, allow: str = "") -> None:
+    def __init__(self, text: str, allowed_methods: str = "") -> None:
         super().__init__(text)
-        self.allow = allow
+        self.allow = allowed_methods
 
 
 class Asked(NamedTuple):
@@ -70,7 +70,7 @@ def parse_request(method: str, member: str, pairs: Pairs) -> Asked:
     if match is None:
         others = [known for known in ("get", "put") if (known, member) in signatures()]
         if others:
-            raise BadRequest(f"{member} has no {method}", allow=", ".join(others).upper())
+            raise BadRequest(f"{member} has no {method}", allowed_methods=", ".join(others).upper())
         raise BadRequest(f"A telescope has no member {member!r}")
     given = _Given(pairs, any_case=verb == "get")
     fields = [f"{name}={quoted(given.value(name)).decode('ascii')}" for name in match.parameters]

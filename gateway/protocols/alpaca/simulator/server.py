@@ -88,7 +88,7 @@ class SimulatedAlpaca(AlpacaTelescope):
     def framer(self) -> RequestFramer:
         return RequestFramer()
 
-    def answer(self, frame: bytes, later: Later | None) -> bytes:
+    def answer(self, frame: bytes, send_later: Later | None) -> bytes:
         if frame.startswith((b"get ", b"put ")):
             asked = self._lines.request(frame)
             query = urlencode(asked.fields)
@@ -104,9 +104,9 @@ class SimulatedAlpaca(AlpacaTelescope):
                 f"Content-Type: {kind}; charset=utf-8", f"Content-Length: {len(data)}\r\n\r\n",
             )  # fmt: skip
             reply = "\r\n".join(rows_of_head).encode() + data
-        seconds = self.mechanics.arrives(self.now) - self.now if self.waits and later is not None else 0.0
-        if seconds > 0.0 and later is not None:
-            later(seconds, reply)
+        seconds = self.mechanics.arrives(self.now) - self.now if self.waits and send_later is not None else 0.0
+        if seconds > 0.0 and send_later is not None:
+            send_later(seconds, reply)
             return b""
         return reply
 
@@ -136,7 +136,7 @@ class SimulatedAlpaca(AlpacaTelescope):
         except (NotUnderstood, UnicodeError) as error:
             return 400, str(error)
 
-    def respond(self, method: str, path: str, given: dict[str, str]) -> Any:
+    def respond(self, method: str, path: str, parameters: dict[str, str]) -> Any:
         """Return the value, None for a PUT. Raises NotUnderstood, Refusal."""
         if path.startswith("/management/") and method == "GET":
             return self._management(path)
@@ -146,11 +146,11 @@ class SimulatedAlpaca(AlpacaTelescope):
         if member == path or wants is None or not exists or (member in which["platform7"] and self.platform < 7):
             raise NotUnderstood(f"There is no {method} {path}")
         if method == "GET":
-            given = {name.lower(): value for name, value in given.items()}
+            parameters = {name.lower(): value for name, value in parameters.items()}
             wants = {name.lower(): kind for name, kind in wants.items()}
-        if missing := wants.keys() - given:
+        if missing := wants.keys() - parameters:
             raise NotUnderstood(f"{member}: {missing.pop()} is missing")
-        values = [_value(name, given[name], kind) for name, kind in wants.items()]
+        values = [_value(name, parameters[name], kind) for name, kind in wants.items()]
         if self.lacks & {member, f"{member}_{method.lower()}"}:
             raise AlpacaError(NOT_IMPLEMENTED, f"{member} is not implemented in this driver.")
         if member not in which["always"] and not self.connected:
@@ -289,36 +289,37 @@ def _track_rate(sim: AlpacaTelescope, rate: int) -> None:
     sim.mechanics.set_drive_rate(sim.now, DRIVES[rate])
 
 
-def _put(name: str, low: float, high: float, unit: float = 1.0, at: int | None = None) -> Callable[..., None]:
-    """Return a function that stores a value within these limits in an attribute (``at``: at this place of a list)."""
+def _put(name: str, low: float, high: float, unit: float = 1.0, axis: int | None = None) -> Callable[..., None]:
+    """Return a function that stores a value within these limits in an attribute (``axis``: at this place of a list)."""
 
     def put(sim: AlpacaTelescope, value: float) -> None:
         value = ranged(value, low, high, name) * unit
-        if at is None:
+        if axis is None:
             setattr(sim, name, value)
         else:
-            getattr(sim, name)[at] = value
+            getattr(sim, name)[axis] = value
 
     return put
 
 
-def _locate(field: str, most: float) -> Callable[..., None]:
+def _locate(field: str, maximum: float) -> Callable[..., None]:
     return lambda sim, degrees: sim.mechanics.relocate(
-        sim.now, sim.sky._replace(**{field: ranged(degrees, -most, most, field)})
+        sim.now, sim.sky._replace(**{field: ranged(degrees, -maximum, maximum, field)})
     )
 
 
 WRITES: dict[str, Callable[..., None]] = {
     "abortslew": AlpacaTelescope.abort, "action": _action, "connect": lambda sim: _connect(sim, True, CONNECTING),
     "connected": _connect, "disconnect": lambda sim: _connect(sim, False),
-    "findhome": lambda sim: sim.go(sim.start, "home"), "guideratedeclination": _put("guides", 0.0, SIDEREAL_RATE, at=1),
-    "guideraterightascension": _put("guides", 0.0, SIDEREAL_RATE, at=0), "moveaxis": AlpacaTelescope.move_at_rate,
+    "findhome": lambda sim: sim.go(sim.start, "home"),
+    "guideratedeclination": _put("guides", 0.0, SIDEREAL_RATE, axis=1),
+    "guideraterightascension": _put("guides", 0.0, SIDEREAL_RATE, axis=0), "moveaxis": AlpacaTelescope.move_at_rate,
     "park": AlpacaTelescope.park, "pulseguide": _pulse,
     "setpark": lambda sim: setattr(sim, "park_at", sim.mechanics.axes(sim.now)),
     "siteelevation": _put("elevation", -300.0, 10_000.0), "sitelatitude": _locate("latitude", 90.0),
     "sitelongitude": _locate("longitude", 180.0), "synctocoordinates": _sync, "synctotarget": _sync,
-    "targetdeclination": _put("target", -90.0, 90.0, at=1),
-    "targetrightascension": _put("target", 0.0, 24.0, 15.0, at=0), "tracking": AlpacaTelescope.track,
+    "targetdeclination": _put("target", -90.0, 90.0, axis=1),
+    "targetrightascension": _put("target", 0.0, 24.0, 15.0, axis=0), "tracking": AlpacaTelescope.track,
     "trackingrate": _track_rate, "unpark": lambda sim: setattr(sim, "at", ""),
     "utcdate": AlpacaTelescope.set_clock,
     **dict.fromkeys(("slewtoaltaz", "slewtoaltazasync"), AlpacaTelescope.slew_altaz),

@@ -96,7 +96,7 @@ class AlpacaTelescope(Simulated):
         ramps: bool = True,
         platform: int = 7,
         lacks: frozenset[str] = frozenset(),
-        tells: Mapping[str, Any] | None = None,
+        answers: Mapping[str, Any] | None = None,
         senses: tuple[int, int] = (1, 1),
         adds_tracking: bool = False,
         lowest: float = -90.0,
@@ -110,7 +110,7 @@ class AlpacaTelescope(Simulated):
             raise UserError(f"no simulated Alpaca telescope is called {model!r}; there are {', '.join(KINDS)}")
         self.model, self.kind, self.unique_id = model, KINDS[model], str(uuid.uuid4())
         self.clock, self.now = clock, clock()
-        self.platform, self.tells, self.senses = platform, dict(tells or {}), senses
+        self.platform, self.tells, self.senses = platform, dict(answers or {}), senses
         self.lacks = lacks | set(rows()["which"]["absent"]) | set(rows()["lacks"][model])
         self.lowest, self.blocks, self.quiet_axes = lowest, blocks, quiet_axes
         self.sends_j2000, self.keeps_clock, self._ephemeris = sends_j2000, keeps_clock, Sky()
@@ -174,7 +174,7 @@ class AlpacaTelescope(Simulated):
 
     def utc(self) -> float:
         """Return its own time, Unix seconds."""
-        return self.now + self.sky.ahead
+        return self.now + self.sky.clock_ahead
 
     # --- what it does -------------------------------------------------------------------------------------------------
 
@@ -211,13 +211,13 @@ class AlpacaTelescope(Simulated):
         if altitude < self.lowest:
             raise AlpacaError(INVALID_OPERATION, f"The target is below the limit of {self.lowest:g} degrees")
 
-    def go(self, axes: Pair, to: str = "") -> None:
-        """Slew to axis positions; ``to`` is ``park`` or ``home``, where it does not track."""
+    def go(self, axes: Pair, target: str = "") -> None:
+        """Slew to axis positions; ``target`` is ``park`` or ``home``, where it does not track."""
         self.release()
-        if to:
+        if target:
             self.track(False)
         self.mechanics.goto_axes(self.now, *axes)
-        self.going = to
+        self.going = target
 
     def park(self) -> None:
         if self.at != "park":
@@ -230,7 +230,7 @@ class AlpacaTelescope(Simulated):
         except ValueError:
             raise AlpacaError(INVALID_VALUE, f"{text!r} is no date") from None
         if not self.keeps_clock:
-            self.mechanics.relocate(self.now, self.sky._replace(ahead=unix - self.now))
+            self.mechanics.relocate(self.now, self.sky._replace(clock_ahead=unix - self.now))
 
     def move_at_rate(self, axis: int, rate: float) -> None:
         """MoveAxis: axis 0 or 1. Raises Refusal for a rate that AxisRates does not have."""

@@ -53,15 +53,15 @@ def slewing() -> Handling:
     return (yield from _slews((yield op.GetActivity())))
 
 
-def _slews(moves: op.Activity) -> Handling:
+def _slews(activity: op.Activity) -> Handling:
     """Return whether a motion was requested and the mount is not at rest yet, or it reports a goto of its hand control.
     Raises NoAnswer if that is not known.
     """
-    if moves.unknown:
+    if activity.unknown:
         raise NoAnswer(
             "It is not known whether the mount moves: it has not reported its position since it was stopped."
         )
-    return moves.goto or moves.by_hand or moves.ends or (yield op.Slewing())
+    return activity.goto or activity.by_hand or activity.ends or (yield op.Slewing())
 
 
 def is_pulse_guiding() -> Handling:

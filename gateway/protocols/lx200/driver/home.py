@@ -28,7 +28,7 @@ class SeekOn(op.Operation, frozen=True):
 def park(mount: Lx200Driver, _: op.Park) -> Steps:
     """:hP - the telescope turns its drives off when it has arrived."""
     yield from stop_current_motion(mount)
-    yield from begin(mount, "hP", then="park")
+    yield from begin(mount, "hP", then_command="park")
 
 
 def seek(mount: Lx200Driver, operation: op.Home | op.SetHome) -> Steps:
@@ -65,7 +65,7 @@ def check_home_search(mount: Lx200Driver, _: SeekOn) -> Steps:
 def go_home(mount: Lx200Driver, _: op.Home) -> Steps:
     """:hC - a goto to the home position of another maker's mount, which needs no search."""
     yield from stop_current_motion(mount)
-    yield from begin(mount, "hC", then="home")
+    yield from begin(mount, "hC", then_command="home")
 
 
 def home_state(mount: Lx200Driver, _: op.HomeState) -> Steps:

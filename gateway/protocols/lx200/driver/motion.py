@@ -97,11 +97,11 @@ def _speed(mount: Lx200Driver, rate: op.Rate) -> Steps:
     return speed
 
 
-def _remark_other_speed(asked: float, done: float) -> Steps:
-    if ratio_error(asked, done) > _REPORT_FROM:
+def _remark_other_speed(requested: float, actual: float) -> Steps:
+    if ratio_error(requested, actual) > _REPORT_FROM:
         yield Remark(
-            f"a motion at {abs(asked) * 3600:.5g} arcseconds per second is done at "
-            f"{done * math.copysign(3600, asked):.5g}: this mount has no nearer speed",
+            f"a motion at {abs(requested) * 3600:.5g} arcseconds per second is done at "
+            f"{actual * math.copysign(3600, requested):.5g}: this mount has no nearer speed",
             "speed",
         )
 

@@ -161,11 +161,11 @@ def goto_axes(mount: Lx200Driver, operation: op.GotoAxes) -> Steps:
     yield from restore_rates_later(mount)
 
 
-def begin(mount: Lx200Driver, command: str, then: str | None = None) -> Steps:
+def begin(mount: Lx200Driver, command: str, then_command: str | None = None) -> Steps:
     """Send the command that begins a goto."""
     mount.must_move()
     count_motion(mount, *MOUNT)
-    yield from mount.begin_goto(Lx200GotoState(then=then), _order(mount, command), _bars)
+    yield from mount.begin_goto(Lx200GotoState(then=then_command), _order(mount, command), _bars)
 
 
 def _order(mount: Lx200Driver, command: str) -> Steps:

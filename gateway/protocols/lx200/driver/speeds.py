@@ -61,11 +61,11 @@ class ModelSpeeds(Struct, frozen=True):
     keys: tuple[tuple[str, float], ...] = ()
 
 
-def ratio_error(asked: float, done: float) -> float:
+def ratio_error(requested: float, actual: float) -> float:
     """Return the difference of two speeds as the logarithm of their ratio; infinite if either is reversed or zero."""
-    if asked == done:
+    if requested == actual:
         return 0.0
-    return abs(math.log(done / asked)) if asked * done > 0.0 else math.inf
+    return abs(math.log(actual / requested)) if requested * actual > 0.0 else math.inf
 
 
 def nearest(model_speeds: ModelSpeeds, degrees: float) -> Speed:
@@ -73,14 +73,14 @@ def nearest(model_speeds: ModelSpeeds, degrees: float) -> Speed:
     return _best([*_arrows(model_speeds, degrees)], degrees)
 
 
-def instead_of_tracking(model_speeds: ModelSpeeds, west: float, drive: float) -> Speed:
+def instead_of_tracking(model_speeds: ModelSpeeds, west: float, drive_rate: float) -> Speed:
     """Return the choice that turns the right ascension motor nearest to ``west`` degrees per second (signed).
 
-    ``drive`` is the current drive rate, degrees per second.
+    ``drive_rate`` is the current drive rate, degrees per second.
     """
     return _best(
         [
-            *_drives(model_speeds, west, drive),
+            *_drives(model_speeds, west, drive_rate),
             *(
                 replace(speed, degrees=math.copysign(speed.degrees, west))
                 for speed in (() if model_speeds.keys else _arrows(model_speeds, abs(west)))
@@ -91,10 +91,10 @@ def instead_of_tracking(model_speeds: ModelSpeeds, west: float, drive: float) ->
     )
 
 
-def _best(speeds: list[Speed], asked: float) -> Speed:
+def _best(speeds: list[Speed], requested: float) -> Speed:
     """Return the first of the nearest speeds."""
-    least = min(ratio_error(asked, speed.degrees) for speed in speeds)
-    return next(speed for speed in speeds if ratio_error(asked, speed.degrees) <= least + ALIKE)
+    least = min(ratio_error(requested, speed.degrees) for speed in speeds)
+    return next(speed for speed in speeds if ratio_error(requested, speed.degrees) <= least + ALIKE)
 
 
 def _arrows(model_speeds: ModelSpeeds, degrees: float) -> Iterator[Speed]:

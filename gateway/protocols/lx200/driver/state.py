@@ -261,16 +261,16 @@ class Lx200Driver(Driver):
         sent = {"rates": [self.rate_sent, self.pulses_before, self.keys_rate]} if moving and self.rate_sent else {}
         return {**stands, **({"parked": True} if self.parked else {}), **driven, **guides, **corrects, **sent}
 
-    def restore_state(self, saved: SavedValues, moving: bool) -> None:
-        self.parked, self.drive_changed = saved.get("parked") is True, saved.get("driven") is True
-        if saved.get("stands") in ("P", "G"):
-            self.home_letter = saved["stands"]
-        if isinstance(guides := saved.get("guides"), float) and 0.0 < guides <= 1.0:
+    def restore_state(self, saved_values: SavedValues, moving: bool) -> None:
+        self.parked, self.drive_changed = saved_values.get("parked") is True, saved_values.get("driven") is True
+        if saved_values.get("stands") in ("P", "G"):
+            self.home_letter = saved_values["stands"]
+        if isinstance(guides := saved_values.get("guides"), float) and 0.0 < guides <= 1.0:
             self.guide_rate, self.guide_rate_sent = guides, float(UNKNOWN)
             self.guide_rate_chosen = self.guide_rate_asked = True
-        if moving and isinstance(rates := saved.get("rates"), list) and len(rates) == 3:
+        if moving and isinstance(rates := saved_values.get("rates"), list) and len(rates) == 3:
             self.rate_sent, self.pulses_before, self.keys_rate = (str(rate) if rate else None for rate in rates)
-        if isinstance(corrects := saved.get("corrects"), list):
+        if isinstance(corrects := saved_values.get("corrects"), list):
             self.corrects = frozenset({1, 2}.intersection(corrects))
 
     @property

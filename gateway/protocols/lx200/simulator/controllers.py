@@ -376,7 +376,7 @@ class SimulatedController(Controller):
         seconds = len(SEPARATORS.findall(frame[3:])) > 1
         return frame[3:4] == b"L" or (seconds if self.high else not seconds or frame[2:3] in b"az")
 
-    def answer(self, frame: bytes, later: Later | None) -> bytes:
+    def answer(self, frame: bytes, send_later: Later | None) -> bytes:
         if frame == ACK:
             return b"P" if self.onstep else b"G"
         word = frame[1:-1].decode("latin-1")

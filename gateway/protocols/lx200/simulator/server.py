@@ -99,7 +99,7 @@ class SimulatedLx200(MeadeTelescope):
     def framer(self) -> Lx200Framer:
         return ClassicFramer() if self.classic else Lx200Framer()
 
-    def answer(self, frame: bytes, later: Later | None) -> bytes:
+    def answer(self, frame: bytes, send_later: Later | None) -> bytes:
         if isinstance(frame, Unterminated):
             name = frame.names[0]
             return self._no(self.protocol.commands[name]) if name and self.supports(name) and not frame.late else b""
@@ -120,7 +120,7 @@ class SimulatedLx200(MeadeTelescope):
         if self.asleep and command.name in TURNS_MOTORS:
             return TURNS_MOTORS[command.name]
         reply = HANDLERS[command.name](self, command.name, values) or b""
-        return self._take_time(command.name, reply, later)
+        return self._take_time(command.name, reply, send_later)
 
     @staticmethod
     def _no(command: Command) -> bytes:

@@ -63,8 +63,8 @@ def set_sidereal(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     return b"1"
 
 
-def _set_clock(sim: MeadeTelescope, local: datetime) -> None:
-    sim.ahead = calendar.timegm(local.timetuple()) - sim.offset * 3600.0 - sim.now
+def _set_clock(sim: MeadeTelescope, local_time: datetime) -> None:
+    sim.ahead = calendar.timegm(local_time.timetuple()) - sim.offset * 3600.0 - sim.now
     sim.relocate()
 
 

@@ -169,4 +169,4 @@ def custom(session: LxSession, command: Command) -> Handling:
 def _drive_at(session: LxSession, hertz: float) -> Handling:
     sidereal = _SIDEREAL[0] <= round(hertz, 3) <= _SIDEREAL[1]
     yield op.TrackRate(name="sidereal") if sidereal else op.TrackRate(factor=hertz / SIDEREAL_HERTZ)
-    session.set_for_all(replace(session.shared, manual_hertz=hertz), lasting=False)  # only reached if not refused
+    session.set_for_all(replace(session.shared, manual_hertz=hertz), save=False)  # only reached if not refused

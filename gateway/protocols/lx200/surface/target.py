@@ -63,7 +63,7 @@ def tell_target(session: LxSession) -> Handling:
 def second_half(session: LxSession, command: Command) -> Handling:
     """:GD :GA - the second coordinate, of the same instant as a :GR or :GZ directly before."""
     before, asked = (b":GR#", op.Position()) if command.name == "GD" else (b":GZ#", op.HorizontalPosition())
-    return (yield ReuseLastReading(asked) if session.last == before else asked)
+    return (yield ReuseLastReading(asked) if session.last_frame == before else asked)
 
 
 def goto(session: LxSession) -> Handling:

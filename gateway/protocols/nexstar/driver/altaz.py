@@ -109,9 +109,9 @@ def stop_axis(mount: NexStar, axis: int) -> Steps:
     yield from tracking.resume(mount)
 
 
-def send_rates(mount: NexStar, first: int) -> Steps:
-    """Send the present sum of rates to each axis without fast hand motion, beginning with axis ``first``."""
-    for axis in (first, 3 - first):
+def send_rates(mount: NexStar, first_axis: int) -> Steps:
+    """Send the present sum of rates to each axis without fast hand motion, beginning with axis ``first_axis``."""
+    for axis in (first_axis, 3 - first_axis):
         if axis not in mount.moving or axis in mount.added_rates:
             yield _rate(mount, axis, 0.0, at_once_or_never=False)
 
@@ -136,10 +136,10 @@ def _motor_rates(axis: int, rate: float) -> Pair:
     return (rate, 0.0) if axis == 1 else (0.0, rate)
 
 
-def _add_rates(mount: NexStar, axis: int, added: Pair, lasts: float | None = None) -> Steps:
+def _add_rates(mount: NexStar, axis: int, added: Pair, duration: float | None = None) -> Steps:
     """Add a rate and send the sums. Return when the first motor was sent its rate (loop time), and how late.
 
-    If tracking was on, and the rates are wanted for ``lasts`` seconds, they make up for the tracking lost by then.
+    If tracking was on, and the rates are wanted for ``duration`` seconds, they make up for the tracking lost by then.
     """
     before = mount.added_rates.get(axis)
     mount.added_rates[axis] = added
@@ -148,8 +148,8 @@ def _add_rates(mount: NexStar, axis: int, added: Pair, lasts: float | None = Non
         for number in (axis, 3 - axis):
             if number not in mount.moving or number in mount.added_rates:
                 planned = max(mount.now(), mount.next_at)
-                lost = 0.0 if lasts is None else planned - mount.suspended_at
-                yield _rate(mount, number, lost / (lasts or 1.0), at_once_or_never=True)
+                lost = 0.0 if duration is None else planned - mount.suspended_at
+                yield _rate(mount, number, lost / (duration or 1.0), at_once_or_never=True)
                 sent.append(mount.sent_at)
                 late.append(mount.sent_at - planned)
     except Busy:  # it was never sent

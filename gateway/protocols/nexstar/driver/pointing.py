@@ -109,17 +109,17 @@ def goto_axes(mount: NexStar, operation: op.GotoAxes) -> Steps:
     yield from slew_axes(mount, operation.az, operation.alt, None)
 
 
-def slew_axes(mount: NexStar, az: float, alt: float, then: str | None) -> Steps:
+def slew_axes(mount: NexStar, az: float, alt: float, then_command: str | None) -> Steps:
     mount.must_be_decided()
     az -= mount.axis_zero
-    yield from _begin(mount, Send("b" if mount.supports("b") else "B", {"az": az, "alt": alt}), then)
+    yield from _begin(mount, Send("b" if mount.supports("b") else "B", {"az": az, "alt": alt}), then_command)
 
 
-def _begin(mount: NexStar, command: Send, then: str | None = None) -> Steps:
+def _begin(mount: NexStar, command: Send, then_command: str | None = None) -> Steps:
     def sent() -> Steps:
         yield command
 
-    yield from mount.begin_goto(NexStarGotoState(then=then), sent(), _slews)
+    yield from mount.begin_goto(NexStarGotoState(then=then_command), sent(), _slews)
 
 
 def _slews(_: NexStar) -> Steps:

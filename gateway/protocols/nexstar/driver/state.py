@@ -173,10 +173,10 @@ class NexStar(Driver):
         )
         return cast(SavedValues, to_builtins(memory, str_keys=True))
 
-    def restore_state(self, saved: SavedValues, moving: bool) -> None:
+    def restore_state(self, saved_values: SavedValues, moving: bool) -> None:
         """Restore the saved state; ``SameMount`` checks whether it is still true."""
         try:
-            held = convert(saved, Memory, str_keys=True)
+            held = convert(saved_values, Memory, str_keys=True)
         except ValidationError:
             return
         self.home, self.parked, self.home_state = held.home, held.parked, held.home_state

@@ -178,12 +178,12 @@ def _set_time(sim: SimulatedMount, values: Values, zone: float) -> Values:
     except ValueError:
         return {}
     sim.zone, sim.daylight = zone, values["dst"]
-    sim.relocate(sim.mechanics.sky._replace(ahead=local - (zone + sim.daylight) * 3600 - sim.now))
+    sim.relocate(sim.mechanics.sky._replace(clock_ahead=local - (zone + sim.daylight) * 3600 - sim.now))
     return {}
 
 
 def _set_site(sim: SimulatedMount, values: Values) -> None:
-    sim.relocate(Observer(values["latitude"], values["longitude"], sim.mechanics.sky.ahead))
+    sim.relocate(Observer(values["latitude"], values["longitude"], sim.mechanics.sky.clock_ahead))
 
 
 # --- GPS unit and real-time clock -----------------------------------------------------------------------

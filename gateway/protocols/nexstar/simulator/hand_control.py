@@ -36,14 +36,14 @@ class SimulatedHandControl(SimulatedMount):
     def framer(self) -> NexStarFramer:
         return NexStarFramer(remembers=False)
 
-    def feed(self, data: bytes, framer: TimedFramer | None = None, later: Later | None = None) -> bytes:
+    def feed(self, data: bytes, framer: TimedFramer | None = None, send_later: Later | None = None) -> bytes:
         """Like ``Simulated.feed``; also note when bytes arrived last. No reply is sent ``later``."""
         self.advance_to_now()
         if data:
             self.last_byte_at = self.now
-        return super().feed(data, framer, later)
+        return super().feed(data, framer, send_later)
 
-    def answer(self, frame: bytes, later: Later | None) -> bytes:
+    def answer(self, frame: bytes, send_later: Later | None) -> bytes:
         if frame[0] not in self._opcodes or (self.asleep and frame[0] not in ANSWERED_ASLEEP):
             return b""
         if frame[0] == PASS_THROUGH:

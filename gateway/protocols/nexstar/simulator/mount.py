@@ -156,7 +156,7 @@ class SimulatedMount(Simulated):
 
     def utc(self) -> float:
         """Return the hand control's own time, Unix seconds."""
-        return self.now + self.mechanics.sky.ahead
+        return self.now + self.mechanics.sky.clock_ahead
 
     def encoders(self) -> Pair:
         """Return the motor positions as the hand control counts them, degrees."""

@@ -97,7 +97,7 @@ def pulse(session: NexStarSession, values: op.Values) -> Handling:
     if values["rate"] and ms:
         yield from begin(op.PulseAxis(axis, 1 if values["rate"] > 0 else -1, ms, abs(values["rate"]) / 100))
         ends = {**session.shared.pulse_ends, axis: session.clock() + ms / 1000.0}
-        session.set_for_all(replace(session.shared, pulse_ends=ends), lasting=False)
+        session.set_for_all(replace(session.shared, pulse_ends=ends), save=False)
 
 
 def pulse_active(session: NexStarSession, values: op.Values) -> dict[str, int]:

@@ -182,7 +182,7 @@ def test_every_config_key_of_the_mount_is_a_flag() -> None:
         mount = flags(f"--{name}", text).mount[0]
         value = getattr(mount, name.replace("-", "_"))
         assert value != key.default
-        assert (",".join(f"{part:g}" for part in value) if key.several else str(value)) in (text, f"{text}.0")
+        assert (",".join(f"{part:g}" for part in value) if key.is_list else str(value)) in (text, f"{text}.0")
 
 
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf"])

@@ -85,7 +85,7 @@ def test_recorder_leaves_a_file_of_another_kind_alone(tmp_path: Path) -> None:
 
 def test_recorder_keeps_a_limited_number_of_files_and_says_so_once(tmp_path: Path) -> None:
     path, said = tmp_path / "night.rec", list[str]()
-    _recorded(path, 1000, longest=1000, keep=3, warn=said.append)
+    _recorded(path, 1000, longest=1000, max_files=3, warn=said.append)
     assert sorted(file.name for file in tmp_path.iterdir()) == ["night.rec", "night.rec.1", "night.rec.2"]
     assert all(file.stat().st_size < 1200 for file in tmp_path.iterdir())
     assert len(said) == 1
@@ -94,13 +94,13 @@ def test_recorder_keeps_a_limited_number_of_files_and_says_so_once(tmp_path: Pat
 
 
 def test_recorder_can_be_limited_to_one_file(tmp_path: Path) -> None:
-    _recorded(tmp_path / "night.rec", 100, longest=1000, keep=1)
+    _recorded(tmp_path / "night.rec", 100, longest=1000, max_files=1)
     assert [file.name for file in tmp_path.iterdir()] == ["night.rec"]
 
 
 def test_recorder_deletes_excess_files_of_an_earlier_run(tmp_path: Path) -> None:
     for keep in (6, 2):
-        _recorded(tmp_path / "night.rec", 200, longest=1000, keep=keep)
+        _recorded(tmp_path / "night.rec", 200, longest=1000, max_files=keep)
     assert len(list(tmp_path.iterdir())) == 2
 
 

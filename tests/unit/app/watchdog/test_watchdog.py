@@ -413,7 +413,7 @@ def test_watchdog_doubles_telnet_bytes_on_an_rfc_2217_line() -> None:
 def test_simulated_mount_has_no_watchdog() -> None:
     gateway = Gateway(MountConfig(at="nexstar@sim"), [])
     gateway._connect_watchdog()
-    assert gateway.watched is None
+    assert gateway.watchdog_mount is None
 
 
 def test_watchdog_client_loads_without_unix_signals(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -453,11 +453,11 @@ async def test_path_beyond_a_limit_is_not_clear_for_the_watchdog() -> None:
     async with Bridge("cge", site=(45.0, 10.0), config={"lowest": 20.0}) as bridge:
         client, seen = bridge.client(), set[bool]()
         for hour in (1, 3, 5, 7, 9, 11):
-            client.heard = b""
+            client.received = b""
             client.tell(b":Sr%02d:00:00#:Sd+10*00:00#:MS#" % hour)
             await asyncio.sleep(2.0)
             watch = bridge.controller.watch
-            if client.heard == b"110":
+            if client.received == b"110":
                 seen.add(watch.on_clear_path)
         assert seen == {True, False}
 

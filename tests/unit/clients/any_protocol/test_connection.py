@@ -55,7 +55,7 @@ async def test_any_port_decides_nothing_by_idle_bytes(idle: bytes) -> None:
             caller.tell(idle)
         await asyncio.sleep(10.0)
         one.tell(idle * 1000)
-        assert len(one.guest.sent) <= 64, "however many come, few are kept"
+        assert len(one.guest.undelivered) <= 64, "however many come, few are kept"
         assert one.heard == b"" and bridge.recognised() == [] and len(bridge.any.present_hosts()) == 0
         assert len(await one.ask(b":GR#")) == 9
         assert len(await other.ask(b"e")) == 18
@@ -211,7 +211,7 @@ def test_any_port_bounds_memory_and_ends_on_any_bytes(pieces: list[bytes], pause
         caller = bridge.call()
         for piece, pause in zip(pieces, pauses, strict=False):
             caller.tell(piece)
-            assert caller.gone or len(caller.guest.sent) < 200
+            assert caller.gone or len(caller.guest.undelivered) < 200
             await asyncio.sleep(pause)
         other = bridge.call("10.0.0.9")
         assert len(await other.ask(b":GVP#")) == 9

@@ -433,7 +433,7 @@ def test_prove_reports_a_goto_that_ends_off_its_target() -> None:
 
 def test_every_prove_stage_is_announced_in_one_sentence() -> None:
     for stage in STAGES:
-        assert stage.will.endswith(".") and len(stage.will) <= 60
+        assert stage.plan.endswith(".") and len(stage.plan) <= 60
     assert [stage.name for stage in STAGES if stage.moves] == ["place", "motions", "goto", "guiding"]
 
 

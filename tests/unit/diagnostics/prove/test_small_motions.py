@@ -51,7 +51,7 @@ def runs_on(proven: Proven) -> None:
 
 
 def clock_wrong(proven: Proven) -> None:
-    proven.sim.mechanics.sky = proven.sim.mechanics.sky._replace(ahead=5400.0)
+    proven.sim.mechanics.sky = proven.sim.mechanics.sky._replace(clock_ahead=5400.0)
 
 
 def site_wrong(proven: Proven) -> None:
@@ -145,7 +145,7 @@ def test_prove_soon_stops_testing_a_motor_that_does_not_turn(mount: str) -> None
             telescope = CheckedMount(proven.gateway)
             telescope.begin()
             motion = await telescope.press(Direction.NORTH, 9, 10.0)
-            assert MAX_UNCHANGED_TIME <= motion.ended - motion.began < MAX_UNCHANGED_TIME + 1.0
+            assert MAX_UNCHANGED_TIME <= motion.ended_at - motion.began_at < MAX_UNCHANGED_TIME + 1.0
 
     run_calm(play())
 

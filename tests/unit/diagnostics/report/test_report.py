@@ -84,8 +84,8 @@ def test_report_shows_positions_answers_programs_and_refusals(seen: Night) -> No
         "the settings",
     )
     assert seen.gotos == len(TARGETS) and seen.unanswered == 0
-    assert len(seen.asked) == len(seen.took) == 2520 - 30 + len(TARGETS)
-    assert min(seen.took) >= 0.055 and 0.05 < sorted(seen.took)[len(seen.took) // 2] < 0.08
+    assert len(seen.request_times) == len(seen.reply_times) == 2520 - 30 + len(TARGETS)
+    assert min(seen.reply_times) >= 0.055 and 0.05 < sorted(seen.reply_times)[len(seen.reply_times) // 2] < 0.08
     first, second = seen.programs.values()
     assert (first.host, first.commands["GR"], first.commands["MS"], first.refused) == ("10.0.0.2", 2520, 5, 3)
     assert (second.surface, second.commands["e"], second.refused) == ("nexstar@tcp://0.0.0.0:4031", 2520, 1)
@@ -109,7 +109,7 @@ def test_report_shows_tracking_slews_and_gaps_over_the_horizon(seen: Night) -> N
     assert separation(last.az, last.alt, *right) < 0.05
     found = list(pieces(places))
     assert any(piece[-1].slewing for piece in found) and sum(len(piece) for piece in found) >= len(places)
-    gaps = [place for place in places[1:] if not place.joined]
+    gaps = [place for place in places[1:] if not place.continues_track]
     assert [round((place.time - BEGAN) / 60) for place in gaps] == [155]  # the cable was back
 
 
@@ -120,7 +120,7 @@ def test_report_counts_a_lost_answer_without_shifting_other_times(tmp_path: Path
     tape.put(6.0, "mount", ">", b"J")
     tape.asked(7.0, b"J", b"\x01#", 0.5)
     found = recorded(tmp_path, tape)
-    assert list(found.took) == pytest.approx([0.25, 0.5])
+    assert list(found.reply_times) == pytest.approx([0.25, 0.5])
     assert found.unanswered == 2
 
 
@@ -131,7 +131,7 @@ def test_report_counts_no_lost_answer_for_an_intervening_stop(tmp_path: Path) ->
     tape.put(1.2, "mount", "<", b"00000000,00000000#")
     tape.put(1.4, "mount", "<", b"#")
     found = recorded(tmp_path, tape)
-    assert list(found.took) == pytest.approx([0.2, 0.3]) and found.unanswered == 0
+    assert list(found.reply_times) == pytest.approx([0.2, 0.3]) and found.unanswered == 0
 
 
 def test_report_joins_position_and_site_that_a_meade_sends_in_pieces(tmp_path: Path) -> None:
@@ -151,9 +151,9 @@ def test_report_joins_position_and_site_that_a_meade_sends_in_pieces(tmp_path: P
 
 def test_report_shows_the_distribution_of_reply_times(seen: Night) -> None:
     found = spreads(seen)
-    assert all(one.low <= one.middle <= one.high <= one.longest for one in found)
+    assert all(one.quantile_05 <= one.median <= one.quantile_95 <= one.maximum for one in found)
     assert 200 <= len(found) <= 241
-    assert max(one.longest for one in found) == max(seen.took)
+    assert max(one.maximum for one in found) == max(seen.reply_times)
 
 
 def test_report_shows_day_and_night_behind_the_altitude_curve(seen: Night) -> None:

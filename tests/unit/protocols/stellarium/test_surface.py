@@ -36,7 +36,7 @@ def goto(ra: float, dec: float) -> bytes:
 
 def heard(program: Visitor) -> list[Position]:
     """What a program was told since it was asked last."""
-    data, program.heard = program.heard, b""
+    data, program.received = program.received, b""
     assert len(data) % 24 == 0
     rows = [struct.unpack("<HHQIii", data[start : start + 24]) for start in range(0, len(data), 24)]
     return [

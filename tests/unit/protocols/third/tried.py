@@ -32,8 +32,8 @@ async def pushed() -> list[bytes]:
     async with RehearsalMount("6-8se", start=START, presented="toy", named=True) as stage:
         program = stage.client()
         await asyncio.sleep(2.2)
-        heard = program.heard.splitlines(keepends=True)
-        program.heard = b""
+        heard = program.received.splitlines(keepends=True)
+        program.received = b""
         program.tell(b"!05:34:32,+22*00:52\n")
         await asyncio.sleep(1.0)
         assert stage.sim.slewing
@@ -41,9 +41,9 @@ async def pushed() -> list[bytes]:
         await asyncio.sleep(3.0)
         assert not stage.sim.slewing
         program.close()
-        program.heard = b""
+        program.received = b""
         await asyncio.sleep(2.0)
-        assert program.heard == b"", "nothing is sent to a connection that is gone"
+        assert program.received == b"", "nothing is sent to a connection that is gone"
     return heard
 
 

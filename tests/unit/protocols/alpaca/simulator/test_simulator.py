@@ -138,7 +138,9 @@ def test_simulated_alpaca_telescope_connects_in_both_ways() -> None:
 
 
 def test_simulated_alpaca_telescope_reports_missing_abilities_and_refuses_them() -> None:
-    program = Program(lacks=frozenset({"synctocoordinates", "siderealtime", "tracking_put"}), tells={"slewing": False})
+    program = Program(
+        lacks=frozenset({"synctocoordinates", "siderealtime", "tracking_put"}), answers={"slewing": False}
+    )
     assert [program.get(f"can{word}") for word in ("sync", "settracking", "park")] == [False, False, True]
     assert program.put("synctocoordinates", RightAscension=5, Declination=5) == NOT_IMPLEMENTED
     assert program.put("tracking", Tracking=False) == NOT_IMPLEMENTED and program.get("tracking") is True
@@ -164,7 +166,7 @@ def test_simulated_alpaca_telescope_reports_slewing_while_an_axis_moves(quiet: b
 
 
 def test_simulated_alpaca_telescope_uses_the_equinox_that_it_reports() -> None:
-    program = Program(sends_j2000=True, tells={"equatorialsystem": 1})
+    program = Program(sends_j2000=True, answers={"equatorialsystem": 1})
     program.put("slewtocoordinatesasync", RightAscension=5.5, Declination=22)
     program.now += 100.0
     ra, dec = program.sim.truth()
