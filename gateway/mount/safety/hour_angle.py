@@ -12,9 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Coroutine
 from itertools import pairwise
 
-from msgspec import Struct
-
-from gateway.astro.axes import Build, Geometry
+from gateway.astro.axes import Build, Geometry, Pair
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.errors import PastMeridian
@@ -82,20 +80,13 @@ def check_past(limits: Limits, turned: float, german: bool | None) -> None:
         raise PastMeridian
 
 
-class MeridianReading(Struct, frozen=True):
-    """How far the tube was past the meridian at a loop time."""
-
-    at: float
-    past: float
-
-
 class HourAngleWatch:
     """Follows the first axis of a mount, as long as the owner has set a limit for it."""
 
     def __init__(self, mount: Context, tube_side: Callable[[], Coroutine[None, None, str | None]]) -> None:
         self._mount, self._read_side = mount, tube_side
-        #: The last three readings since the last goto.
-        self._readings: tuple[MeridianReading, ...] = ()
+        #: The last three loop times since the last goto, each with how far the tube was past the meridian.
+        self._readings: tuple[Pair, ...] = ()
         #: How far the axis was turned at the last position of a mount that does not report its axes; None if unknown.
         self._turned: float | None = None
 
@@ -151,13 +142,13 @@ class HourAngleWatch:
 
     def _follow(self, last: PositionSample) -> None:
         """Continue with the last position, unless that was done."""
-        if last.hour_angle is not None and not (self._readings and last.at <= self._readings[-1].at):
+        if last.hour_angle is not None and not (self._readings and last.at <= self._readings[-1][0]):
             self._turned = self.turned(last.hour_angle, self._side())
             if self._turned is not None:
                 self._add(last.at, self._turned)
 
     def _add(self, at: float, turned: float) -> None:
-        self._readings = (*self._readings[-2:], MeridianReading(at, past_meridian(turned, self._mount.driver.german)))
+        self._readings = (*self._readings[-2:], (at, past_meridian(turned, self._mount.driver.german)))
 
     def _side(self) -> str | None:
         """Return the last reported pier side of a German mount, and start a new read if the report is old."""
@@ -169,12 +160,10 @@ class HourAngleWatch:
         return mount.driver.tube_side(mount.cache.value(op.PierSide) or "")
 
 
-def _by_readings(readings: tuple[MeridianReading, ...], now: float) -> PastNow | None:
+def _by_readings(readings: tuple[Pair, ...], now: float) -> PastNow | None:
     """Judge by the last readings of the first axis, continued to ``now``."""
-    if len(readings) < 2:
-        return None
-    rates = [(b.past - a.past) / (b.at - a.at) for a, b in pairwise(readings) if b.at > a.at]
+    rates = [(past - before) / (at - then) for (then, before), (at, past) in pairwise(readings) if at > then]
     if not rates:
         return None
-    last = readings[-1]
-    return PastNow(last.past + rates[-1] * (now - last.at), rates[-1], abs(rates[0]) if len(rates) > 1 else None)
+    at, past = readings[-1]
+    return PastNow(past + rates[-1] * (now - at), rates[-1], abs(rates[0]) if len(rates) > 1 else None)

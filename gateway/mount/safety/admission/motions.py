@@ -27,7 +27,7 @@ from gateway.mount.safety.admission import slew_paths
 from gateway.mount.safety.admission.altitudes import check_goal
 from gateway.mount.safety.admission.by_hand import HandAdmission, pointing
 from gateway.mount.safety.admission.contradictions import UNKNOWN_TIME, contradictions_of, time_unknown, too_near
-from gateway.mount.safety.admission.slew_paths import Journey, are_clear, check_ways, paths_of, paths_within
+from gateway.mount.safety.admission.slew_paths import Journey, all_within, are_clear, check_ways, paths_of
 from gateway.mount.safety.admission.syncs import admit_sync
 from gateway.mount.safety.allow import LOST, CheckedPath
 from gateway.mount.safety.hour_angle import LEVEL, check_past
@@ -285,7 +285,7 @@ class MotionAdmission:
         self._path.take(
             [point for way in ways for point in slew_paths.path_points(way)],
             slew_paths.zeniths(mount, status.equatorial)[0],
-            all(len(paths_within(mount, written, path)) == len(paths_of(mount, path)) for path in unsynced),
+            all(all_within(mount, written, path) for path in unsynced),
             lost,
         )
         # the hour angle on the way is not examined

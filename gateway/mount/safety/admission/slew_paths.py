@@ -190,6 +190,11 @@ def paths_within(mount: Context, limits: Limits, journey: Journey, stretch: floa
     return [path for path in paths_of(mount, journey) if keeps(path)]
 
 
+def all_within(mount: Context, limits: Limits, journey: Journey, stretch: float = LONGEST) -> bool:
+    """Whether every possible way keeps the limits, as in ``paths_within``."""
+    return len(paths_within(mount, limits, journey, stretch)) == len(paths_of(mount, journey))
+
+
 def _first_part(turn: Pair, stretch: float) -> Pair:
     """Limit the turn of each axis to its first ``stretch`` degrees."""
     return max(-stretch, min(stretch, turn[0])), max(-stretch, min(stretch, turn[1]))
@@ -201,10 +206,7 @@ def check_ways(mount: Context, limits: Limits, journey: Journey, unsynced: Seque
     one, and has at most 60 characters, because LX200 programs show no more.
     """
     paths, stretch = paths_within(mount, limits, journey), mount.timing.reaction * mount.driver.speed(FASTEST)
-    begin = [
-        len(paths_within(mount, limits, path, stretch)) == len(paths_of(mount, path)) for path in (journey, *unsynced)
-    ]
-    if paths and all(begin):
+    if paths and all(all_within(mount, limits, path, stretch) for path in (journey, *unsynced)):
         return paths
     where = "low" if paths_within(mount, replace(limits, lowest=-90.0), journey) else "high"
     for azimuth, altitude in BETWEEN:
@@ -221,8 +223,7 @@ def check_ways(mount: Context, limits: Limits, journey: Journey, unsynced: Seque
 
 def _keeps_clear(mount: Context, limits: Limits, leg: Journey) -> bool:
     """Whether every possible way keeps the limits and the distance from the Sun, or leads out of where it begins."""
-    paths, suns = paths_of(mount, leg), mount.suns.to_avoid()
-    places = [sun_reading(mount.astrometry, sun, leg.equatorial) for sun in suns]
-    return len(paths_within(mount, limits, leg)) == len(paths) and all(
-        are_clear(paths, place, mount.suns.limit) for place in places
+    places = [sun_reading(mount.astrometry, sun, leg.equatorial) for sun in mount.suns.to_avoid()]
+    return all_within(mount, limits, leg) and all(
+        are_clear(paths_of(mount, leg), place, mount.suns.limit) for place in places
     )
