@@ -55,7 +55,7 @@ async def rested(bridge: Bridge, random: Random) -> None:
 
 
 @pytest.mark.parametrize("kind", list(MOUNTS))
-async def test_preview_of_a_goto_says_what_the_goto_says(kind: str) -> None:
+async def test_preview_of_a_goto_gives_the_answer_that_the_goto_gets(kind: str) -> None:
     model, driven, config, start = MOUNTS[kind]
     random, answers = Random(kind), set[str]()
     wedge = {"wedge": True} if kind == "wedge" else {}

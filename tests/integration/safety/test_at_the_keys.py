@@ -194,7 +194,7 @@ RESTED = (15.0, 16.3, 17.6, 18.9)
 
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
 @pytest.mark.parametrize(("mount", "driven"), [("cpc", "nexstar"), ("lx200gps", "lx200")])
-async def test_arrows_of_the_owner_s_end_at_a_written_altitude_without_a_program(
+async def test_owners_arrows_end_at_a_configured_altitude_without_a_program(
     mount: str, driven: str, site: tuple[float, float]
 ) -> None:
     async with owned(mount, driven=driven, site=site, config={"lowest": 20.0}, polls=NOBODY) as (bridge, owner, seen):
@@ -207,7 +207,7 @@ async def test_arrows_of_the_owner_s_end_at_a_written_altitude_without_a_program
 
 
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
-async def test_arrows_of_the_owner_s_end_at_the_hour_angle_limit_without_a_program(site: tuple[float, float]) -> None:
+async def test_owners_arrows_end_at_the_hour_angle_limit_without_a_program(site: tuple[float, float]) -> None:
     async with owned("cge", site=site, config={"hour_angle_limit": 0.5}, polls=NOBODY) as (bridge, owner, seen):
         south = 180.0 if site[0] > 0 else 0.0
         for rested in RESTED:
@@ -221,7 +221,7 @@ async def test_arrows_of_the_owner_s_end_at_the_hour_angle_limit_without_a_progr
 
 
 @pytest.mark.parametrize(("mount", "driven"), [("cpc", "nexstar"), ("lx200gps", "lx200")])
-async def test_arrows_of_the_owner_s_end_at_the_sun_without_a_program(mount: str, driven: str) -> None:
+async def test_owners_arrows_end_at_the_suns_circle_without_a_program(mount: str, driven: str) -> None:
     settings = {"driven": driven, "start": EQUINOX_NOON, "site": NORTH, "config": {"sun": 20.0}}
     async with owned(mount, polls=NOBODY, **settings) as (bridge, owner, seen):
         for rested in RESTED:

@@ -127,6 +127,20 @@ async def test_settings_made_while_the_line_is_down_are_sent_when_it_is_back(mou
         assert "it is sent later" in notes(bridge)
 
 
+async def test_settings_made_while_the_line_is_down_are_not_sent_to_another_mount() -> None:
+    async with Bridge("cge", aligned=False, surface="autostar") as bridge:
+        client, cable = bridge.client(), Cable(bridge)
+        await client.ask(b":GR#")
+        cable.pull()
+        await asyncio.sleep(3.0)
+        assert await client.ask(b":Sg074*30#:St+40*45#", until=b"11") == b"11"
+        bridge.sim.row = {**bridge.sim.row, "id": 20}
+        sent = len(bridge.sent())
+        await plugged_in(bridge, cable)
+        assert not [data for data in bridge.sent()[sent:] if data.startswith(b"W")]
+        assert "another mount is on the line" in notes(bridge)
+
+
 async def test_goto_is_never_deferred_until_the_line_is_back() -> None:
     for mount, driven in (("cpc", "nexstar"), ("lx200", "lx200"), ("lx200gps", "lx200")):
         async with Bridge(mount, driven=driven, config={"lowest": -90.0, "sun": 0.0}) as bridge:

@@ -136,6 +136,18 @@ async def test_lx200_restart_ends_all_motion(motion: bytes) -> None:
         assert bridge.sim.tracking
 
 
+async def test_stop_ends_no_pulse_that_the_motor_has_ended_itself() -> None:
+    async with Bridge("evolution", "5.31") as bridge:
+        client = bridge.client()
+        client.tell(b":Mgn0500#")
+        await asyncio.sleep(3.0)
+        sent = len(bridge.sent())
+        client.tell(b":Q#")
+        await asyncio.sleep(1.0)
+        assert b"M" in bridge.sent()[sent:]
+        assert not [data for data in bridge.sent()[sent:] if data[:1] == b"P" and data[3:4] == b"\x26"]
+
+
 async def test_stop_ends_a_pulse_that_the_motor_times_itself() -> None:
     """AUX 0x26 lasts up to 2.55 s and what is left of nine seconds would follow."""
     async with Bridge("evolution", "5.31") as bridge:

@@ -152,7 +152,7 @@ def test_object_search_by_quality_finds_every_match() -> None:
     assert all(found == right for right, found in judged) and len(set(judged)) == 2
 
 
-def test_object_search_for_no_kind_finds_nothing() -> None:
+def test_object_search_without_an_object_type_finds_nothing() -> None:
     assert deepsky.matching(SearchLimits(-5.5, 20.0, 0, 200, "", "VP")) == []
 
 

@@ -29,7 +29,7 @@ def mount(protocol: str = "nexstar") -> PortFinding:
 
 
 @pytest.mark.parametrize(("protocol", "programs"), [("nexstar", "lx200"), ("lx200", "nexstar")])
-def test_detect_prints_both_run_commands(protocol: str, programs: str) -> None:
+def test_detect_prints_run_commands_for_this_computer_and_for_phones(protocol: str, programs: str) -> None:
     lines = [line.strip() for line in block(mount(protocol)).splitlines()]
     start = f"mount-gateway run --mount {protocol}@{PORT} --surface {programs}@tcp://"
     here, there = lines.index(f"{start}127.0.0.1:4030"), lines.index(f"{start}0.0.0.0:4030")

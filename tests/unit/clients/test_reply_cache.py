@@ -1,0 +1,24 @@
+"""Cached replies: each is valid for as long as the readings that it was made of."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gateway.clients.commands.turn import ReplyCache
+from gateway.core import operations as op
+
+
+class Controller:
+    version = 1
+
+    def fresh_until(self, kinds: list[Any]) -> float:
+        return 5.0 if op.Position in kinds else 9.0
+
+
+def test_cached_reply_expires_with_its_readings_though_others_are_fresh() -> None:
+    controller: Any = Controller()
+    cache = ReplyCache(controller)
+    cache.remember(b"e", b"position", [op.Position], 0.0)
+    cache.remember(b"t", b"tracking", [op.GetStatus], 1.0)
+    assert cache.reply(b"e", 4.9) == (b"position", [op.Position])
+    assert cache.reply(b"e", 5.1) is None
