@@ -382,7 +382,7 @@ def test_failed_stop_is_reported_and_a_second_ctrl_c_ends_at_once(
     assert moving.gateway.process.wait(PATIENCE) == 130
     assert time.monotonic() - began < 3.0  # the mount alone would be waited for longer
     moving.sim.end(signal.SIGKILL)
-    monkeypatch.setattr("gateway.app.control.stop_command.ACKNOWLEDGED", 0.5)
+    monkeypatch.setattr("gateway.app.control.stop_command.STOP_ACK_TIMEOUT", 0.5)
     code, words = stop()
     assert code == 1
     assert words.startswith(f"{moving.endpoint}: not stopped: ")
