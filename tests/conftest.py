@@ -10,7 +10,9 @@ in a test process lets an almanac be calculated. Worker processes of pytest-xdis
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import gc
+import importlib
 import inspect
 import itertools
 import os
@@ -54,6 +56,21 @@ def pytest_configure(config: pytest.Config) -> None:
     if sys.flags.bytes_warning and getattr(config.option, "tx", None):
         strict = f"popen//python={shlex.quote(sys.executable)} -{'b' * sys.flags.bytes_warning}"
         config.option.tx = [strict if spec == "popen" else spec for spec in config.option.tx]
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection(session: pytest.Session) -> None:
+    """Import the tests in another order in each worker: what is not compiled yet is compiled once, not by all of them.
+
+    What cannot be imported is reported by the collection that follows.
+    """
+    if worker := os.environ.get("PYTEST_XDIST_WORKER"):
+        paths = [session.config.rootpath / argument.partition("::")[0] for argument in session.config.args]
+        tests = sorted(test for path in paths for test in ([path] if path.is_file() else path.rglob("test_*.py")))
+        first = len(tests) * int(worker.removeprefix("gw")) // int(os.environ["PYTEST_XDIST_WORKER_COUNT"])
+        for test in tests[first:] + tests[:first]:
+            with contextlib.suppress(Exception, pytest.skip.Exception):
+                importlib.import_module(".".join(test.relative_to(session.config.rootpath).with_suffix("").parts))
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
