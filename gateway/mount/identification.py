@@ -16,6 +16,7 @@ from typing import Any
 from gateway.astro.axes import Pair
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer
+from gateway.core.motion_kinds import MOVERS
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner, HibernationGate
@@ -95,9 +96,11 @@ class Identification:
 
     def _stop_owed(self, commands: list[bytes]) -> None:
         """Add the stop commands if a stop is owed, or if no position confirms yet that the mount received the last
-        stop.
+        stop; but not to a motion that is being sent since.
         """
-        if (self._reconciler.wanted.owed or self._ends.pending) and self._context.known.is_set():
+        wanted = self._reconciler.wanted
+        begins = any(order.number == wanted.active and isinstance(order.operation, MOVERS) for order in wanted.pending)
+        if (wanted.owed or (self._ends.pending and not begins)) and self._context.known.is_set():
             commands += stop_commands(self._driver, self._link.reply_rules, ends_only=True)
 
     def _on_up(self, _: None) -> None:
