@@ -219,6 +219,11 @@ class SiteAndClock:
             await self.sync.now_or_later(operation)
 
     async def renew(self, kind: type[op.GetSite | op.GetClock]) -> None:
-        """Read the mount's site or clock again. If it was changed at the mount, the gateway uses the new value."""
+        """Read the mount's site or clock again. If it was changed at the mount, the gateway uses the new value. A
+        reading during which the mount was sent anything may be half old and half new, and does not count.
+        """
+        sent = self._context.cache.orders
         with contextlib.suppress(Fault):
-            self.sync.take_value(await self._runner.perform(kind(), READ))
+            value: op.Place | op.Moment = await self._runner.perform(kind(), READ)
+            if sent == self._context.cache.orders:
+                self.sync.take_value(value)
