@@ -124,7 +124,7 @@ def serves_as_well(order: Order, wanted: Wanted) -> bool:
         return True
     axis = axis_moved(order.operation)
     begun = motion_of(wanted, axis or 0)
-    joined = order.held is not None and begun is not None and _same(begun.by, order.by)
+    joined = waits_for(wanted, axis) and begun is not None and _same(begun.by, order.by)
     return axis is not None and (
         joined or any(_arrow_of(order, waiting_order) for waiting_order in (*wanted.pending, *wanted.short_taps))
     )
