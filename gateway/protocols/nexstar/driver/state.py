@@ -232,9 +232,8 @@ class NexStar(Driver):
             return None if self.exact_key(asked) is not None else asked
         if rate.key is not None or rate.degrees is None:
             return None
-        if rate.name is not None and (
-            rate.degrees >= self.key_speed(9) or abs(self.key_speed(self.key_for(rate)) - rate.degrees) < SAME_SPEED
-        ):
+        key = self.key_speed(self.key_for(rate))
+        if rate.degrees >= self.key_speed(9) or (rate.name is not None and abs(key - rate.degrees) < SAME_SPEED):
             return None
         return min(rate.degrees, float(self.rates["fastest"]))
 
