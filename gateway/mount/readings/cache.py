@@ -7,6 +7,7 @@ order or setting (``orders`` counts them).
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable
 from math import inf, isinf
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
@@ -110,7 +111,7 @@ class ReadingsCache:
         #: Emitted with the last answer to Slewing, False if there is none, whenever it may be another.
         self.slews: Signal[bool] = Signal()
         #: Set when the next read of a kind may be due earlier than it was.
-        self.due = {kind: TimedEvent() for kind in POLL_PERIOD}
+        self.due: defaultdict[Kind, TimedEvent] = defaultdict(TimedEvent)
 
     def put(self, kind: Kind, value: Any, now: float) -> None:
         """Store a reading that the mount reported, or that follows from a command that it acknowledged."""

@@ -23,13 +23,14 @@ from gateway.mount.site.settings import SiteAndClock
 
 #: Seconds between two position reads that no client asked for, at most.
 HEARTBEAT = 5.0
-#: Seconds between reads of the mount's own clock and site, in turn: a person may change them at its keys. Without
-#: clients they are read less often, but they are: the limits, and the next client, depend on them.
-OWN_AGE, OWN_AGE_ALONE = 25.0, 100.0
+#: What a person may change at the mount's keys, and the seconds between two reads of it. Without clients it is read
+#: less often, but it is: the limits, and the next client, depend on it.
+SETTINGS: tuple[Kind, ...] = (op.GetSite, op.GetClock)
+SETTING_AGE, SETTING_AGE_ALONE = 50.0, 200.0
 #: Seconds between reads of the site of a mount that keeps its own: a goto must be judged by one that its owner has set
-#: ten seconds before at the latest, even if only the heartbeat of the position comes in between.
-SITE_AGE = 4.5
-#: Seconds to wait after an error.
+#: ten seconds before at the latest.
+SITE_AGE = 5.0
+#: Seconds to wait after an error, and until a mount is looked at again whose site and clock cannot be read now.
 ASK_AGAIN = 1.0
 #: Seconds until the axes are read again after the mount did not report them, unless a client polls them.
 AXES_AGAIN = 10.0
@@ -66,14 +67,12 @@ class Poller:
         self._failed = dict.fromkeys(POLL_PERIOD, -1e9)
         #: The loop time by which the status is read although it is not old.
         self._status_due = inf
-        self._read_task: asyncio.Task[None] | None = None
-        #: The mount's own site and clock are read in turn.
-        self._next_kinds: tuple[Kind, Kind] = (op.GetSite, op.GetClock)
-        self._asked_at = self._asked_site = context.now()
+        #: The loop times of the last requests for site and clock.
+        self._requested = dict.fromkeys(SETTINGS, context.now())
         reader.goto_over.connect(self._goto_ended)
 
     def start(self) -> None:
-        for kind in POLL_PERIOD:
+        for kind in (*POLL_PERIOD, *SETTINGS):
             self._context.tasks.spawn(self._run(kind))
 
     async def _run(self, kind: Kind) -> None:
@@ -94,43 +93,8 @@ class Poller:
             if pause <= TIMER_ERROR:
                 await self.renew(kind)
                 pause = self._pause(kind, self._context.now())
-            if kind is op.Position:
-                await self._heartbeat(self._context.now())
-                pause = min(
-                    self._pause(kind, self._context.now()), self._period - self._cache.age(kind, self._context.now())
-                )
             self._cache.due[kind].clear()
             await self._cache.due[kind].within(max(0.005, pause))
-
-    async def _heartbeat(self, now: float) -> None:
-        """Read the position as a heartbeat, and at rest the mount's own clock and site, which the limits need."""
-        if self._cache.age(op.Position, now) >= self._period:
-            await self.renew(op.Position)
-        self._renew_site(now)
-        clock = self._context.site_clock.mount_clock
-        asked = self._asked_at if clock is None else max(self._asked_at, clock[1])
-        if now - asked <= (OWN_AGE if self._needed(op.Position, now) else OWN_AGE_ALONE) or self._watched:
-            return
-        if self._read_task is None or self._read_task.done():  # in a task, so that the position does not wait
-            self._asked_at, self._next_kinds = now, self._next_kinds[::-1]
-            site_clock = self._context.site_clock
-            known = site_clock.mount_clock if self._next_kinds[0] is op.GetClock else site_clock.mount_site
-            if known is not None:
-                self._read_task = self._context.tasks.spawn(self.renew(self._next_kinds[0]))
-
-    @property
-    def _period(self) -> float:
-        """Seconds between two positions that no client asked for."""
-        return min(HEARTBEAT, max(POLL_PERIOD[op.Position], self._watch.look_within))
-
-    def _renew_site(self, now: float) -> None:
-        """Read the site of a mount that keeps its own often: its owner may set it and continue at once."""
-        keeps = self._context.site_clock.mount_site is not None and not self._context.driver.takes_site_aligned
-        if not keeps or self._watched or now - self._asked_site < SITE_AGE:
-            return
-        if self._read_task is None or self._read_task.done():
-            self._asked_site = now
-            self._read_task = self._context.tasks.spawn(self.renew(op.GetSite))
 
     def _needed(self, kind: Kind, now: float) -> bool:
         """Whether a client polls this kind of read, or the gateway itself needs it."""
@@ -154,6 +118,11 @@ class Poller:
 
     def _pause(self, kind: Kind, now: float) -> float:
         """Return the seconds until the next request, so that its reply arrives when the last reading becomes stale."""
+        if kind in SETTINGS:
+            return self._setting_pause(kind, now)
+        if kind is op.Position and not self._needed(kind, now):
+            heartbeat = max(POLL_PERIOD[kind], min(HEARTBEAT, self._watch.look_within))
+            return heartbeat - self._cache.age(kind, now)
         if not self._needed(kind, now):
             return self._status_pause(now) if kind is op.GetStatus else IDLE
         ahead = (self._reader.exchanges.get(kind, 1) + WAIT_FOR_LINE) * self._link.times.typical_rtt
@@ -172,11 +141,23 @@ class Poller:
         rests = now - self._watch.at_rest_since
         return max(min(STATUS_ALONE - old, self._status_due - now), AFTER_MOTION - rests)
 
+    def _setting_pause(self, kind: Kind, now: float) -> float:
+        """Return the seconds until the mount's own site or clock is read; in motion, positions have the line."""
+        known = self._context.site_clock
+        busy = self._watched or self._context.wanted.value.pending
+        if busy or (known.mount_site if kind is op.GetSite else known.mount_clock) is None:
+            return ASK_AGAIN
+        every = SETTING_AGE if self._needed(op.Position, now) else SETTING_AGE_ALONE
+        if kind is op.GetSite and not self._context.driver.takes_site_aligned:
+            every = SITE_AGE
+        return every - (now - self._requested[kind])
+
     async def renew(self, kind: Kind) -> None:
         """Ask the mount again."""
         if kind is op.GetStatus:
             self._status_due = inf
         if kind is op.GetSite or kind is op.GetClock:
+            self._requested[kind] = self._context.now()
             await self._settings.renew(kind)
             return
         try:
