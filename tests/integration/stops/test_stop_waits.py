@@ -157,7 +157,11 @@ def settings_of(bridge: Bridge) -> dict[str, Any]:
     """Return what a program can set on the simulated mount, by truth; clocks to the nearest 4 seconds."""
     sim: Any = bridge.sim
     sky = sim.mechanics.sky
-    found = {"latitude": round(sky.latitude, 1), "longitude": round(sky.longitude, 1), "ahead": round(sky.ahead / 4.0)}
+    found = {
+        "latitude": round(sky.latitude, 1),
+        "longitude": round(sky.longitude, 1),
+        "ahead": round(sky.clock_ahead / 4.0),
+    }
     for name in ("mode", "settings", "parked"):
         if hasattr(sim, name):
             value = getattr(sim, name)
