@@ -117,6 +117,24 @@ async def test_mount_moved_by_hand_is_sent_no_clock() -> None:
         assert order(bridge) == ["set"]
 
 
+@pytest.mark.parametrize(("mount", "driven"), [("cge", "nexstar"), ("lx200gps", "lx200")])
+@pytest.mark.parametrize("pause", [0.05, 0.15, 0.3])
+async def test_site_is_not_sent_to_a_mount_that_begins_to_move_meanwhile(mount: str, driven: str, pause: float) -> None:
+    async with Bridge(
+        mount, driven=driven, aligned=driven == "lx200", surface="autostar", latency=0.3,
+        config={"lowest": -90.0, "sun": 0.0},
+    ) as bridge:  # fmt: skip
+        await asyncio.sleep(8.0)
+        client, before = bridge.client(), len(bridge.sent())
+        client.tell(b":RS#:Sg074*30#:St+40*45#")
+        await asyncio.sleep(pause)
+        client.tell(b":Mn#")
+        await asyncio.sleep(5.0)
+        sent = bridge.sent()[before:]
+        assert any(data.startswith((b"P\x02\x11", b":Mn")) for data in sent)
+        assert not [data for data in sent if data.startswith((b"W", b":St", b":Sg"))]
+
+
 async def test_lx200_refusal_during_a_clock_change_names_the_seconds_to_wait() -> None:
     """A classic works for ten seconds on a new date."""
     async with meade("lx200") as bridge:
