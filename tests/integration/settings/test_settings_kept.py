@@ -141,6 +141,23 @@ async def test_settings_made_while_the_line_is_down_are_not_sent_to_another_moun
         assert "another mount is on the line" in notes(bridge)
 
 
+async def test_failure_of_an_older_site_leaves_the_newer_one_in_force() -> None:
+    """The newer one comes while the last attempt at the older one is unanswered."""
+    async with Bridge("autostar", driven="lx200", surface="autostar", latency=0.05) as bridge:
+        client = bridge.client()
+        await asyncio.sleep(8.0)
+        lost = lose_commands(bridge, (b":St",), 3)
+        await client.ask(b":Sg074*30#:St+40*45#")
+        for moment in range(60):
+            bridge.client("10.0.0.9").tell(b":GR#")
+            if moment == 25:
+                await client.ask(b":St+41*15#")
+            elif moment > 25:
+                assert await client.ask(b":Gt#", 1.0) == b"+41*15#"
+            await asyncio.sleep(0.5)
+        assert len(lost) == 3
+
+
 async def test_goto_is_never_deferred_until_the_line_is_back() -> None:
     for mount, driven in (("cpc", "nexstar"), ("lx200", "lx200"), ("lx200gps", "lx200")):
         async with Bridge(mount, driven=driven, config={"lowest": -90.0, "sun": 0.0}) as bridge:
