@@ -69,7 +69,7 @@ def turned(matrices: Array, ra: Array, dec: Array) -> Array:
 def apparent(seen_from: Any, t: Any, body: Any) -> tuple[Array, Array]:
     """Return (ra and dec of date, distance in km), with light time, aberration and deflection."""
     ra, dec, distance = seen_from.at(t).observe(body).apparent().radec("date")
-    return np.array([ra._degrees, dec.degrees]), distance.km
+    return np.array([ra.hours * 15.0, dec.degrees]), distance.km
 
 
 def ours(function: Callable[..., tuple[float, ...]], *columns: Array) -> Array:
