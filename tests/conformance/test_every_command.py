@@ -31,7 +31,7 @@ SITE = (45.0, 10.0)
 async def _answer(client: object, said: bytes, silent: bool) -> bytes:
     await client.ask(said, LISTEN if silent else PATIENCE)  # type: ignore[attr-defined]
     await asyncio.sleep(0.05)
-    heard: bytes = client.heard  # type: ignore[attr-defined]
+    heard: bytes = client.received  # type: ignore[attr-defined]
     return heard
 
 

@@ -160,11 +160,11 @@ async def differences(protocol: str, model: str, version: str | None) -> list[Di
 async def _whole(client: Any) -> bytes:
     """Return the reply with all that follows its first byte; empty if none begins within ``PATIENCE`` seconds."""
     waited = 0.0
-    while waited < PATIENCE and not client.heard:
+    while waited < PATIENCE and not client.received:
         await asyncio.sleep(0.05)
         waited += 0.05
     await asyncio.sleep(0.5)
-    return bytes(client.heard)
+    return bytes(client.received)
 
 
 def asked_of(protocol: str) -> int:

@@ -234,9 +234,9 @@ def test_half_a_position_is_not_reused_for_another_instant() -> None:
             await asyncio.sleep(3.0)
 
             def told(asking: Any, question: bytes) -> bytes:
-                asking.heard = b""
+                asking.received = b""
                 asking.tell(question)
-                return bytes(asking.heard)
+                return bytes(asking.received)
 
             for _ in range(30):
                 told(client, b":GR#")
