@@ -272,7 +272,7 @@ def test_slowly_typed_lx200_commands_are_framed_one_by_one() -> None:
     assert [type(operation) for operation in done(talk)] == [op.Move]
 
 
-def test_lx200_frames_report_how_they_ended() -> None:
+def test_lx200_framing_marks_unterminated_commands_and_those_behind_them() -> None:
     frames = Lx200Framer().feed(b":GR#:SMfoo:Sr07:00\x06:MS#:Mn#\x06:Q#", 0.0)
     assert frames == [b":GR#", b":SMfoo:Sr07:00:MS#", b":Mn#", b"\x06", b":Q#"]
     assert [type(frame) for frame in frames] == [bytes, Unterminated, Suspect, bytes, Suspect]
