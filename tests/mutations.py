@@ -127,8 +127,8 @@ MUTATIONS = [
     # --- ends of motions
     Mutation(
         "a stop waits in the queue",
-        r"^STOP, MOTION, POSITION, WAITED, SETTING, READ = range\(6\)",
-        "MOTION, POSITION, WAITED, SETTING, READ, STOP = range(6)",
+        r"^STOP, MOTION, POSITION, AGED_READ, SETTING, READ = range\(6\)",
+        "MOTION, POSITION, AGED_READ, SETTING, READ, STOP = range(6)",
         f"{STOPS}/test_stop_first.py",
     ),
     Mutation(
@@ -168,7 +168,7 @@ MUTATIONS = [
     ),
     Mutation(
         "a stalled motor goes unnoticed",
-        r"course\.moved < PART \* course\.speed \* elapsed",
+        r"course\.moved < STALL_MIN_PART \* course\.speed \* elapsed",
         "False",
         "tests/unit/mount/safety/test_stalled.py",
     ),
@@ -193,7 +193,7 @@ MUTATIONS = [
     ),
     Mutation(
         "nobody notices that a tube has passed the pole or the zenith",
-        r"abs\(wrap180\(after\[0\] - before\[0\]\)\) > HALF_CIRCLE",
+        r"abs\(wrap180\(after\[0\] - before\[0\]\)\) > POLE_PASSAGE_TURN",
         "False",
         f"{SAFETY}/test_syncs_over_the_pole.py",
     ),
@@ -205,7 +205,7 @@ MUTATIONS = [
     ),
     Mutation(
         "a guide pulse of any length is checked step by step",
-        r"if not all\(abs\(degrees\) <= LONGEST for degrees in turns\.values\(\)\):",
+        r"if not all\(abs\(degrees\) <= MAX_AXIS_TURN for degrees in turns\.values\(\)\):",
         "if False:",
         "tests/unit/mount/safety/test_ends_on_any_input.py",
     ),
@@ -270,7 +270,7 @@ MUTATIONS = [
     ),
     Mutation(
         "a position from before the last order is told",
-        r"self\.outdated = now\n",
+        r"self\.outdated_at = now\n",
         "pass\n",
         f"{READINGS} tests/integration/motion",
     ),

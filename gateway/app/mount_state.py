@@ -21,7 +21,7 @@ from gateway.mount.motion.wanted import ByHand, Slew, Wanted
 from gateway.mount.policy import Policy
 from gateway.mount.presence import HostActivity
 from gateway.mount.safety.admission.contradictions import Contradiction, contradictions, site_text
-from gateway.mount.safety.hour_angle import NOT_KEPT, can_enforce_hour_angle
+from gateway.mount.safety.hour_angle import NO_LIMIT_MESSAGE, can_enforce_hour_angle
 from gateway.mount.site.site_clock import Site, Time
 
 if TYPE_CHECKING:
@@ -147,7 +147,7 @@ class MountState(Struct, frozen=True, dict=True):
         limits = self.policy.limits
         yield from (limits if self.pier_kept else replace(limits, hour_angle=None)).as_text()
         if limits.hour_angle is not None and not self.pier_kept:
-            yield NOT_KEPT
+            yield NO_LIMIT_MESSAGE
         if limits.by_page:
             yield "narrowed by a page of the console, until the gateway ends"
         yield f"syncs of up to {limits.sync:g}°"

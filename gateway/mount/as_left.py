@@ -22,9 +22,9 @@ from gateway.mount.link.queue import READ
 from gateway.mount.safety.sync_sum import NO_SYNC
 
 #: Seconds that it may have been away; seconds by which its clock may have gone otherwise; degrees that it may be off.
-LONGEST, CLOCK, PLACE = 3600.0, 30.0, 0.5
+MAX_ABSENCE, CLOCK, PLACE = 3600.0, 30.0, 0.5
 #: Seconds between two records of where it is.
-EVERY = 60.0
+RECORD_PERIOD = 60.0
 
 
 class AsLeft(Struct, frozen=True):
@@ -45,7 +45,7 @@ class SameMount:
     def __init__(self, context: Context, runner: DriverRunner) -> None:
         self._context, self._runner = context, runner
         self.left: AsLeft | None = None
-        self._written, self._checked = 0.0, False
+        self._last_record_at, self._checked = 0.0, False
         context.link.came_up.connect(self._suspect)
         self.lasting: Signal[None] = Signal()
 
@@ -68,8 +68,8 @@ class SameMount:
             return
         host, tracked = context.site_clock.host(), status.tracking is not op.Tracking.OFF
         self.left = AsLeft(host, place.ra, place.dec, tracked, clock.unix - host)
-        if abs(host - self._written) > EVERY:
-            self._written = host
+        if abs(host - self._last_record_at) > RECORD_PERIOD:
+            self._last_record_at = host
             self.lasting.emit(None)
 
     async def check(self) -> None:
@@ -88,7 +88,7 @@ class SameMount:
 
     async def _as_left(self) -> bool:
         left, host = self.left, self._context.site_clock.host()
-        if left is None or not 0.0 <= host - left.at < LONGEST:
+        if left is None or not 0.0 <= host - left.at < MAX_ABSENCE:
             return False
         try:
             if not (await self._runner.perform(op.GetStatus(), READ)).aligned:

@@ -28,7 +28,7 @@ from gateway.mount.site.site_clock import BestSources, SiteClock
 from gateway.protocols.base.driver import Driver, Remark
 
 #: The rate of the mount's fastest motion.
-FASTEST = op.Rate(name="max")
+FASTEST_RATE = op.Rate(name="max")
 
 
 class Context:
@@ -92,9 +92,9 @@ class Context:
         """Log a line about the mount."""
         self.log.note("mount", text)
 
-    def remark(self, said: Remark) -> None:
+    def remark(self, remark: Remark) -> None:
         """Log a deviation of the driver from the request; only the first of equal texts, and of remarks of a kind."""
-        self.log.note_once("mount", said.text, kind=said.kind)
+        self.log.note_once("mount", remark.text, kind=remark.kind)
 
     def note_once(self, text: str, kind: str = "") -> None:
         """Like `note`, but only the first time, or the first of its ``kind``."""

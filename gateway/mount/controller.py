@@ -30,7 +30,7 @@ from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.reconciler import Announce, Reconciler
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.policy import Limits, Policy
-from gateway.mount.presence import NOBODY, HostActivity, Presence, ProgramId
+from gateway.mount.presence import NO_PROGRAM, HostActivity, Presence, ProgramId
 from gateway.mount.readings.cache import MAX_AGE, NOT_CACHED
 from gateway.mount.readings.poller import Poller
 from gateway.mount.readings.reader import Reader
@@ -38,7 +38,7 @@ from gateway.mount.safety.admission.motions import MotionAdmission
 from gateway.mount.safety.unattended import SunAhead, Supervisor, TrackingAtLimit
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.shutdown import end_motion
-from gateway.mount.site.places import PLACES
+from gateway.mount.site.places import PLACE_FUNCTIONS
 from gateway.mount.site.readers import ReadBy
 from gateway.mount.site.settings import SiteAndClock
 from gateway.mount.site.settings_sync import SyncSettings
@@ -76,8 +76,8 @@ class MountController:
         self.settings = SiteAndClock(context, runner, sync)
         # Limits and motion.
         self.owners_limits = context.policy.limits
-        self.hold, self.synced, self.ends = context.hold, context.synced, EndWatch(self.now, context.note, wanted)
-        watch = self.watch = LimitWatch(context, reader, self.ends)
+        self.hold, self.synced, self.end_watch = context.hold, context.synced, EndWatch(self.now, context.note, wanted)
+        watch = self.watch = LimitWatch(context, reader, self.end_watch)
         sync.moved_by_others = lambda: watch.moved_by_others
         self.admission = MotionAdmission(context, reader, watch)
         reader.goto_over.connect(watch.goto_ended)
@@ -87,14 +87,14 @@ class MountController:
         reader.axes.connect(watch.hour_angle.take_reading)
         reader.unseen.connect(watch.position_missing)
         reader.status.connect(self._on_status)
-        consequences = Consequences(context, gate, reader, watch, self.ends)
+        consequences = Consequences(context, gate, reader, watch, self.end_watch)
         reconciler = self.reconciler = Reconciler(context, follow_ups, runner, self.admission, consequences, announcers)
         #: Emitted when the state that is saved to disk may have changed.
         self.changed = reconciler.lasting
         #: Guide pulses wait for a mount that runs on.
         context.run_on.changed.connect(lambda until: reconciler.want(replace(reconciler.wanted, rests_by=until)))
         watch.must_stop.connect(reconciler.begin_stop)
-        self.ends.again.connect(reconciler.send_again)
+        self.end_watch.again.connect(reconciler.send_again)
         reader.goto_over.connect(lambda _: reconciler.want(arrived(reconciler.wanted)))
         reader.goto_missed.connect(lambda reason: reconciler.want(ended_short(reconciler.wanted, reason)))
         reader.goto_over.connect(lambda _: context.run_on.ended(goto=True, latest=reader.latest()))
@@ -106,11 +106,11 @@ class MountController:
         self.same_mount = SameMount(context, runner)
         reader.position.connect(self.same_mount.record_position)
         self.identification = Identification(
-            context, runner, gate, reader, sync, reconciler, self.ends, self.same_mount.check
+            context, runner, gate, reader, sync, reconciler, self.end_watch, self.same_mount.check
         )
         self.identification.identified.connect(self._on_identified)
         self.identified, self.settled = context.known, context.settled
-        self.poller = Poller(context, gate, reader, self.settings, watch, self.ends)
+        self.poller = Poller(context, gate, reader, self.settings, watch, self.end_watch)
         #: The signals that make earlier answers outdated, besides the cache.
         self._changes = wanted.changed, site_clock.changed
 
@@ -148,9 +148,9 @@ class MountController:
     def policy(self) -> Policy:
         return self.context.policy
 
-    def narrow(self, **asked: float | None) -> Limits:
+    def narrow(self, **limits_asked: float | None) -> Limits:
         """Narrow the owner's limits until the gateway ends; None: as the owner has them. Raises Invalid."""
-        limits = self.owners_limits.narrowed_by_page(**asked)
+        limits = self.owners_limits.narrowed_by_page(**limits_asked)
         self.context.policy = replace(self.policy, limits=limits)
         self.suns.narrow(limits.sun)
         self.watch.narrow(limits.lowest, limits.highest, limits.hour_angle)
@@ -176,7 +176,7 @@ class MountController:
         """The number of stops so far: a motion that a client asked for before the last stop is not begun."""
         return self.wanted.value.stops
 
-    def peek(self, operation: op.Operation[_T], program: ProgramId = NOBODY) -> _T:
+    def peek(self, operation: op.Operation[_T], program: ProgramId = NO_PROGRAM) -> _T:
         """Return the answer to a client's read if it is cached; NOT_CACHED if it must be requested."""
         answer: object
         if isinstance(operation, op.NativeRequest):
@@ -189,7 +189,7 @@ class MountController:
 
     async def answer(self, operation: op.Operation[_T], activity: HostActivity | None = None) -> _T:
         """Return the answer to a read, from the cache if possible. Raises Fault."""
-        cached = self.peek(operation, activity.program if activity is not None else NOBODY)
+        cached = self.peek(operation, activity.program if activity is not None else NO_PROGRAM)
         return await self.perform(operation, activity=activity) if cached is NOT_CACHED else cached
 
     async def preview(self, goal: op.Equatorial) -> Fault | None:
@@ -212,15 +212,15 @@ class MountController:
         operation: op.Operation[_T],
         stops: int | None = None,
         activity: HostActivity | None = None,
-        patience: float = inf,
-        asked: float | None = None,
+        max_delay: float = inf,
+        arrived_at: float | None = None,
     ) -> _T:
         """Carry out an operation for the connection ``activity``, and return its answer. Raises Fault.
 
-        A read asks the mount, whatever is cached; ``answer`` uses the cache first. The client ``asked`` at this loop
-        time (by default now), after so many ``stops``; it stops waiting after ``patience`` seconds.
+        A read asks the mount, whatever is cached; ``answer`` uses the cache first. The client ``arrived_at`` at this
+        loop time (by default now), after so many ``stops``; it stops waiting after ``max_delay`` seconds.
         """
-        program = activity.program if activity is not None else NOBODY
+        program = activity.program if activity is not None else NO_PROGRAM
         if type(operation) in MAX_AGE:
             if self.driver.asleep and (waking := self.reconciler.outcomes_of(op.Wake)):
                 await asyncio.wait(waking)  # reads wait for the wake-up; motions do not, it may wait behind them
@@ -232,7 +232,7 @@ class MountController:
         if isinstance(operation, op.AbortSlew):
             self._note_stop(activity.who if activity is not None else "")
         if isinstance(operation, MOTIONS):
-            value = await _wait_for_outcome(self.reconciler.take(operation, stops, activity, patience, asked))
+            value = await _wait_for_outcome(self.reconciler.take(operation, stops, activity, max_delay, arrived_at))
             if isinstance(value, op.Chosen) and value.place is not None:
                 value = op.Chosen(self.astrometry.from_mount(value.place), value.text, value.reply)
             return cast(_T, value)
@@ -240,8 +240,8 @@ class MountController:
 
     async def _perform_alone(self, operation: op.Operation, program: ProgramId) -> Any:
         """Carry out an operation that is no motion and whose answer is not shared between clients."""
-        if type(operation) in PLACES:
-            return PLACES[type(operation)](self.context.astrometry_for(program), operation)
+        if type(operation) in PLACE_FUNCTIONS:
+            return PLACE_FUNCTIONS[type(operation)](self.context.astrometry_for(program), operation)
         if (setting := self.settings.handlers.get(type(operation))) is not None:
             answer = await setting(operation, program)
             self.changed.emit(None)
@@ -266,44 +266,44 @@ class MountController:
     def begin(
         self,
         operation: op.Operation,
-        stops: int,
-        failed: Callable[[Fault], None],
+        stop_count: int,
+        on_failure: Callable[[Fault], None],
         activity: HostActivity,
-        asked: float | None = None,
+        arrived_at: float | None = None,
     ) -> asyncio.Future[None]:
-        """Carry out an operation without waiting for it; ``failed`` is called with the Fault if it fails."""
+        """Carry out an operation without waiting for it; ``on_failure`` is called with the Fault if it fails."""
         motion = None
         if isinstance(operation, op.AbortSlew):
             self._note_stop(activity.who)
         if isinstance(operation, MOTIONS):
-            motion = self.reconciler.take(operation, stops, activity, asked=asked)
+            motion = self.reconciler.take(operation, stop_count, activity, arrived_at=arrived_at)
 
         async def finish() -> None:
             try:
-                await (_wait_for_outcome(motion) if motion is not None else self.perform(operation, stops))
+                await (_wait_for_outcome(motion) if motion is not None else self.perform(operation, stop_count))
             except Fault as fault:
-                failed(fault)
+                on_failure(fault)
             except Exception as error:  # no caller waits for this task, so a defect must be logged here
                 self.context.note(f"internal error, please report it: {error!r}")
                 self.reconciler.after_defect()
 
         return self.spawn(finish())
 
-    def begin_stop(self, by: str = "") -> None:
-        """End every motion, before everything else, without waiting for the acknowledgement. ``by``: who asks."""
-        self._note_stop(by)
+    def begin_stop(self, client_name: str = "") -> None:
+        """End every motion before everything else, without waiting for the acknowledgement. ``client_name`` asks."""
+        self._note_stop(client_name)
         self.reconciler.begin_stop("")
 
-    async def stop(self, by: str = "") -> None:
+    async def stop(self, client_name: str = "") -> None:
         """End every motion, and wait until the mount has acknowledged the stop. Raises Fault."""
-        self._note_stop(by)
+        self._note_stop(client_name)
         await self.reconciler.stop("")
 
-    def _note_stop(self, by: str) -> None:
+    def _note_stop(self, client_name: str) -> None:
         """Log who ends a goto before its goal."""
-        self.wanted.stopped_by = by
+        self.wanted.stopped_by = client_name
         if isinstance(self.wanted.value.motion, Slew):
-            self.context.note(f"the goto was stopped before its goal{f' by {by}' if by else ''}")
+            self.context.note(f"the goto was stopped before its goal{f' by {client_name}' if client_name else ''}")
 
 
 async def _wait_for_outcome(outcome: Outcome) -> Any:

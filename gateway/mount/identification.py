@@ -23,17 +23,26 @@ from gateway.mount.link.driver_runner import DriverRunner, HibernationGate
 from gateway.mount.link.queue import POSITION, READ, STOP
 from gateway.mount.motion import changes
 from gateway.mount.motion.ends import SLOW, AxisSample, EndWatch
-from gateway.mount.motion.left_moving import APART, LONGEST, RECENT, LeftMotion, left_motion, rests, still_left, turning
+from gateway.mount.motion.left_moving import (
+    MAX_AGE,
+    SAMPLE_GAP,
+    SAMPLES_TIMEOUT,
+    LeftMotion,
+    left_motion,
+    rests,
+    still_left,
+    turning,
+)
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.seen import axis_sample
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.contradictions import note_contradictions
-from gateway.mount.safety.watch import WATCH_CLOSELY
+from gateway.mount.safety.watch import CLOSE_WATCH_TIME
 from gateway.mount.shutdown import stop_commands
 from gateway.mount.site.settings_sync import SyncSettings
 
 #: Seconds between two attempts to identify a mount that does not reply.
-ASK_AGAIN = 1.0
+RETRY_PERIOD = 1.0
 
 
 class Identification:
@@ -49,12 +58,12 @@ class Identification:
         reader: Reader,
         sync: SyncSettings,
         reconciler: Reconciler,
-        ends: EndWatch,
+        end_watch: EndWatch,
         check: Callable[[], Awaitable[None]],
     ) -> None:
         self._context, self._driver = context, context.driver
         self._link, self._cache, self._runner, self._gate = context.link, context.cache, runner, gate
-        self._reader, self._sync, self._reconciler, self._ends = reader, sync, reconciler, ends
+        self._reader, self._sync, self._reconciler, self._end_watch = reader, sync, reconciler, end_watch
         self._check = check
         self._asking: asyncio.Task[Any] | None = None
         self.identified: Signal[None] = Signal()
@@ -68,15 +77,15 @@ class Identification:
         self._link.lost.connect(self._on_lost)
 
     def _on_lost(self, _: None) -> None:
-        if self._cut_short or not (self._reconciler.busy or self._ends.pending):
+        if self._cut_short or not (self._reconciler.busy or self._end_watch.pending):
             return
         self._cut_short, self._lost_at = True, self._context.now()
-        self._motion_left_behind = None if self._ends.pending else self.left_motion()
+        self._motion_left_behind = None if self._end_watch.pending else self.left_motion()
         self._status = self._cache.value(op.GetStatus)
 
     def left_motion(self) -> LeftMotion | None:
         """Return what the gateway has set moving; None if positions cannot show later whether that goes on."""
-        return left_motion(self._reconciler.wanted, self._context.driver.speed, self._ends.samples)
+        return left_motion(self._reconciler.wanted, self._context.driver.speed, self._end_watch.samples)
 
     def judge_first(self, left: LeftMotion) -> None:
         """An earlier run of the gateway has left this motion behind, some time ago: stop it if it still goes on."""
@@ -84,7 +93,7 @@ class Identification:
 
     def _stop_first(self, _: None) -> None:
         """Stop what moved before the port was lost."""
-        old = self._motion_left_behind is not None and self._context.now() - self._lost_at >= RECENT
+        old = self._motion_left_behind is not None and self._context.now() - self._lost_at >= MAX_AGE
         if self._cut_short and old and not self._reconciler.wanted.owed:
             self._cut_short = False
         elif self._cut_short:
@@ -100,7 +109,7 @@ class Identification:
         """
         wanted = self._reconciler.wanted
         begins = any(order.number == wanted.active and isinstance(order.operation, MOVERS) for order in wanted.pending)
-        if (wanted.owed or (self._ends.pending and not begins)) and self._context.known.is_set():
+        if (wanted.owed or (self._end_watch.pending and not begins)) and self._context.known.is_set():
             commands += stop_commands(self._driver, self._link.reply_rules, ends_only=True)
 
     def _on_up(self, _: None) -> None:
@@ -131,7 +140,7 @@ class Identification:
             if self._link.state != "up":
                 return  # identification begins again when the line is up
             if self._cache.value(op.GetIdentity) is None:
-                await asyncio.sleep(ASK_AGAIN)
+                await asyncio.sleep(RETRY_PERIOD)
         if self._reconciler.wanted.owed:  # the mount did not acknowledge the first stop, but it replies now
             self._reconciler.begin_stop()
         elif self._motion_left_behind is not None:
@@ -173,7 +182,7 @@ class Identification:
         self._motion_left_behind = None
         axes: frozenset[int] = frozenset()
         with contextlib.suppress(Fault, TimeoutError):
-            async with asyncio.timeout(LONGEST):
+            async with asyncio.timeout(SAMPLES_TIMEOUT):
                 slewing = await self._reports_goto() and (
                     not left.goto or await self._reports_goto()
                 )  # bars may be old for a moment
@@ -206,7 +215,7 @@ class Identification:
         """
         resting = False
         while self._driver.tracking_suspended and self._reconciler.wanted.order_count == order_count and not resting:
-            await asyncio.sleep(WATCH_CLOSELY)
+            await asyncio.sleep(CLOSE_WATCH_TIME)
             with contextlib.suppress(Fault):
                 resting = rests(await self._turning()) and not await self._reports_goto()
         if resting and self._driver.tracking_suspended and self._reconciler.wanted.order_count == order_count:
@@ -220,7 +229,7 @@ class Identification:
     async def _turning(self) -> Pair:
         """Return the speeds of both axes, degrees a second, by two positions. Raises Fault."""
         before = await self._read_axes()
-        await asyncio.sleep(max(0.0, before.at + APART - self._context.now()))
+        await asyncio.sleep(max(0.0, before.at + SAMPLE_GAP - self._context.now()))
         return turning(before, await self._read_axes())
 
     async def _read_axes(self) -> AxisSample:

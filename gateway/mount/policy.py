@@ -17,9 +17,9 @@ from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Held, Invalid, Refused, TooHigh
 
 #: Degrees that rounding may explain at a limit.
-AT_LIMIT = 0.1
+LIMIT_TOLERANCE = 0.1
 #: The motion orders that are allowed while a mount is held; all others are refused.
-STILL = (op.AbortSlew, op.Choose, op.Focus, op.StopAxis, op.Hibernate, op.Sync, op.TrackRate)
+HOLD_ALLOWS = (op.AbortSlew, op.Choose, op.Focus, op.StopAxis, op.Hibernate, op.Sync, op.TrackRate)
 CHOOSE = "Write park = [AZ, ALT] under [mount] for a place of your own choice, which may lie beyond lowest and highest."
 
 
@@ -54,10 +54,10 @@ class Limits(Struct, frozen=True):
             hour_angle=min(angles, default=None),
         )
 
-    def narrowed_by_page(self, **asked: float | None) -> Limits:
+    def narrowed_by_page(self, **limits_asked: float | None) -> Limits:
         """Return these limits, made tighter by a page for all clients. Raises Invalid."""
-        limits = self.narrowed(**asked)
-        if any(value not in (None, getattr(limits, name)) for name, value in asked.items()):
+        limits = self.narrowed(**limits_asked)
+        if any(value not in (None, getattr(limits, name)) for name, value in limits_asked.items()):
             raise Invalid(f"The configuration allows {self}; a page can only narrow that.")
         if limits.lowest >= limits.highest:
             raise Invalid("Nothing would be allowed: the lowest altitude must be below the highest.")
@@ -76,9 +76,9 @@ class Limits(Struct, frozen=True):
 
     def check_altitude(self, altitude: float) -> None:
         """Check an altitude. Raises BelowHorizon or TooHigh."""
-        if altitude < self.lowest - AT_LIMIT:
+        if altitude < self.lowest - LIMIT_TOLERANCE:
             raise BelowHorizon("Object Below Horizon." if self.lowest <= 0 else "Object Below Lower Limit.")
-        if altitude > self.highest + AT_LIMIT:
+        if altitude > self.highest + LIMIT_TOLERANCE:
             raise TooHigh("Object Above Higher Limit.")
 
     def for_keys(self) -> Limits:
@@ -143,6 +143,6 @@ class Hold:
 
     def admit(self, operation: op.Operation) -> None:
         """Check a motion order. Raises Held."""
-        stays = isinstance(operation, STILL) or (isinstance(operation, op.SetTracking) and not operation.on)
+        stays = isinstance(operation, HOLD_ALLOWS) or (isinstance(operation, op.SetTracking) and not operation.on)
         if self.on and not stays:
             raise Held

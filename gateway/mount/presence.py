@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 #: Seconds after which a closed connection is forgotten.
-FORGOTTEN_AFTER = 60.0
+MEMORY_TIME = 60.0
 
 
 class ProgramId(NamedTuple):
@@ -22,38 +22,38 @@ class ProgramId(NamedTuple):
 
 
 #: The gateway itself, and who embeds it.
-NOBODY = ProgramId("")
+NO_PROGRAM = ProgramId("")
 
 
 class HostActivity:
-    """A connection of the host ``who``. ``sent_data`` is set by any data from it, and reset by the supervisor.
+    """A connection of the host ``client_name``. ``sent_data`` is set by any data from it, and reset by the supervisor.
 
     ``program`` stands for all connections of that host to one surface, which share their site and clock.
     """
 
-    __slots__ = ("closed", "last", "opened", "program", "sent_data", "who")
+    __slots__ = ("closed", "last_active_at", "opened", "program", "sent_data", "who")
 
-    def __init__(self, who: str, opened: float, surface: int = 0) -> None:
-        self.who, self.opened, self.program = who, opened, ProgramId(who, surface)
+    def __init__(self, client_name: str, opened: float, surface: int = 0) -> None:
+        self.who, self.opened, self.program = client_name, opened, ProgramId(client_name, surface)
         self.sent_data = True
-        self.last = opened
+        self.last_active_at = opened
         self.closed: float | None = None
 
 
 class Presence:
-    """The connections of all hosts. ``now`` is the event loop's clock."""
+    """The connections of all hosts. ``clock`` is the event loop's clock."""
 
-    def __init__(self, now: Callable[[], float]) -> None:
-        self._now = now
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
         self._hosts: dict[str, list[HostActivity]] = {}
-        self._swept = now()
+        self._swept = clock()
 
     def connected(self, host: str, surface: int = 0) -> HostActivity:
-        now = self._now()
-        if now - self._swept > FORGOTTEN_AFTER:
+        now = self._clock()
+        if now - self._swept > MEMORY_TIME:
             self._swept = now
             remaining = {
-                who: [visit for visit in activities if visit.closed is None or now - visit.closed <= FORGOTTEN_AFTER]
+                who: [visit for visit in activities if visit.closed is None or now - visit.closed <= MEMORY_TIME]
                 for who, activities in self._hosts.items()
             }
             self._hosts = {who: activities for who, activities in remaining.items() if activities}
@@ -66,7 +66,7 @@ class Presence:
         self._hosts[activity.who].remove(activity)
 
     def disconnected(self, activity: HostActivity) -> None:
-        activity.closed = self._now()
+        activity.closed = self._clock()
 
     def returned(self, activity: HostActivity) -> None:
         """Note that a connection that seemed closed still has its client."""

@@ -21,9 +21,9 @@ from gateway.protocols.base.driver import Driver, Send
 from gateway.protocols.base.reply_rules import ReplyRules
 
 #: Seconds for the stop, for the follow-ups, and between two commands that are sent without waiting for replies.
-STOP, SETTLE, BLIND = 4.0, 2.5, 0.2
+STOP_TIMEOUT, FOLLOW_UP_TIMEOUT, BLIND_GAP = 4.0, 2.5, 0.2
 #: Seconds for the last status read, which the gateway reports when it ends.
-LEFT = 1.0
+LAST_READ_TIMEOUT = 1.0
 
 
 async def end_motion(context: Context, reader: Reader, reconciler: Reconciler) -> None:
@@ -34,19 +34,19 @@ async def end_motion(context: Context, reader: Reader, reconciler: Reconciler) -
     if moved:
         await _stop(context, reconciler)
     with contextlib.suppress(TimeoutError):
-        async with asyncio.timeout(SETTLE):
+        async with asyncio.timeout(FOLLOW_UP_TIMEOUT):
             while link.usable and reconciler.wanted.pending:  # some hand controls need the tracking command twice
                 await asyncio.sleep(0.05)
     if moved and not reconciler.wanted.owed and link.state == "up":
         with contextlib.suppress(TimeoutError, Fault):
-            async with asyncio.timeout(LEFT):
+            async with asyncio.timeout(LAST_READ_TIMEOUT):
                 await reader.read_now(op.GetStatus())
 
 
 async def _stop(context: Context, reconciler: Reconciler) -> None:
     await asyncio.sleep(0)  # if the event loop is being torn down, the line's task is cancelled as well
     try:
-        async with asyncio.timeout(STOP if context.link.served else 0.0):
+        async with asyncio.timeout(STOP_TIMEOUT if context.link.served else 0.0):
             await reconciler.stop()
     except (TimeoutError, Fault):
         context.note("the mount did not acknowledge the stop at shutdown: sending it once more")
@@ -58,7 +58,7 @@ async def _stop_blindly(context: Context) -> None:
     with contextlib.suppress(Exception):  # nothing is left to try after this
         for command in stop_commands(context.driver, context.link.reply_rules):
             context.link.transaction.send(command)
-            await asyncio.sleep(BLIND)
+            await asyncio.sleep(BLIND_GAP)
 
 
 def stop_commands(driver: Driver, reply_rules: ReplyRules, ends_only: bool = False) -> list[bytes]:

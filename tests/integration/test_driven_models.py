@@ -12,7 +12,7 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
-from gateway.mount.site.places import PLACES
+from gateway.mount.site.places import PLACE_FUNCTIONS
 from gateway.protocols.nexstar.versions import made_with
 from gateway.protocols.wireformat.command_set import load
 from tests.support import sampling
@@ -216,7 +216,13 @@ def test_tables_list_every_operation_model_and_version() -> None:
 
     operations = {kind for kind in below(op.Operation) if kind.__module__.startswith(op.__name__)}
     for_its_kind = {op.PassThrough, op.NativeRequest, op.Choose}  # tests/integration/sharing/test_transparent.py
-    own = {*PLACES, op.GetActivity, op.GetAbilities, op.TubeSide, op.SetZone}  # what the gateway answers by itself
+    own = {
+        *PLACE_FUNCTIONS,
+        op.GetActivity,
+        op.GetAbilities,
+        op.TubeSide,
+        op.SetZone,
+    }  # what the gateway answers by itself
     assert operations - {op.Operation, op.Read} - for_its_kind - own == set(CHECKS)
     assert set(MEADE) == set(load("lx200").models)
     assert set(ALPACA) == set(load("alpaca").models)

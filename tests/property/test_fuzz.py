@@ -184,4 +184,4 @@ async def test_position_read_before_the_site_was_known_is_checked_against_the_su
         guard._coasts_until = 0.0
         assert bridge.controller.suns.distances(seen)
         guard.check_position(seen)
-        assert guard.observed.farthest
+        assert guard.observed.farthest_from_suns

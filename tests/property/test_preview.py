@@ -38,7 +38,7 @@ async def told(bridge: Bridge, ra: float, dec: float) -> tuple[str, str]:
     """What is told in advance, and what the goto is told then."""
     foreseen = await bridge.controller.preview(op.Equatorial(ra, dec))
     try:
-        await bridge.controller.perform(op.Goto(ra, dec), patience=10.0)
+        await bridge.controller.perform(op.Goto(ra, dec), max_delay=10.0)
     except Fault as fault:
         return repr(foreseen), repr(fault)
     return repr(foreseen), repr(None)
@@ -116,7 +116,7 @@ def test_preview_of_a_goto_leaves_no_trace(model: str) -> None:
 
             def traces() -> list[object]:
                 watched = controller.watch.path.floor, controller.watch.path.clear
-                return [watched, len(bridge.entries), len(bridge.sent()), dict(controller.cache._asked)]
+                return [watched, len(bridge.entries), len(bridge.sent()), dict(controller.cache._last_interest)]
 
             before = traces()
             refused = [

@@ -18,7 +18,7 @@ from gateway.core.errors import Fault
 from gateway.core.wire_log import WireLog
 from gateway.mount.motion.wanted import Wanted
 from gateway.mount.policy import Limits
-from gateway.mount.presence import NOBODY, HostActivity, Presence, ProgramId
+from gateway.mount.presence import NO_PROGRAM, HostActivity, Presence, ProgramId
 from gateway.mount.readings.cache import NOT_CACHED
 from gateway.mount.site.pending_settings import IncomingSettings
 from gateway.protocols.base.session import Shared
@@ -61,7 +61,7 @@ class FakeController:
         """Return that no arrow waits: everything is done at once."""
         return False
 
-    def peek(self, operation: op.Operation, program: ProgramId = NOBODY) -> Any:
+    def peek(self, operation: op.Operation, program: ProgramId = NO_PROGRAM) -> Any:
         if isinstance(operation, op.Position | op.Slewing) and self.mount.fault is None:
             return self.mount.perform(operation)
         return NOT_CACHED

@@ -22,7 +22,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, SyncTooFar, Unsupported
 from gateway.mount.policy import Limits
 from gateway.mount.site.astrometry import SiteAstrometry
-from gateway.mount.site.places import PLACES
+from gateway.mount.site.places import PLACE_FUNCTIONS
 from gateway.mount.site.site_clock import BestSources, SiteClock
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.wants import ChangeBaudRate, CheckPossible, Defer, FireAndForget, ReuseLastReading
@@ -82,9 +82,11 @@ class Mount:
             return self.gps
         if isinstance(operation, op.GetGps | op.GuideRate):
             raise Unsupported
-        if type(operation) in PLACES:
+        if type(operation) in PLACE_FUNCTIONS:
             site_clock = SiteClock(lambda: self.clock.unix, lambda: self.clock.unix, self.site)
-            return PLACES[type(operation)](SiteAstrometry(self.sky, BestSources(site_clock), "jnow"), operation)
+            return PLACE_FUNCTIONS[type(operation)](
+                SiteAstrometry(self.sky, BestSources(site_clock), "jnow"), operation
+            )
         if isinstance(operation, op.SiderealTime):
             return self.sky.sidereal_time(self.clock.unix, self.site.longitude)
         if isinstance(operation, op.Goto):

@@ -285,7 +285,7 @@ def _weigh(bridge: Bridge, findings: Findings, driven: str) -> None:
         ("buffer", len(controller.line.transaction._buffer), 4096), ("queue", len(controller.line.queue), 200),
         ("tasks", len(controller.context.tasks), 200),
         ("jobs", len(controller.wanted.value.pending), 200), ("driver", held - len(driver.handlers), 200),
-        ("urgent", len(controller.line.queue._urgent), 200),
+        ("urgent", len(controller.line.queue._urgent_times), 200),
     ):  # fmt: skip
         if size > most:
             findings.say(f"{driven}: {what} has grown", f"{size}, at most {most}")

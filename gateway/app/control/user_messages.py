@@ -15,7 +15,7 @@ from gateway.app.mount_state import RECENT_AGE, mount_state
 from gateway.core import operations as op
 from gateway.mount.controller import MountController
 from gateway.mount.safety.admission.contradictions import contradiction_warning
-from gateway.mount.safety.hour_angle import NOT_KEPT
+from gateway.mount.safety.hour_angle import NO_LIMIT_MESSAGE
 
 
 class UserMessage(Struct, frozen=True):
@@ -50,7 +50,7 @@ def first_messages(controller: MountController, model: str | None, version: str 
     if state.german and state.policy.limits.hour_angle is None:
         yield UserMessage("hour-angle-limit is not set: nothing keeps the tube of this German mount from its pier")
     if state.policy.limits.hour_angle is not None and not state.pier_kept:
-        yield UserMessage(NOT_KEPT, warns=True)
+        yield UserMessage(NO_LIMIT_MESSAGE, warns=True)
     if warning := contradiction_warning(controller.context):
         yield UserMessage(warning.removeprefix("WARNING: "), warns=True)
 

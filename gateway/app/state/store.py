@@ -21,7 +21,7 @@ from gateway.core.operations import Values
 from gateway.core.waiting import in_thread
 from gateway.mount.as_left import AsLeft
 from gateway.mount.controller import MountController
-from gateway.mount.motion.left_moving import RECENT, LeftMotion
+from gateway.mount.motion.left_moving import MAX_AGE, LeftMotion
 from gateway.mount.safety.sync_sum import SyncSum
 from gateway.mount.site.program_settings import SiteOfProgram
 from gateway.protocols.base.session import Shared
@@ -49,7 +49,7 @@ def restore(controller: MountController, previous_run: PreviousRun) -> None:
         controller.driver.restore_state(previous_run.left.memory, moving=True)
         controller.context.run_on.may_move()
         left = previous_run.left
-        if left.motion is not None and controller.site_clock.host() - left.at >= RECENT:
+        if left.motion is not None and controller.site_clock.host() - left.at >= MAX_AGE:
             controller.identification.judge_first(left.motion)
         else:
             controller.reconciler.want(replace(controller.reconciler.wanted, owed=True))

@@ -23,7 +23,7 @@ from gateway.core.motion_kinds import HAND_MOTIONS, MOVERS, begins_motion, ends_
 from gateway.core.wire_log import ClientLog, show
 from gateway.mount.controller import MountController
 from gateway.mount.link.queue import MAX_START_DELAY, STARTED_TOO_LATE
-from gateway.mount.motion.taps import LONGEST_HELD
+from gateway.mount.motion.taps import MAX_TAP_TIME
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import MAX_AGE, NOT_CACHED
 from gateway.protocols.base.session import Session
@@ -107,7 +107,7 @@ class Inbox(deque[Turn]):
         A press that has waited for too long does not count.
         """
         waiting = [turn for turn in self if turn.frame in presses]
-        if not waiting or now - waiting[-1].arrived > LONGEST_HELD:
+        if not waiting or now - waiting[-1].arrived > MAX_TAP_TIME:
             return False
         for turn in waiting[:-1]:
             if turn.held is None:

@@ -26,7 +26,7 @@ from gateway.diagnostics.prove.findings import (
     StageReporter,
 )
 from gateway.diagnostics.prove.telescope import FAST, MAX_DEGREES, MAX_SECONDS, CheckedMount, Motion
-from gateway.mount.safety.allow import RUN_ON, RUN_UP
+from gateway.mount.safety.allow import RUN_ON, RUN_UP_SECONDS
 
 #: The keys of the hand control, by whose numbers programs name the rates; the last of the same speed is tried.
 KEYS: Sequence[int] = range(9, 0, -1)
@@ -63,7 +63,7 @@ def velocity(telescope: CheckedMount, motion: Motion, axis: int, speed: float) -
         return None
     number, tick, lasted = axis - 1, telescope.ticks[axis - 1], motion.ended_at - motion.began_at
     distance = telescope.turned(motion.start_position, motion.end_position)[number]
-    even = [place for place in motion.positions if place.at > motion.began_at + RUN_UP]
+    even = [place for place in motion.positions if place.at > motion.began_at + RUN_UP_SECONDS]
     span = even[-1].at - even[0].at if even else 0.0
     last = motion.positions[-1] if motion.positions else motion.start_position
     rest, left = abs(telescope.turned(last, motion.end_position)[number]), motion.ended_at - last.at

@@ -27,7 +27,7 @@ from gateway.core.wire_log import Entry
 from gateway.mount.motion.run_on import TimedPosition, unexplained_motion
 from gateway.mount.motion.wanted import ByHand, Slew, Wanted
 from gateway.mount.presence import HostActivity
-from gateway.mount.safety.unattended import SWITCHED_OFF
+from gateway.mount.safety.unattended import SWITCHED_OFF_MESSAGE
 from gateway.protocols.registry import streams
 
 #: Who asks, in the log and on the page.
@@ -138,7 +138,7 @@ class CheckedMount:
         yield from (order.by for order in wanted.pending if begins_motion(order.operation))
 
     def _noted(self, entry: Entry) -> None:
-        if entry.note.startswith(SWITCHED_OFF):
+        if entry.note.startswith(SWITCHED_OFF_MESSAGE):
             self.switched_off = f"the gateway says: {entry.note}"
 
     def _ordered(self, wanted: Wanted) -> None:

@@ -23,42 +23,42 @@ from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import MAX_START_DELAY, MOTION, POSITION, STARTED_TOO_LATE, STOP
-from gateway.mount.link.transaction import GAP
+from gateway.mount.link.transaction import COPY_GAP
 from gateway.protocols.base.driver import Remark, Schedule, Send, Step, Wait
 
 #: Degrees by which a position may differ from the last position and be accepted at once.
-NEAR = 0.05
+NEAR_DEGREES = 0.05
 #: The highest speed of any mount in degrees a second: 8 on one axis, both axes combined.
-FASTEST = 8.0 * math.sqrt(2.0)
+MAX_SPEED = 8.0 * math.sqrt(2.0)
 #: Degrees by which a latitude grows at most between two replies in a row.
-POLEWARD = 2.0
+MAX_LATITUDE_STEP = 2.0
 #: Seconds by which a clock may differ from its last reading: it has whole seconds, and replies take time.
 CLOCK_TOLERANCE = 1.6
 #: A reply that took over SLOW_AFTER seconds on a usually quick line may be outdated: it is skipped, SLOW_TRIES times.
 SLOW_AFTER, SLOW_TRIES = 0.5, 3
 #: How often a request is sent at most to verify its reply, and how often if the reply was garbled.
-TRIES, GARBLED_TRIES = 9, 3
+MAX_TRIES, GARBLED_TRIES = 9, 3
 #: How many replies in a row must agree on a position that no motor can have reached, if a round trip is this quick, and
 #: else; seconds.
-UNREACHABLE, QUICK, IF_SLOW = 5, 0.25, 3
+UNREACHABLE_TRIES, QUICK_REPLY_TIME, SLOW_LINE_TRIES = 5, 0.25, 3
 #: Shortest sleep in seconds: timers may fire this much too early.
-TICK = 0.001
+MIN_SLEEP = 0.001
 #: Seconds that a command waits at most until replies to older commands like it can no longer arrive.
 LATE_REPLY_WAIT = 12.0
 #: How many late replies are taken into account at most: if more replies than that agree, one of them is the request's
 #: own.
-MOST_LATE = 4
+MAX_LATE_REPLIES = 4
 #: How many requests have their last reply remembered: clients may ask for any number of devices.
-REMEMBERED = 100
-DAY = 86400.0
+MAX_LAST_REPLIES = 100
+DAY_SECONDS = 86400.0
 #: Fields that describe the form of a reply, not its meaning.
-_FORM = ("length", "raw")
+_FORM_FIELDS = ("length", "raw")
 #: Fields that change with the time of the day.
-_OF_THE_DAY = ("time", "sidereal", "hour", "minute", "second")
+_TIME_FIELDS = ("time", "sidereal", "hour", "minute", "second")
 #: The angles on a sphere: each longitude with its latitude.
-_LATITUDE = {"ra": "dec", "az": "alt", "longitude": "latitude"}
+_LATITUDE_OF = {"ra": "dec", "az": "alt", "longitude": "latitude"}
 #: Seconds between two position reads that test whether the mount is awake: the heartbeat of a mount that is awake.
-TRY_AGAIN = 5.0
+RETRY_PERIOD = 5.0
 _T = TypeVar("_T")
 
 
@@ -76,18 +76,18 @@ class ReceivedReply(Struct):
 class ReplyVerifier:
     """Verifies replies for the drivers. A simulated mount slews ``speed_factor`` times faster than a real mount."""
 
-    def __init__(self, line: MountLink, now: Callable[[], float], speed_factor: float = 1.0) -> None:
-        self._line, self._now, self._fastest = line, now, FASTEST * speed_factor
+    def __init__(self, line: MountLink, clock: Callable[[], float], speed_factor: float = 1.0) -> None:
+        self._line, self._clock, self._max_speed = line, clock, MAX_SPEED * speed_factor
         self._late_replies = line.transaction.late
-        self._known: dict[tuple[object, ...], ReceivedReply] = {}
+        self._last_replies: dict[tuple[object, ...], ReceivedReply] = {}
         self._latitudes: dict[str, float] = {}
 
     async def exchange(self, command: Send, priority: int) -> tuple[ReceivedReply, int]:
         """Return a verified reply, and how many exchanges that took. Raises Fault."""
         kind = self._line.reply_rules.expected(command).answer_kind
         if kind is None:
-            asked = self._now()
-            return ReceivedReply(await self._send_order(command, priority), None, asked, self._now()), 1
+            asked = self._clock()
+            return ReceivedReply(await self._send_order(command, priority), None, asked, self._clock()), 1
         key = (
             command.command,
             command.raw,
@@ -96,9 +96,9 @@ class ReplyVerifier:
         agreeing: list[ReceivedReply] = []
         longest = slow = late_count = needed = 0
         times = 0
-        while times < TRIES:
+        while times < MAX_TRIES:
             times += 1
-            late_count = max(late_count, self._late_replies.count(command, self._now()))
+            late_count = max(late_count, self._late_replies.count(command, self._clock()))
             reply = await self._ask(command, priority)
             mute = isinstance(reply.fault, Silence)  # which always takes its whole timeout
             if mute and not command.raw:
@@ -113,25 +113,25 @@ class ReplyVerifier:
                 agreeing.clear()
             agreeing.append(reply)
             longest = max(longest, len(agreeing))
-            needed = self._replies_needed(kind, self._known.get(key), reply, late_count)
+            needed = self._replies_needed(kind, self._last_replies.get(key), reply, late_count)
             if len(agreeing) >= needed:
                 break
         else:
             moves = kind == "position" and longest == 1 and needed <= 2  # only a position may change so fast
-            if len(agreeing) < (2 if needed < UNREACHABLE else IF_SLOW) and not moves:
+            if len(agreeing) < (2 if needed < UNREACHABLE_TRIES else SLOW_LINE_TRIES) and not moves:
                 raise Garbled
         self._remember(key, reply)
-        self._latitudes |= {name: reply.values[name] for name in _LATITUDE.values() if name in reply.values}
+        self._latitudes |= {name: reply.values[name] for name in _LATITUDE_OF.values() if name in reply.values}
         if reply.fault is not None:
             raise type(reply.fault)(str(reply.fault))  # a copy: a raised exception keeps its callers' frames alive
         return reply, times
 
     def _remember(self, key: tuple[object, ...], reply: ReceivedReply) -> None:
         """Remember the last reply; if there are too many, forget the oldest."""
-        self._known.pop(key, None)
-        self._known[key] = reply
-        if len(self._known) > REMEMBERED:
-            del self._known[next(iter(self._known))]
+        self._last_replies.pop(key, None)
+        self._last_replies[key] = reply
+        if len(self._last_replies) > MAX_LAST_REPLIES:
+            del self._last_replies[next(iter(self._last_replies))]
 
     async def _send_order(self, command: Send, priority: int) -> Values:
         """Send a command that changes something, once no late acknowledgement can be mistaken for its own.
@@ -141,17 +141,17 @@ class ReplyVerifier:
         if priority != STOP:
             try:
                 async with asyncio.timeout(MAX_START_DELAY if command.at_once_or_never else LATE_REPLY_WAIT):
-                    while (left := self._late_replies.until(command, self._now()) - self._now()) > 0:
-                        await asyncio.sleep(max(left, TICK))
+                    while (left := self._late_replies.until(command, self._clock()) - self._clock()) > 0:
+                        await asyncio.sleep(max(left, MIN_SLEEP))
             except TimeoutError:  # commands like it keep timing out: do not make the client wait for the end of that
                 raise NoAnswer from None
             return await self._line.exchange(command, priority)
         times = 0
         while True:
-            late_count = self._late_replies.count(command, self._now())
+            late_count = self._late_replies.count(command, self._clock())
             answer = await self._line.exchange(command, priority)
             times += 1
-            if times > min(late_count, MOST_LATE):
+            if times > min(late_count, MAX_LATE_REPLIES):
                 return answer
 
     async def _ask(self, command: Send, priority: int) -> ReceivedReply:
@@ -169,13 +169,13 @@ class ReplyVerifier:
                 raise
             except Fault as fault_reply:
                 fault, took = fault_reply.with_traceback(None), fault_reply.took
-            came = self._now()
+            came = self._clock()
             return ReceivedReply(values, fault, came - took, came)
         raise NoAnswer
 
     def _replies_needed(self, kind: str, known: ReceivedReply | None, reply: ReceivedReply, late_count: int) -> int:
         """Return how many replies in a row must agree, including this reply, for it to be accepted."""
-        least = min(late_count, MOST_LATE) + 1
+        least = min(late_count, MAX_LATE_REPLIES) + 1
         if known is None:
             return max(2, least)
         if kind != "position":
@@ -183,11 +183,11 @@ class ReplyVerifier:
         if known.values.get("length") != reply.values.get("length"):  # the precision was switched
             return max(2, least)
         moved = self._distance(known, reply)
-        if moved <= NEAR:
+        if moved <= NEAR_DEGREES:
             return least
         if moved <= self._possible_motion(known, reply):
             return max(2, least)
-        return max(UNREACHABLE if self._line.times.typical_rtt <= QUICK else IF_SLOW, least)
+        return max(UNREACHABLE_TRIES if self._line.times.typical_rtt <= QUICK_REPLY_TIME else SLOW_LINE_TRIES, least)
 
     def _agree(self, kind: str, before: ReceivedReply, after: ReceivedReply) -> bool:
         """Whether both replies can be correct."""
@@ -195,7 +195,7 @@ class ReplyVerifier:
             return type(before.fault) is type(after.fault)
         if kind == "position":
             possible = self._possible_motion(before, after)
-            return self._distance(before, after, min(POLEWARD, possible)) <= possible
+            return self._distance(before, after, min(MAX_LATITUDE_STEP, possible)) <= possible
         if kind == "clock":
             return _clock_agrees(before, after)
         return before.values == after.values
@@ -203,7 +203,7 @@ class ReplyVerifier:
     def _possible_motion(self, before: ReceivedReply, after: ReceivedReply) -> float:
         """Return the degrees that the mount can have moved between two replies and while the first one arrived."""
         took = min(before.arrived_at - before.asked, 2.5 * self._line.times.typical_rtt)
-        return NEAR + self._fastest * (after.arrived_at - before.arrived_at + took)
+        return NEAR_DEGREES + self._max_speed * (after.arrived_at - before.arrived_at + took)
 
     def _distance(self, before: ReceivedReply, after: ReceivedReply, poleward: float = 0.0) -> float:
         """Return the degrees between two replies; infinite if they differ in form.
@@ -216,13 +216,13 @@ class ReplyVerifier:
             return math.inf
         total = 0.0
         for name, value in after.values.items():
-            if name in _FORM:
+            if name in _FORM_FIELDS:
                 continue
             apart = wrap180(value - before.values[name])
-            if name in _LATITUDE:
-                latitude = after.values.get(_LATITUDE[name])
+            if name in _LATITUDE_OF:
+                latitude = after.values.get(_LATITUDE_OF[name])
                 if latitude is None:
-                    latitude = min(90.0, abs(self._latitudes.get(_LATITUDE[name], 0.0)) + poleward)
+                    latitude = min(90.0, abs(self._latitudes.get(_LATITUDE_OF[name], 0.0)) + poleward)
                 apart *= math.cos(math.radians(latitude))
             total += apart * apart
         return math.sqrt(total)
@@ -240,9 +240,9 @@ def _seconds(values: Values) -> float:
 def _clock_agrees(before: ReceivedReply, after: ReceivedReply) -> bool:
     """Whether two readings of a clock fit together; its date may change at midnight only."""
     then, now = _seconds(before.values), _seconds(after.values)
-    drift = (now - then - (after.arrived_at - before.arrived_at) + DAY / 2) % DAY - DAY / 2
+    drift = (now - then - (after.arrived_at - before.arrived_at) + DAY_SECONDS / 2) % DAY_SECONDS - DAY_SECONDS / 2
     slack = CLOCK_TOLERANCE + (before.arrived_at - before.asked) + (after.arrived_at - after.asked)
-    others = [name for name in after.values if name not in (*_OF_THE_DAY, *_FORM)]
+    others = [name for name in after.values if name not in (*_TIME_FIELDS, *_FORM_FIELDS)]
     return abs(drift) <= slack and (now < then or all(before.values.get(n) == after.values[n] for n in others))
 
 
@@ -255,12 +255,12 @@ class HibernationGate:
     """
 
     def __init__(self, context: Context) -> None:
-        self._driver, self._now, self._wanted = context.driver, context.now, context.wanted
+        self._driver, self._clock, self._wanted = context.driver, context.now, context.wanted
         self._next_try = 0.0
 
     def hibernation_began(self) -> None:
         """Start waiting: the mount has just been sent to hibernate."""
-        self._next_try = self._now() + TRY_AGAIN
+        self._next_try = self._clock() + RETRY_PERIOD
 
     def try_next_read(self) -> None:
         """Allow the next read of the position: the line was lost, and the mount may have been switched off and on."""
@@ -269,7 +269,7 @@ class HibernationGate:
     @property
     def closed(self) -> bool:
         """Whether a read would be refused now."""
-        return self._driver.asleep and self._now() < self._next_try and not self._wanted.waking
+        return self._driver.asleep and self._clock() < self._next_try and not self._wanted.waking
 
     def admit(self, command: Send, priority: int) -> None:
         """Check that a command may be sent to the hibernating mount now. Raises Asleep if not."""
@@ -277,7 +277,7 @@ class HibernationGate:
             return
         if self.closed or priority != POSITION:
             raise Asleep
-        self._next_try = self._now() + TRY_AGAIN
+        self._next_try = self._clock() + RETRY_PERIOD
 
     def _answered_asleep(self, command: Send) -> bool:
         return bool(self._driver.protocol.commands[command.command].while_asleep)
@@ -342,7 +342,7 @@ class DriverRunner:
             if driver.asleep:
                 self._gate.admit(command, priority)
             reply, times = await self._verifier.exchange(command, priority)
-            driver.sent_at, driver.next_at = line.wrote, line.heard + GAP
+            driver.sent_at, driver.next_at = line.wrote, line.heard + COPY_GAP
             sent.append(driver.sent_at)
             late = late or now() - began > MAX_START_DELAY
             if driver.asleep:

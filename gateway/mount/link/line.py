@@ -20,25 +20,25 @@ from gateway.core.operations import Values
 from gateway.core.signals import Signal
 from gateway.core.wire_log import WireLog
 from gateway.mount.link.queue import READ, STOP, RequestQueue
-from gateway.mount.link.transaction import QUIET, GaveWay, Transaction
+from gateway.mount.link.transaction import QUIET_TIME, GaveWay, Transaction
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.transport.wires import Transport
 
 #: Seconds of silence after half a command: a hand control would take what is sent earlier for the other half.
-HALF_COMMAND = 3.5
+HALF_COMMAND_SILENCE = 3.5
 #: Seconds between two commands of a stop that is written without waiting for replies, unless a reply comes sooner.
-BLIND = 0.2
+BLIND_GAP = 0.2
 #: Seconds without a reply after which the port is closed and reopened.
-MUTE = 20.0
+REOPEN_SILENCE = 20.0
 #: Seconds after which a reply is overdue: from then on the mount may not be listening at all.
-OVERDUE = 2.0
+OVERDUE_TIME = 2.0
 #: Seconds before each further attempt to open the port; the last pause repeats.
-BACK_OFF = (0.5, 1.0, 2.0, 5.0)
+REOPEN_DELAYS = (0.5, 1.0, 2.0, 5.0)
 #: The beginning of the line's reason if its port cannot be opened.
-CANNOT_OPEN = "cannot open"
+CANNOT_OPEN_MESSAGE = "cannot open"
 #: How often the line is checked before it counts as down, and the factor by which the quiet before each check grows.
-CHECKS, QUIETER = 3, 3.0
+MAX_CHECKS, QUIET_FACTOR = 3, 3.0
 
 
 class MountLink:
@@ -63,7 +63,7 @@ class MountLink:
         #: Emitted when a stop is written without waiting for replies: a listener adds the commands of an owed stop.
         self.stopping: Signal[list[bytes]] = Signal()
         self.reason = ""
-        self._now = asyncio.get_running_loop().time
+        self._clock = asyncio.get_running_loop().time
         self._used_by_others = False
         self._checks = 0
         #: Loop time of the first request since the last reply; None if every request was answered.
@@ -99,7 +99,7 @@ class MountLink:
     @property
     def unopened(self) -> str:
         """Why the port cannot be opened; empty unless the last attempt has failed."""
-        return self.reason if self.reason.startswith(CANNOT_OPEN) else ""
+        return self.reason if self.reason.startswith(CANNOT_OPEN_MESSAGE) else ""
 
     @property
     def occupied(self) -> bool:
@@ -111,11 +111,11 @@ class MountLink:
         """Whether a reply is missing for so long that the mount may not be listening."""
         if self._silent_since is None or self.occupied:
             return False
-        return self._now() - self._silent_since > max(OVERDUE, 2.5 * self.times.typical_rtt)
+        return self._clock() - self._silent_since > max(OVERDUE_TIME, 2.5 * self.times.typical_rtt)
 
-    def worked_after(self, when: float) -> bool:
+    def worked_after(self, time: float) -> bool:
         """Whether the mount has worked on a long operation since this loop time."""
-        return self.occupied or self.transaction.long_until >= when
+        return self.occupied or self.transaction.long_until >= time
 
     async def close(self) -> None:
         """End the worker and close the wire; waiting and later requests fail with NoAnswer."""
@@ -170,8 +170,8 @@ class MountLink:
             except Exception as error:  # pyserial raises more than OSError
                 reason = str(getattr(error, "strerror", None) or error)
                 self.wire_log.put("mount", "v", note=reason)
-                self._down(f"{CANNOT_OPEN} {self.wire.name}: {reason}")
-                await asyncio.sleep(BACK_OFF[min(failures, len(BACK_OFF) - 1)])
+                self._down(f"{CANNOT_OPEN_MESSAGE} {self.wire.name}: {reason}")
+                await asyncio.sleep(REOPEN_DELAYS[min(failures, len(REOPEN_DELAYS) - 1)])
                 failures += 1
                 continue
             failures = 0
@@ -186,7 +186,7 @@ class MountLink:
             except Exception as error:  # a defect here must not end the worker, and with it the line
                 self.wire_log.note("mount", f"internal error, please report it: {error!r}")
                 self._down("internal error")
-                await asyncio.sleep(BACK_OFF[0])
+                await asyncio.sleep(REOPEN_DELAYS[0])
             await self.wire.close()
 
     async def _reopened(self) -> None:
@@ -195,7 +195,7 @@ class MountLink:
         half, self.transaction.half = self.transaction.half, False
         stopped = await self._write_stop()
         if half and not stopped:
-            await self.transaction.idle(self.transaction.wrote + HALF_COMMAND - self._now())
+            await self.transaction.idle(self.transaction.wrote + HALF_COMMAND_SILENCE - self._clock())
         await self._recover()
 
     async def _write_stop(self) -> bool:
@@ -208,7 +208,7 @@ class MountLink:
             if not self.transaction.send(before + command):
                 break
             before = b""
-            await self.transaction.any_reply(BLIND)
+            await self.transaction.any_reply(BLIND_GAP)
         return bool(commands)
 
     async def _serve(self) -> None:
@@ -221,7 +221,7 @@ class MountLink:
             answered = False
             if request is None:
                 continue
-            self._silent_since = self._silent_since or self._now()
+            self._silent_since = self._silent_since or self._clock()
             try:
                 outcome = await self.transaction.carry_out(request.command, request.priority == STOP)
             except BaseException:  # the worker is ending: let the caller not wait for ever
@@ -239,7 +239,7 @@ class MountLink:
                 answered = True
             if isinstance(outcome, Silence) and self.reply_rules.expected(request.command).leaves_open:
                 self.transaction.send(self.reply_rules.closing)
-                await self.transaction.drain(max(QUIET, 2.0 * self.times.typical_rtt))
+                await self.transaction.drain(max(QUIET_TIME, 2.0 * self.times.typical_rtt))
             if isinstance(outcome, NoAnswer | Silence) and not isinstance(outcome, GaveWay):
                 await self._write_stop()  # one that waits: the check of a slow mount takes seconds
                 await self._recover()
@@ -247,13 +247,13 @@ class MountLink:
 
     async def _recover(self) -> None:
         """Bring the line into step again, however long that takes; return early if the wire is lost."""
-        began = self._now()
+        began = self._clock()
         while not self.transaction.lost:
             if await self._resync():
                 self._up()
                 return
             self._down("the mount does not answer")
-            if self._now() - began > MUTE:
+            if self._clock() - began > REOPEN_SILENCE:
                 self.transaction.connection_lost("mute")
             else:
                 await self.transaction.idle(1.0)
@@ -261,10 +261,10 @@ class MountLink:
     async def _resync(self) -> bool:
         """Drain the wire, then check that the line is in step, several times if need be; return whether it is."""
         attempt = 0
-        while attempt < CHECKS and not self.transaction.lost:
+        while attempt < MAX_CHECKS and not self.transaction.lost:
             if self.transaction.stop_due:
                 await self._write_stop()
-            await self.transaction.drain(QUIET * QUIETER**attempt)
+            await self.transaction.drain(QUIET_TIME * QUIET_FACTOR**attempt)
             if self.transaction.stop_due:
                 continue
             if await self.in_step():
@@ -289,7 +289,7 @@ class MountLink:
                 continue  # this is a reply as well
             if isinstance(outcome, Fault) or not self.reply_rules.is_resync_reply(command, outcome):
                 return False
-        return not await self.transaction.drain(QUIET) and not self.transaction.stop_due
+        return not await self.transaction.drain(QUIET_TIME) and not self.transaction.stop_due
 
     def _up(self) -> None:
         """Note that the line is in step, and emit ``came_up`` if it was not up before."""

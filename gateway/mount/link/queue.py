@@ -17,7 +17,7 @@ from gateway.core.errors import Busy, Fault, NoAnswer
 from gateway.core.waiting import TimedEvent
 from gateway.protocols.base.driver import Send
 
-STOP, MOTION, POSITION, WAITED, SETTING, READ = range(6)
+STOP, MOTION, POSITION, AGED_READ, SETTING, READ = range(6)
 READS = (POSITION, READ)
 #: Seconds after which the start of a motion by hand is refused instead of sent: by then the user has released the key
 #: or pressed another.
@@ -26,13 +26,13 @@ MAX_START_DELAY = 2.0
 STARTED_TOO_LATE = "The line to the mount was busy for too long: this motion was not started."
 #: Seconds after which the priority of a request rises. A read then goes before settings, so that clients that set
 #: values without pause do not hide the mount. The position always does: both coordinates must be of the same instant.
-AGED: Mapping[int, float] = {POSITION: 0.25, READ: 0.6, SETTING: 2.0}
+AGING_TIMES: Mapping[int, float] = {POSITION: 0.25, READ: 0.6, SETTING: 2.0}
 #: After this many motion exchanges in a row an aged read goes first: a flood of arrow commands must not hide the mount.
-IN_A_ROW = 1
+MAX_MOTIONS_IN_A_ROW = 1
 #: After this many exchanges an aged setting goes first: a slow or hibernating mount always has reads waiting.
-PASSED_OVER = 4
-#: Reads wait for an urgent request due within BEFORE_URGENT times the reply time, until AFTER_DUE seconds after it.
-BEFORE_URGENT, AFTER_DUE = 1.5, 0.05
+SETTING_PASSES = 4
+#: Reads wait for an urgent request due within URGENT_FACTOR times the reply time, until URGENT_GRACE seconds after it.
+URGENT_FACTOR, URGENT_GRACE = 1.5, 0.05
 #: Event loop iterations in which a client that got a reply may queue its next request: the second half of a position, a
 #: motion that waited for that, or a halt goes before reads of lower priority. Five would do; recordings rely on eight.
 FOLLOW_UP_ITERATIONS = 8
@@ -43,11 +43,11 @@ Outcome = asyncio.Future[tuple[dict[str, Any], float]]
 class QueuedCommand:
     """A command that waits for its turn; ``number`` is its sequence number."""
 
-    __slots__ = ("asked", "command", "future", "number", "priority")
+    __slots__ = ("command", "future", "number", "priority", "queued_at")
 
     def __init__(self, command: Send, priority: int, number: int, future: Outcome) -> None:
         self.command, self.priority, self.number, self.future = command, priority, number, future
-        self.asked = future.get_loop().time()
+        self.queued_at = future.get_loop().time()
 
     def fail(self, fault: Fault) -> None:
         if not self.future.done():
@@ -61,9 +61,9 @@ class RequestQueue:
         self._loop = asyncio.get_running_loop()
         self._numbers = count()
         self._waiting: list[QueuedCommand] = []
-        self._urgent: list[float] = []
+        self._urgent_times: list[float] = []
         self._motions = self._passed_over = 0
-        self._wake = TimedEvent()
+        self._wake_event = TimedEvent()
 
     def __len__(self) -> int:
         return len(self._waiting)
@@ -72,16 +72,16 @@ class RequestQueue:
         """Queue a command and return the future of its outcome."""
         future: Outcome = self._loop.create_future()
         self._waiting.append(QueuedCommand(command, priority, next(self._numbers), future))
-        self._wake.set()
+        self._wake_event.set()
         return future
 
     def wake(self) -> None:
         """Wake the worker, because the state of the line has changed."""
-        self._wake.set()
+        self._wake_event.set()
 
-    def expect_urgent(self, when: float) -> None:
+    def expect_urgent(self, time: float) -> None:
         """Hold back reads that would delay something urgent at this loop time."""
-        heapq.heappush(self._urgent, when)
+        heapq.heappush(self._urgent_times, time)
 
     @property
     def stop_waits(self) -> bool:
@@ -92,13 +92,13 @@ class RequestQueue:
 
     async def wait_for_change(self) -> None:
         """Wait until a request is added or ``wake`` is called."""
-        self._wake.clear()
-        await self._wake.wait()
+        self._wake_event.clear()
+        await self._wake_event.wait()
 
     async def wait_within(self, seconds: float) -> bool:
         """Like `wait_for_change`, but for so many seconds at most; return whether it happened."""
-        self._wake.clear()
-        return await self._wake.within(seconds)
+        self._wake_event.clear()
+        return await self._wake_event.within(seconds)
 
     async def next(
         self, typical_rtt: float, quiet_needed: Callable[[Send], float], answered: bool = False
@@ -116,13 +116,13 @@ class RequestQueue:
             await self.wait_for_change()
             await self._let_clients_follow_up()  # the event that queued a read may queue a stop as well
             return None
-        while self._urgent and self._urgent[0] < now - 0.05:
-            heapq.heappop(self._urgent)
+        while self._urgent_times and self._urgent_times[0] < now - 0.05:
+            heapq.heappop(self._urgent_times)
         first = self.by_turn()[0]
-        pause = held_back(first, now, self._urgent[0] if self._urgent else None, typical_rtt)
+        pause = held_back(first, now, self._urgent_times[0] if self._urgent_times else None, typical_rtt)
         if pause is not None:
             if not await self.wait_within(pause):
-                heapq.heappop(self._urgent)
+                heapq.heappop(self._urgent_times)
             return None
         quiet = 0.0 if first.priority == STOP else quiet_needed(first.command)
         if quiet > 0:
@@ -190,11 +190,11 @@ def by_turn(waiting: Iterable[QueuedCommand], now: float, motions: int, passed_o
     ``motions`` is how many exchanges in a row were motions, ``passed_over`` how many there were since the last setting.
     """
     before_all = STOP + 0.5
-    waited = before_all if motions >= IN_A_ROW else WAITED
-    risen = {POSITION: waited, READ: waited, SETTING: before_all if passed_over >= PASSED_OVER else SETTING}
+    waited = before_all if motions >= MAX_MOTIONS_IN_A_ROW else AGED_READ
+    risen = {POSITION: waited, READ: waited, SETTING: before_all if passed_over >= SETTING_PASSES else SETTING}
 
     def turn(queued: QueuedCommand) -> tuple[float, int, int]:
-        aged = now - queued.asked > AGED.get(queued.priority, 1e9)
+        aged = now - queued.queued_at > AGING_TIMES.get(queued.priority, 1e9)
         return min(queued.priority, risen[queued.priority]) if aged else queued.priority, queued.priority, queued.number
 
     return sorted(waiting, key=turn)
@@ -205,11 +205,11 @@ def held_back(first: QueuedCommand, now: float, urgent: float | None, typical_rt
 
     ``typical_rtt`` is the average reply time in seconds.
     """
-    if urgent is None or first.priority not in READS or urgent - now >= BEFORE_URGENT * typical_rtt:
+    if urgent is None or first.priority not in READS or urgent - now >= URGENT_FACTOR * typical_rtt:
         return None
-    return max(0.0, urgent - now) + AFTER_DUE
+    return max(0.0, urgent - now) + URGENT_GRACE
 
 
 def too_late(command: QueuedCommand, now: float) -> bool:
     """Whether the request begins a motion by hand that was asked for too long ago."""
-    return command.command.at_once_or_never and now - command.asked > MAX_START_DELAY
+    return command.command.at_once_or_never and now - command.queued_at > MAX_START_DELAY

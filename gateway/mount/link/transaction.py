@@ -26,35 +26,36 @@ from gateway.protocols.base.reply_rules import ALONE, Expected, ReplyRules
 from gateway.transport.wires import Transport
 
 #: Seconds of quiet that end a disturbance.
-QUIET = 0.15
+QUIET_TIME = 0.15
 #: Seconds after which draining gives up, even if the line is still not quiet.
-DRAIN = 5.0
-#: A second copy of a reply follows within GAP seconds. Until then the gateway does not send a request that the copy
-#: could answer, if its reply is an acknowledgement only or if stray bytes came within the last UNRULY seconds.
-GAP, UNRULY = 0.05, 300.0
+DRAIN_TIMEOUT = 5.0
+#: A second copy of a reply follows within COPY_GAP seconds. Until then the gateway does not send a request that the
+#: copy could answer, if its reply is an acknowledgement only or if stray bytes came within the last UNRULY_TIME
+#: seconds.
+COPY_GAP, UNRULY_TIME = 0.05, 300.0
 #: Seconds after a request from which arriving bytes are no reply to it: the gateway no longer waits for them to end.
-BABBLE = 3.0
+BABBLE_TIME = 3.0
 #: A reply that is an acknowledgement only counts when nothing has followed it for this many seconds.
-SETTLE = 0.02
+SETTLE_TIME = 0.02
 #: A stop waits for the exchange on the wire until that lasts this much longer than usual, seconds.
-STOP_WAITS = 0.3
+STOP_WAIT = 0.3
 #: Seconds after a stop was written without waiting for replies at which it is written again: the mount may have taken
 #: it for the end of another command, or not have listened.
-STOP_AGAIN = (0.5, 1.5, 2.5, 3.5)
+STOP_RETRY_DELAYS = (0.5, 1.5, 2.5, 3.5)
 #: Seconds beyond the usual time that the reply after a stop without a reply may take: it shows that the mount hears.
 AFTER_STOP = 1.0
 #: Seconds that a long operation of the mount may take before the requests that wait behind it are refused.
-BUSY_AFTER = 1.0
+BUSY_DELAY = 1.0
 #: Seconds after its timeout within which the reply to a request may still arrive.
-LATE_REPLIES_WITHIN = 2.5
+LATE_REPLY_TIME = 2.5
 #: The timeout of a position read: this multiple of the typical time, at least so many seconds, after so many replies.
 POSITION_FACTOR, SHORTEST_TIMEOUT, ENOUGH_REPLIES = 8.0, 1.2, 20
 #: After a late reply the timeouts grow to LATE_FACTOR times its seconds, unless it took longer than LATEST_COUNTED.
 LATE_FACTOR, LATEST_COUNTED = 1.5, 6.0
 #: The first reply sets the typical time, up to this many seconds.
-FIRST_ANSWER = 1.0
-#: Smoothing of the typical time: weight of the newest reply, which is cut to FACTOR times the average plus MARGIN.
-WEIGHT, FACTOR, MARGIN = 0.2, 3.0, 0.01
+MAX_FIRST_REPLY_TIME = 1.0
+#: Smoothing of the typical time: weight of the newest reply, which is cut to MAX_GROWTH times the average plus MARGIN.
+SMOOTHING_WEIGHT, MAX_GROWTH, MARGIN = 0.2, 3.0, 0.01
 
 #: The fields of a reply or the fault that it is, and the same with the length in bytes.
 Answer = Values | Fault
@@ -69,29 +70,29 @@ class ReplyTimes:
     def __init__(self) -> None:
         self.typical_rtt, self.last_rtt, self.answers = 0.02, 0.0, 0
         #: Seconds that the last late reply took; 0 if there was none.
-        self._late = 0.0
+        self._late_time = 0.0
 
-    def answered(self, took: float, elapsed: float, counts: bool) -> None:
-        """Record a reply. ``took`` is the time until its last byte, ``elapsed`` until it was accepted. It enters the
-        average only if it ``counts``: replies to long operations and empty replies do not.
+    def answered(self, reply_time: float, elapsed: float, counts: bool) -> None:
+        """Record a reply. ``reply_time`` is the time until its last byte, ``elapsed`` until it was accepted. It enters
+        the average only if it ``counts``: replies to long operations and empty replies do not.
         """
-        self.last_rtt = took
+        self.last_rtt = reply_time
         self.answers += 1
         if not counts:
             return
-        self.typical_rtt += WEIGHT * (min(elapsed, FACTOR * self.typical_rtt + MARGIN) - self.typical_rtt)
+        self.typical_rtt += SMOOTHING_WEIGHT * (min(elapsed, MAX_GROWTH * self.typical_rtt + MARGIN) - self.typical_rtt)
         if self.answers == 1:
-            self.typical_rtt = max(self.typical_rtt, min(elapsed, FIRST_ANSWER))
+            self.typical_rtt = max(self.typical_rtt, min(elapsed, MAX_FIRST_REPLY_TIME))
 
-    def came_late(self, took: float) -> None:
+    def came_late(self, reply_time: float) -> None:
         """Record a reply that arrived after its timeout."""
-        self._late = took if took <= LATEST_COUNTED else self._late
+        self._late_time = reply_time if reply_time <= LATEST_COUNTED else self._late_time
 
     def timeout(self, longest: float, position: bool) -> float:
         """Return the timeout of a reply in seconds; ``longest`` is the protocol's. It is shorter for a ``position``,
         which is polled: a lost reply is soon noticed and asked for again.
         """
-        longest = max(longest, LATE_FACTOR * self._late)
+        longest = max(longest, LATE_FACTOR * self._late_time)
         if not position or self.answers < ENOUGH_REPLIES:
             return longest
         return min(longest, max(SHORTEST_TIMEOUT, POSITION_FACTOR * self.typical_rtt))
@@ -104,11 +105,11 @@ class LateReplies:
 
     def __init__(self, ambiguous_with: Callable[[Send, Send], bool]) -> None:
         self._ambiguous_with = ambiguous_with
-        self._open: list[tuple[float, Send]] = []
+        self._expected: list[tuple[float, Send]] = []
 
-    def add(self, command: Send, until: float) -> None:
+    def add(self, command: Send, expires_at: float) -> None:
         """Keep an unanswered request open until this time of the line's clock, in seconds."""
-        self._open.append((until, command))
+        self._expected.append((expires_at, command))
 
     def until(self, command: Send, now: float) -> float:
         """Return the time from which no late reply can be mistaken for that of this command; ``now`` if none can."""
@@ -121,10 +122,10 @@ class LateReplies:
         return len(self._like(command, now))
 
     def _like(self, command: Send, now: float) -> list[tuple[float, Send]]:
-        if not self._open:
+        if not self._expected:
             return []
-        self._open = [(end, other) for end, other in self._open if end > now]
-        return [(end, other) for end, other in self._open if self._ambiguous_with(command, other)]
+        self._expected = [(end, other) for end, other in self._expected if end > now]
+        return [(end, other) for end, other in self._expected if self._ambiguous_with(command, other)]
 
 
 class GaveWay(NoAnswer):
@@ -153,15 +154,15 @@ class Transaction:
         self.wrote = -1e9
         self.times = ReplyTimes()
         self.late = LateReplies(reply_rules.ambiguous_with)
-        self._now = asyncio.get_running_loop().time
+        self._clock = asyncio.get_running_loop().time
         #: Whether any byte ever arrived; the last request without a proper reply, and the bytes that came instead.
         self.ever_answered = False
         self.trouble = b"", b""
-        self._buffer, self._arrived = b"", TimedEvent()
+        self._buffer, self._bytes_event = b"", TimedEvent()
         #: Loop time of the last byte.
         self.heard = self._stray = -1e9
         self._last_command: Send | None = None
-        self._stops = 0
+        self._stop_count = 0
         #: Loop time of the last request whose reply is still missing.
         self._unanswered_since: float | None = None
         self._settling = self._hurried = self._cut_short = False
@@ -196,8 +197,8 @@ class Transaction:
         self.wire_log.put("mount", "raw", data)
         self._buffer = (self._buffer + data)[-4096:]
         self.ever_answered = True
-        self.heard = self._now()
-        self._arrived.set()
+        self.heard = self._clock()
+        self._bytes_event.set()
 
     def connection_lost(self, reason: str) -> None:
         """Note that the wire is lost, and end the exchange under way; further calls change nothing."""
@@ -205,35 +206,35 @@ class Transaction:
             self.wire_log.put("mount", "v", note=reason)
             self.wire_lost.emit(None)
         self.lost = True
-        self._arrived.set()
+        self._bytes_event.set()
         self._queue.wake()
 
     def wake(self, stop: bool) -> None:
         """Wake the exchange under way, which must not delay a waiting ``stop``, or block others in a long operation."""
         self._hurried |= stop
         if stop:
-            self._stop_due = min(self._stop_due, self._now())
+            self._stop_due = min(self._stop_due, self._clock())
         if self.long or stop:
-            self._arrived.set()
+            self._bytes_event.set()
 
     @property
     def stop_due(self) -> bool:
         """Whether a stop is to be written now, without waiting for replies of the mount."""
-        return self._now() >= self._stop_due and not self.lost
+        return self._clock() >= self._stop_due and not self.lost
 
     def stop_written(self, commands: Collection[bytes]) -> None:
         """Note that these commands of the due stop were written, and when the stop is due again."""
-        now, self._stop_due = self._now(), math.inf
+        now, self._stop_due = self._clock(), math.inf
         if not self.written.issuperset(commands):
             self._first_written = now
         self.written.update(commands)
         if commands:
-            again = (self._first_written + after for after in STOP_AGAIN)
+            again = (self._first_written + after for after in STOP_RETRY_DELAYS)
             self._stop_due = next((at for at in again if at > now), math.inf)
 
     @property
     def _stop_first(self) -> bool:
-        return self.stop_due and self._now() >= self._gives_way
+        return self.stop_due and self._clock() >= self._gives_way
 
     def send(self, request: bytes) -> bool:
         """Write to the wire; return False if it was lost."""
@@ -250,14 +251,14 @@ class Transaction:
 
     def quiet_needed(self, command: Send) -> float:
         """Return the seconds of quiet needed before a command, so that no late bytes are taken for its reply."""
-        now = self._now()
-        left = self.heard + GAP - now
-        if left <= 1e-6 or now > self.wrote + BABBLE:
+        now = self._clock()
+        left = self.heard + COPY_GAP - now
+        if left <= 1e-6 or now > self.wrote + BABBLE_TIME:
             return 0.0
         if not self._unexplained:
             if self._last_command is None or not self.reply_rules.ambiguous_with(self._last_command, command):
                 return 0.0
-            if now > self._stray + UNRULY and not self.reply_rules.expected(command).unterminated:
+            if now > self._stray + UNRULY_TIME and not self.reply_rules.expected(command).unterminated:
                 return 0.0
         return left
 
@@ -267,7 +268,7 @@ class Transaction:
         if not stop:
             self.written.clear()
         # A stop is cut off, too, so that all of it is written; but not when it is sent again after that.
-        self._stop_due = self._now() if stop and not self.written else math.inf
+        self._stop_due = self._clock() if stop and not self.written else math.inf
         try:
             outcome = await self.exchange(command, firm=hurried, stop=stop)
             if not isinstance(outcome, NoAnswer):
@@ -290,23 +291,23 @@ class Transaction:
             return fault
         expected = self.reply_rules.expected(command)
         settle = (
-            GAP if stop and self.quiet_needed(command) else SETTLE
+            COPY_GAP if stop and self.quiet_needed(command) else SETTLE_TIME
         )  # a request that skipped the quiet must wait after the reply
         self.discard("unsolicited")
-        self._arrived.clear()
+        self._bytes_event.clear()
         self._last_command = command
-        began = self.wrote = self._now()
-        self.long, self._stops, self._hurried = command.long, 0, False
+        began = self.wrote = self._clock()
+        self.long, self._stop_count, self._hurried = command.long, 0, False
         overtakes = getattr(self.wire, "newest_only", False)
-        waits = expected.gives_way if overtakes else self.times.typical_rtt + STOP_WAITS
+        waits = expected.gives_way if overtakes else self.times.typical_rtt + STOP_WAIT
         self._gives_way = math.inf if command.long or (overtakes and stop) else began + waits
         taken = await self._reply(command, expected, began, settle, resync) if self.send(request) else None
         self._stop_unheard = stop and expected.silent
-        self.long, self.long_until = False, self._now() if command.long else self.long_until
+        self.long, self.long_until = False, self._clock() if command.long else self.long_until
         if taken is None:
             return GaveWay() if overtakes and self._stop_first else self._unanswered(command, expected, began)
         outcome, length = taken
-        if len(self._buffer) > length + self._stops:  # each stop sent meanwhile may have been refused with a byte
+        if len(self._buffer) > length + self._stop_count:  # each stop sent meanwhile may have been refused with a byte
             outcome = Garbled()
         if isinstance(outcome, Garbled):
             self._distrust(command, expected, began)
@@ -315,7 +316,7 @@ class Transaction:
         if command.raw and isinstance(outcome, dict):
             outcome = {**outcome, "raw": self._buffer[:length].rstrip(self.reply_rules.padding)}
         self._cut(length)
-        self.times.answered(self.heard - began, self._now() - began, counts=bool(length) and not command.long)
+        self.times.answered(self.heard - began, self._clock() - began, counts=bool(length) and not command.long)
         if expected.delay_after and await self._pause(expected.delay_after, firm):
             outcome = self._objection(command) or outcome
         return outcome
@@ -326,8 +327,8 @@ class Transaction:
 
     async def _pause(self, seconds: float, firm: bool) -> bool:
         """Pause after a command without a reply. A stop cuts it short unless it is ``firm``; return False then."""
-        until = self._now() + seconds
-        while not self.lost and (left := until - self._now()) > 0:
+        until = self._clock() + seconds
+        while not self.lost and (left := until - self._clock()) > 0:
             if not firm and self._queue.stop_waits:
                 self._cut_short = True
                 return False
@@ -335,7 +336,7 @@ class Transaction:
         return True
 
     async def _reply(
-        self, command: Send, expected: Expected, began: float, settle: float, resync: bool
+        self, command: Send, expected: Expected, started_at: float, settle: float, resync: bool
     ) -> Taken | None:
         """Return the reply and its length when it is complete; None if it is late, or the wire was lost.
 
@@ -345,24 +346,24 @@ class Transaction:
         longest = command.patience or self.times.timeout(expected.timeout, position)
         if self._stop_unheard and command.patience is None:
             longest = min(longest, self.times.typical_rtt + AFTER_STOP)
-        deadline, busy_at = began + longest, began + BUSY_AFTER
+        deadline, busy_at = started_at + longest, started_at + BUSY_DELAY
         while not self.lost:
-            now = self._now()
-            self._arrived.clear()
+            now = self._clock()
+            self._bytes_event.clear()
             if command.long:
                 self.busy = self.busy or now >= busy_at
-                self._stops += self._queue.during_long_operation(self.busy, self._send_unanswered)
+                self._stop_count += self._queue.during_long_operation(self.busy, self._send_unanswered)
             taken = self._take(command) if self._buffer or expected.silent else None
-            if taken is not None and self._stops and isinstance(taken[0], Busy):
-                self._stops -= 1  # the busy reply to a stop; nothing moves during a long operation
+            if taken is not None and self._stop_count and isinstance(taken[0], Busy):
+                self._stop_count -= 1  # the busy reply to a stop; nothing moves during a long operation
                 self._cut(taken[1], "busy: the mount refused the stop")
-                self._arrived.set()
+                self._bytes_event.set()
             elif taken is not None:
                 if taken[1] and expected.unterminated and not self._hurried:
                     self._settling = True
                     alone = max(ALONE, 2.0 * self.times.typical_rtt)
                     ambiguous = self._buffer[: taken[1]] in expected.beginnings
-                    if await self._arrived.within(max(settle, alone if ambiguous else 0.0)):
+                    if await self._bytes_event.within(max(settle, alone if ambiguous else 0.0)):
                         taken = self._take(command)
                     self._settling = False
                 if taken is not None:  # else it was the beginning of a longer reply
@@ -371,24 +372,24 @@ class Transaction:
                 return None
             nearer = [busy_at] if command.long else []
             cut = max(self._gives_way, self._stop_due)
-            await self._arrived.within(min(at for at in (deadline, cut, *nearer) if at > now) - now)
+            await self._bytes_event.within(min(at for at in (deadline, cut, *nearer) if at > now) - now)
         return None
 
-    def _unanswered(self, command: Send, expected: Expected, began: float) -> Fault:
-        self.times.last_rtt = self._now() - began
+    def _unanswered(self, command: Send, expected: Expected, started_at: float) -> Fault:
+        self.times.last_rtt = self._clock() - started_at
         if self.lost:
             self.half = True
         elif command.patience is not None and not command.long and not self._unexplained and not self._stop_first:
             return Silence()
-        self._distrust(command, expected, began)
+        self._distrust(command, expected, started_at)
         half = bool(self._unexplained)
         self.discard("no complete answer")
         return Garbled() if half and command.patience is not None else NoAnswer()
 
-    def _distrust(self, command: Send, expected: Expected, began: float) -> None:
+    def _distrust(self, command: Send, expected: Expected, started_at: float) -> None:
         """Note that the reply to a request may still arrive."""
-        self.late.add(command, began + max(expected.timeout, command.patience or 0.0) + LATE_REPLIES_WITHIN)
-        self._unanswered_since = began
+        self.late.add(command, started_at + max(expected.timeout, command.patience or 0.0) + LATE_REPLY_TIME)
+        self._unanswered_since = started_at
         self.trouble = self.request, self._buffer
 
     def _objection(self, command: Send) -> Fault | None:
@@ -410,10 +411,10 @@ class Transaction:
         self.wire_log.put("mount", "<", self._buffer[:length], note)
         self._buffer = self._buffer[length:]
 
-    def discard(self, why: str) -> None:
+    def discard(self, reason: str) -> None:
         if self._unexplained:
-            self._stray = self._now()
-            self._cut(len(self._buffer), f"dropped: {why}")
+            self._stray = self._clock()
+            self._cut(len(self._buffer), f"dropped: {reason}")
         self._buffer = b""
 
     @property
@@ -423,31 +424,31 @@ class Transaction:
 
     async def idle(self, seconds: float) -> None:
         """Wait for some seconds, but not longer than until a stop is due."""
-        until = self._now() + seconds
-        while not self.lost and not self.stop_due and (left := until - self._now()) > 1e-6:
-            self._arrived.clear()
-            await self._arrived.within(min(left, self._stop_due - self._now()))
+        until = self._clock() + seconds
+        while not self.lost and not self.stop_due and (left := until - self._clock()) > 1e-6:
+            self._bytes_event.clear()
+            await self._bytes_event.within(min(left, self._stop_due - self._clock()))
 
     async def any_reply(self, seconds: float) -> None:
         """Wait until any byte arrives, but no longer than this."""
-        heard, until = self.heard, self._now() + seconds
-        while not self.lost and self.heard == heard and (left := until - self._now()) > 1e-6:
-            self._arrived.clear()
-            await self._arrived.within(left)
+        heard, until = self.heard, self._clock() + seconds
+        while not self.lost and self.heard == heard and (left := until - self._clock()) > 1e-6:
+            self._bytes_event.clear()
+            await self._bytes_event.within(left)
 
-    async def drain(self, quiet: float) -> bool:
+    async def drain(self, quiet_time: float) -> bool:
         """Wait until the wire has been quiet for some seconds, and drop the received bytes; return whether there were
         any.
 
         A stop that is due ends it.
         """
-        give_up = self._now() + DRAIN
-        while not self.lost and not self.stop_due and self._now() < give_up:
-            left = max(self.heard, self.wrote) + quiet - self._now()
-            self._arrived.clear()
+        give_up = self._clock() + DRAIN_TIMEOUT
+        while not self.lost and not self.stop_due and self._clock() < give_up:
+            left = max(self.heard, self.wrote) + quiet_time - self._clock()
+            self._bytes_event.clear()
             if left <= 1e-6:
                 break
-            await self._arrived.within(min(left, self._stop_due - self._now()))
+            await self._bytes_event.within(min(left, self._stop_due - self._clock()))
         anything = bool(self._unexplained)
         if anything and self._unanswered_since is not None:
             self.times.came_late(self.heard - self._unanswered_since)

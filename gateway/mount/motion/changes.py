@@ -27,10 +27,10 @@ from gateway.core.motion_kinds import (
 )
 from gateway.mount.motion.taps import begin, ended, released, without_presses
 from gateway.mount.motion.wanted import (
-    AGAIN,
-    FIRST,
-    IN_ORDER,
-    RESUMED,
+    FIRST_RANK,
+    RESUMED_RANK,
+    URGENT_REPEAT_WINDOW,
+    USUAL_RANK,
     AxisMotion,
     ByHand,
     FocusMotion,
@@ -46,7 +46,7 @@ from gateway.mount.motion.wanted import (
 from gateway.protocols.base.driver import Schedule
 
 #: The number of guide pulses that may wait; with more of them guiding makes no sense.
-PULSES = 8
+MAX_WAITING_PULSES = 8
 
 
 def apply(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
@@ -56,20 +56,20 @@ def apply(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     return _ROWS.get(type(order.operation), _append)(wanted, order, now, slewing)
 
 
-def stopped(wanted: Wanted, why: str | None = None) -> Wanted:
+def stopped(wanted: Wanted, reason: str | None = None) -> Wanted:
     """Return the new ``Wanted`` after a stop: no motion, and the stop command is owed to the mount.
 
-    ``why`` is the reason if the gateway itself stops the mount, empty if a client does, None for a repeated stop.
+    ``reason`` is the reason if the gateway itself stops the mount, empty if a client does, None for a repeated stop.
     """
     pending = tuple(
         order
         for order in wanted.pending
         if survives_abort(order.operation) or (order.urgent and order.number == wanted.active)
     )
-    short = f"the goto ended before its goal: {why}" if why and isinstance(wanted.motion, Slew) else wanted.short
+    short = f"the goto ended before its goal: {reason}" if reason and isinstance(wanted.motion, Slew) else wanted.short
     return replace(
         wanted, pending=pending, pulses=(), pressed=(), taps=(), owed=True, stops=wanted.stops + 1,
-        short="" if why == "" else short,
+        short="" if reason == "" else short,
     )  # fmt: skip
 
 
@@ -94,7 +94,7 @@ def planned(wanted: Wanted, later: Schedule, number: int, now: float) -> Wanted:
     order = Order(
         number,
         later.operation,
-        rank=FIRST if later.urgent else IN_ORDER,
+        rank=FIRST_RANK if later.urgent else USUAL_RANK,
         at=now + later.seconds,
         follow_up=True,
         urgent=later.urgent,
@@ -108,9 +108,11 @@ def planned(wanted: Wanted, later: Schedule, number: int, now: float) -> Wanted:
     return replace(wanted, pending=(*others, order))
 
 
-def too_late(wanted: Wanted, operation: op.Operation, stops: int | None) -> bool:
-    """Whether a stop came after the client asked for the operation; ``stops`` was the number of stops at that time."""
-    if stops is None or stops == wanted.stops:
+def too_late(wanted: Wanted, operation: op.Operation, stop_count: int | None) -> bool:
+    """Whether a stop came after the client asked for the operation; ``stop_count`` was the number of stops at that
+    time.
+    """
+    if stop_count is None or stop_count == wanted.stops:
         return False
     return not (isinstance(operation, op.StopAxis) or survives_abort(operation))
 
@@ -125,12 +127,12 @@ def interrupted(wanted: Wanted, halt: Halt) -> Wanted:
     """Let a halt interrupt the active order, if that order can begin again after it."""
     active = next((order for order in wanted.pending if order.number == wanted.active), None)
     if (
-        halt.rank != FIRST
+        halt.rank != FIRST_RANK
         or active is None
         or not (isinstance(active.operation, RESUMABLE_ORDERS) or (isinstance(active, Halt) and active.keeps_repeating))
     ):
         return wanted
-    pending = tuple(replace(order, rank=RESUMED) if order is active else order for order in wanted.pending)
+    pending = tuple(replace(order, rank=RESUMED_RANK) if order is active else order for order in wanted.pending)
     return replace(wanted, pending=pending, active=0)
 
 
@@ -188,8 +190,8 @@ def _replaced_by_goto(order: Order) -> bool:
 
 
 def _pulse(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    if sum(isinstance(other.operation, op.Pulse | op.PulseAxis) for other in wanted.pending) >= PULSES:
-        raise Refused(f"{PULSES} guide pulses wait already: this one is dropped.")
+    if sum(isinstance(other.operation, op.Pulse | op.PulseAxis) for other in wanted.pending) >= MAX_WAITING_PULSES:
+        raise Refused(f"{MAX_WAITING_PULSES} guide pulses wait already: this one is dropped.")
     return _append(wanted, order, now, slewing)
 
 
@@ -224,14 +226,14 @@ def _end(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     if same is not None:
         return interrupted(wanted, same)
     before = next((halt for halt in wanted.halted if halt.operation == order.operation), None)
-    again = before is not None and before.order_count == wanted.order_count and now - before.at <= AGAIN
+    again = before is not None and before.order_count == wanted.order_count and now - before.at <= URGENT_REPEAT_WINDOW
     order = replace(
         order,
         overtakes=not wanted.waiting_gotos,
         order_count=wanted.order_count,
         repeats=before.repeats + 1 if before is not None and again else 0,
     )
-    order = replace(order, rank=FIRST if order.overtakes and not order.keeps_repeating else IN_ORDER)
+    order = replace(order, rank=FIRST_RANK if order.overtakes and not order.keeps_repeating else USUAL_RANK)
     return interrupted(replace(wanted, pending=(*wanted.pending, order)), order)
 
 
@@ -291,7 +293,7 @@ def failed(wanted: Wanted, order: Order) -> Wanted:
     if isinstance(order.operation, END_ORDERS):
         wanted = replace(wanted, halted=tuple(halt for halt in wanted.halted if halt.operation != order.operation))
     pending = tuple(
-        replace(other, unless=0, rank=FIRST) if _waits_for(other, order) else other
+        replace(other, unless=0, rank=FIRST_RANK) if _waits_for(other, order) else other
         for other in wanted.pending
         if not _waits_for(other, order) or getattr(other.operation, "axis", 0) in wanted.by_hand
     )
@@ -306,7 +308,7 @@ def _waits_for(halt: Order, goto: Order) -> bool:
 def may_have_begun(order: Order, error: BaseException) -> bool:
     """Whether a failed order may move the mount nevertheless: its acknowledgement was lost, or it had begun before."""
     unheard = isinstance(order.operation, HAND_MOTIONS) and isinstance(error, NoAnswer) and error.sent
-    return order.arrow.then_stop or unheard or (order.rank == RESUMED and isinstance(order.operation, MOVERS))
+    return order.arrow.then_stop or unheard or (order.rank == RESUMED_RANK and isinstance(order.operation, MOVERS))
 
 
 def acknowledged(
@@ -373,7 +375,7 @@ def pulsed(wanted: Wanted, order: Order, pulse: op.Pulsed, number: int, now: flo
     others = tuple(other for other in wanted.pulses if other.axis != axis)
     wanted = replace(wanted, pulses=(*others, GuidePulse(axis, until, order.operation)))
     if not pulse.ends:
-        end = Order(number, op.StopAxis(axis), rank=FIRST, at=until, follow_up=True, urgent=True)
+        end = Order(number, op.StopAxis(axis), rank=FIRST_RANK, at=until, follow_up=True, urgent=True)
         return replace(wanted, pending=(*wanted.pending, end))
     if pulse.left:
         operation = replace(order.operation, ms=pulse.left)

@@ -14,7 +14,7 @@ from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.watch import LimitWatch
 
 #: By which part a guide pulse must have been too long to be worth a line in the log.
-TOLD_FROM = 0.1
+MIN_LOGGED_EXCESS = 0.1
 
 
 class Consequences:
@@ -23,13 +23,13 @@ class Consequences:
     """
 
     def __init__(
-        self, context: Context, gate: HibernationGate, reader: Reader, watch: LimitWatch, ends: EndWatch
+        self, context: Context, gate: HibernationGate, reader: Reader, watch: LimitWatch, end_watch: EndWatch
     ) -> None:
-        self._context, self._now, self._cache = context, context.now, context.cache
-        self._gate, self._reader, self._watch, self._ends = gate, reader, watch, ends
+        self._context, self._clock, self._cache = context, context.now, context.cache
+        self._gate, self._reader, self._watch, self._end_watch = gate, reader, watch, end_watch
 
     def stop_sent(self, _: None = None) -> None:
-        self._ends.sent((1, 2), self._watch.fastest)
+        self._end_watch.sent((1, 2), self._watch.fastest)
 
     def at_rest(self) -> None:
         """Handle a stop that the mount has acknowledged: it may run on."""
@@ -37,7 +37,7 @@ class Consequences:
         self._context.run_on.ended(goto=slewing, by_others=by_others)
         self._reader.ordered(op.AbortMotion(), by_others)
         self._watch.motion_ended()
-        self._cache.put(op.Slewing, False, self._now())
+        self._cache.put(op.Slewing, False, self._clock())
 
     def begins(self, operation: op.Operation) -> None:
         self._reader.ordered(operation, isinstance(operation, END_ORDERS) and self._watch.moved_by_others)
@@ -51,7 +51,7 @@ class Consequences:
             run_on.forget()
         if isinstance(operation, GOTOS):
             self._note_replaced(before.motion, self._context.wanted.value.motion)
-            cache.put(op.Slewing, True, self._now())
+            cache.put(op.Slewing, True, self._clock())
             cache.forget(op.PierSide)  # the tube may change sides on its way
         elif isinstance(operation, op.Move | op.MoveAxis):
             if isinstance(before.motion, Slew):
@@ -65,7 +65,7 @@ class Consequences:
         elif isinstance(operation, op.AbortSlew):
             if self._context.movement.slewing:
                 self._context.run_on.ended(goto=True)
-            cache.put(op.Slewing, False, self._now())
+            cache.put(op.Slewing, False, self._clock())
         elif isinstance(operation, op.Sync):
             self._has_synced()
         elif isinstance(operation, op.SetTracking | op.Unpark | op.Hibernate | op.Wake):
@@ -81,14 +81,14 @@ class Consequences:
         if status is not None and self._context.driver.parked and getattr(operation, "then", "") == "park":
             self._cache.correct(op.GetStatus, replace(status, tracking=op.Tracking.OFF))
 
-    def pulse_ended(self, axis: int, asked: float, began: float) -> None:
-        """Log how late a guide pulse was ended, if that matters. ``asked`` and ``began``: the loop times at which its
-        end was taken up, and was sent.
+    def pulse_ended(self, axis: int, ordered_seconds: float, started_at: float) -> None:
+        """Log how late a guide pulse was ended, if that matters. ``ordered_seconds`` and ``started_at``: the loop times
+        at which its end was taken up, and was sent.
         """
         pulse = next((sent for sent in self._context.wanted.value.pulses if sent.axis == axis), None)
-        late = 0.0 if pulse is None else began - pulse.until
-        if pulse is not None and pulse.operation is not None and late > TOLD_FROM * pulse.operation.ms / 1000.0:
-            asleep = max(0.0, asked - pulse.until)
+        late = 0.0 if pulse is None else started_at - pulse.until
+        if pulse is not None and pulse.operation is not None and late > MIN_LOGGED_EXCESS * pulse.operation.ms / 1000.0:
+            asleep = max(0.0, ordered_seconds - pulse.until)
             computer = f"this computer did not run the gateway for {asleep:.2f} s"
             self._context.note(
                 f"a guide pulse of {pulse.operation.ms / 1000.0:g} s was {late:.2f} s too long: "
@@ -103,7 +103,7 @@ class Consequences:
 
     def _halted(self, axis: int, moved: op.Move | op.MoveAxis | None) -> None:
         if moved is not None:
-            self._ends.sent((axis,), self._context.driver.speed(moved.rate))
+            self._end_watch.sent((axis,), self._context.driver.speed(moved.rate))
             self._context.run_on.ended(goto=False)
         self._watch.axis_stopped()
         if not self._context.wanted.by_hand:

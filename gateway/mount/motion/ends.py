@@ -1,9 +1,9 @@
 """The end of a motion is owed until the position shows it: an acknowledgement can be lost, and some mounts give none.
 
-An end is done when the speed has fallen below ``PART`` of the ordered speed. Until then its command is repeated at
-growing intervals. After ``TIMES`` attempts the log warns the user. After ``AT_MOST`` the gateway gives up, because a
-person at the hand control may be moving the mount. Pure functions over frozen values decide; angles are degrees, times
-seconds of a monotonic clock.
+An end is done when the speed has fallen below ``MIN_PART`` of the ordered speed. Until then its command is repeated at
+growing intervals. After ``TRIES_BEFORE_WARNING`` attempts the log warns the user. After ``MAX_TRIES`` the gateway gives
+up, because a person at the hand control may be moving the mount. Pure functions over frozen values decide; angles are
+degrees, times seconds of a monotonic clock.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from gateway.core.signals import Signal
 from gateway.mount.motion.wanted import WantedState
 
 #: Seconds between retries; a mount runs on for up to two seconds after a stop, which must not look like a lost stop.
-AGAIN = (1.5, 2.0, 3.0, 5.0)
+RETRY_DELAYS = (1.5, 2.0, 3.0, 5.0)
 #: How often an end is sent before the log warns the user, and the seconds between further retries.
-TIMES, THEN_EVERY = 5, 10.0
+TRIES_BEFORE_WARNING, LATER_RETRY_PERIOD = 5, 10.0
 #: How many of the last positions are kept.
-REMEMBERED = 6
+MAX_SAMPLES = 6
 #: After this many attempts the gateway gives up: perhaps a person moves the mount. The limits still apply.
-AT_MOST = TIMES + 3
+MAX_TRIES = TRIES_BEFORE_WARNING + 3
 #: A speed is measured over at least this many units of the position's resolution.
-DIGITS = 3
+MIN_UNITS = 3
 #: The fraction of the ordered speed that still counts as motion: some mounts reach only half of the ordered speed.
-PART = 0.4
+MIN_PART = 0.4
 #: Degrees a second below which positions cannot distinguish motion by hand from tracking.
 SLOW = 0.05
 
@@ -53,11 +53,11 @@ class Ending(Struct, frozen=True):
 
     axes: frozenset[int]
     speed: float
-    sent: tuple[float, ...]
+    sent_at: tuple[float, ...]
     motions_begun: tuple[int, int] = (0, 0)
 
     def again(self, now: float) -> Ending:
-        return replace(self, sent=(*self.sent, now))
+        return replace(self, sent_at=(*self.sent_at, now))
 
 
 class Step(Enum):
@@ -81,10 +81,10 @@ def speed(ending: Ending, samples: Sequence[AxisSample]) -> float | None:
 
     Only the last two samples that are far enough apart count, to leave out the run-on before them.
     """
-    since = [sample for sample in samples if sample.at >= ending.sent[-1]]
+    since = [sample for sample in samples if sample.at >= ending.sent_at[-1]]
     for before, after in reversed(list(pairwise(since))):
         elapsed = after.at - before.at
-        if elapsed * ending.speed / 2.0 >= DIGITS * max(before.resolution, after.resolution):
+        if elapsed * ending.speed / 2.0 >= MIN_UNITS * max(before.resolution, after.resolution):
             turned = (abs(wrap180(after.axes[axis - 1] - before.axes[axis - 1])) for axis in ending.axes)
             return max(turned, default=0.0) / elapsed
     return None
@@ -95,13 +95,13 @@ def next_step(ending: Ending, samples: Sequence[AxisSample], now: float) -> Step
     if not visible(ending):
         return Step.DONE
     measured = speed(ending, samples)
-    if measured is not None and measured < max(SLOW, ending.speed * PART):
+    if measured is not None and measured < max(SLOW, ending.speed * MIN_PART):
         return Step.DONE
-    times = len(ending.sent)
-    pause = AGAIN[times - 1] if times <= len(AGAIN) else THEN_EVERY
-    if measured is None or now - ending.sent[-1] < pause:
+    times = len(ending.sent_at)
+    pause = RETRY_DELAYS[times - 1] if times <= len(RETRY_DELAYS) else LATER_RETRY_PERIOD
+    if measured is None or now - ending.sent_at[-1] < pause:
         return Step.LOOK
-    return Step.SEND if times < TIMES else Step.ALARM
+    return Step.SEND if times < TRIES_BEFORE_WARNING else Step.ALARM
 
 
 class EndWatch:
@@ -110,8 +110,8 @@ class EndWatch:
     ``again`` is emitted with the axes whose end is to be sent again; ``warn`` receives the log lines.
     """
 
-    def __init__(self, now: Callable[[], float], warn: Callable[[str], None], wanted: WantedState) -> None:
-        self._now, self._warn, self._wanted = now, warn, wanted
+    def __init__(self, clock: Callable[[], float], warn: Callable[[str], None], wanted: WantedState) -> None:
+        self._clock, self._warn, self._wanted = clock, warn, wanted
         self.again: Signal[frozenset[int]] = Signal()
         self.samples: list[AxisSample] = []
         self._ending: Ending | None = None
@@ -134,25 +134,25 @@ class EndWatch:
         """Watch an end that was sent; ``speed`` is the highest speed of its axes so far, degrees a second."""
         both, before, begun = frozenset(axes), self.ending, self._wanted.value.motions_begun
         if before is not None and before.axes == both:
-            self._ending = Ending(both, max(speed, before.speed), (*before.sent[:-1], self._now()), begun)
+            self._ending = Ending(both, max(speed, before.speed), (*before.sent_at[:-1], self._clock()), begun)
         elif speed > 0.0:
             rest = (before.axes, before.speed) if before is not None else (frozenset[int](), 0.0)
-            self._ending = Ending(both | rest[0], max(speed, rest[1]), (self._now(),), begun)
+            self._ending = Ending(both | rest[0], max(speed, rest[1]), (self._clock(),), begun)
 
     def look(self, sample: AxisSample) -> None:
         """Take a position, and emit ``again`` if the end must be sent again."""
-        self.samples = [*self.samples[1 - REMEMBERED :], sample]
+        self.samples = [*self.samples[1 - MAX_SAMPLES :], sample]
         ending = self.ending
         if ending is None:
             return
-        step = next_step(ending, self.samples, self._now())
+        step = next_step(ending, self.samples, self._clock())
         if step is Step.DONE:
             self._ending = None
         elif step is not Step.LOOK:
-            again = ending.again(self._now())
-            self._ending = again if len(again.sent) < AT_MOST else None
+            again = ending.again(self._clock())
+            self._ending = again if len(again.sent_at) < MAX_TRIES else None
             self._warn(
-                f"WARNING: the mount keeps moving after {TIMES} stop commands: switch it off"
+                f"WARNING: the mount keeps moving after {TRIES_BEFORE_WARNING} stop commands: switch it off"
                 if step is Step.ALARM
                 else "the mount has not stopped: the stop is sent again"
             )

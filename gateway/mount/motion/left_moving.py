@@ -15,13 +15,13 @@ from gateway.astro.axes import Pair
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.motion_kinds import MOVERS
-from gateway.mount.motion.ends import PART, SLOW, AxisSample
+from gateway.mount.motion.ends import MIN_PART, SLOW, AxisSample
 from gateway.mount.motion.wanted import Slew, Wanted
 
 #: Seconds for which a mark counts without a look at the mount.
-RECENT = 10.0
+MAX_AGE = 10.0
 #: Seconds between the two positions, and for both together.
-APART, LONGEST = 0.7, 1.5
+SAMPLE_GAP, SAMPLES_TIMEOUT = 0.7, 1.5
 #: How many times faster than marked an axis may turn and still be taken for the marked motion.
 FASTER = 2.5
 
@@ -56,7 +56,7 @@ def left_motion(wanted: Wanted, speed: Callable[[op.Rate], float], samples: list
             return None
         speeds[operation.axis] = speed(operation.rate)
     rate = turning(samples[-2], samples[-1])[0] if 1 in speeds and len(samples) > 1 else 0.0
-    shown = abs(rate) >= PART * speeds.get(1, 0.0)
+    shown = abs(rate) >= MIN_PART * speeds.get(1, 0.0)
     return LeftMotion(speeds, (rate > 0.0) - (rate < 0.0) if shown else 0)
 
 
@@ -68,7 +68,7 @@ def turning(before: AxisSample, after: AxisSample) -> Pair:
 
 def still_left(left: LeftMotion, rates: Pair) -> frozenset[int]:
     """Return the axes that still turn as marked, by the speeds of both, degrees a second."""
-    axes = {axis for axis, speed in left.speeds.items() if PART * speed <= abs(rates[axis - 1]) <= FASTER * speed}
+    axes = {axis for axis, speed in left.speeds.items() if MIN_PART * speed <= abs(rates[axis - 1]) <= FASTER * speed}
     return frozenset(axes - ({1} if rates[0] * left.direction < 0.0 else set()))
 
 

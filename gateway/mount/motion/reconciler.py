@@ -31,7 +31,7 @@ from gateway.mount.link.queue import MAX_START_DELAY, MOTION, SETTING, STOP
 from gateway.mount.motion import changes, taps
 from gateway.mount.motion.consequences import Consequences
 from gateway.mount.motion.stopping import StopSender
-from gateway.mount.motion.wanted import FIRST, IN_ORDER, Arrow, Halt, NotOrdered, Order, Tap, Wanted
+from gateway.mount.motion.wanted import FIRST_RANK, USUAL_RANK, Arrow, Halt, NotOrdered, Order, Tap, Wanted
 from gateway.mount.presence import HostActivity
 from gateway.mount.safety.admission.motions import MotionAdmission
 from gateway.protocols.base.driver import FollowUps, Schedule
@@ -71,12 +71,12 @@ class Reconciler:
         #: By order number, the future that the client of the order may wait for.
         self._outcomes: dict[int, Outcome] = {}
         #: The task of the loop while it runs, and whether it has begun: before that it could not catch a cancellation.
-        self._run: asyncio.Task[None] | None = None
+        self._loop_task: asyncio.Task[None] | None = None
         self._has_begun = False
         #: The number of the order that is being carried out, and whether it was cancelled.
         self._active, self._given_up = 0, False
         #: The number of the last order that was admitted, and when the last command of an order was sent.
-        self._admitted, self._sent = 0, 0.0
+        self._admitted, self._last_sent_at = 0, 0.0
         self._stopping = StopSender(context, runner)
         self.at_rest = self._stopping.at_rest
         self._stopping.sent.connect(consequences.stop_sent)
@@ -102,17 +102,18 @@ class Reconciler:
     def take(
         self,
         operation: op.Operation,
-        stops: int | None,
-        by: HostActivity | None,
-        patience: float = inf,
-        asked: float | None = None,
+        stop_count: int | None,
+        activity: HostActivity | None,
+        max_delay: float = inf,
+        arrived_at: float | None = None,
     ) -> Outcome:
-        """Take a motion order and return its outcome. The client ``asked`` at this loop time, after so many ``stops``.
+        """Take a motion order and return its outcome. The client ``arrived_at`` at this loop time, after so many
+        ``stop_count``.
 
-        It waits for the outcome for ``patience`` seconds: a goto is not begun after that.
+        It waits for the outcome for ``max_delay`` seconds: a goto is not begun after that.
         """
         now, wanted = self._loop.time(), self.wanted
-        if self.closed or changes.too_late(wanted, operation, stops):
+        if self.closed or changes.too_late(wanted, operation, stop_count):
             return waiting.cancelled()
         releases = isinstance(operation, op.StopAxis) and operation.axis in wanted.by_hand
         if releases and self._link.occupied and not wanted.waiting_gotos:  # the mount would ignore it for seconds
@@ -127,12 +128,12 @@ class Reconciler:
         order = kind(
             next(self._numbers),
             operation,
-            by,
-            rank=FIRST if wakes else IN_ORDER,
+            activity,
+            rank=FIRST_RANK if wakes else USUAL_RANK,
             at=now + exchange if guides else 0.0,
-            arrow=Arrow(shortest=exchange / taps.LENGTHENED if guides and not self._driver.times_pulses else 0.0),
-            since=now if asked is None else asked,
-            until=now + patience if isinstance(operation, (*GOTOS, op.Sync)) else inf,
+            arrow=Arrow(shortest=exchange / taps.MAX_TAP_FACTOR if guides and not self._driver.times_pulses else 0.0),
+            since=now if arrived_at is None else arrived_at,
+            until=now + max_delay if isinstance(operation, (*GOTOS, op.Sync)) else inf,
         )
         try:
             return self._accept(order)
@@ -192,17 +193,17 @@ class Reconciler:
 
     # --- stops ------------------------------------------------------------------------------------------------------
 
-    def begin_stop(self, why: str | None = None) -> asyncio.Task[None]:
+    def begin_stop(self, reason: str | None = None) -> asyncio.Task[None]:
         """End every motion: cancel all orders that run or wait, and send the stop before everything else.
 
-        It is owed until the mount has acknowledged it, also over a lost reply or line. ``why``: see ``stopped``.
+        It is owed until the mount has acknowledged it, also over a lost reply or line. ``reason``: see ``stopped``.
         """
-        self._want(changes.stopped(self.wanted, why))
-        return self._stopping.send(self._run if self._given_up else None)
+        self._want(changes.stopped(self.wanted, reason))
+        return self._stopping.send(self._loop_task if self._given_up else None)
 
-    async def stop(self, why: str | None = None) -> None:
+    async def stop(self, reason: str | None = None) -> None:
         """End every motion, and wait until the mount has acknowledged it. Raises Fault."""
-        await result_of(self.begin_stop(why))
+        await result_of(self.begin_stop(reason))
 
     def send_again(self, axes: frozenset[int]) -> None:
         """Send an end again, because the position shows that the mount still moves. Other orders continue."""
@@ -243,8 +244,8 @@ class Reconciler:
             over = wanted.active != self._active or self._active not in left
             if self._active and over and not self._given_up:
                 self._given_up = True
-                if self._run is not None and self._has_begun:
-                    self._run.cancel()
+                if self._loop_task is not None and self._has_begun:
+                    self._loop_task.cancel()
 
     def _end_tap(self, tap: Tap) -> None:
         """End the motion of an arrow that was released a while ago, unless something else has ended it."""
@@ -255,8 +256,8 @@ class Reconciler:
 
     def _start_next(self) -> None:
         """Start the loop if it does not run and an order is due."""
-        if self._run is None and (order := self._next()) is not None:
-            self._has_begun, self._run = False, self._loop.create_task(self._carry_out_all(order))
+        if self._loop_task is None and (order := self._next()) is not None:
+            self._has_begun, self._loop_task = False, self._loop.create_task(self._carry_out_all(order))
 
     def _next(self) -> Order | None:
         """Take the order that is due, unless a stop is being sent; if none is due, set a timer."""
@@ -308,7 +309,7 @@ class Reconciler:
                     self._takes_effect(order, order.operation)  # it was interrupted, and may have begun already
                 order = self._next()
         finally:
-            self._run = None
+            self._loop_task = None
 
     def _must_wait(self, order: Order) -> bool:
         """Postpone an order that the mount cannot be given now; refuse it if it has waited too long."""
@@ -326,8 +327,8 @@ class Reconciler:
         """Admit, announce and drive an order; return the operation as admitted, and its answer. Raises Fault."""
         if order.follow_up:
             return order.operation, await self._follow_up(order)
-        arrow = isinstance(order.operation, op.Move | op.MoveAxis) and order.rank == IN_ORDER
-        self._check_tap(order.number, taps.LONGEST_WAIT)
+        arrow = isinstance(order.operation, op.Move | op.MoveAxis) and order.rank == USUAL_RANK
+        self._check_tap(order.number, taps.MAX_WAIT)
         try:
             async with asyncio.timeout_at(order.until if order.until < inf else None):
                 operation = await self._admission.admit(order.operation, order.by)
@@ -343,7 +344,7 @@ class Reconciler:
         check = partial(self._check_tap, order.number, MAX_START_DELAY)
         steps = self._driver.perform(operation)
         answer = await self._runner.drive(steps, priority, order.since if arrow else None, check)
-        self._sent = self._driver.sent_at
+        self._last_sent_at = self._driver.sent_at
         if any(other.number == order.number and other.arrow.then_stop for other in self.wanted.pending):
             await self._runner.perform(op.AbortMotion(), STOP)
             return op.AbortMotion(), None
@@ -410,7 +411,7 @@ class Reconciler:
         before, by_hand = self.wanted, isinstance(operation, op.Move | op.MoveAxis)
         self._consequences.begins(operation)
         speed = self._driver.speed(operation.rate) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
-        self._want(changes.acknowledged(before, order, operation, self._loop.time(), speed, self._sent))
+        self._want(changes.acknowledged(before, order, operation, self._loop.time(), speed, self._last_sent_at))
         self.begins.emit(operation)
         self._consequences.done(operation, before)
         if by_hand or isinstance(operation, op.Focus):

@@ -2,8 +2,8 @@
 
 Motors take up to two seconds to slow down, and whoever exposes, syncs or guides meanwhile does so on a mount that turns
 at degrees a second. Two positions that were requested after the end and agree show rest. Without a position for
-``SILENT`` seconds nobody knows whether the mount moves. The run-on changes what clients are told and when guide pulses
-begin, never whether a stop is sent. Angles are degrees, times seconds of the event loop's clock.
+``MAX_SILENCE`` seconds nobody knows whether the mount moves. The run-on changes what clients are told and when guide
+pulses begin, never whether a stop is sent. Angles are degrees, times seconds of the event loop's clock.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ ARCSECOND = 1.0 / 3600.0
 SKY, DRIVES = 15.041 * ARCSECOND, 3.0 * ARCSECOND
 #: Seconds between two positions that are compared, at least; the age up to which one from before a goto's own end
 #: counts; and the time without a position after which nothing is known.
-APART, BEFORE, SILENT = 0.25, 1.5, 3.0
+MIN_POSITION_GAP, MAX_POSITION_GAP, MAX_SILENCE = 0.25, 1.5, 3.0
 #: Seconds that a guide pulse waits for rest at most.
-PULSE_WAITS = 1.5
+MAX_PULSE_WAIT = 1.5
 #: Two positions agree if they differ by no more than this many units of the position's resolution.
-DIGITS = 1.25
+REST_UNITS = 1.25
 
 
 class TimedPosition(Struct, frozen=True):
@@ -40,14 +40,14 @@ class TimedPosition(Struct, frozen=True):
 
 
 class RunOn(Struct, frozen=True):
-    """A motion that was ended at ``since``; of a ``goto``, park or home, or by hand. ``places`` are the positions that
-    count; ``heard`` is the time of the mount's last report of a position.
+    """A motion that was ended at ``since``; of a ``goto``, park or home, or by hand. ``positions!`` are the positions
+    that count; ``last_position_at!`` is the time of the mount's last report of a position.
     """
 
     since: float
     goto: bool
-    heard: float
-    places: tuple[TimedPosition, ...] = ()
+    last_position_at: float
+    positions: tuple[TimedPosition, ...] = ()
 
 
 def unexplained_motion(before: op.Equatorial, after: op.Equatorial, elapsed: float, equatorial: bool = False) -> float:
@@ -66,21 +66,21 @@ def after_position(run_on: RunOn, position: TimedPosition, equatorial: bool, res
     degrees.
     """
     if position.asked < run_on.since:
-        return replace(run_on, heard=position.at)
-    older = [place for place in run_on.places if position.at - place.at >= APART]
+        return replace(run_on, last_position_at=position.at)
+    older = [place for place in run_on.positions if position.at - place.at >= MIN_POSITION_GAP]
     if older:
         before, elapsed = older[-1], position.at - older[-1].at
-        if unexplained_motion(before.sky, position.sky, elapsed, equatorial) <= DIGITS * resolution:
+        if unexplained_motion(before.sky, position.sky, elapsed, equatorial) <= REST_UNITS * resolution:
             return None
-    places = (*older[-1:], *run_on.places[len(older) :], position)
-    return replace(run_on, heard=position.at, places=places)
+    places = (*older[-1:], *run_on.positions[len(older) :], position)
+    return replace(run_on, last_position_at=position.at, positions=places)
 
 
 class RunOnWatch:
     """Holds the run-on under way, None at rest. ``changed`` is emitted with the time until which pulses wait."""
 
-    def __init__(self, now: Callable[[], float]) -> None:
-        self._now = now
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
         #: Emitted with each command that may set the mount moving, and how often until it was last seen at rest.
         self.sent: Signal[None] = Signal()
         self._rested_at = 0
@@ -97,11 +97,11 @@ class RunOnWatch:
     @property
     def unknown(self) -> bool:
         """Whether the mount has not reported its position for so long that nothing is known of its motion."""
-        return self.value is not None and self._now() - self.value.heard > SILENT
+        return self.value is not None and self._clock() - self.value.last_position_at > MAX_SILENCE
 
     def activity(self, wanted: Wanted, parked: bool, heard: float) -> op.Activity:
         """Return the motion by orders of this gateway, including the run-on. ``parked``: the mount is parked;
-        ``heard``: seconds since its last reply.
+        ``last_position_at!``: seconds since its last reply.
         """
         slews, waiting = isinstance(wanted.motion, Slew), [order for order in wanted.pending if not order.follow_up]
         # The last step of a park: the tube has arrived, and tracking is not off yet.
@@ -111,8 +111,8 @@ class RunOnWatch:
             by_hand=isinstance(wanted.motion, ByHand)
             or any(isinstance(order.operation, op.Move | op.MoveAxis) for order in waiting),
             ends=wanted.owed or self.value is not None,
-            unknown=self.unknown or (wanted.owed and heard > SILENT),
-            pulse=any(pulse.until > self._now() for pulse in wanted.pulses)
+            unknown=self.unknown or (wanted.owed and heard > MAX_SILENCE),
+            pulse=any(pulse.until > self._clock() for pulse in wanted.pulses)
             or any(isinstance(order.operation, op.Pulse | op.PulseAxis) for order in wanted.pending),
             parked=parked,
             homed=wanted.homed and not slews,
@@ -128,13 +128,13 @@ class RunOnWatch:
         from shortly before, may already show rest. ``by_others``: somebody else moves the mount. A repeated end, and
         the end of a mount that was at rest since its last motion, change nothing.
         """
-        now = self._now()
+        now = self._clock()
         if self.value is not None or not (self.sent.count != self._rested_at or by_others):
             self.value = None if self.value is None else replace(self.value, goto=goto or self.value.goto)
             return
-        counts = latest is not None and now - latest.asked < BEFORE
+        counts = latest is not None and now - latest.asked < MAX_POSITION_GAP
         self.value = RunOn(now, goto, now, (latest,) if counts and latest is not None else ())
-        self.changed.emit(now + PULSE_WAITS)
+        self.changed.emit(now + MAX_PULSE_WAIT)
 
     def forget(self) -> None:
         """Note that a motion has begun, or that the mount hibernates: nothing runs on. Pulses wait as before."""

@@ -15,13 +15,13 @@ from gateway.mount.motion.ends import AxisSample
 from gateway.mount.site.astrometry import SiteAstrometry
 
 #: A change of right ascension in degrees that no motor makes between two positions: a sync, or the pole was passed.
-JUMP = 30.0
+JUMP_DEGREES = 30.0
 #: The resolution of positions in degrees: a second of right ascension or a 16-bit reading; that of low precision.
-DIGIT, COARSE_DIGIT = 0.006, 0.025
+POSITION_RESOLUTION, COARSE_RESOLUTION = 0.006, 0.025
 #: Degrees between two positions from which the direction of the motion can be told; near the pole or zenith it cannot.
-RISEN, NEAR_POLE = 0.2, 85.0
+MIN_DIRECTION_STEP, NEAR_POLE = 0.2, 85.0
 #: When the tube passes the pole or the zenith, the first axis seems to turn by half a circle: degrees, and how near.
-HALF_CIRCLE, PASSES = 90.0, 60.0
+POLE_PASSAGE_TURN, PASSES = 90.0, 60.0
 NEVER = -1e9
 
 
@@ -61,9 +61,9 @@ class Observed(Struct, frozen=True):
     before that.
 
     ``began`` is when the last motion began, ``ordered_speed`` its speed if known, ``across`` the speed on the sky.
-    ``farthest`` are the distances from which each Sun is being approached. ``upright`` becomes False when the tube
-    passes the pole or the zenith, or sinks although it is lifted, and True again when positions show it back or the
-    next goto has ended.
+    ``farthest_from_suns!`` are the distances from which each Sun is being approached. ``upright`` becomes False when
+    the tube passes the pole or the zenith, or sinks although it is lifted, and True again when positions show it back
+    or the next goto has ended.
     """
 
     before: PositionSample | None = None
@@ -73,7 +73,7 @@ class Observed(Struct, frozen=True):
     began: float = NEVER
     ordered_speed: float = 0.0
     across: float = 0.0
-    farthest: tuple[float, ...] = ()
+    farthest_from_suns: tuple[float, ...] = ()
     upright: bool = True
 
     @property
@@ -90,7 +90,7 @@ def begin_motion(observed: Observed, now: float, ordered_speed: float, at_rest: 
 
 def add_first_position(observed: Observed, sample: PositionSample) -> Observed:
     """Add a position that cannot be compared with the last position."""
-    return replace(observed, before=None, last=sample, farthest=sample.suns)
+    return replace(observed, before=None, last=sample, farthest_from_suns=sample.suns)
 
 
 def add_position(observed: Observed, sample: PositionSample) -> Observed:
@@ -118,7 +118,7 @@ def lifted(observed: Observed, equatorial: bool, speed: float) -> Observed:
         return observed
     rose = now - was
     # otherwise something else moved the tube
-    if abs(rose) > RISEN and 0.4 < abs(rose) / (speed * observed.elapsed) < 2.0:
+    if abs(rose) > MIN_DIRECTION_STEP and 0.4 < abs(rose) / (speed * observed.elapsed) < 2.0:
         return replace(observed, upright=rose * last.lifting.sense > 0)
     return observed
 
@@ -134,7 +134,7 @@ def passed(
     if last is None or status is None:
         return observed
     before, after = (axis_sample(astrometry, status, False, each.at, each.place).axes for each in (last, sample))
-    passes = abs(wrap180(after[0] - before[0])) > HALF_CIRCLE and min(abs(before[1]), abs(after[1])) > PASSES
+    passes = abs(wrap180(after[0] - before[0])) > POLE_PASSAGE_TURN and min(abs(before[1]), abs(after[1])) > PASSES
     return replace(observed, upright=not observed.upright) if passes else observed
 
 
@@ -143,7 +143,7 @@ def at_one_time(now: float, place: op.Equatorial, before: PositionSample, lag: f
     seconds earlier.
     """
     turned = wrap180(place.ra - before.place.ra)
-    if not lag or abs(turned) > JUMP:
+    if not lag or abs(turned) > JUMP_DEGREES:
         return place
     return replace(place, ra=(place.ra + turned / (now - before.at) * lag) % 360.0)
 
@@ -152,7 +152,7 @@ def axis_sample(
     astrometry: SiteAstrometry, status: op.Status | None, coarse: bool, now: float, place: op.Equatorial
 ) -> AxisSample:
     """Return a position as readings of the two axes: right ascension and declination, or azimuth and altitude."""
-    resolution = COARSE_DIGIT if coarse else DIGIT
+    resolution = COARSE_RESOLUTION if coarse else POSITION_RESOLUTION
     if status is None or status.equatorial or astrometry.site_clock.site() is None:
         return AxisSample(now, (place.ra, place.dec), resolution)
     horizon = astrometry.horizon(place)

@@ -21,9 +21,9 @@ from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import STOP
 
 #: How often a stop is sent at once on a line that is up, if its reply is lost.
-TRIES = 3
+IMMEDIATE_TRIES = 3
 #: Seconds between further attempts while the stop is not acknowledged; after the last attempt the log warns the user.
-AGAIN = (1.5, 2.0, 3.0, 5.0, 10.0, 10.0)
+RETRY_DELAYS = (1.5, 2.0, 3.0, 5.0, 10.0, 10.0)
 
 
 class StopSender:
@@ -54,7 +54,7 @@ class StopSender:
     async def _send(self, given_up: asyncio.Task[Any] | None) -> None:
         if given_up is not None:
             await asyncio.wait({given_up})
-        for attempt in range(TRIES):
+        for attempt in range(IMMEDIATE_TRIES):
             try:
                 await self._runner.perform(AbortMotion(), STOP)
                 break
@@ -62,7 +62,7 @@ class StopSender:
                 self._context.note(f"stop: {fault}")
                 if self._driver.asleep and self._link.state != "down":  # a hibernating mount stands still
                     break
-                if attempt == TRIES - 1 or self._link.state == "down":
+                if attempt == IMMEDIATE_TRIES - 1 or self._link.state == "down":
                     self.sent.emit(None)  # the stop stays owed
                     raise
         self.sent.emit(None)
@@ -79,9 +79,9 @@ class StopSender:
         self.ended.emit(None)
         if task.cancelled() or not isinstance(task.exception(), NoAnswer | Busy):
             self._attempts = 0
-        elif self._attempts < len(AGAIN):
+        elif self._attempts < len(RETRY_DELAYS):
             self._cancel()
-            self._timer = self._loop.call_later(AGAIN[self._attempts], self._retry, self._owed_for())
+            self._timer = self._loop.call_later(RETRY_DELAYS[self._attempts], self._retry, self._owed_for())
         else:
             self._attempts = 0
             self._context.note(

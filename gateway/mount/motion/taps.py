@@ -13,19 +13,19 @@ from msgspec.structs import replace
 from gateway.core import operations as op
 from gateway.core.errors import Busy
 from gateway.core.motion_kinds import END_ORDERS, axis_moved
-from gateway.mount.motion.wanted import FIRST, Arrow, AxisMotion, ByHand, Halt, NotOrdered, Order, Tap, Wanted
+from gateway.mount.motion.wanted import FIRST_RANK, Arrow, AxisMotion, ByHand, Halt, NotOrdered, Order, Tap, Wanted
 from gateway.mount.presence import HostActivity
 
 #: A press that has waited longer than this for its turn is dropped with its release, and so is a press that was held
 #: longer.
-LONGEST_WAIT, LONGEST_HELD = 1.5, 1.0
+MAX_WAIT, MAX_TAP_TIME = 1.5, 1.0
 #: A motion that has begun, a moment after the press, lasts this part of the time for which its arrow was held, if that
-#: was LONGEST_HELD at most, and all of it if it was no longer than SHORT.
-PART, SHORT = 0.75, 0.3
+#: was MAX_TAP_TIME at most, and all of it if it was no longer than SHORT_TAP_TIME.
+MIN_TAP_FRACTION, SHORT_TAP_TIME = 0.75, 0.3
 #: A full stop of a program that releases arrows by it lets an arrow move that was pressed no longer ago than this.
-JUST_PRESSED = 0.5
+RECENT_PRESS_AGE = 0.5
 #: A tap at guide rate lasts no longer than this multiple of the time that its arrow was held.
-LENGTHENED = 1.5
+MAX_TAP_FACTOR = 1.5
 
 
 class TapDropped(Busy):
@@ -53,23 +53,23 @@ def released(wanted: Wanted, release: Order) -> Wanted | None:
     if begun is None or over(wanted, axis) or not _same(begun.by, release.by):
         return None
     held = release.since - begun.asked
-    if held > LONGEST_HELD:
+    if held > MAX_TAP_TIME:
         return None
     # A release may have waited since it was read: then its motion had not begun. At guide rate the length counts.
     whole = release.since < begun.since or at_guide_rate(begun.operation)
-    least = held if whole else max(min(held, SHORT), held * PART)
+    least = held if whole else max(min(held, SHORT_TAP_TIME), held * MIN_TAP_FRACTION)
     return begin(wanted, begun, axis, least) if begun.sent + least > release.since else None
 
 
-def _held_until(wanted: Wanted, waiting: list[Order], release: Order) -> Wanted:
+def _held_until(wanted: Wanted, orders: list[Order], release: Order) -> Wanted:
     """Return the new ``Wanted`` when the release shows how long the newest arrow was held, and an earlier arrow under
     way.
     """
-    newest = waiting[-1]
-    first = waiting[0] if waiting[0].number == wanted.active else newest
+    newest = orders[-1]
+    first = orders[0] if orders[0].number == wanted.active else newest
     spans = [(first, release)] if first.operation == newest.operation else [(first, newest), (newest, release)]
     taps = {order.number: _with_holding_time(order, max(0.0, end.since - order.since)) for order, end in spans}
-    remaining = (order for order in wanted.pending if order not in waiting or order.number in taps)
+    remaining = (order for order in wanted.pending if order not in orders or order.number in taps)
     wanted = replace(wanted, pending=tuple(taps.get(order.number, order) for order in remaining))
     last = taps[spans[-1][0].number]
     if at_guide_rate(last.operation) and last.number != wanted.active:
@@ -101,14 +101,14 @@ def _joined(wanted: Wanted, tap: Order) -> Wanted:
     before = next((other for other in reversed(others) if _arrow_of(tap, other) and other.number < tap.number), None)
     if before is not None:
         held = (before.held or 0.0) + (tap.held or 0.0)
-        if before.operation == tap.operation and tap.number != wanted.active and held <= LONGEST_HELD:
+        if before.operation == tap.operation and tap.number != wanted.active and held <= MAX_TAP_TIME:
             joined = replace(_with_holding_time(before, held), since=tap.since)
             return replace(wanted, pending=tuple(joined if other is before else other for other in others))
     elif (
         begun is not None and begun.operation == tap.operation and waits_for(wanted, axis) and not _halted(wanted, axis)
     ):
         longer = [replace(other, until=other.until + (tap.held or 0.0)) for other in wanted.taps if other.axis == axis]
-        if _same(begun.by, tap.by) and longer[0].until - begun.sent <= LONGEST_HELD:
+        if _same(begun.by, tap.by) and longer[0].until - begun.sent <= MAX_TAP_TIME:
             taps = (*(other for other in wanted.taps if other.axis != axis), *longer)
             return replace(wanted, pending=others, taps=taps)
     return wanted
@@ -136,7 +136,7 @@ def begin(wanted: Wanted, motion: AxisMotion, axis: int, held: float) -> Wanted:
     return replace(wanted, taps=(*others, Tap(axis, motion.by, motion.sent + held)))
 
 
-def stopped_at_once(wanted: Wanted, by: HostActivity, now: float) -> Wanted | None:
+def stopped_at_once(wanted: Wanted, activity: HostActivity, now: float) -> Wanted | None:
     """Return the new ``Wanted`` after a full stop that only releases an arrow: the shortest motion, and then the stop.
 
     None if the stop must be sent at once: the motion has begun, the press is too old, or something else moves or waits.
@@ -146,9 +146,9 @@ def stopped_at_once(wanted: Wanted, by: HostActivity, now: float) -> Wanted | No
     if moving or len(waiting) != 1:
         return None
     [press] = waiting
-    if axis_moved(press.operation) is None or press.held is not None or not _same(press.by, by):
+    if axis_moved(press.operation) is None or press.held is not None or not _same(press.by, activity):
         return None
-    if now - press.since > JUST_PRESSED:
+    if now - press.since > RECENT_PRESS_AGE:
         return None
     tap = replace(press, arrow=Arrow(held=0.0, then_stop=True))
     pending = tuple(tap if other is press else other for other in wanted.pending)
@@ -158,7 +158,7 @@ def stopped_at_once(wanted: Wanted, by: HostActivity, now: float) -> Wanted | No
 def ended(wanted: Wanted, end: Halt) -> Wanted:
     """Add the end of a tap. It cancels no order that came after the tap; a goto under way serves as the end."""
     gotos = [other.number for other in wanted.waiting_gotos if other.number == wanted.active]
-    end = replace(end, rank=FIRST, overtakes=True, order_count=wanted.order_count, unless=gotos[0] if gotos else 0)
+    end = replace(end, rank=FIRST_RANK, overtakes=True, order_count=wanted.order_count, unless=gotos[0] if gotos else 0)
     return replace(wanted, pending=(*wanted.pending, end))
 
 
@@ -232,7 +232,7 @@ def _with_holding_time(press: Order, seconds: float) -> Order:
 
 
 def _waited_too_long(press: Order, release: Order) -> bool:
-    return release.since - press.since > LONGEST_HELD
+    return release.since - press.since > MAX_TAP_TIME
 
 
 def _arrow_of(order: Order, other: Order) -> bool:

@@ -24,13 +24,13 @@ from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.site.pending_settings import IncomingSettings
 
 #: The ranks of orders: ends (and what must precede motions), what an end interrupted, all other orders.
-FIRST, RESUMED, IN_ORDER = range(3)
-#: How many repetitions of a halt go before all other orders, each within AGAIN seconds of the last.
-AT_ONCE, AGAIN = 1, 1.0
+FIRST_RANK, RESUMED_RANK, USUAL_RANK = range(3)
+#: How many repetitions of a halt go before all other orders, each within URGENT_REPEAT_WINDOW seconds of the last.
+URGENT_REPEATS, URGENT_REPEAT_WINDOW = 1, 1.0
 #: Seconds that an order waits at most while the mount accepts no commands, and seconds between two checks.
-LONGEST, LOOK = 15.0, 0.1
+MAX_POSTPONEMENT, RECHECK_PERIOD = 15.0, 0.1
 #: Seconds that a goto waits at most for a site or clock that was set before it, and an arrow for a setting on its way.
-FOR_SETTINGS, FOR_EXCHANGE = 20.0, 1.0
+MAX_SETTINGS_WAIT, MAX_EXCHANGE_WAIT = 20.0, 1.0
 
 
 class Postponement(NamedTuple):
@@ -65,7 +65,7 @@ class Order(Struct, frozen=True):
     number: int
     operation: op.Operation
     by: HostActivity | None = None
-    rank: int = IN_ORDER
+    rank: int = USUAL_RANK
     since: float = 0.0
     at: float = 0.0
     until: float = inf
@@ -109,7 +109,7 @@ class Order(Struct, frozen=True):
         """Whether it is a goto whose client has disconnected: it is not begun any more."""
         return isinstance(self.operation, GOTOS) and self.by is not None and self.by.closed is not None
 
-    def may_wait(self, now: float, longest: float = LONGEST) -> bool:
+    def may_wait(self, now: float, longest: float = MAX_POSTPONEMENT) -> bool:
         """Whether it may wait longer; if not, it is refused while the client still waits for its outcome."""
         return self.not_while_busy or now < min(self.since + longest, self.until)
 
@@ -122,12 +122,12 @@ class Order(Struct, frozen=True):
         if isinstance(self.operation, GOTOS) and not self.follow_up and (incoming.pending or incoming.unfinished):
             refusal = incoming.holds_up(now, occupied)
             if refusal is not None:
-                return Postponement(FOR_SETTINGS, refusal)
+                return Postponement(MAX_SETTINGS_WAIT, refusal)
         if occupied and self.can_be_postponed:
-            return Postponement(LONGEST, Busy())
+            return Postponement(MAX_POSTPONEMENT, Busy())
         arrow = isinstance(self.operation, op.Move | op.MoveAxis)
-        if arrow and incoming.sending and now < self.since + FOR_EXCHANGE:
-            return Postponement(FOR_EXCHANGE, None)
+        if arrow and incoming.sending and now < self.since + MAX_EXCHANGE_WAIT:
+            return Postponement(MAX_EXCHANGE_WAIT, None)
         return None
 
 
@@ -148,7 +148,7 @@ class Halt(Order, frozen=True):
     @property
     def keeps_repeating(self) -> bool:
         """Whether a client keeps repeating it: then it can wait for its turn."""
-        return self.repeats > AT_ONCE
+        return self.repeats > URGENT_REPEATS
 
 
 class AxisMotion(Struct, frozen=True):
@@ -304,7 +304,7 @@ class Wanted(Struct, frozen=True):
 
     def postponed(self, order: Order, now: float) -> Wanted:
         pending = tuple(
-            replace(other, at=now + LOOK) if other.number == order.number else other for other in self.pending
+            replace(other, at=now + RECHECK_PERIOD) if other.number == order.number else other for other in self.pending
         )
         return replace(self, pending=pending, active=0 if self.active == order.number else self.active)
 

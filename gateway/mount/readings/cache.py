@@ -39,21 +39,21 @@ MAX_AGE: dict[Kind, float] = {
 #: The same for replies in the mount's own protocol; others are not cached.
 OWN_AGE = {"fixed": inf, "state": 1.0, "site": 1.0}
 #: How many of these are cached: clients may ask for any number of devices.
-REMEMBERED = 200
+MAX_NATIVE_REPLIES = 200
 #: The period in seconds at which a reading is renewed while clients poll it.
 POLL_PERIOD: dict[Kind, float] = {
     op.Position: 0.4, op.HorizontalPosition: 0.45, op.AxisPosition: 0.45, op.Slewing: 0.5, op.GetStatus: 2.5,
 }  # fmt: skip
 #: The kinds that are polled at another pace after a reading of a kind: while the mount slews, and with each position.
-WAKES: dict[Kind, tuple[Kind, ...]] = {
+POLLS_WOKEN_BY: dict[Kind, tuple[Kind, ...]] = {
     **{kind: (kind,) for kind in POLL_PERIOD},
     op.Slewing: (op.Slewing, op.Position),
     op.Position: (op.Position, op.AxisPosition),
 }
 #: A reading counts as polled if a client asked for it within this many seconds.
-POLLING = 3.0
+POLLING_INTEREST_TIME = 3.0
 #: A reading is fresh for this many reply times at least.
-EXCHANGES = 2.5
+REPLY_TIMES = 2.5
 #: Seconds for which clients still get the last position after the line went down.
 LAST_POSITION = 10.0
 
@@ -103,15 +103,15 @@ class ReadingsCache:
         self._link = link
         self.entries: dict[Kind, CachedAnswer] = {}
         self._native_replies: dict[op.NativeRequest, CachedAnswer] = {}
-        self._asked: dict[Kind, float] = {}
+        self._last_interest: dict[Kind, float] = {}
         #: A number that grows whenever an answer may have changed, and that of the orders and settings sent so far.
         self.version = self.orders = 0
         #: Positions that were requested before this loop time are outdated for clients.
-        self.outdated = -1e9
+        self.outdated_at = -1e9
         #: Emitted with the last answer to Slewing, False if there is none, whenever it may be another.
         self.slews: Signal[bool] = Signal()
         #: Set when the next read of a kind may be due earlier than it was.
-        self.due: defaultdict[Kind, TimedEvent] = defaultdict(TimedEvent)
+        self.due_events: defaultdict[Kind, TimedEvent] = defaultdict(TimedEvent)
 
     def put(self, kind: Kind, value: Any, now: float) -> None:
         """Store a reading that the mount reported, or that follows from a command that it acknowledged."""
@@ -143,19 +143,19 @@ class ReadingsCache:
     def look_again(self, kind: Kind) -> None:
         """Treat earlier replies as outdated, and read again soon: a reading has changed, or a motion has begun."""
         self.version += 1
-        for woken in WAKES.get(kind, ()):
-            self.due[woken].set()
+        for woken in POLLS_WOKEN_BY.get(kind, ()):
+            self.due_events[woken].set()
         if kind is op.Slewing:
             self.slews.emit(bool(self.value(kind)))
 
     def outdate(self, now: float) -> None:
         """Treat positions that were requested before ``now`` as outdated for clients."""
-        self.outdated = now
+        self.outdated_at = now
         self.version += 1
 
     def touch(self, kinds: Iterable[Kind], now: float) -> None:
         for kind in kinds:
-            self._asked[kind] = now
+            self._last_interest[kind] = now
 
     def value(self, kind: Kind) -> Any:
         """Return the last reading, however old; None before the first."""
@@ -166,14 +166,14 @@ class ReadingsCache:
         """Note that a client asks, and return the reading if it is fresh, else NOT_CACHED. On a line that is slow or
         not up, readings stay fresh for longer.
         """
-        self._asked[kind] = now
+        self._last_interest[kind] = now
         entry = self.entries.get(kind)
         if entry is None or entry.forgotten:
             return NOT_CACHED
         age, link = now - entry.at, self._link
         if age <= min(entry.fresh_for, LAST_POSITION):  # whatever the line
             return entry.value
-        fresh_for = max(entry.fresh_for, EXCHANGES * link.times.typical_rtt) if link.state == "up" else LAST_POSITION
+        fresh_for = max(entry.fresh_for, REPLY_TIMES * link.times.typical_rtt) if link.state == "up" else LAST_POSITION
         return entry.value if age <= fresh_for else NOT_CACHED
 
     def last(self, kind: Kind) -> Any:
@@ -192,7 +192,7 @@ class ReadingsCache:
         return 1e9 if entry is None or entry.forgotten else now - entry.at
 
     def polled(self, kind: Kind, now: float) -> bool:
-        return now - self._asked.get(kind, -1e9) <= POLLING
+        return now - self._last_interest.get(kind, -1e9) <= POLLING_INTEREST_TIME
 
     # --- replies in the mount's own protocol -------------------------------------------------------------------------
 
@@ -212,7 +212,7 @@ class ReadingsCache:
         self._native_replies.pop(operation, None)
         if fresh_for:
             self._native_replies[operation] = CachedAnswer(answer, now, fresh_for, orders=orders)
-        if len(self._native_replies) > REMEMBERED:
+        if len(self._native_replies) > MAX_NATIVE_REPLIES:
             del self._native_replies[next(iter(self._native_replies))]
 
 

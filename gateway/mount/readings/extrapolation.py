@@ -16,22 +16,22 @@ from gateway.astro.spherical import separation, wrap180, wrap360
 from gateway.core import operations as op
 from gateway.core.errors import Unsupported
 from gateway.mount.context import Context
-from gateway.mount.link.driver_runner import FASTEST
+from gateway.mount.link.driver_runner import MAX_SPEED
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.readings.cache import CachedAnswer, Kind, Pair, Reading, angles
 
 #: Seconds after the last reading for which the position is extrapolated.
-LONGEST = 1.0
+MAX_EXTRAPOLATION = 1.0
 #: Seconds before the last reading for which it is calculated: a moment ago may be asked for again.
-EARLIER = 0.05
+MAX_BACKWARD = 0.05
 #: Two readings give a rate if they are between so many seconds apart: less is rounding, more is out of date.
-SOONEST, LATEST = 0.1, 3.0
+SOONEST, MAX_READING_GAP = 0.1, 3.0
 #: Degrees from the equator beyond which the first angle does not change evenly, and its largest change otherwise.
-POLEWARD, TURN = 85.0, 30.0
+POLE_LATITUDE, MAX_TURN = 85.0, 30.0
 #: An angle must change by this many units of its resolution between two readings: less is rounding.
-DIGITS = 3.0
+MIN_UNITS = 3.0
 #: The part of the distance to the goal that is covered at most: motors slow down, and the arrival is never guessed.
-NEARER = 0.5
+MAX_GOAL_FRACTION = 0.5
 
 
 class Extrapolation(Struct, frozen=True):
@@ -61,25 +61,25 @@ def course(
     if before is None or rates is None:
         return Extrapolation(last)
     rooms = (inf, inf) if goal is None else (_room(before, last, goal, 0), _room(before, last, goal, 1))
-    duration = LONGEST
+    duration = MAX_EXTRAPOLATION
     if polar:
-        to_pole = POLEWARD - last.place[1] if rates[1] > 0.0 else POLEWARD + last.place[1]
-        ends = last.at[0] + _until(rates[0], TURN), last.at[1] + _until(rates[1], to_pole)
+        to_pole = POLE_LATITUDE - last.place[1] if rates[1] > 0.0 else POLE_LATITUDE + last.place[1]
+        ends = last.at[0] + _until(rates[0], MAX_TURN), last.at[1] + _until(rates[1], to_pole)
         duration = min(duration, min(ends) - last.complete)
         if duration < 0.0:
             return Extrapolation(last)
     return Extrapolation(last, rates, rooms, duration)
 
 
-def place(going: Extrapolation, now: float) -> Pair:
+def place(course: Extrapolation, now: float) -> Pair:
     """Return the position at a time: the first angle in [0, 360), the second in [-180, 180)."""
-    begins = going.begins
-    if going.rates == (0.0, 0.0):
+    begins = course.begins
+    if course.rates == (0.0, 0.0):
         return begins.place
-    then = begins.complete + max(-EARLIER, min(now - begins.complete, going.duration))
+    then = begins.complete + max(-MAX_BACKWARD, min(now - begins.complete, course.duration))
     first, second = (
         max(-room, min(room, rate * (then - at)))
-        for rate, room, at in zip(going.rates, going.rooms, begins.at, strict=True)
+        for rate, room, at in zip(course.rates, course.rooms, begins.at, strict=True)
     )
     return wrap360(begins.place[0] + first), wrap180(begins.place[1] + second)
 
@@ -91,26 +91,26 @@ def _until(rate: float, degrees: float) -> float:
 def _rates(before: Reading, last: Reading, fastest: float, resolution: float, polar: bool) -> Pair | None:
     """Return the rates of both angles in degrees a second; None if the readings do not show them."""
     elapsed = last.at[0] - before.at[0], last.at[1] - before.at[1]
-    if min(elapsed) < SOONEST or max(elapsed) > LATEST:
+    if min(elapsed) < SOONEST or max(elapsed) > MAX_READING_GAP:
         return None
     turned = wrap180(last.place[0] - before.place[0]), wrap180(last.place[1] - before.place[1])
     if polar:
-        if max(abs(before.place[1]), abs(last.place[1])) >= POLEWARD or abs(turned[0]) > TURN:
+        if max(abs(before.place[1]), abs(last.place[1])) >= POLE_LATITUDE or abs(turned[0]) > MAX_TURN:
             return None
         if separation(*before.place, *last.place) > fastest * max(elapsed):
             return None
     elif max(abs(turned[0]) / elapsed[0], abs(turned[1]) / elapsed[1]) > fastest:
         return None
-    first, second = (turned[n] / elapsed[n] if abs(turned[n]) >= DIGITS * resolution else 0.0 for n in (0, 1))
+    first, second = (turned[n] / elapsed[n] if abs(turned[n]) >= MIN_UNITS * resolution else 0.0 for n in (0, 1))
     return first, second
 
 
-def _room(before: Reading, last: Reading, goal: Pair, which: int) -> float:
+def _room(before: Reading, last: Reading, goal: Pair, angle_index: int) -> float:
     """Return the degrees that an angle may still turn; unlimited while it moves away from the goal (a longer path)."""
-    was, left = (wrap180(goal[which] - reading.place[which]) for reading in (before, last))
+    was, left = (wrap180(goal[angle_index] - reading.place[angle_index]) for reading in (before, last))
     if was * left <= 0.0:
         return 0.0  # it has arrived
-    return NEARER * abs(left) if abs(left) <= abs(was) else inf
+    return MAX_GOAL_FRACTION * abs(left) if abs(left) <= abs(was) else inf
 
 
 # --- the course of a mount, and its goal ------------------------------------------------------------------------------
@@ -120,11 +120,11 @@ def course_of(context: Context, kind: Kind, entry: CachedAnswer) -> Extrapolatio
     """Return the course after the last reading of a kind, calculated once."""
     if entry.course is None:
         assert entry.reading is not None
-        before = entry.before if entry.before is not None and entry.before.asked >= context.cache.outdated else None
+        before = entry.before if entry.before is not None and entry.before.asked >= context.cache.outdated_at else None
         entry.course = course(
             None if before is None else before.reading,
             entry.reading,
-            fastest=FASTEST * context.driver.speed_factor,
+            fastest=MAX_SPEED * context.driver.speed_factor,
             resolution=context.driver.resolution,
             goal=_goal(context, kind),
             polar=kind is not op.AxisPosition,

@@ -22,29 +22,29 @@ from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.settings import SiteAndClock
 
 #: Seconds between two position reads that no client asked for, at most.
-HEARTBEAT = 5.0
+POSITION_PERIOD = 5.0
 #: What a person may change at the mount's keys, and the seconds between two reads of it. Without clients it is read
 #: less often, but it is: the limits, and the next client, depend on it.
 SETTINGS: tuple[Kind, ...] = (op.GetSite, op.GetClock)
 SETTING_AGE, SETTING_AGE_ALONE = 50.0, 200.0
 #: Seconds between reads of the site of a mount that keeps its own: a goto must be judged by one that its owner has set
 #: ten seconds before at the latest.
-SITE_AGE = 5.0
+SITE_PERIOD = 5.0
 #: Seconds to wait after an error, and until a mount is looked at again whose site and clock cannot be read now.
-ASK_AGAIN = 1.0
+RETRY_DELAY = 1.0
 #: Seconds until the axes are read again after the mount did not report them, unless a client polls them.
 AXES_AGAIN = 10.0
 #: Seconds between two reads of the status that no client asks for: pages show it and do not ask; and from the end of a
 #: motion until the next: by then a parked mount no longer tracks, and no other arrow is likely to follow at once.
-STATUS_ALONE, AFTER_MOTION = 12.0, 5.0
+STATUS_PERIOD_ALONE, STATUS_DELAY_AFTER_MOTION = 12.0, 5.0
 #: Seconds that a task sleeps whose reading is not needed; a new reading or a motion wakes it.
-IDLE = 3600.0
+IDLE_SLEEP = 3600.0
 #: Seconds between two exchanges of the same kind at least: others need the line, too.
 SHORTEST_PAUSE = 0.05
 #: Seconds between the position that shows that somebody else moves the mount and the next, which shows how fast.
-FOUND_MOVING = 0.2
+MOVED_BY_OTHERS_PERIOD = 0.2
 #: The part of an exchange that passes, on average, until the line is free for the next.
-WAIT_FOR_LINE = 0.5
+LINE_WAIT_FRACTION = 0.5
 #: Seconds by which timers may fire too early: event loops count in milliseconds.
 TIMER_ERROR = 0.001
 
@@ -59,12 +59,12 @@ class Poller:
         reader: Reader,
         settings: SiteAndClock,
         watch: LimitWatch,
-        ends: EndWatch,
+        end_watch: EndWatch,
     ) -> None:
         self._context, self._link, self._cache = context, context.link, context.cache
-        self._gate, self._reader, self._settings, self._watch, self._ends = gate, reader, settings, watch, ends
+        self._gate, self._reader, self._settings, self._watch, self._ends = gate, reader, settings, watch, end_watch
         #: The loop times at which a read has failed last.
-        self._failed = dict.fromkeys(POLL_PERIOD, -1e9)
+        self._failed_at = dict.fromkeys(POLL_PERIOD, -1e9)
         #: The loop time by which the status is read although it is not old.
         self._status_due = inf
         #: The loop times of the last requests for site and clock.
@@ -82,7 +82,7 @@ class Poller:
                 await self._keep_fresh(kind)
             except Exception as error:  # a defect must not end the task
                 self._context.note(f"internal error, please report it: {error!r}")
-                await asyncio.sleep(ASK_AGAIN)
+                await asyncio.sleep(RETRY_DELAY)
 
     async def _keep_fresh(self, kind: Kind) -> None:
         while True:
@@ -93,14 +93,14 @@ class Poller:
             if pause <= TIMER_ERROR:
                 await self.renew(kind)
                 pause = self._pause(kind, self._context.now())
-            self._cache.due[kind].clear()
-            await self._cache.due[kind].within(max(0.005, pause))
+            self._cache.due_events[kind].clear()
+            await self._cache.due_events[kind].within(max(0.005, pause))
 
     def _needed(self, kind: Kind, now: float) -> bool:
         """Whether a client polls this kind of read, or the gateway itself needs it."""
         if kind is op.Position and self._watched:
             return True
-        if kind is op.AxisPosition and now - self._failed[kind] > AXES_AGAIN and self._watch.hour_angle.interval:
+        if kind is op.AxisPosition and now - self._failed_at[kind] > AXES_AGAIN and self._watch.hour_angle.interval:
             return True
         if kind is op.Slewing and (self._context.movement.slewing or self._context.driver.moved_by_others):
             return True
@@ -113,22 +113,22 @@ class Poller:
         return self._context.movement.anything or self._watch.moved_by_others or self._ends.pending or runs_on
 
     def _goto_ended(self, _: None) -> None:
-        self._status_due = self._context.now() + AFTER_MOTION
-        self._cache.due[op.GetStatus].set()
+        self._status_due = self._context.now() + STATUS_DELAY_AFTER_MOTION
+        self._cache.due_events[op.GetStatus].set()
 
     def _pause(self, kind: Kind, now: float) -> float:
         """Return the seconds until the next request, so that its reply arrives when the last reading becomes stale."""
         if kind in SETTINGS:
             return self._setting_pause(kind, now)
         if kind is op.Position and not self._needed(kind, now):
-            heartbeat = max(POLL_PERIOD[kind], min(HEARTBEAT, self._watch.look_within))
+            heartbeat = max(POLL_PERIOD[kind], min(POSITION_PERIOD, self._watch.look_within))
             return heartbeat - self._cache.age(kind, now)
         if not self._needed(kind, now):
-            return self._status_pause(now) if kind is op.GetStatus else IDLE
-        ahead = (self._reader.exchanges.get(kind, 1) + WAIT_FOR_LINE) * self._link.times.typical_rtt
+            return self._status_pause(now) if kind is op.GetStatus else IDLE_SLEEP
+        ahead = (self._reader.exchanges.get(kind, 1) + LINE_WAIT_FRACTION) * self._link.times.typical_rtt
         every = POLL_PERIOD[kind]
         if kind is op.Position and self._watch.found_moving:
-            every = FOUND_MOVING
+            every = MOVED_BY_OTHERS_PERIOD
         if kind is op.AxisPosition and not self._cache.polled(kind, now):
             every = self._watch.hour_angle.interval or every
         return max(every - ahead, SHORTEST_PAUSE) - self._cache.age(kind, now)
@@ -136,20 +136,20 @@ class Poller:
     def _status_pause(self, now: float) -> float:
         """Return the seconds until the status is read that no client polls; in motion, positions have the line."""
         if self._watched:
-            return STATUS_ALONE
-        old = min(self._cache.age(op.GetStatus, now), now - self._failed[op.GetStatus])
+            return STATUS_PERIOD_ALONE
+        old = min(self._cache.age(op.GetStatus, now), now - self._failed_at[op.GetStatus])
         rests = now - self._watch.at_rest_since
-        return max(min(STATUS_ALONE - old, self._status_due - now), AFTER_MOTION - rests)
+        return max(min(STATUS_PERIOD_ALONE - old, self._status_due - now), STATUS_DELAY_AFTER_MOTION - rests)
 
     def _setting_pause(self, kind: Kind, now: float) -> float:
         """Return the seconds until the mount's own site or clock is read; in motion, positions have the line."""
         known = self._context.site_clock
         busy = self._watched or self._context.wanted.value.pending
         if busy or (known.mount_site if kind is op.GetSite else known.mount_clock) is None:
-            return ASK_AGAIN
+            return RETRY_DELAY
         every = SETTING_AGE if self._needed(op.Position, now) else SETTING_AGE_ALONE
         if kind is op.GetSite and not self._context.driver.takes_site_aligned:
-            every = SITE_AGE
+            every = SITE_PERIOD
         return every - (now - self._requested[kind])
 
     async def renew(self, kind: Kind) -> None:
@@ -166,6 +166,6 @@ class Poller:
             if not isinstance(fault, NoAnswer | NotAligned):
                 reading = re.sub("(?<=[a-z])(?=[A-Z])", " ", kind.__name__.removeprefix("Get")).lower()
                 self._context.note_once(f"the mount was asked for its {reading}: {fault}")
-            self._failed[kind] = self._context.now()
+            self._failed_at[kind] = self._context.now()
             if self._cache.age(kind, self._context.now()) > POLL_PERIOD[kind]:
                 await asyncio.sleep(POLL_PERIOD[kind])

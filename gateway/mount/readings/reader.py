@@ -25,26 +25,26 @@ from gateway.mount.motion.run_on import TimedPosition
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.presence import ProgramId
 from gateway.mount.readings.cache import LAST_POSITION, NOT_CACHED, OWN_AGE, CachedAnswer, Kind, Reading, angles
-from gateway.mount.readings.extrapolation import EARLIER, SOONEST, course_of, equatorial, place
+from gateway.mount.readings.extrapolation import MAX_BACKWARD, SOONEST, course_of, equatorial, place
 from gateway.mount.site.readers import ReadBy
 
 _T = TypeVar("_T")
 #: The reads of a position.
-POSITIONS: tuple[Kind, ...] = (op.Position, op.HorizontalPosition, op.AxisPosition)
+POSITION_READS: tuple[Kind, ...] = (op.Position, op.HorizontalPosition, op.AxisPosition)
 #: Seconds for which an extrapolated position is used again.
-MOMENT = EARLIER
+SAME_INSTANT = MAX_BACKWARD
 #: The status of a mount that has never reported its status, with the least promises.
-UNKNOWN = op.Status(tracking=op.Tracking.OFF, aligned=False, equatorial=False)
+UNKNOWN_STATUS = op.Status(tracking=op.Tracking.OFF, aligned=False, equatorial=False)
 #: Seconds between two checks whether the mount has begun to move.
-MOTION_CHECK = 0.2
+MOTION_CHECK_PERIOD = 0.2
 #: Seconds that a client waits at most to learn whether a goto has ended, and for the first reply of the mount.
-END_OF_GOTO, FIRST_ANSWER = 2.0, 2.0
+GOTO_END_WAIT, FIRST_REPLY_WAIT = 2.0, 2.0
 #: Seconds that a client waits for a new reading before it gets the last one: at rest, and in motion, in which the last
-#: one is outdated (as long as a reply may take). TRIES: how often the mount is asked again if orders keep coming that
-#: make its replies outdated.
-TIMEOUT, TIMEOUT_MOVING, TRIES = 2.5, 3.2, 3
+#: one is outdated (as long as a reply may take). MAX_TRIES: how often the mount is asked again if orders keep coming
+#: that make its replies outdated.
+TIMEOUT, TIMEOUT_MOVING, MAX_TRIES = 2.5, 3.2, 3
 #: Degrees from its goal within which an undisturbed goto ends on every mount.
-AT_GOAL = 0.5
+GOAL_TOLERANCE = 0.5
 
 
 class Reader:
@@ -57,7 +57,7 @@ class Reader:
     """
 
     def __init__(self, context: Context, runner: DriverRunner) -> None:
-        self._context, self._driver, self._now, self._link, self._cache = (
+        self._context, self._driver, self._clock, self._link, self._cache = (
             context, context.driver, context.now, context.link, context.cache)  # fmt: skip
         self._wanted, self._movement, self._astrometry = context.wanted, context.movement, context.astrometry
         self._runner = runner
@@ -71,7 +71,7 @@ class Reader:
         #: Clients get the last known position, because the mount has not replied in time.
         self.gives_last_position = False
         #: The last reading that was given to a client as it was, by the time when it was complete, and when that was.
-        self._given: dict[Kind, tuple[float, float]] = {}
+        self._given_positions: dict[Kind, tuple[float, float]] = {}
         self.position: Signal[op.Equatorial] = Signal()
         self.axes: Signal[op.Horizontal] = Signal()
         self.status: Signal[op.Status] = Signal()
@@ -93,12 +93,12 @@ class Reader:
         run_on = self._context.run_on.value
         if kind is op.Slewing and (self._wanted.goto_waits or (run_on is not None and run_on.goto)):
             return True
-        return self._cache.poll(kind, self._now())
+        return self._cache.poll(kind, self._clock())
 
     def peek(self, kind: Kind) -> object:
         """Return the answer to a client's read if it is cached; NOT_CACHED if it must be requested."""
         value = self.fresh(kind)
-        if kind not in POSITIONS:
+        if kind not in POSITION_READS:
             return value
         if (source := self.source(kind)) is not None:
             return self._calculate(kind, self.peek(source))
@@ -106,7 +106,7 @@ class Reader:
 
     def _for_client(self, kind: Kind, entry: CachedAnswer) -> object:
         """Return a reported position as a client may get it now; NOT_CACHED if the mount must be asked (again)."""
-        if entry.reading is None or entry.forgotten or entry.asked < self._cache.outdated:
+        if entry.reading is None or entry.forgotten or entry.asked < self._cache.outdated_at:
             return NOT_CACHED
         if not self._moves:
             return entry.value
@@ -118,16 +118,16 @@ class Reader:
 
     def _was_given_before(self, kind: Kind, complete: float) -> bool:
         """Whether the reading that was complete at this time was given to a client, longer ago than a moment."""
-        now = self._now()
-        reading, at = self._given.get(kind, (0.0, 0.0))
+        now = self._clock()
+        reading, at = self._given_positions.get(kind, (0.0, 0.0))
         if reading != complete:
-            self._given[kind] = complete, now
+            self._given_positions[kind] = complete, now
             return False
         return now - max(at, complete) > SOONEST
 
     def peek_native(self, operation: op.NativeRequest, program: ProgramId) -> bytes:
         """Return the cached reply of the mount to a program; NOT_CACHED if it must be requested."""
-        reply: bytes = self._cache.native_reply(operation, self._now())
+        reply: bytes = self._cache.native_reply(operation, self._clock())
         return NOT_CACHED if isinstance(reply, Fault) or self._is_overridden(operation, program) else reply
 
     def last(self, kind: Kind) -> object:
@@ -135,35 +135,35 @@ class Reader:
         if kind is op.Slewing:
             return self._movement.slewing or self._wanted.goto_waits or self._context.run_on.of_goto
         if kind is op.GetStatus:
-            return self._cache.value(kind) or UNKNOWN
+            return self._cache.value(kind) or UNKNOWN_STATUS
         entry = self._cache.entries.get(kind)
         source = self.source(kind) or (op.Position if kind is op.HorizontalPosition else None)
         if entry is None or entry.reading is None:
             return NOT_CACHED if source is None else self._calculate(kind, self.last(source))
-        if entry.asked < self._cache.outdated or self._now() - entry.reading.complete > LAST_POSITION:
+        if entry.asked < self._cache.outdated_at or self._clock() - entry.reading.complete > LAST_POSITION:
             return NOT_CACHED
         if not self.gives_last_position:
             self.gives_last_position = True
             self._context.note(
                 f"the mount has not replied in time: programs get its last position, up to {LAST_POSITION:.0f} s old"
             )
-        return self._position_at(kind, entry, self._now()) if self._moves else entry.value
+        return self._position_at(kind, entry, self._clock()) if self._moves else entry.value
 
     def fresh_until(self, kinds: list[Kind]) -> float:
         """Return the loop time until which the last answers may be given again."""
-        positions = [kind for kind in kinds if kind in POSITIONS]
+        positions = [kind for kind in kinds if kind in POSITION_READS]
         sources = [source for kind in positions if (source := self.source(kind)) is not None]
         until = self._cache.until([*kinds, *sources])
-        return min(until, self._reply_moment + MOMENT) if positions and self._moves else until
+        return min(until, self._reply_moment + SAME_INSTANT) if positions and self._moves else until
 
     @property
     def _moves(self) -> bool:
-        return self._movement.anything or self._now() < self._movement.by_others_until
+        return self._movement.anything or self._clock() < self._movement.by_others_until
 
     def _instant(self) -> float:
         """Return the moment to which positions are extrapolated; a new moment makes earlier answers outdated."""
-        now = self._now()
-        if now - self._reply_moment >= MOMENT:
+        now = self._clock()
+        if now - self._reply_moment >= SAME_INSTANT:
             self._reply_moment = now
             self._cache.version += 1
         return self._reply_moment
@@ -220,7 +220,7 @@ class Reader:
 
     def outdate(self) -> None:
         """Treat readings that were requested before now as outdated."""
-        self._cache.outdate(self._now())
+        self._cache.outdate(self._clock())
         self._reply_moment = -1e9
 
     # --- answers that may take an exchange --------------------------------------------------------------------------
@@ -239,7 +239,7 @@ class Reader:
             if (last := self.last(kind)) is NOT_CACHED:
                 raise failed if isinstance(failed, Fault) else NoAnswer from None
             return last
-        self.gives_last_position = self.gives_last_position and kind not in POSITIONS
+        self.gives_last_position = self.gives_last_position and kind not in POSITION_READS
         return answer
 
     async def _newest(self, operation: op.Operation) -> object:
@@ -248,7 +248,7 @@ class Reader:
         A position that was requested before the last motion order is outdated: the mount is asked again.
         """
         kind, answer = type(operation), NOT_CACHED
-        for _ in range(TRIES):
+        for _ in range(MAX_TRIES):
             if (source := self.source(kind)) is not None:
                 known = self.peek(source)
                 value = self._calculate(kind, await self.answer(source()) if known is NOT_CACHED else known)
@@ -257,9 +257,9 @@ class Reader:
             answer = await self._shared_answer(operation)
             if kind is op.Slewing:
                 return answer or self._context.run_on.of_goto
-            if kind not in POSITIONS:
+            if kind not in POSITION_READS:
                 return answer
-            self._cache.touch((kind,), self._now())  # its client goes on from here
+            self._cache.touch((kind,), self._clock())  # its client goes on from here
             if self.source(kind) is None:
                 value = self._for_client(kind, self._cache.entries[kind])
                 if value is not NOT_CACHED:
@@ -270,7 +270,7 @@ class Reader:
         """Return the mount's own reply, cached or by an exchange that all waiting clients share. Raises Fault."""
         if self._is_overridden(operation, program):
             raise Unsupported
-        reply = self._cache.native_reply(operation, self._now())
+        reply = self._cache.native_reply(operation, self._clock())
         if isinstance(reply, Fault):
             raise type(reply)(str(reply))
         return cast(bytes, await shared_result(self.shared(operation)) if reply is NOT_CACHED else reply)
@@ -291,7 +291,7 @@ class Reader:
         first = not self._precondition(operation).is_set()
         slews = isinstance(operation, op.Slewing) and self._movement.slewing
         try:
-            async with asyncio.timeout(FIRST_ANSWER if first else END_OF_GOTO if slews else None):
+            async with asyncio.timeout(FIRST_REPLY_WAIT if first else GOTO_END_WAIT if slews else None):
                 return await shared_result(self.shared(operation))
         except TimeoutError:
             if first or not self._movement.slewing:
@@ -329,9 +329,9 @@ class Reader:
         except (NoDevice, Silence) as fault:
             # A mount that does not know a request will not know it later, and each timeout takes long: keep a Silence.
             fresh_for = inf if isinstance(fault, Silence) else fresh_for
-            self._cache.keep_native_reply(operation, type(fault)(str(fault)), fresh_for, orders, self._now())
+            self._cache.keep_native_reply(operation, type(fault)(str(fault)), fresh_for, orders, self._clock())
             raise
-        self._cache.keep_native_reply(operation, answer, fresh_for, orders, self._now())
+        self._cache.keep_native_reply(operation, answer, fresh_for, orders, self._clock())
         return answer
 
     async def _ask(self, operation: op.Operation) -> object:
@@ -376,7 +376,7 @@ class Reader:
         if not isinstance(value, op.Equatorial | op.Horizontal):
             return CachedAnswer(value)
         half = self._link.times.typical_rtt / 2.0
-        first, second = self._driver.read_at or (self._now(), self._now())
+        first, second = self._driver.read_at or (self._clock(), self._clock())
         reading = Reading(angles(value), (first - half, second - half))
         return CachedAnswer(value, asked=self._runner.asked_at, reading=reading)
 
@@ -388,7 +388,7 @@ class Reader:
         """Store a reading, and pass it to the limits by signals."""
         if entry.reading is not None:
             self._continue(kind, entry)
-        self._cache.store(kind, entry, self._now())
+        self._cache.store(kind, entry, self._clock())
         if isinstance(entry.value, op.Status):
             self.status.emit(entry.value)
         if kind is op.Position:
@@ -401,7 +401,7 @@ class Reader:
         context, last = self._context, self._cache.entries.get(kind)
         assert entry.reading is not None
         if kind is op.Position and context.run_on.value is not None:
-            present = TimedPosition(self._now(), entry.asked, entry.value)
+            present = TimedPosition(self._clock(), entry.asked, entry.value)
             context.run_on.position(present, equatorial(context), self._driver.resolution)
         if last is not None and last.reading is not None:
             near = min(entry.reading.at) - min(last.reading.at) < SOONEST
@@ -419,7 +419,7 @@ class Reader:
         reading = self._context.tasks.spawn(self._request(operation))
         try:
             while not self._movement.anything:
-                if (await asyncio.wait({reading}, timeout=MOTION_CHECK))[0]:
+                if (await asyncio.wait({reading}, timeout=MOTION_CHECK_PERIOD))[0]:
                     return reading.result()
             return CachedAnswer(None)
         finally:
@@ -473,4 +473,4 @@ def missed(goal: op.Equatorial, position: op.Equatorial) -> str:
     """
     away = separation(goal.ra, goal.dec, position.ra, position.dec)
     why = "the mount or a person at its keys ended it"
-    return "" if away <= AT_GOAL else f"the goto ended {away:.1f} degrees from its goal: {why}"
+    return "" if away <= GOAL_TOLERANCE else f"the goto ended {away:.1f} degrees from its goal: {why}"

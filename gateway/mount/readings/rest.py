@@ -23,12 +23,12 @@ from gateway.mount.readings.reader import Reader
 #: Seconds that a mount has to come to rest after it acknowledged a stop: running on takes up to two.
 TIME_TO_REST = 8.0
 #: Seconds between two samples that are compared, at least, and between any two samples.
-APART, BREATH = 0.7, 0.2
+MIN_COMPARED_GAP, SAMPLE_GAP = 0.7, 0.2
 #: Degrees a second: the motion below which none is noticed.
-CREEP = 30.0 * ARCSECOND
-#: Degrees a second that the azimuth of a fork may turn by tracking; near the zenith, ZENITH times the rate that the sky
-#: needs there, but no faster than FASTEST.
-TRACKING_SPEED, ZENITH, FASTEST = 0.1, 3.0, 2.5
+MIN_NOTICED_SPEED = 30.0 * ARCSECOND
+#: Degrees a second that the azimuth of a fork may turn by tracking; near the zenith, ZENITH_DISTANCE times the rate
+#: that the sky needs there, but no faster than FASTEST.
+MIN_TRACKING_SPEED, ZENITH_DISTANCE, FASTEST = 0.1, 3.0, 2.5
 
 
 class RestSample(NamedTuple):
@@ -49,7 +49,7 @@ async def come_to_rest(context: Context, reader: Reader, seconds: float = TIME_T
     """
     samples: deque[RestSample] = deque()
     rate, trouble, begun = None, Fault("the mount has not reported its position"), _begun(context)
-    apart = max(APART, context.driver.resolution / CREEP)
+    apart = max(MIN_COMPARED_GAP, context.driver.resolution / MIN_NOTICED_SPEED)
     try:
         async with asyncio.timeout(seconds):
             while True:
@@ -68,7 +68,7 @@ async def come_to_rest(context: Context, reader: Reader, seconds: float = TIME_T
                     rate = _unexplained(samples[0], samples[-1], 1.25 * context.driver.resolution)
                     if rate == 0.0 and not context.movement.anything:
                         return
-                await asyncio.sleep(BREATH)
+                await asyncio.sleep(SAMPLE_GAP)
     except TimeoutError:
         pass
     if context.movement.anything or _begun(context) != begun:
@@ -91,9 +91,11 @@ async def _sample(context: Context, reader: Reader) -> RestSample:
     if status.equatorial:
         return RestSample(at, position)
     reading: op.Horizontal = await reader.read_now(op.HorizontalPosition())
-    tracking_speed = TRACKING_SPEED
+    tracking_speed = MIN_TRACKING_SPEED
     if status.tracking is not op.Tracking.OFF:
-        tracking_speed = min(FASTEST, max(TRACKING_SPEED, ZENITH * SKY / max(abs(cos(radians(reading.alt))), 1e-6)))
+        tracking_speed = min(
+            FASTEST, max(MIN_TRACKING_SPEED, ZENITH_DISTANCE * SKY / max(abs(cos(radians(reading.alt))), 1e-6))
+        )
     return RestSample(at, position, reading.az, tracking_speed)
 
 

@@ -24,29 +24,29 @@ from gateway.mount.motion.wanted import Moving
 from gateway.mount.policy import Limits
 
 #: Positions closer together than this, in seconds, give no reliable rate.
-MIN_INTERVAL = 0.15
+MIN_POSITION_GAP = 0.15
 #: Exchanges until a stop takes effect: that of the position, a command already sent, and the first of the stop.
-EXCHANGES = 3
+STOP_EXCHANGES = 3
 #: Seconds at full speed that a motor runs on after a stop: one that slows down evenly within a second covers half a
 #: second's way. Mounts do not report how they slow down; owners see about a second from full speed, and less below it.
 RUN_ON = 0.5
 #: Exchanges between the stops of the two axes, which alone may lead where both together do not.
 BETWEEN_AXES = 2.0
 #: Seconds until motors have reached their speed; the rate that is measured earlier is too low.
-RUN_UP = 1.0
+RUN_UP_SECONDS = 1.0
 #: The part of the commanded speed above which a rate shows an approach; a slower change means moving along the limit.
-APPROACH = 0.2
+MIN_APPROACH_PART = 0.2
 #: Degrees a second, faster than any tracking: the mount is moved, or a coarse position changed by a digit.
-FASTER_THAN_TRACKING = 0.1
+MAX_TRACKING_SPEED = 0.1
 #: Degrees by which a goto that brakes before a limit stays behind what its last speed lets expect.
-BRAKED = 0.75
+BRAKING_DEGREES = 0.75
 #: Degrees by which a goto on its way may be seen beyond a limit, and seconds of its speed: the two coordinates of a
 #: position are read in turn while the tube moves.
-OVERSHOOT, APART = 0.1, 0.2
+MAX_OVERSHOOT, READ_DISTANCE = 0.1, 0.2
 #: Degrees below the lowest point of its ways, and below the horizon, at which a goto is lost.
-LOST = 10.0
+LOST_GOTO_DEGREES = 10.0
 #: Degrees by which the Sun must have come nearer before it counts as an approach; less is jitter.
-NEARER = 0.05
+SUN_JITTER_DEGREES = 0.05
 
 
 class StopTiming(Struct, frozen=True):
@@ -72,7 +72,7 @@ class StopTiming(Struct, frozen=True):
     @property
     def to_stop(self) -> float:
         """Seconds from the moment at which a position was true until the stop that it triggers has ended the motion."""
-        return (EXCHANGES + self.reads - 1) * self.exchange + self.run_on
+        return (STOP_EXCHANGES + self.reads - 1) * self.exchange + self.run_on
 
     @property
     def reaction(self) -> float:
@@ -83,7 +83,7 @@ class StopTiming(Struct, frozen=True):
         """Like ``reaction``, if the last two positions were ``elapsed`` seconds apart: the next position may be as
         late.
         """
-        return max(self.reaction, elapsed + EXCHANGES * self.exchange + self.run_on)
+        return max(self.reaction, elapsed + STOP_EXCHANGES * self.exchange + self.run_on)
 
 
 def ahead(rate: float, earlier: float | None, commanded: float, first: float, last: float) -> float:
@@ -93,16 +93,16 @@ def ahead(rate: float, earlier: float | None, commanded: float, first: float, la
     are the seconds from the beginning of the motion to the two. ``commanded`` is the speed ordered, 0 if unknown.
     """
     grown = max(0.0, rate - earlier) if earlier is not None else 0.0
-    if first < RUN_UP and rate > APPROACH * commanded * _run_up(first, last):
+    if first < RUN_UP_SECONDS and rate > MIN_APPROACH_PART * commanded * _run_up(first, last):
         return max(rate + grown, commanded)
     return rate + grown
 
 
 def _run_up(first: float, last: float) -> float:
     """The mean speed of a motor between two moments (seconds after its start) as a part of its full speed."""
-    if last >= RUN_UP or last <= max(0.0, first):
+    if last >= RUN_UP_SECONDS or last <= max(0.0, first):
         return 1.0
-    return (max(0.0, first) + last) / 2.0 / RUN_UP
+    return (max(0.0, first) + last) / 2.0 / RUN_UP_SECONDS
 
 
 class PastNow(Struct, frozen=True):
@@ -127,7 +127,7 @@ class Verdict(Struct, frozen=True):
     limit: str = ""
 
 
-ALLOWED = Verdict()
+ALLOWED_VERDICT = Verdict()
 
 
 class CheckedPath(Struct):
@@ -221,13 +221,13 @@ class View(Struct, frozen=True):
         """
         left, rate = room.left, room.rate
         if left >= room.before:
-            return ALLOWED
+            return ALLOWED_VERDICT
         if left < self.margin(rate) - room.beyond:
             return Verdict(room.reason)
-        if rate <= FASTER_THAN_TRACKING or self.on_checked_path:
-            return ALLOWED
+        if rate <= MAX_TRACKING_SPEED or self.on_checked_path:
+            return ALLOWED_VERDICT
         if self.moving.slews_by_itself:
-            return Verdict(within=(left + BRAKED) / rate - self.timing.exchange, limit=room.limit)
+            return Verdict(within=(left + BRAKING_DEGREES) / rate - self.timing.exchange, limit=room.limit)
         return Verdict(within=(left - self._second_axis_alone) / rate - self.timing.to_stop, limit=room.limit)
 
 
@@ -246,7 +246,7 @@ class Room(NamedTuple):
 
 def allow(view: View) -> Verdict:
     """Return the verdict that forbids the motion, else the verdict with the earliest deadline for the next position."""
-    soonest = ALLOWED
+    soonest = ALLOWED_VERDICT
     for rule in (altitude, near_sun, meridian):
         for room in rule(view):
             verdict = view.judge(room)
@@ -264,11 +264,11 @@ def first_stretch(view: View, now: float, speed: float) -> Verdict:
     degrees a second. The first stretch of the motion has been checked already (``admission/by_hand.py``).
     """
     last, timing = view.observed.last, view.timing
-    if last is None or view.status is None or not view.status.aligned or speed <= FASTER_THAN_TRACKING:
+    if last is None or view.status is None or not view.status.aligned or speed <= MAX_TRACKING_SPEED:
         return Verdict()
     nearest = min(room for room in rooms_around(last, view.limits, view.sun) if room > 0.0)
     seconds = nearest / speed - timing.to_stop - (now - last.at)
-    return Verdict(within=max(seconds, timing.interval + MIN_INTERVAL), limit="a limit")
+    return Verdict(within=max(seconds, timing.interval + MIN_POSITION_GAP), limit="a limit")
 
 
 def rooms_around(last: PositionSample, limits: Limits, sun: float) -> list[float]:
@@ -305,7 +305,7 @@ def altitude(view: View) -> Iterator[Room]:
     if before is None or last is None:
         return
     goes = view.moving.slewing and view.moving.ordered and not view.moving.by_hand
-    beyond = (OVERSHOOT + APART * observed.across) * view.on_checked_path
+    beyond = (MAX_OVERSHOOT + READ_DISTANCE * observed.across) * view.on_checked_path
     own, count = last.own, None if view.moving.by_hand else last.own
     rates = view.rates(observed.changes.altitudes, observed.earlier.altitudes)[:count]
     for number, (then, now, rate) in enumerate(zip(before.altitudes, last.altitudes, rates, strict=False)):
@@ -330,9 +330,9 @@ def near_sun(view: View) -> Iterator[Room]:
         return
     count = None if view.moving.by_hand else view.own_suns
     rates = view.rates(observed.changes.suns, observed.earlier.suns)[:count]
-    for now, far, rate in zip(last.suns, observed.farthest, rates, strict=False):
+    for now, far, rate in zip(last.suns, observed.farthest_from_suns, rates, strict=False):
         reason = f"the Sun ({now:.0f} degrees from it)"
-        yield Room(now - view.sun, far - NEARER - view.sun, rate, reason, "the Sun")
+        yield Room(now - view.sun, far - SUN_JITTER_DEGREES - view.sun, rate, reason, "the Sun")
 
 
 def farthest(view: View) -> tuple[float, ...]:
@@ -344,8 +344,8 @@ def farthest(view: View) -> tuple[float, ...]:
         return ()
     rates = view.rates(observed.changes.suns, observed.earlier.suns)
     return tuple(
-        now if now >= view.sun + view.margin(rate) or now < before - NEARER else max(now, before)
-        for now, before, rate in zip(observed.last.suns, observed.farthest, rates, strict=True)
+        now if now >= view.sun + view.margin(rate) or now < before - SUN_JITTER_DEGREES else max(now, before)
+        for now, before, rate in zip(observed.last.suns, observed.farthest_from_suns, rates, strict=True)
     )
 
 

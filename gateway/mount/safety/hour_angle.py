@@ -18,19 +18,19 @@ from gateway.core import operations as op
 from gateway.core.errors import PastMeridian
 from gateway.mount.context import Context
 from gateway.mount.motion.seen import Observed, PositionSample
-from gateway.mount.policy import AT_LIMIT, Limits
+from gateway.mount.policy import LIMIT_TOLERANCE, Limits
 from gateway.mount.safety.allow import PastNow
 
 #: Degrees from the middle at which the counterweight shaft of a German mount is horizontal.
-LEVEL = 90.0
+LEVEL_SHAFT_ANGLE = 90.0
 #: Degrees between two positions up to which the second continues the first.
-CONTINUES = 45.0
+MAX_CONTINUATION = 45.0
 #: Seconds between two readings of the axes, also at rest: the next motion may begin at the mount's own keys.
 INTERVAL = 0.45
 #: Seconds for which a pier side is trusted at rest.
-SIDE_AGE = 5.0
+MAX_SIDE_AGE = 5.0
 #: What the user is told where nothing shows how far the tube is past the meridian.
-NOT_KEPT = "hour-angle-limit has no effect on this mount, because it does not report the side of its pier"
+NO_LIMIT_MESSAGE = "hour-angle-limit has no effect on this mount, because it does not report the side of its pier"
 
 
 def reports_axes(mount: Context) -> bool:
@@ -51,7 +51,7 @@ def turned_by_axes(mount: Context, axes: op.Horizontal | op.GotoAxes) -> float |
     """
     site = mount.sources.site()
     if mount.driver.german:
-        return wrap180(axes.az - LEVEL) * (-1.0 if site is not None and site.latitude < 0.0 else 1.0)
+        return wrap180(axes.az - LEVEL_SHAFT_ANGLE) * (-1.0 if site is not None and site.latitude < 0.0 else 1.0)
     if site is None:
         return None
     geometry = Geometry(Build.WEDGE, site.latitude)
@@ -63,7 +63,7 @@ def turned_by_side(hour_angle: float, side: str | None) -> float:
 
     From the east side the tube looks west, from the west side east. Without a side the mount is a fork.
     """
-    return wrap180(hour_angle - {"E": LEVEL, "W": -LEVEL, None: 0.0}[side])
+    return wrap180(hour_angle - {"E": LEVEL_SHAFT_ANGLE, "W": -LEVEL_SHAFT_ANGLE, None: 0.0}[side])
 
 
 def past_meridian(turned: float, german: bool | None) -> float:
@@ -71,12 +71,12 @@ def past_meridian(turned: float, german: bool | None) -> float:
 
     On a German mount the counterweight shaft is then above horizontal. On a fork the hour angle counts to both sides.
     """
-    return abs(wrap180(turned)) - (LEVEL if german else 0.0)
+    return abs(wrap180(turned)) - (LEVEL_SHAFT_ANGLE if german else 0.0)
 
 
 def check_past(limits: Limits, turned: float, german: bool | None) -> None:
     """Raises PastMeridian if the first axis of a mount would be turned too far from its middle."""
-    if limits.hour_angle is not None and past_meridian(turned, german) > limits.hour_angle + AT_LIMIT:
+    if limits.hour_angle is not None and past_meridian(turned, german) > limits.hour_angle + LIMIT_TOLERANCE:
         raise PastMeridian
 
 
@@ -136,7 +136,7 @@ class HourAngleWatch:
         if before is not None:
             first = turned_by_side(hour_angle, "E" if german else None)
             nearest = min((first, wrap180(first + 180.0)), key=lambda way: abs(wrap180(way - before)))
-            if abs(wrap180(nearest - before)) <= CONTINUES:
+            if abs(wrap180(nearest - before)) <= MAX_CONTINUATION:
                 return nearest
         return None if german and side is None else turned_by_side(hour_angle, side if german else None)
 
@@ -155,7 +155,7 @@ class HourAngleWatch:
         mount = self._mount
         if not mount.driver.german:
             return None
-        if mount.cache.age(op.PierSide, mount.now()) > SIDE_AGE:
+        if mount.cache.age(op.PierSide, mount.now()) > MAX_SIDE_AGE:
             mount.tasks.spawn(self._read_side())
         return mount.driver.tube_side(mount.cache.value(op.PierSide) or "")
 

@@ -20,7 +20,7 @@ from gateway.core.errors import SyncTooFar
 from gateway.core.operations import Equatorial
 
 #: Degrees by which low precision may make the sum of an axis larger in a sync that makes the other's smaller.
-ROUNDING = 0.05
+ROUNDING_DEGREES = 0.05
 
 
 class SyncSum(Struct, frozen=True, omit_defaults=True):
@@ -46,18 +46,18 @@ class SyncSum(Struct, frozen=True, omit_defaults=True):
         """By how many degrees syncs may have turned the two axes since the alignment: one pair, or two."""
         return (self.turned,) if self.around is None else (self.turned, self.around)
 
-    def added(self, present: Equatorial, wanted: Equatorial, turns: Sequence[Pair]) -> SyncSum:
-        """Return the sum after another sync from ``present`` to ``wanted``. ``turns`` has the turn of the axes, and a
+    def added(self, present: Equatorial, target: Equatorial, turns: Sequence[Pair]) -> SyncSum:
+        """Return the sum after another sync from ``present`` to ``target``. ``turns`` has the turn of the axes, and a
         second one if the mount may take its tube to point the other way round from then on.
         """
-        middle = cos(radians((present.dec + wanted.dec) / 2.0))
+        middle = cos(radians((present.dec + target.dec) / 2.0))
         around = None
         if self.around is not None:  # the mount has taken it for the other way, so the second axis turns that way
             around = _plus(self.around, (turns[0][0], turns[0][1] * (-1.0 if len(turns) > 1 else 1.0)))
         elif len(turns) > 1:
             around = _plus(self.turned, turns[1])
-        east = self.east + wrap180(wanted.ra - present.ra) * middle
-        return SyncSum(east, self.north + wanted.dec - present.dec, _plus(self.turned, turns[0]), around)
+        east = self.east + wrap180(target.ra - present.ra) * middle
+        return SyncSum(east, self.north + target.dec - present.dec, _plus(self.turned, turns[0]), around)
 
 
 NO_SYNC = SyncSum()
@@ -82,23 +82,23 @@ class SyncTotal:
         """The mount has acknowledged the sync."""
         self.value, self.doubt = self.coming, ""
 
-    def forget(self, doubt: str = "") -> None:
-        """Reset the sum: the mount was aligned again, is not aligned, or is in ``doubt``."""
-        self.value, self.doubt = SyncSum(), doubt
+    def forget(self, reason: str = "") -> None:
+        """Reset the sum: the mount was aligned again, is not aligned, or is in ``reason``."""
+        self.value, self.doubt = SyncSum(), reason
 
 
 def check_sync(
-    limit: float, so_far: SyncSum, turns: Sequence[Pair], present: Equatorial, wanted: Equatorial
+    limit: float, so_far: SyncSum, turns: Sequence[Pair], present: Equatorial, target: Equatorial
 ) -> SyncSum:
     """Return the sum with a sync. Raises SyncTooFar if either is off by more than the limit on the sky.
 
     A sync that makes the sum of an axis smaller, and none larger, is accepted at any distance.
     """
-    then = so_far.added(present, wanted, turns)
+    then = so_far.added(present, target, turns)
     sums = so_far.turned, so_far.around or so_far.turned
     if all(corrects(limit, before, after) for before, after in zip(sums, then.axes, strict=False)):
         return then
-    distance = separation(present.ra, present.dec, wanted.ra, wanted.dec)
+    distance = separation(present.ra, present.dec, target.ra, target.dec)
     ways_out = "Centre the object, align the mount again, or set another sync-limit."
     if distance > limit:
         raise SyncTooFar(f"Sync refused: {distance:.0f} degrees from the present position. {ways_out}")
@@ -112,5 +112,5 @@ def corrects(limit: float, before: Pair, after: Pair) -> bool:
     axis smaller.
     """
     sums = [(abs(old), abs(now)) for old, now in zip(before, after, strict=True)]
-    larger = any(now > old and (now > old + ROUNDING or now > limit) for old, now in sums)
-    return not larger and any(now < old - ROUNDING for old, now in sums)
+    larger = any(now > old and (now > old + ROUNDING_DEGREES or now > limit) for old, now in sums)
+    return not larger and any(now < old - ROUNDING_DEGREES for old, now in sums)

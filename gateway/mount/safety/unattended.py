@@ -24,22 +24,22 @@ from gateway.mount.motion.seen import NEVER
 from gateway.mount.motion.wanted import ByHand, Wanted
 from gateway.mount.presence import HostActivity, Presence
 from gateway.mount.readings.reader import Reader
-from gateway.mount.safety.watch import STATUS_AGE, LimitWatch
+from gateway.mount.safety.watch import MAX_STATUS_AGE, LimitWatch
 from gateway.mount.site.astrometry import Sun
 from gateway.mount.site.site_clock import MOUNT
 
 #: Degrees a second; a motion by hand up to this speed counts as tracking by the client.
-TRACKING_SPEED = 60.0 / 3600.0
+MAX_TRACKING_SPEED = 60.0 / 3600.0
 #: Seconds between two checks of the clients.
-INTERVAL = 0.5
+CHECK_PERIOD = 0.5
 #: Seconds for which the Sun is followed ahead, between two instants that are examined, and between two examinations;
 #: until the next one if the mount must be asked first.
-AHEAD, STEP, AGAIN, SOON = 900.0, 60.0, 30.0, 1.0
+LOOK_AHEAD_TIME, LOOK_AHEAD_STEP, RECHECK_PERIOD, FIRST_RECHECK_DELAY = 900.0, 60.0, 30.0, 1.0
 #: Seconds after tracking was switched off during which readings of before still show it: two, five seconds apart.
-SHOWN_FOR = 12.0
+OLD_READING_TIME = 12.0
 #: The beginning of what is said when tracking was switched off at a limit.
-SWITCHED_OFF = "tracking was switched off at"
-WAY_OUT = "cover the tube, or move it away."
+SWITCHED_OFF_MESSAGE = "tracking was switched off at"
+WAY_OUT_ADVICE = "cover the tube, or move it away."
 
 
 class Supervised(Struct, frozen=True):
@@ -59,12 +59,12 @@ class Supervisor:
         self._context, self._state, self._presence, self._perform = context, context.wanted, presence, perform
         self._loop = asyncio.get_running_loop()
         self._watching: asyncio.TimerHandle | None = None
-        self._ended: set[Supervised] = set()
+        self._ended_motions: set[Supervised] = set()
 
     def start_watching(self, _: object = None) -> None:
         """Start the timer if there is a motion to supervise and it is not running."""
         if self._watching is None and supervised(self._state.value):
-            self._watching = self._loop.call_later(INTERVAL, self._check)
+            self._watching = self._loop.call_later(CHECK_PERIOD, self._check)
 
     def close(self) -> None:
         if self._watching is not None:
@@ -76,12 +76,12 @@ class Supervisor:
         for motion, why in abandoned(
             motions, self._presence, self._loop.time(), policy.dead_man, policy.dead_man_closed
         ):
-            if motion not in self._ended:
-                self._ended.add(motion)
+            if motion not in self._ended_motions:
+                self._ended_motions.add(motion)
                 what = "the focuser" if isinstance(motion.ends, op.Focus) else "its motion"
                 self._context.note(f"{motion.by.who} {why}: {what} is stopped")
                 self._context.tasks.spawn(self._end(motion.ends))
-        self._ended.intersection_update(motions)
+        self._ended_motions.intersection_update(motions)
         self.start_watching()
 
     async def _end(self, operation: op.Operation) -> None:
@@ -98,7 +98,7 @@ def supervised(wanted: Wanted) -> list[Supervised]:
         moments += [
             Supervised(op.StopAxis(axis), motion.by, motion.since)
             for axis, motion in wanted.motion
-            if motion.by is not None and motion.speed > TRACKING_SPEED
+            if motion.by is not None and motion.speed > MAX_TRACKING_SPEED
         ]
     if wanted.focus is not None and wanted.focus.by is not None:
         moments.append(Supervised(op.Focus(0), wanted.focus.by, wanted.focus.since))
@@ -117,11 +117,11 @@ def abandoned(
         activities = presence.connections_for(motion.by)
         for activity in activities:
             if activity.sent_data:
-                activity.sent_data, activity.last = False, now
+                activity.sent_data, activity.last_active_at = False, now
         left = [activity.closed for activity in activities if activity.closed is not None]
         if len(left) == len(activities) and now - max(motion.since, *left) >= closed:
             moments.append((motion, "has disconnected"))
-        elif now - max(motion.since, *(activity.last for activity in activities)) >= silence:
+        elif now - max(motion.since, *(activity.last_active_at for activity in activities)) >= silence:
             moments.append((motion, f"has sent nothing for {silence:g} s"))
     return moments
 
@@ -147,7 +147,7 @@ class TrackingAtLimit:
     def switch_off(self, reason: str) -> None:
         began, tracked, now = self._watch.observed.began, self._watch.tracked_at, self._context.now()
         drifts = self._drifts_since > max(began, tracked)
-        if drifts and self._context.cache.age(op.GetStatus, now) > STATUS_AGE:
+        if drifts and self._context.cache.age(op.GetStatus, now) > MAX_STATUS_AGE:
             self._reader.shared(op.GetStatus())
         elif not (self._switching or drifts or self._refused_at > began):
             self._switching = True
@@ -157,7 +157,7 @@ class TrackingAtLimit:
         context = self._context
         try:
             if (await self._reader.read(op.GetStatus())).tracking is op.Tracking.OFF:
-                if context.now() - self._off_since > SHOWN_FOR:
+                if context.now() - self._off_since > OLD_READING_TIME:
                     context.note(
                         f"WARNING: tracking is off, but the mount is drifting past {reason}; there is nothing to stop"
                     )
@@ -165,7 +165,7 @@ class TrackingAtLimit:
                 return
             await self._perform(op.SetTracking(on=False))
             self._off_since = context.now()
-            context.note(f"{SWITCHED_OFF} {reason}")
+            context.note(f"{SWITCHED_OFF_MESSAGE} {reason}")
         except Unsupported:
             self._refused_at = context.now()
             # at rest: the mount has not reached it by tracking
@@ -196,13 +196,13 @@ class SunAhead:
         mount, now = self._mount, self._mount.now()
         if now < self._next_check or not mount.suns.limit:
             return
-        self._next_check = now + AGAIN
+        self._next_check = now + RECHECK_PERIOD
         before, self.warning = self.warning, ""
         if mount.movement.anything or self._watch.moved_by_others or not mount.sources.sites():
             return
         status = mount.cache.value(op.GetStatus)
         if status is None or not status.aligned:
-            self._next_check = now + SOON
+            self._next_check = now + FIRST_RECHECK_DELAY
             return
         self.warning = self._find(position, tracks=status.tracking is not op.Tracking.OFF)
         if self.warning and not before:
@@ -212,9 +212,9 @@ class SunAhead:
         """Return the warning for the first Sun that will come near a resting or tracking tube; or an empty text."""
         suns = self._mount.suns
         up = {(sun.sync_shift, sun.confirmed) for sun in suns.to_avoid()}
-        for minute in range(round(AHEAD / STEP) + 1):
-            for sun in suns.suns(self._mount.frame(), minute * STEP):
-                distance = self._distance(position, sun, 0.0 if tracks else minute * STEP)
+        for minute in range(round(LOOK_AHEAD_TIME / LOOK_AHEAD_STEP) + 1):
+            for sun in suns.suns(self._mount.frame(), minute * LOOK_AHEAD_STEP):
+                distance = self._distance(position, sun, 0.0 if tracks else minute * LOOK_AHEAD_STEP)
                 if distance < suns.limit:
                     return self._warning_for(sun, distance, minute, (sun.sync_shift, sun.confirmed) not in up, tracks)
         return ""
@@ -230,5 +230,5 @@ class SunAhead:
         tube = f"the {'tracking' if tracks else 'resting'} tube"
         when = "" if minute == 0 else f" in {minute} minute{'s' * (minute != 1)}"
         if minute and not rises:
-            return f"the Sun{by} comes within {self._mount.suns.limit:g} degrees of {tube}{when}: {WAY_OUT}"
-        return f"the Sun{by} {'rises' if rises else 'is'} {distance:.0f} degrees from {tube}{when}: {WAY_OUT}"
+            return f"the Sun{by} comes within {self._mount.suns.limit:g} degrees of {tube}{when}: {WAY_OUT_ADVICE}"
+        return f"the Sun{by} {'rises' if rises else 'is'} {distance:.0f} degrees from {tube}{when}: {WAY_OUT_ADVICE}"

@@ -18,17 +18,17 @@ from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.core.motion_kinds import GOTOS, MOVERS
 from gateway.core.signals import Signal
-from gateway.mount.context import FASTEST, Context
+from gateway.mount.context import FASTEST_RATE, Context
 from gateway.mount.motion import seen as fold
-from gateway.mount.motion.ends import DIGITS, AxisSample, EndWatch
+from gateway.mount.motion.ends import MIN_UNITS, AxisSample, EndWatch
 from gateway.mount.motion.seen import NEVER, Observed, PositionSample
 from gateway.mount.motion.wanted import Moving, Slew
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.altitudes import by_others, by_syncs
-from gateway.mount.safety.admission.slew_paths import APART, sun_reading
+from gateway.mount.safety.admission.slew_paths import POINT_SPACING, sun_reading
 from gateway.mount.safety.allow import (
-    FASTER_THAN_TRACKING,
-    MIN_INTERVAL,
+    MAX_TRACKING_SPEED,
+    MIN_POSITION_GAP,
     CheckedPath,
     Verdict,
     View,
@@ -41,31 +41,31 @@ from gateway.mount.safety.hour_angle import HourAngleWatch
 from gateway.mount.site.pending_settings import SKY
 
 #: A position that changes so many times faster than the mount can move means a new alignment at the hand control.
-REALIGNED = 3.0
+REALIGNED_FACTOR = 3.0
 #: Seconds for which a mount may run on after the end of a motion; what it does meanwhile is not judged.
-COASTING = 1.0
+COASTING_TIME = 1.0
 #: Seconds for which a status "not aligned" or "not tracking" is trusted.
-STATUS_AGE = 5.0
-UNWATCHED = "not aligned: positions mean nothing yet, so no limit can be watched"
+MAX_STATUS_AGE = 5.0
+NOT_ALIGNED_MESSAGE = "not aligned: positions mean nothing yet, so no limit can be watched"
 #: Seconds: the age of the last position at which a mount counts as silent, and the least time between two stops for it.
-BLIND = 1.0
+MAX_BLIND_TIME = 1.0
 #: A motion is judged if it is at least this fast, degrees a second, and has lasted this many seconds, including its
 #: start; at least this part of the commanded way must be seen.
-FROM, AFTER, PART = 0.1, 3.0, 0.1
+STALL_MIN_SPEED, STALL_TIME, STALL_MIN_PART = 0.1, 3.0, 0.1
 #: Seconds for which a mount that was moved at the hand control is watched closely.
-WATCH_CLOSELY = 3.0
+CLOSE_WATCH_TIME = 3.0
 #: Degrees from its calculated ways at which a goto is watched like a motion by hand.
-ASTRAY = 3.0 + APART / 2.0
+ASTRAY_DEGREES = 3.0 + POINT_SPACING / 2.0
 #: Degrees a second on the sky: guide pulses move the tube less, also at the pole, where right ascension changes fast.
-GUIDES = 0.01
+MAX_GUIDE_SPEED = 0.01
 #: The speed at which two axes together move the tube, as a multiple of that of one.
 BOTH_AXES = 1.42
 #: Seconds after a goto in which the mount may still settle.
-SETTLES = 2.0
+SETTLE_TIME = 2.0
 #: Seconds; setting the clock by more than this changes the sky.
 CLOCK_JUMP = 30.0
 #: Seconds after that during which a resting mount may report the old sky, the new sky, or half of each.
-SETTLE_TIME = 3.0
+NEW_SKY_TIME = 3.0
 
 
 class LimitWatch:
@@ -75,8 +75,8 @@ class LimitWatch:
     deadline. ``carried_to_limit`` names the limit that the mount reaches although no client moves it.
     """
 
-    def __init__(self, mount: Context, reader: Reader, ends: EndWatch) -> None:
-        self._mount, self._reader, self._ends = mount, reader, ends
+    def __init__(self, mount: Context, reader: Reader, end_watch: EndWatch) -> None:
+        self._mount, self._reader, self._end_watch = mount, reader, end_watch
         self.must_stop: Signal[str] = Signal()
         self.carried_to_limit: Signal[str] = Signal()
         self._deadline, self._stalls = StopDeadline(asyncio.get_running_loop(), self._deadline_passed), StallWatch()
@@ -112,14 +112,14 @@ class LimitWatch:
         sky.
         """
         mount, before, last, now = self._mount, self.observed.before, self.observed.last, self._mount.now()
-        if mount.movement.anything or mount.run_on.value is not None or now - self._goto_ended_at < SETTLES:
+        if mount.movement.anything or mount.run_on.value is not None or now - self._goto_ended_at < SETTLE_TIME:
             return False
-        if before is None or last is None or now - last.at > WATCH_CLOSELY:
+        if before is None or last is None or now - last.at > CLOSE_WATCH_TIME:
             return False
-        if self.observed.across < GUIDES:
+        if self.observed.across < MAX_GUIDE_SPEED:
             return False
         then, at_then = (self._axes(sample.at, sample.place) for sample in (before, last))
-        least = max(FASTER_THAN_TRACKING * self.observed.elapsed, DIGITS * at_then.resolution)
+        least = max(MAX_TRACKING_SPEED * self.observed.elapsed, MIN_UNITS * at_then.resolution)
         status = mount.cache.value(op.GetStatus)
         axes = (axis,) if status is None or status.equatorial else (1, 2)
         turned = [abs(wrap180(at_then.axes[sample - 1] - then.axes[sample - 1])) for sample in axes]
@@ -139,14 +139,14 @@ class LimitWatch:
         if last is None or self.hour_angle.watched:
             return 0.0
         nearest = min(rooms_around(last, mount.policy.limits.for_keys(), mount.suns.limit))
-        return nearest / (BOTH_AXES * mount.driver.speed(FASTEST)) - mount.timing.reaction
+        return nearest / (BOTH_AXES * mount.driver.speed(FASTEST_RATE)) - mount.timing.reaction
 
     @property
     def fastest(self) -> float:
         """How fast the mount may be moving on command, degrees a second; 0 if no commanded motion is under way."""
         moving = self._mount.movement.now()
         if moving.slewing:
-            return self.observed.across or self._mount.driver.speed(FASTEST)
+            return self.observed.across or self._mount.driver.speed(FASTEST_RATE)
         return max((self._mount.driver.speed(motion.rate) for motion in moving.by_hand.values()), default=0.0)
 
     @property
@@ -175,7 +175,7 @@ class LimitWatch:
         self._parked = False
         ordered_speed = mount.driver.speed(operation.rate) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
         if isinstance(operation, op.Sync):
-            self.observed = replace(self.observed, before=None, last=None, farthest=())
+            self.observed = replace(self.observed, before=None, last=None, farthest_from_suns=())
             self.hour_angle.forget()
         self.observed = fold.begin_motion(self.observed, mount.now(), ordered_speed, at_rest=not self._moves)
         if not isinstance(operation, op.Move | op.MoveAxis):
@@ -201,7 +201,7 @@ class LimitWatch:
         """Note that one or all motions by hand have ended."""
         self._deadline.disarm()
         self.at_rest_since = self._mount.now()
-        self._coasts_until = self._mount.now() + COASTING
+        self._coasts_until = self._mount.now() + COASTING_TIME
 
     def position_missing(self, _: None = None) -> None:
         """The mount did not report its position."""
@@ -216,7 +216,7 @@ class LimitWatch:
     def check_position(self, place: op.Equatorial) -> None:
         """Compare a position with the previous position, apply the rules, and act on the verdict."""
         now, last = self._mount.now(), self.observed.last
-        if last is not None and now - last.at < MIN_INTERVAL:
+        if last is not None and now - last.at < MIN_POSITION_GAP:
             return
         self._deadline.disarm()
         self._check_axes(now, place)
@@ -235,15 +235,15 @@ class LimitWatch:
             return
         if status is not None and not status.aligned:
             self.observed = replace(self.observed, before=None, last=sample)
-            self._mount.note_once(UNWATCHED)
-            if self._status_age > STATUS_AGE:
+            self._mount.note_once(NOT_ALIGNED_MESSAGE)
+            if self._status_age > MAX_STATUS_AGE:
                 self._reader.shared(op.GetStatus())
             return
         self.observed, moving = fold.add_position(self.observed, sample), self._mount.movement.now()
         self._update_state(now, status, moving)
         self._astray = self._astray or (moving.slewing and self._off_its_ways(place))
         view = self._view(now, moving)
-        self.observed = replace(self.observed, farthest=farthest(view))
+        self.observed = replace(self.observed, farthest_from_suns=farthest(view))
         self._apply(allow(view))
 
     def _sample(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
@@ -262,12 +262,12 @@ class LimitWatch:
         """Notice motion at the hand control, a new alignment, a tube beyond pole or zenith, and the end of parking."""
         mount, last = self._mount, self.observed.last
         self.tracked_at = now if status is None or status.tracking is not op.Tracking.OFF else self.tracked_at
-        self.others.see(now, self.observed.across > FASTER_THAN_TRACKING and not moving.ordered)
+        self.others.see(now, self.observed.across > MAX_TRACKING_SPEED and not moving.ordered)
         mount.movement.by_others_until = self.others.until
         mount.driver.moved_by_others = self.moved_by_others
         if self.others.begins and mount.driver.moved_by_others:
             mount.cache.look_again(op.Slewing)  # no new answer, but the mount must be asked whether it slews
-        if self.observed.across > REALIGNED * mount.driver.speed(FASTEST):
+        if self.observed.across > REALIGNED_FACTOR * mount.driver.speed(FASTEST_RATE):
             mount.synced.forget()
         if status is not None and last is not None and last.lifting is not None:
             self.observed = fold.lifted(self.observed, status.equatorial, mount.driver.speed(last.lifting.rate))
@@ -275,15 +275,15 @@ class LimitWatch:
             self._limits, self._at_own_park = mount.policy.limits, False
 
     def _off_its_ways(self, place: op.Equatorial) -> bool:
-        """Whether a goto is seen more than ``ASTRAY`` from the ways that were calculated for it."""
+        """Whether a goto is seen more than ``ASTRAY_DEGREES`` from the ways that were calculated for it."""
         if not self._checked_path.ways:
             return False
         reading = sun_reading(self._mount.astrometry, place, self._mount.frame().polar)
-        return all(separation(*reading, *way) > ASTRAY for way in self._checked_path.ways)
+        return all(separation(*reading, *way) > ASTRAY_DEGREES for way in self._checked_path.ways)
 
     def _left_park(self, status: op.Status | None) -> bool:
         """Whether the mount tracks again after the owner's park position; from then on the limits apply again."""
-        if status is None or not (self._parked or self._status_age <= STATUS_AGE):
+        if status is None or not (self._parked or self._status_age <= MAX_STATUS_AGE):
             self._reader.shared(op.GetStatus())
             return False
         tracks = status.tracking is not op.Tracking.OFF
@@ -311,11 +311,11 @@ class LimitWatch:
     def _check_axes(self, now: float, place: op.Equatorial) -> None:
         """Check that stopped axes rest and that axes moved by hand do move."""
         mount, by_hand = self._mount, self._mount.wanted.by_hand
-        if self._ends.ending is None and not by_hand:
+        if self._end_watch.ending is None and not by_hand:
             self._stalls.clear()
             return
         status, axes = mount.cache.value(op.GetStatus), self._axes(now, place)
-        self._ends.look(axes)
+        self._end_watch.look(axes)
         judged = status is not None and status.aligned and not mount.driver.moves_by_gotos
         ordered = {axis: mount.driver.speed(motion.rate) for axis, motion in by_hand.items()} if judged else {}
         stalled = self._stalls.find_stalled(axes, ordered, mount.link.times.typical_rtt * mount.timing.reads)
@@ -362,7 +362,7 @@ def why_blind(moving: Moving, age: float, since_stop: float) -> str:
     ``age`` is that of the last position, seconds. An LX200GPS that seeks its home position is busy and reports nothing,
     but it is not moved by hand meanwhile.
     """
-    if moving.by_hand and age > BLIND and since_stop > BLIND:
+    if moving.by_hand and age > MAX_BLIND_TIME and since_stop > MAX_BLIND_TIME:
         return "it moves but does not report its position"
     return ""
 
@@ -399,7 +399,7 @@ class StallWatch:
         """Return an axis that moved too little, or None. ``ordered``: commanded speed per axis, degrees a second."""
         courses: dict[int, AxisCourse] = {}
         for axis, speed in ordered.items():
-            if speed < FROM:
+            if speed < STALL_MIN_SPEED:
                 continue
             before = self._courses.get(axis)
             same = before is not None and before.speed == speed
@@ -407,7 +407,7 @@ class StallWatch:
         self._courses = courses
         for axis, course in courses.items():
             elapsed = sample.at - course.began
-            if elapsed >= max(AFTER, 3.0 * round_trip) and course.moved < PART * course.speed * elapsed:
+            if elapsed >= max(STALL_TIME, 3.0 * round_trip) and course.moved < STALL_MIN_PART * course.speed * elapsed:
                 return axis
         return None
 
@@ -423,13 +423,13 @@ class OthersWatch:
         self.since = self.seen_at = self.until = NEVER
         self.begins = self.moves = False
 
-    def see(self, now: float, moves: bool) -> None:
+    def see(self, now: float, is_moving: bool) -> None:
         """Take whether the last two positions show such a motion."""
-        self.begins, self.moves = moves and not self.moves, moves
-        if self.begins or not moves:
+        self.begins, self.moves = is_moving and not self.moves, is_moving
+        if self.begins or not is_moving:
             self.since = now
-        if moves:
-            self.seen_at, self.until = now, now + WATCH_CLOSELY
+        if is_moving:
+            self.seen_at, self.until = now, now + CLOSE_WATCH_TIME
 
 
 class SkyChange:
@@ -451,7 +451,7 @@ class SkyChange:
         self._frame = site_clock.site(), site_clock.unix() - now
         changed = place is not None and (place != self._frame[0] or abs(ahead - self._frame[1]) > CLOCK_JUMP)
         if changed or any(kind in SKY for kind, _ in mount.incoming.pending):
-            self._settles_until = now + SETTLE_TIME
+            self._settles_until = now + NEW_SKY_TIME
         if now >= self._settles_until or mount.movement.anything:
             return changed
         if changed:
@@ -460,10 +460,10 @@ class SkyChange:
 
 
 class StopDeadline:
-    """A timer that calls ``passed`` once with the name of a limit, unless it is armed again or disarmed."""
+    """A timer that calls ``on_passed`` once with the name of a limit, unless it is armed again or disarmed."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, passed: Callable[[str], None]) -> None:
-        self._loop, self._passed = loop, passed
+    def __init__(self, loop: asyncio.AbstractEventLoop, on_passed: Callable[[str], None]) -> None:
+        self._loop, self._on_passed = loop, on_passed
         self._handle: asyncio.TimerHandle | None = None
 
     def arm(self, seconds: float, limit: str) -> None:
@@ -482,4 +482,4 @@ class StopDeadline:
 
     def _fire(self, limit: str) -> None:
         self._handle = None
-        self._passed(limit)
+        self._on_passed(limit)

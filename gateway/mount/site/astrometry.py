@@ -23,11 +23,11 @@ from gateway.mount.site.site_clock import COMPUTER, BestSources, Site, Time
 from gateway.protocols.base.driver import Driver
 
 #: Seconds for which the place of the Sun is good, and those of several: over another site they move against the stars.
-CACHE_FOR, CACHE_SHORTLY = 60.0, 5.0
+SUN_CACHE_TIME, SUNS_CACHE_TIME = 60.0, 5.0
 #: Degrees: Suns nearer to each other count as one. A Sun that has moved farther has jumped, with a clock or a site.
-SAME, JUMPS = 0.5, 0.1
+SAME_SUN_DEGREES, SUN_JUMP_DEGREES = 0.5, 0.1
 #: Degrees; a Sun this low may still shine into a tube: refraction, its disk, and a horizon below eye level.
-SUN_IS_UP = -1.0
+SUN_UP_ALTITUDE = -1.0
 #: Degrees by which the tube may be off from where the mount believes to point: so much is alignment and refraction.
 OFF = 1.0
 
@@ -91,10 +91,10 @@ class SiteAstrometry:
         first, second = geometry.axes(self.sidereal_time() - position.ra, position.dec, False)
         return op.Horizontal(wrap360(first), second)
 
-    def from_axes(self, wanted: op.GotoAxes, wedge: bool = False) -> op.Equatorial:
+    def from_axes(self, goto: op.GotoAxes, wedge: bool = False) -> op.Equatorial:
         """Return the position for axis readings of an equatorial mount; `axes` says from where they count."""
         build = Build.WEDGE if wedge else Build.GERMAN
-        hour_angle, dec = Geometry(build, self.place().latitude).sky(wanted.az, wanted.alt)
+        hour_angle, dec = Geometry(build, self.place().latitude).sky(goto.az, goto.alt)
         return op.Equatorial(wrap360(self.sidereal_time() - hour_angle), dec)
 
     def to_mount(self, operation: op.Goto | op.Sync | op.Choose) -> op.Goto | op.Sync | op.Choose:
@@ -187,14 +187,14 @@ class SunAvoidance:
         limit: float,
         astrometry: SiteAstrometry,
         sources: BestSources,
-        now: Callable[[], float],
+        clock: Callable[[], float],
         frame: Callable[[], PointingFrame],
         settled: asyncio.Event,
         note_once: Callable[[str], None],
     ) -> None:
         self.limit, self._astrometry, self._sky, self._sources = limit, astrometry, astrometry.sky, sources
-        self._now, self._frame_now, self._settled, self._note_once = now, frame, settled, note_once
-        self.frame, self._until = _ALTAZ, float("-inf")
+        self._clock, self._frame_now, self._settled, self._note_once = clock, frame, settled, note_once
+        self.frame, self._frame_until = _ALTAZ, float("-inf")
         self._risen_suns: list[Sun] = []
         #: How many of them are ``confirmed``; they come first.
         self.confirmed = 0
@@ -203,7 +203,7 @@ class SunAvoidance:
         sources.changed.connect(self._outdated)
 
     def _outdated(self, _: None) -> None:
-        self._until = float("-inf")
+        self._frame_until = float("-inf")
 
     def narrow(self, limit: float) -> None:
         """Set another limit. Distances before and after that cannot be compared."""
@@ -214,10 +214,10 @@ class SunAvoidance:
         """Return every Sun to be avoided now."""
         if not self.limit:
             return []
-        now, frame = self._now(), self._frame_now()
-        if now >= self._until or frame != self.frame:
+        now, frame = self._clock(), self._frame_now()
+        if now >= self._frame_until or frame != self.frame:
             suns = self.suns(frame)
-            self._until, self.frame = now + (CACHE_FOR if len(suns) < 2 else CACHE_SHORTLY), frame
+            self._frame_until, self.frame = now + (SUN_CACHE_TIME if len(suns) < 2 else SUNS_CACHE_TIME), frame
             if not _continues(self._risen_suns, suns):
                 self.era += 1
             self._risen_suns, self.confirmed = suns, sum(sun.confirmed for sun in suns)
@@ -271,7 +271,7 @@ class SunAvoidance:
         """Yield the sites over whose horizon a Sun is up at a time."""
         for site in sites:
             over = self._sky.horizon(*place, site.place.latitude, site.place.longitude, time.unix)
-            if over[1] >= SUN_IS_UP:
+            if over[1] >= SUN_UP_ALTITUDE:
                 yield _Risen(time, site, place, over)
 
     def _in_own_coordinates(self, risen: _Risen, polar: bool, place: op.Place, unix: float) -> Pair:
@@ -300,7 +300,7 @@ def _different(suns: list[Sun]) -> list[Sun]:
     distinct: list[Sun] = []
     for sun in suns:
         same = (other for other in distinct if other.sync_shift == sun.sync_shift)
-        if not any(separation(*sun[:2], *other[:2]) < SAME for other in same):
+        if not any(separation(*sun[:2], *other[:2]) < SAME_SUN_DEGREES for other in same):
             distinct.append(sun)
     return distinct
 
@@ -310,6 +310,6 @@ def _continues(before: list[Sun], now: list[Sun]) -> bool:
     return len(before) == len(now) and all(
         then.confirmed == sun.confirmed
         and then.sync_shift == sun.sync_shift
-        and separation(*then[:2], *sun[:2]) < JUMPS
+        and separation(*then[:2], *sun[:2]) < SUN_JUMP_DEGREES
         for then, sun in zip(before, now, strict=True)
     )

@@ -17,19 +17,19 @@ from gateway.astro.spherical import wrap180
 from gateway.core.errors import Busy
 from gateway.core.operations import Moment, Operation, Place, SetClock, SetSite
 from gateway.mount.presence import ProgramId
-from gateway.mount.site.site_clock import CLOCK_EQUAL, SITE_EQUAL
+from gateway.mount.site.site_clock import CLOCK_TOLERANCE, SITE_TOLERANCE
 
 #: How often a setting is sent, and the seconds after the first attempt, the second …
 TRIES = 3
-RETRY_AFTER = (2.0, 5.0)
+RETRY_DELAYS = (2.0, 5.0)
 #: Seconds until the next check of a mount that is not reachable, and of a mount that has replied that it is busy.
-CHECK_AFTER, BUSY_FOR = 0.5, 2.0
+CHECK_DELAY, BUSY_DELAY = 0.5, 2.0
 #: Seconds; a clock that has taken only the new zone, time or date is off by this or by a multiple of it.
 ZONES = 1800.0
 #: Seconds after which a program that was refused should ask again: usually, and while a classic calculates its planets.
-SOON, CALCULATING = 2.0, 10.0
+RETRY_HINT, CALCULATION_HINT = 2.0, 10.0
 #: Seconds by which a setting may be sent later than its timer says.
-SLACK = 0.5
+TIMER_SLACK = 0.5
 
 Kind = tuple[type[Operation], int | None]
 
@@ -41,14 +41,14 @@ class Setting(Struct, frozen=True):
 
     value: Operation
     since: float
-    left: int = TRIES
-    due: float = 0.0
-    by: str = ""
+    tries_left: int = TRIES
+    due_at: float = 0.0
+    client_name: str = ""
 
     @property
     def late(self) -> bool:
         """Whether it could not be sent at once. Then the mount's present value is read before the setting is sent."""
-        return self.due > 0.0
+        return self.due_at > 0.0
 
     def value_now(self, now: float) -> Operation:
         """Return the value to be sent now; a clock has run on since it was requested."""
@@ -81,9 +81,9 @@ class IncomingSettings:
         self.sending: type[Operation] | None = None
         self.unfinished: dict[ProgramId, float] = {}
 
-    def expect(self, program: ProgramId, until: float) -> None:
+    def expect(self, program: ProgramId, expires_at: float) -> None:
         """Expect the rest of a site or clock of this program until this loop time, when it is sent without the rest."""
-        self.unfinished[program] = until + SLACK
+        self.unfinished[program] = expires_at + TIMER_SLACK
 
     def complete(self, program: ProgramId) -> None:
         """Note that a program has set all parts."""
@@ -96,8 +96,8 @@ class IncomingSettings:
         if not (coming or self.unfinished):
             return None
         what = "site" if coming and all(isinstance(setting.value, SetSite) for setting in coming) else "clock"
-        wait = max([SOON, *(CALCULATING,) * calculating, *(until - now for until in self.unfinished.values()),
-                    *(setting.due - now for setting in coming)])  # fmt: skip
+        wait = max([RETRY_HINT, *(CALCULATION_HINT,) * calculating, *(end - now for end in self.unfinished.values()),
+                    *(setting.due_at - now for setting in coming)])  # fmt: skip
         return Busy(f"The mount is taking a new {what}. Try again in {ceil(wait)} seconds.")
 
 
@@ -113,17 +113,17 @@ def without(pending: Pending, setting: Setting) -> Pending:
 
 def postponed(pending: Pending, setting: Setting, due: float) -> Pending:
     """Postpone a setting that was not sent because the mount was busy or not reachable."""
-    return {kind: replace(other, due=due) if other is setting else other for kind, other in pending.items()}
+    return {kind: replace(other, due_at=due) if other is setting else other for kind, other in pending.items()}
 
 
 def tried(pending: Pending, setting: Setting, now: float) -> Pending:
     """Count an attempt after which it is unknown whether the mount received the setting; drop it after the last
     attempt.
     """
-    if setting.left <= 1:
+    if setting.tries_left <= 1:
         return without(pending, setting)
-    wait = RETRY_AFTER[min(TRIES - setting.left, len(RETRY_AFTER) - 1)]
-    again = replace(setting, left=setting.left - 1, due=now + wait)
+    wait = RETRY_DELAYS[min(TRIES - setting.tries_left, len(RETRY_DELAYS) - 1)]
+    again = replace(setting, tries_left=setting.tries_left - 1, due_at=now + wait)
     return {kind: again if other is setting else other for kind, other in pending.items()}
 
 
@@ -132,33 +132,33 @@ def next_setting(pending: Pending, now: float) -> Setting | float | None:
 
     The clock is sent last, because a classic telescope does not respond for seconds afterwards.
     """
-    due = [setting for setting in pending.values() if setting.due <= now]
+    due = [setting for setting in pending.values() if setting.due_at <= now]
     if due:
         return min(due, key=lambda setting: (isinstance(setting.value, SetClock), setting.since))
-    return min((setting.due for setting in pending.values()), default=None)
+    return min((setting.due_at for setting in pending.values()), default=None)
 
 
-def site_is_ours(sent: Sequence[Setting], before: Place | None, reported: Place) -> bool:
+def site_is_ours(sent_settings: Sequence[Setting], before: Place | None, reported: Place) -> bool:
     """Whether the site that the mount reports may result from the site that the gateway sent.
 
     Each half is as it was before or as the gateway sent it, because the mount may have received only one half.
     """
-    values = [setting.value for setting in sent if isinstance(setting.value, SetSite)]
+    values = [setting.value for setting in sent_settings if isinstance(setting.value, SetSite)]
     latitudes = [value.latitude for value in values if value.latitude is not None]
     longitudes = [value.longitude for value in values if value.longitude is not None]
     if before is None or not values:
         return False
     return (
-        min(abs(reported.latitude - latitude) for latitude in (before.latitude, *latitudes)) <= SITE_EQUAL
+        min(abs(reported.latitude - latitude) for latitude in (before.latitude, *latitudes)) <= SITE_TOLERANCE
         and min(abs(wrap180(reported.longitude - longitude)) for longitude in (before.longitude, *longitudes))
-        <= SITE_EQUAL
+        <= SITE_TOLERANCE
     )
 
 
-def clock_is_ours(sent: Sequence[Setting], before: Moment | None, reported: Moment, now: float) -> bool:
+def clock_is_ours(sent_settings: Sequence[Setting], before: Moment | None, reported: Moment, now: float) -> bool:
     """Like ``site_is_ours``, for the clock: the mount may have received zone, time and date only in part."""
-    values = [value for setting in sent if isinstance(value := setting.value_now(now), SetClock)]
+    values = [value for setting in sent_settings if isinstance(value := setting.value_now(now), SetClock)]
     if before is None or not values:
         return False
     times = (before.unix, *(value.unix for value in values))
-    return min(abs((reported.unix - unix + ZONES / 2) % ZONES - ZONES / 2) for unix in times) <= CLOCK_EQUAL
+    return min(abs((reported.unix - unix + ZONES / 2) % ZONES - ZONES / 2) for unix in times) <= CLOCK_TOLERANCE

@@ -11,44 +11,44 @@ from gateway.core.errors import BelowHorizon, Invalid, Unsupported
 from gateway.mount.site.astrometry import SiteAstrometry
 
 
-def of_date(astrometry: SiteAstrometry, wanted: op.ToEquinoxOfDate) -> op.Equatorial:
+def of_date(astrometry: SiteAstrometry, operation: op.ToEquinoxOfDate) -> op.Equatorial:
     """Convert a J2000 position to the equinox of date: precession and nutation."""
-    return op.Equatorial(*astrometry.sky.to_of_date(wanted.ra, wanted.dec, astrometry.site_clock.unix()))
+    return op.Equatorial(*astrometry.sky.to_of_date(operation.ra, operation.dec, astrometry.site_clock.unix()))
 
 
-def of_catalog(astrometry: SiteAstrometry, wanted: op.ToJ2000) -> op.Equatorial:
+def of_catalog(astrometry: SiteAstrometry, operation: op.ToJ2000) -> op.Equatorial:
     """Convert a position of date to J2000."""
-    return op.Equatorial(*astrometry.sky.to_j2000(wanted.ra, wanted.dec, astrometry.site_clock.unix()))
+    return op.Equatorial(*astrometry.sky.to_j2000(operation.ra, operation.dec, astrometry.site_clock.unix()))
 
 
-def zenith(astrometry: SiteAstrometry, wanted: op.Zenith) -> op.Equatorial:
+def zenith(astrometry: SiteAstrometry, operation: op.Zenith) -> op.Equatorial:
     """Return the zenith as a J2000 position."""
     return of_catalog(astrometry, op.ToJ2000(astrometry.sidereal_time(), astrometry.place().latitude))
 
 
-def planet(astrometry: SiteAstrometry, wanted: op.PlanetPlace) -> op.Equatorial:
+def planet(astrometry: SiteAstrometry, operation: op.PlanetPlace) -> op.Equatorial:
     """Return a geocentric position: parallax (0.5' for Venus at its nearest) is below the error of the series."""
-    name = wanted.name.capitalize()
+    name = operation.name.capitalize()
     if name not in PARTS[1:]:
-        raise Invalid(f"There is no planet {wanted.name!r}; write {', '.join(PARTS[3:-1])} or {PARTS[-1]}.")
+        raise Invalid(f"There is no planet {operation.name!r}; write {', '.join(PARTS[3:-1])} or {PARTS[-1]}.")
     position = astrometry.sky.planet(name, astrometry.site_clock.unix())
     if position is None:
         raise Unsupported("The positions of the planets are not available yet.")
     return op.Equatorial(*position)
 
 
-def on_moon(astrometry: SiteAstrometry, wanted: op.MoonPlace) -> op.Equatorial:
+def on_moon(astrometry: SiteAstrometry, operation: op.MoonPlace) -> op.Equatorial:
     """Return the Moon, or a point on it. Raises BelowHorizon if the centre of the Moon is below the horizon."""
     site, unix = astrometry.place(), astrometry.site_clock.unix()
     ra, dec, _ = astrometry.sky.moon(unix, site.latitude, site.longitude)
     if astrometry.sky.horizon(ra, dec, site.latitude, site.longitude, unix)[1] < 0.0:
         raise BelowHorizon("The Moon is below the horizon.")
-    if wanted.latitude is not None and wanted.longitude is not None:
-        ra, dec = astrometry.sky.on_moon(unix, site.latitude, site.longitude, wanted.latitude, wanted.longitude)
+    if operation.latitude is not None and operation.longitude is not None:
+        ra, dec = astrometry.sky.on_moon(unix, site.latitude, site.longitude, operation.latitude, operation.longitude)
     return op.Equatorial(ra, dec)
 
 
-PLACES: dict[type[op.Operation], Callable[[SiteAstrometry, Any], op.Equatorial]] = {
+PLACE_FUNCTIONS: dict[type[op.Operation], Callable[[SiteAstrometry, Any], op.Equatorial]] = {
     op.ToEquinoxOfDate: of_date, op.ToJ2000: of_catalog, op.Zenith: zenith, op.PlanetPlace: planet,
     op.MoonPlace: on_moon,
 }  # fmt: skip

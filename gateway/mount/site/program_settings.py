@@ -18,7 +18,7 @@ from gateway.core.operations import Moment, Place, SetSite
 from gateway.mount.presence import ProgramId
 
 #: So many programs are remembered, those that have set something last.
-REMEMBERED = 200
+MAX_PROGRAMS = 200
 
 Clock = tuple[Moment, float]
 
@@ -60,7 +60,7 @@ class SettingsOfProgram(Struct, frozen=True):
     zone: float | None = None
 
 
-NOTHING = SettingsOfProgram()
+NO_SETTINGS = SettingsOfProgram()
 
 
 class ProgramSettings:
@@ -73,13 +73,13 @@ class ProgramSettings:
         self.newest: SiteOfProgram | None = None
 
     def of(self, program: ProgramId) -> SettingsOfProgram:
-        return self._by_program.get(program, NOTHING)
+        return self._by_program.get(program, NO_SETTINGS)
 
     def put(self, program: ProgramId, settings: SettingsOfProgram) -> None:
         self._by_program.pop(program, None)
-        if settings != NOTHING:
+        if settings != NO_SETTINGS:
             self._by_program[program] = settings
-        if len(self._by_program) > REMEMBERED:
+        if len(self._by_program) > MAX_PROGRAMS:
             del self._by_program[next(iter(self._by_program))]
 
     def __iter__(self) -> Iterator[SettingsOfProgram]:

@@ -19,16 +19,16 @@ from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import READ, SETTING
 from gateway.mount.presence import ProgramId
-from gateway.mount.readings.reader import FIRST_ANSWER
+from gateway.mount.readings.reader import FIRST_REPLY_WAIT
 from gateway.mount.site.pending_settings import Setting, kind_of
 from gateway.mount.site.readers import ReadBy
 from gateway.mount.site.settings_sync import SyncSettings
-from gateway.mount.site.site_clock import CONFIGURED, GPS, GPS_SEARCH, MOUNT
+from gateway.mount.site.site_clock import CONFIGURED, GPS_RETRY_TIME, GPS_SOURCE, MOUNT
 
 #: Seconds that half of a site waits for the other.
-HALF_SITE = 2.0
+HALF_SITE_WAIT = 2.0
 #: Seconds that a client waits at most to hear whether the mount refuses its setting.
-HEARD = 2.5
+REFUSAL_WAIT = 2.5
 
 
 class SiteAndClock:
@@ -52,14 +52,14 @@ class SiteAndClock:
             op.PeriodicError: self._periodic_error,
         }
         self._reading_gps = asyncio.Lock()
-        self._asked_site = -GPS_SEARCH
+        self._asked_site = -GPS_RETRY_TIME
 
     def _read_by(self, program: ProgramId) -> ReadBy:
         return ReadBy(self._site_clock, program)
 
     async def _first_answers(self) -> None:
         try:
-            async with asyncio.timeout(FIRST_ANSWER):
+            async with asyncio.timeout(FIRST_REPLY_WAIT):
                 await self._context.settled.wait()
         except TimeoutError:
             raise NoAnswer from None
@@ -74,7 +74,7 @@ class SiteAndClock:
     async def _ask_for_site(self) -> None:
         """Ask the mount again if it reported no site at the start: its GPS may have a fix by now."""
         now = self._context.now()
-        if now - self._asked_site < GPS_SEARCH:
+        if now - self._asked_site < GPS_RETRY_TIME:
             return
         self._asked_site = now
         await self.renew(op.GetSite)
@@ -114,8 +114,8 @@ class SiteAndClock:
             self.complete(program)
             return
         if self._read_by(program).site() is not None:  # otherwise it may never become a site: nothing waits for it
-            self._context.incoming.expect(program, self._context.now() + HALF_SITE)
-        asyncio.get_running_loop().call_later(HALF_SITE, self.complete, program)
+            self._context.incoming.expect(program, self._context.now() + HALF_SITE_WAIT)
+        asyncio.get_running_loop().call_later(HALF_SITE_WAIT, self.complete, program)
 
     def holds_for(self) -> str:
         """Return the scope of a site that a person sets now (the mount, or all programs), as text; empty if unknown."""
@@ -126,7 +126,7 @@ class SiteAndClock:
         never = context.policy.site_time == "never" or context.driver.impossible(op.SetSite(0.0, 0.0)) is not None
         if not never and self.sync.takes(status):
             return "everyone: this mount takes it"
-        if sites and sites[0].source in (MOUNT, GPS, CONFIGURED):
+        if sites and sites[0].source in (MOUNT, GPS_SOURCE, CONFIGURED):
             why = "takes no site" if never else "is aligned and takes no site"
             return f"nobody: this mount {why}, and the site from {sites[0].source} counts"
         return "everyone, as long as neither the mount nor the configuration has one"
@@ -180,7 +180,7 @@ class SiteAndClock:
 
         self.sync.refused.connect(refused)
         try:
-            until = self._context.now() + HEARD
+            until = self._context.now() + REFUSAL_WAIT
             while self.sync.pending.get(kind_of(operation)) is ours is not None and self._context.now() < until:
                 await asyncio.sleep(0.1)
         finally:

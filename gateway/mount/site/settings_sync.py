@@ -19,13 +19,13 @@ from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import READ, SETTING
-from gateway.mount.presence import NOBODY, ProgramId
+from gateway.mount.presence import NO_PROGRAM, ProgramId
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.contradictions import note_contradictions, site_text
 from gateway.mount.site import pending_settings
-from gateway.mount.site.pending_settings import BUSY_FOR, CHECK_AFTER, SKY, TRIES, Kind, Pending, Setting, kind_of
+from gateway.mount.site.pending_settings import BUSY_DELAY, CHECK_DELAY, SKY, TRIES, Kind, Pending, Setting, kind_of
 
-_NAMES: dict[type[op.Operation], str] = {
+_SETTING_NAMES: dict[type[op.Operation], str] = {
     op.SetSite: "site",
     op.SetClock: "clock",
     op.SetGuideRate: "guide rate",
@@ -35,7 +35,7 @@ _NAMES: dict[type[op.Operation], str] = {
 
 
 def setting_name(operation: op.Operation) -> str:
-    return _NAMES[type(operation)]
+    return _SETTING_NAMES[type(operation)]
 
 
 def note(mount: Context, operation: op.Operation, text: str) -> None:
@@ -47,13 +47,13 @@ def note_kept(mount: Context, setting: Setting, why: str) -> None:
     """Log, once for each host, that the mount does not get a site or clock."""
     mount.note_once(
         f"{why}: the {setting_name(setting.value)} that was set is stored in the gateway, "
-        f"for {setting.by or 'this computer'} alone; everyone else reads the mount's"
+        f"for {setting.client_name or 'this computer'} alone; everyone else reads the mount's"
     )
 
 
 def note_set(mount: Context, setting: Setting, ahead: float | None = None) -> None:
     """Log who has set the mount's site, or its clock (``ahead``, seconds), and any contradiction."""
-    by, value = setting.by or "the gateway", setting.value
+    by, value = setting.client_name or "the gateway", setting.value
     if isinstance(value, op.SetSite) and value.latitude is not None and value.longitude is not None:
         mount.note(
             f"{by} has set the mount's site, for everyone: {site_text(op.Place(value.latitude, value.longitude))}"
@@ -68,7 +68,7 @@ _MOVES = (*GOTOS, op.Move, op.MoveAxis)
 #: Seconds by which a clock may differ from the setting, for its transmission, and still count as set.
 CLOCK_TOLERANCE = 2.0
 #: The mount may still report parts of this many earlier settings.
-MAX_SENT = 8
+MAX_EARLIER_SETTINGS = 8
 
 
 class SyncSettings:
@@ -101,7 +101,7 @@ class SyncSettings:
 
     # --- pending settings -------------------------------------------------------------------------------------------
 
-    def queue(self, operation: op.Operation, left: int = TRIES, due: float = 0.0, by: ProgramId = NOBODY) -> None:
+    def queue(self, operation: op.Operation, left: int = TRIES, due: float = 0.0, by: ProgramId = NO_PROGRAM) -> None:
         """Queue a setting of a program for the mount; it replaces an older setting of its kind."""
         self.pending = pending_settings.added(self.pending, Setting(operation, self._now(), left, due, by.host))
         if self._link.state in ("down", "opening"):
@@ -116,7 +116,7 @@ class SyncSettings:
             await self._runner.perform(operation, SETTING)
         except (Busy, NoAnswer) as fault:
             tried = sent and isinstance(fault, NoAnswer)
-            self.queue(operation, TRIES - 1 if tried else TRIES, self._now() + BUSY_FOR)
+            self.queue(operation, TRIES - 1 if tried else TRIES, self._now() + BUSY_DELAY)
             raise
 
     def pause(self) -> None:
@@ -186,7 +186,7 @@ class SyncSettings:
             if isinstance(step, Setting) and self._reachable():
                 await self._send(step)
                 continue
-            pause = step - now if isinstance(step, float) and not held_back else CHECK_AFTER
+            pause = step - now if isinstance(step, float) and not held_back else CHECK_DELAY
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(pause):
                     await self._wake.wait()
@@ -207,14 +207,14 @@ class SyncSettings:
                 return  # a motion has begun meanwhile: later
             tried = True
             self._sending, self._incoming.sending = kind_of(value), type(value) if place else None
-            self._sent[self._sending] = (*self._sent.get(self._sending, ())[-MAX_SENT:], setting)
+            self._sent[self._sending] = (*self._sent.get(self._sending, ())[-MAX_EARLIER_SETTINGS:], setting)
             await self._runner.perform(setting.value_now(self._now()), SETTING)
         except Busy:
-            self.pending = pending_settings.postponed(self.pending, setting, self._now() + BUSY_FOR)
+            self.pending = pending_settings.postponed(self.pending, setting, self._now() + BUSY_DELAY)
         except NoAnswer as fault:
             if not tried:
-                self.pending = pending_settings.postponed(self.pending, setting, self._now() + BUSY_FOR)
-            elif setting.left > 1:
+                self.pending = pending_settings.postponed(self.pending, setting, self._now() + BUSY_DELAY)
+            elif setting.tries_left > 1:
                 self.pending = pending_settings.tried(self.pending, setting, self._now())
             else:
                 self._give_up(setting, str(fault))
@@ -278,13 +278,13 @@ class SyncSettings:
         if isinstance(running, op.SetSite):
             assert running.latitude is not None and running.longitude is not None
             place = op.Place(running.latitude, running.longitude)
-            self._site_clock.take_mount_site(place, ours=True, by=setting.by)
+            self._site_clock.take_mount_site(place, ours=True, by=setting.client_name)
             if news:
                 note_set(self._context, setting)
         elif isinstance(running, op.SetClock):
             before = self._site_clock.present_time(self._site_clock.mount_clock)
             self._site_clock.take_mount_clock(
-                op.Moment(running.unix, running.offset, running.dst), ours=True, by=setting.by
+                op.Moment(running.unix, running.offset, running.dst), ours=True, by=setting.client_name
             )
             if news:
                 note_set(self._context, setting, None if before is None else running.unix - before.unix)
@@ -312,13 +312,13 @@ class SyncSettings:
         else:
             note(self._context, setting.value, str(fault))
 
-    def _give_up(self, setting: Setting, why: str) -> None:
+    def _give_up(self, setting: Setting, reason: str) -> None:
         """Stop sending it: from now on reads return the mount's own value."""
-        self.refused.emit((setting, why))
+        self.refused.emit((setting, reason))
         newest = self.pending.get(kind_of(setting.value)) is setting
         self.pending = pending_settings.without(self.pending, setting)
         if newest and self._site_clock.has_own(setting.value):
             self._site_clock.forget(setting.value)
-            note(self._context, setting.value, f"it is not in force: {why} Clients get the mount's own again")
+            note(self._context, setting.value, f"it is not in force: {reason} Clients get the mount's own again")
         else:
-            note(self._context, setting.value, f"the mount did not receive it: {why}")
+            note(self._context, setting.value, f"the mount did not receive it: {reason}")

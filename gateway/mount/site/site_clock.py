@@ -19,19 +19,20 @@ from gateway.core.signals import Signal
 from gateway.mount.site.program_settings import ProgramSettings, SiteOfProgram
 
 #: Degrees and seconds; if the mount's site or clock changes by more, it was set at the mount.
-SITE_EQUAL = 1.0 / 60.0
-CLOCK_EQUAL = 30.0
+SITE_TOLERANCE = 1.0 / 60.0
+CLOCK_TOLERANCE = 30.0
 #: Degrees by which programs change a site so far that the former site counts, and seconds for which it does.
-FAR, FORMER_FOR = 2.0, 12 * 3600.0
+MIN_SITE_CHANGE, FORMER_SITE_TIME = 2.0, 12 * 3600.0
 #: Degrees within which another source confirms a site.
-CONFIRMS = 0.5
-#: Seconds for which a reading of the mount's GPS is cached, with a fix and without.
-GPS_FIX, GPS_SEARCH = 300.0, 30.0
+CONFIRM_DISTANCE = 0.5
+#: Seconds for which a reading of the mount's GPS_SOURCE is cached, with a fix and without.
+GPS_CACHE_TIME, GPS_RETRY_TIME = 300.0, 30.0
 
 
-#: Seconds: a computer's clock that is so near to the mount's or its GPS is right, however doubtful it is otherwise.
-AGREES = 120.0
-MOUNT, GPS, CONFIGURED, COMPUTER, PROGRAM, FORMER = (
+#: Seconds: a computer's clock that is so near to the mount's or its GPS_SOURCE is right, however doubtful it is
+#: otherwise.
+CLOCK_AGREEMENT = 120.0
+MOUNT, GPS_SOURCE, CONFIGURED, COMPUTER, PROGRAM, FORMER = (
     "the mount", "its GPS", "the configuration", "this computer", "a program", "the site before")  # fmt: skip
 
 
@@ -130,13 +131,13 @@ class SiteClock:
         for 12 h at most, and until the owner, GPS or the configuration confirms the new site.
         """
         site, known = self.mount_site, self._former
-        if site is None or known is None or self.now() - known[1] >= FORMER_FOR or self._is_confirmed(site):
+        if site is None or known is None or self.now() - known[1] >= FORMER_SITE_TIME or self._is_confirmed(site):
             return None
-        return known[0] if degrees_apart(site, known[0]) > FAR else None
+        return known[0] if earth_distance(site, known[0]) > MIN_SITE_CHANGE else None
 
     def _is_confirmed(self, site: Place) -> bool:
         others = (self.gps_site, self.configured, self.confirmed)
-        return any(place is not None and degrees_apart(site, place) <= CONFIRMS for place in others)
+        return any(place is not None and earth_distance(site, place) <= CONFIRM_DISTANCE for place in others)
 
     def present_time(self, held: tuple[Moment, float] | None) -> Moment | None:
         """Return the present time of a clock that was read earlier."""
@@ -170,7 +171,7 @@ class SiteClock:
             self.programs.forget("site")
             self._former = None
         elif before is not None and not _same_place(before, place):
-            counts = self._former is not None and self.now() - self._former[1] < FORMER_FOR
+            counts = self._former is not None and self.now() - self._former[1] < FORMER_SITE_TIME
             self._former = self._former if counts and not self._is_confirmed(before) else (before, self.now())
         self.site_set_by = "" if changed else self.site_set_by if by is None else by
         self.changed.emit(None)
@@ -180,7 +181,7 @@ class SiteClock:
         """Like ``take_mount_site``, for the clock; a change is more than 30 s."""
         before = self.present_time(self.mount_clock)
         self.mount_clock = (moment, self.now())
-        changed = not ours and before is not None and abs(before.unix - moment.unix) > CLOCK_EQUAL
+        changed = not ours and before is not None and abs(before.unix - moment.unix) > CLOCK_TOLERANCE
         if changed:
             self.programs.forget("clock")
         self.clock_set_by = "" if changed else self.clock_set_by if by is None else by
@@ -201,7 +202,7 @@ class SiteClock:
             return None
         gps, at = self._gps
         age = self.now() - at
-        return replace(gps, unix=gps.unix + age) if age < (GPS_FIX if gps.linked else GPS_SEARCH) else None
+        return replace(gps, unix=gps.unix + age) if age < (GPS_CACHE_TIME if gps.linked else GPS_RETRY_TIME) else None
 
     def mount_asked(self) -> None:
         """Note that the mount was asked for its site: if it reported none, the site of an earlier run counts."""
@@ -233,8 +234,8 @@ class SiteClock:
         """Whether the mount's site matches any of these in latitude or longitude."""
         site = self.mount_site
         return site is not None and any(
-            (place.latitude is not None and abs(site.latitude - place.latitude) <= SITE_EQUAL)
-            or (place.longitude is not None and abs(wrap180(site.longitude - place.longitude)) <= SITE_EQUAL)
+            (place.latitude is not None and abs(site.latitude - place.latitude) <= SITE_TOLERANCE)
+            or (place.longitude is not None and abs(wrap180(site.longitude - place.longitude)) <= SITE_TOLERANCE)
             for place in places
         )
 
@@ -264,7 +265,7 @@ class BestSources:
         sites = [
             Site(place, source, by)
             for place, source, by in (
-                (known.mount_site, MOUNT, known.site_set_by), (known.gps_site, GPS, ""),
+                (known.mount_site, MOUNT, known.site_set_by), (known.gps_site, GPS_SOURCE, ""),
                 (known.configured, CONFIGURED, ""))
             if place is not None
         ]  # fmt: skip
@@ -290,12 +291,12 @@ class BestSources:
             Time(moment.unix, source, by=known.clock_set_by if source is MOUNT else "")
             for moment, source in (
                 (known.present_time(known.mount_clock), MOUNT),
-                (known.present_time(known.gps_clock), GPS),
+                (known.present_time(known.gps_clock), GPS_SOURCE),
             )
             if moment is not None
         ]
         host = known.host()
-        if not known.doubts(host) or any(abs(time.unix - host) <= AGREES for time in times):
+        if not known.doubts(host) or any(abs(time.unix - host) <= CLOCK_AGREEMENT for time in times):
             return [*times, Time(host, COMPUTER)]
         program = known.present_time(known.programs.newest_clock)
         known_times = [Time(program.unix, PROGRAM)] if program is not None else []
@@ -316,7 +317,7 @@ class BestSources:
         return self.best_time().unix
 
 
-def degrees_apart(place: Place, other: Place) -> float:
+def earth_distance(place: Place, other: Place) -> float:
     """Return how far two sites are apart, degrees on the Earth."""
     return separation(place.longitude, place.latitude, other.longitude, other.latitude)
 
@@ -324,6 +325,6 @@ def degrees_apart(place: Place, other: Place) -> float:
 def _same_place(place: Place, other: Place) -> bool:
     """Whether two sites are within an arcminute, the resolution of hand controls."""
     return (
-        abs(place.latitude - other.latitude) <= SITE_EQUAL
-        and abs(wrap180(place.longitude - other.longitude)) <= SITE_EQUAL
+        abs(place.latitude - other.latitude) <= SITE_TOLERANCE
+        and abs(wrap180(place.longitude - other.longitude)) <= SITE_TOLERANCE
     )

@@ -184,7 +184,7 @@ async def test_stop_or_disconnection_cancels_a_goto_that_waits_for_the_clock(by:
             bridge.controller.begin_stop()
         elif by == "arrow":
             with suppress(Busy):  # the mount calculates
-                await bridge.controller.perform(op.Move(op.Direction.NORTH, op.Rate(key=2)), patience=1.0)
+                await bridge.controller.perform(op.Move(op.Direction.NORTH, op.Rate(key=2)), max_delay=1.0)
         elif by == "hold":
             bridge.controller.hold.on = True
             bridge.controller.begin_stop()

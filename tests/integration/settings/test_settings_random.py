@@ -139,12 +139,12 @@ def test_mount_that_cannot_hear_delays_nothing() -> None:
     for now in range(100):
         step = next_setting(pending, float(now))
         if isinstance(step, Setting):
-            assert step.left == TRIES
+            assert step.tries_left == TRIES
             pending = postponed(pending, step, now + 2.0)
 
 
 def test_end_of_an_older_setting_leaves_the_newer_one_alone() -> None:
-    older, newer = Setting(HERE, since=0.0, left=1), Setting(THERE, since=1.0)
+    older, newer = Setting(HERE, since=0.0, tries_left=1), Setting(THERE, since=1.0)
     pending = added(added({}, older), newer)
     assert without(pending, older) == tried(pending, older, 5.0) == postponed(pending, older, 5.0) == pending
 

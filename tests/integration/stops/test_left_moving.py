@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from gateway.astro.axes import Build
-from gateway.mount.motion.left_moving import RECENT
+from gateway.mount.motion.left_moving import MAX_AGE
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
 from tests.support.owner import Owner
@@ -130,9 +130,9 @@ async def test_old_mark_of_a_killed_gateway_stops_only_the_marked_motion(
             watching = Owner(second, driven)
             for _ in range(20):
                 await asyncio.sleep(0.2)
-                if own and seconds > RECENT:
+                if own and seconds > MAX_AGE:
                     assert watching.moving
-            assert watching.moving is bool(own and seconds > RECENT)
+            assert watching.moving is bool(own and seconds > MAX_AGE)
             if not watching.moving:
                 await asyncio.sleep(9.0)
                 assert not list(tmp_path.glob("*.moving"))

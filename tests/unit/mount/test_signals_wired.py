@@ -7,7 +7,7 @@ from collections.abc import Callable
 from gateway.core import operations as op
 from gateway.mount.controller import MountController
 from gateway.mount.motion.wanted import Wanted
-from gateway.mount.presence import NOBODY
+from gateway.mount.presence import NO_PROGRAM
 from gateway.mount.site.readers import ReadBy
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
@@ -16,8 +16,8 @@ CHANGES: dict[str, Callable[[MountController], object]] = {
     "a reading came": lambda mount: mount.cache.put(op.Slewing, False, mount.now()),
     "a reading was forgotten": lambda mount: mount.cache.forget(op.PierSide),
     "something else is wanted": lambda mount: mount.reconciler.want(Wanted(stops=1)),
-    "a clock was set": lambda mount: ReadBy(mount.site_clock, NOBODY).keep_clock(op.SetClock(0.0, 0.0)),
-    "a site was set": lambda mount: ReadBy(mount.site_clock, NOBODY).set_half(op.SetSite(latitude=10.0)),
+    "a clock was set": lambda mount: ReadBy(mount.site_clock, NO_PROGRAM).keep_clock(op.SetClock(0.0, 0.0)),
+    "a site was set": lambda mount: ReadBy(mount.site_clock, NO_PROGRAM).set_half(op.SetSite(latitude=10.0)),
     "an order was acknowledged": lambda mount: mount.reader.outdate(),
 }
 

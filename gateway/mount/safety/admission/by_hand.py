@@ -15,21 +15,21 @@ from gateway.astro.spherical import SIDEREAL_RATE, fold_declination, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Invalid, PastMeridian, Refused
 from gateway.mount.context import Context
-from gateway.mount.policy import AT_LIMIT, Limits
+from gateway.mount.policy import LIMIT_TOLERANCE, Limits
 from gateway.mount.readings.cache import Readings
 from gateway.mount.safety.admission.altitudes import Source, by_mount, by_others
 from gateway.mount.safety.admission.contradictions import too_near
-from gateway.mount.safety.admission.slew_paths import LONGEST
-from gateway.mount.safety.allow import MIN_INTERVAL, leaving
+from gateway.mount.safety.admission.slew_paths import MAX_AXIS_TURN
+from gateway.mount.safety.allow import MIN_POSITION_GAP, leaving
 from gateway.mount.safety.hour_angle import past_meridian, reports_axes, turned_by_axes
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.astrometry import Sun
 from gateway.protocols.base.driver import BY_HAND
 
 #: Degrees of axis motion between two points of a stretch that are checked.
-STEP = 2.0
+CHECK_STEP = 2.0
 #: Seconds; an older position does not say where a motion begins.
-OLD_POSITION = 6.0
+MAX_POSITION_AGE = 6.0
 
 
 class Start(NamedTuple):
@@ -55,7 +55,7 @@ def reaction_turn(mount: Context, operation: op.Move | op.MoveAxis) -> float:
     degrees.
     """
     age = mount.cache.age(op.Position, mount.now()) if mount.wanted.by_hand else 0.0
-    return operation.sense * mount.driver.speed(operation.rate) * (mount.timing.reaction + MIN_INTERVAL + age)
+    return operation.sense * mount.driver.speed(operation.rate) * (mount.timing.reaction + MIN_POSITION_GAP + age)
 
 
 def as_motion(pulse: op.Pulse | op.PulseAxis) -> tuple[op.Move | op.MoveAxis, float]:
@@ -77,9 +77,9 @@ def check_turns(mount: Context, limits: Limits, start: Start, turns: dict[int, f
 
     Refuse a stretch that is not finite, or longer than any mount turns: checking it could take for ever.
     """
-    if not all(abs(degrees) <= LONGEST for degrees in turns.values()):
+    if not all(abs(degrees) <= MAX_AXIS_TURN for degrees in turns.values()):
         raise Invalid("It would turn an axis by more than three whole turns.")
-    steps = max(1, ceil(max(abs(degrees) for degrees in turns.values()) / STEP))
+    steps = max(1, ceil(max(abs(degrees) for degrees in turns.values()) / CHECK_STEP))
     position, turned = start.position, 0.0
     for step in range(1, steps + 1):
         soon = _after_turns(mount, start, {axis: degrees * step / steps for axis, degrees in turns.items()})
@@ -94,7 +94,7 @@ def check_turns(mount: Context, limits: Limits, start: Start, turns: dict[int, f
         west = turns.get(1, 0.0) * step / steps
         if limits.hour_angle is not None:
             now, then = start.past(mount, turned), start.past(mount, west)
-            if now is not None and then is not None and then > limits.hour_angle + AT_LIMIT and then > now:
+            if now is not None and then is not None and then > limits.hour_angle + LIMIT_TOLERANCE and then > now:
                 raise PastMeridian
         position, turned = soon, west
 
@@ -111,8 +111,8 @@ def _after_turns(mount: Context, start: Start, turns: dict[int, float]) -> op.Eq
 class HandAdmission:
     """Admits motions by hand, and guide pulses."""
 
-    def __init__(self, mount: Context, ask: Readings, watch: LimitWatch) -> None:
-        self._mount, self._ask, self._watch = mount, ask, watch
+    def __init__(self, mount: Context, readings: Readings, watch: LimitWatch) -> None:
+        self._mount, self._readings, self._watch = mount, readings, watch
 
     async def check(self, operation: op.Move | op.MoveAxis) -> None:
         """Raises BelowHorizon, TooHigh, NearSun or PastMeridian if a stop could not end the motion in time."""
@@ -158,14 +158,14 @@ class HandAdmission:
         if mount.sources.site() is None:
             return None
         # Clients turn tracking off before a slew, which clears the cached status.
-        status: op.Status = readings.value(op.GetStatus) or await self._ask.read(op.GetStatus())
+        status: op.Status = readings.value(op.GetStatus) or await self._readings.read(op.GetStatus())
         if not status.aligned:
             return None
         position, age = readings.value(op.Position), readings.age(op.Position, mount.now())
-        if position is None or age > OLD_POSITION:
-            position = await self._ask.read(op.Position())
+        if position is None or age > MAX_POSITION_AGE:
+            position = await self._readings.read(op.Position())
         elif mount.now() - age < self._watch.at_rest_since and not mount.wanted.by_hand:  # it was still moving then
-            position = await self._ask.read_now(op.Position())
+            position = await self._readings.read_now(op.Position())
         turned = await self._turned(position) if self._watch.hour_angle.watched else None
         return Start(position, status, tuple(by_mount(mount)), turned, tuple(mount.suns.to_avoid()))
 
@@ -173,8 +173,8 @@ class HandAdmission:
         """Return how far the first axis is turned from its middle, west positive; None if unknown."""
         mount = self._mount
         if reports_axes(mount):
-            return turned_by_axes(mount, await self._ask.read(op.AxisPosition()))
-        side = await self._ask.tube_side() if mount.driver.german else None
+            return turned_by_axes(mount, await self._readings.read(op.AxisPosition()))
+        side = await self._readings.tube_side() if mount.driver.german else None
         return self._watch.hour_angle.turned(mount.astrometry.sidereal_time() - position.ra, side)
 
     async def _sense(self, operation: op.Move | op.MoveAxis, status: op.Status) -> int:
@@ -189,19 +189,19 @@ class HandAdmission:
         if status.equatorial and not by_motor and not told_directions:
             return 1  # the driver handles this
         return (1 if told_directions else pole) * (
-            -1 if await beyond_pole_or_zenith(mount, self._ask, self._watch) else 1
+            -1 if await beyond_pole_or_zenith(mount, self._readings, self._watch) else 1
         )
 
 
-async def beyond_pole_or_zenith(mount: Context, ask: Readings, watch: LimitWatch) -> bool:
+async def beyond_pole_or_zenith(mount: Context, readings: Readings, watch: LimitWatch) -> bool:
     """Whether the tube has been driven over the pole or the zenith, so that it points the other way round."""
     if not mount.driver.implementation(op.AxisPosition):
         return not watch.observed.upright
-    axes: op.Horizontal = await ask.read(op.AxisPosition())
+    axes: op.Horizontal = await readings.read(op.AxisPosition())
     return abs(wrap180(axes.alt)) > 90.0
 
 
-async def pointing(mount: Context, ask: Readings, watch: LimitWatch) -> set[bool]:
+async def pointing(mount: Context, readings: Readings, watch: LimitWatch) -> set[bool]:
     """Return in which of two ways the axes may point now: the first (False), the other (True), or both if unknown.
 
     The other way is the west side of the pier in the north, and beyond the pole or zenith on a fork. A hand control
@@ -211,15 +211,15 @@ async def pointing(mount: Context, ask: Readings, watch: LimitWatch) -> set[bool
     """
     site = mount.astrometry.site_clock.site()
     if not mount.driver.german or site is None:
-        return {False, not mount.driver.german and await beyond_pole_or_zenith(mount, ask, watch)}
+        return {False, not mount.driver.german and await beyond_pole_or_zenith(mount, readings, watch)}
     # during a goto the mount reports the pier side of the target
-    under_way = mount.movement.slewing and await ask.read_now(op.Slewing())
-    side = None if under_way else await ask.tube_side()
+    under_way = mount.movement.slewing and await readings.read_now(op.Slewing())
+    side = None if under_way else await readings.tube_side()
     tells_axes = mount.driver.implementation(op.AxisPosition) is not None
     if side is None or not (tells_axes or watch.observed.upright):
         return {False, True}
     reported_west = (side == "W") == (site.latitude >= 0.0)
     if not tells_axes:
         return {reported_west}
-    axes: op.Horizontal = await ask.read(op.AxisPosition())
+    axes: op.Horizontal = await readings.read(op.AxisPosition())
     return {reported_west, wrap180(axes.alt - 90.0) > 0.0}

@@ -23,19 +23,19 @@ from gateway.mount.site.site_clock import (
     COMPUTER,
     CONFIGURED,
     FORMER,
-    GPS,
+    GPS_SOURCE,
     MOUNT,
     PROGRAM,
     BestSources,
     Site,
     Time,
-    degrees_apart,
+    earth_distance,
 )
 
 #: The least differences that count as a contradiction: degrees on the Earth, and seconds.
-SITE_MATTERS, CLOCK_MATTERS = 0.5, 120.0
+SITE_CONTRADICTION, CLOCK_CONTRADICTION = 0.5, 120.0
 #: Kilometres in a degree on the Earth.
-KM = 111.2
+KM_PER_DEGREE = 111.2
 #: Without the date the position of the Sun is unknown.
 UNKNOWN_TIME = (
     "The time is unknown: this computer's clock is lost, and neither the mount nor a program has reported it. "
@@ -46,12 +46,12 @@ UNKNOWN_TIME = (
 #: How to correct each source of a site, and of a time.
 SITE_SET = {
     MOUNT: "the mount's at its hand control or in the program that sets it",
-    GPS: "the receiver's by a new fix",
+    GPS_SOURCE: "the receiver's by a new fix",
     CONFIGURED: "the key site of the configuration",
     PROGRAM: "the program's",
     FORMER: "or confirm the new one on the page, at the hand control, by the key site, or by a restart",
 }
-CLOCK_SET = {**SITE_SET, COMPUTER: "the clock of this computer"}
+CLOCK_REMEDIES = {**SITE_SET, COMPUTER: "the clock of this computer"}
 
 
 class Contradiction(NamedTuple):
@@ -101,7 +101,7 @@ def too_near(sources: BestSources, sun: Sun, way: bool = False) -> NearSun:
 
 def briefly(contradiction: Contradiction) -> str:
     """Return at most 45 characters: ``the computer (2.5 hours from the mount)``."""
-    names = {COMPUTER: "the computer", CONFIGURED: "the config", GPS: "the GPS", PROGRAM: "a program"}
+    names = {COMPUTER: "the computer", CONFIGURED: "the config", GPS_SOURCE: "the GPS", PROGRAM: "a program"}
     best, other = (names.get(source, source) for source in contradiction.sources)
     return f"{other} ({contradiction.apart} from {best})"
 
@@ -118,17 +118,17 @@ def contradictions(sites: Sequence[Site], times: Sequence[Time]) -> Iterator[Con
     if sites:
         place, others = sites[0].place, sites[1:]
         for other in others:
-            if (apart := degrees_apart(place, other.place)) > SITE_MATTERS:
-                hint, far = likely_mistake(place, other.place), f"{apart * KM:.0f} km"
+            if (apart := earth_distance(place, other.place)) > SITE_CONTRADICTION:
+                hint, far = likely_mistake(place, other.place), f"{apart * KM_PER_DEGREE:.0f} km"
                 other_site = f"{other.source} says {site_text(other.place)}, {far} away{': ' * bool(hint)}{hint}"
                 text = f"{sites[0].who} stands at {site_text(place)}, {other_site}"
                 yield Contradiction(other.place, unix, text, (sites[0].source, other.source), far, SITE_SET, other_site)
     for time in times[1:]:
-        if abs(time.unix - unix) > CLOCK_MATTERS and not time.doubtful:
+        if abs(time.unix - unix) > CLOCK_CONTRADICTION and not time.doubtful:
             place_of_best, span = sites[0].place if sites else None, _span(time.unix - unix)
             both = f"{clock_text(unix)} and {clock_text(time.unix)} UTC"
             text = f"the clocks of {times[0].who} and of {time.source} differ by {span} ({both})"
-            yield Contradiction(place_of_best, time.unix, text, (times[0].source, time.source), span, CLOCK_SET)
+            yield Contradiction(place_of_best, time.unix, text, (times[0].source, time.source), span, CLOCK_REMEDIES)
 
 
 def contradictions_of(mount: Context) -> Iterator[Contradiction]:
@@ -168,7 +168,7 @@ def likely_mistake(site: Place, other: Place) -> str:
         "latitude and longitude look swapped, latitude comes first": Place(site.longitude, site.latitude),
     }
     for text, place in written.items():
-        if abs(place.latitude) <= 90.0 and degrees_apart(place, other) <= SITE_MATTERS:
+        if abs(place.latitude) <= 90.0 and earth_distance(place, other) <= SITE_CONTRADICTION:
             return text
     return ""
 

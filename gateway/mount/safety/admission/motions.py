@@ -18,7 +18,7 @@ from gateway.astro.spherical import fold_declination, separation, wrap360
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Fault, NearSun, NotAligned, TooHigh, Unsupported, WayBlocked
 from gateway.core.motion_kinds import GOTOS
-from gateway.mount.context import FASTEST, Context
+from gateway.mount.context import FASTEST_RATE, Context
 from gateway.mount.motion.run_on import SKY
 from gateway.mount.policy import CHOOSE, Limits, check_own_park
 from gateway.mount.presence import HostActivity
@@ -29,15 +29,15 @@ from gateway.mount.safety.admission.by_hand import HandAdmission, pointing
 from gateway.mount.safety.admission.contradictions import UNKNOWN_TIME, contradictions_of, time_unknown, too_near
 from gateway.mount.safety.admission.slew_paths import Journey, all_within, are_clear, check_ways, paths_of
 from gateway.mount.safety.admission.syncs import admit_sync
-from gateway.mount.safety.allow import LOST, CheckedPath
-from gateway.mount.safety.hour_angle import LEVEL, check_past
+from gateway.mount.safety.allow import LOST_GOTO_DEGREES, CheckedPath
+from gateway.mount.safety.hour_angle import LEVEL_SHAFT_ANGLE, check_past
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.astrometry import Shift
 
 #: Why a telescope does not seek its home by day.
 SEEKS_UNSEEN = "It reports nothing while it seeks home. Cover the tube and seek home at the hand control, or park."
 #: Seconds that a goto takes beside its way at full speed.
-SETTLES = 3.0
+SETTLE_TIME = 3.0
 #: Most seconds that a goto waits for site and clock of a mount that has just been found: the limits need them.
 SITE_TIMEOUT = 4.0
 
@@ -45,12 +45,12 @@ SITE_TIMEOUT = 4.0
 class MotionAdmission:
     """Admits the motions of a mount; the reconciler calls ``admit`` before each. ``preview`` predicts the outcome."""
 
-    def __init__(self, mount: Context, ask: Readings, watch: LimitWatch, previews: bool = False) -> None:
+    def __init__(self, mount: Context, readings: Readings, watch: LimitWatch, previews: bool = False) -> None:
         """With ``previews`` it changes neither the log nor the watched limits."""
-        self._mount, self._ask, self._watch = mount, ask, watch
+        self._mount, self._readings, self._watch = mount, readings, watch
         self._path = CheckedPath() if previews else watch.path
         self._note_once: Callable[[str], None] = (lambda text: None) if previews else mount.note_once
-        self._by_hand = HandAdmission(mount, ask, watch)
+        self._hand_admission = HandAdmission(mount, readings, watch)
 
     async def preview(self, goal: op.Equatorial) -> Fault | None:
         """Return the refusal that a goto to ``goal`` would get now, by the same rules; None if they allow it.
@@ -68,18 +68,18 @@ class MotionAdmission:
             return fault
         return None
 
-    async def admit(self, operation: op.Operation, by: HostActivity | None = None) -> op.Operation:
+    async def admit(self, operation: op.Operation, activity: HostActivity | None = None) -> op.Operation:
         """Return the operation, if the limits allow it, in the form that this mount can carry out. Raises Fault.
 
-        ``by`` is the client's connection.
+        ``activity`` is the client's connection.
         """
         if isinstance(operation, GOTOS):
             with contextlib.suppress(TimeoutError):  # a mount is asked for site and clock right after it was identified
                 async with asyncio.timeout(SITE_TIMEOUT):
                     await self._mount.settled.wait()
-        return await self._admit(operation, by)
+        return await self._admit(operation, activity)
 
-    async def _admit(self, operation: op.Operation, by: HostActivity | None = None) -> op.Operation:
+    async def _admit(self, operation: op.Operation, activity: HostActivity | None = None) -> op.Operation:
         self._mount.hold.admit(operation)
         self._path.forget()
         await self._check_aligned(operation)
@@ -87,9 +87,9 @@ class MotionAdmission:
         if seeks and self._mount.suns.to_avoid():
             raise NearSun(SEEKS_UNSEEN)
         if isinstance(operation, op.Move | op.MoveAxis):
-            await self._by_hand.check(operation)
+            await self._hand_admission.check(operation)
         elif isinstance(operation, op.Pulse | op.PulseAxis):
-            await self._by_hand.check_pulse(operation)
+            await self._hand_admission.check_pulse(operation)
         elif isinstance(operation, op.Park | op.Home):
             try:
                 await self._check_park_or_home(operation)
@@ -106,7 +106,7 @@ class MotionAdmission:
         elif isinstance(operation, op.Goto):
             return await self._admit_goto(operation)
         elif isinstance(operation, op.Sync):
-            return await admit_sync(self._mount, self._ask, self._watch, operation, by)
+            return await admit_sync(self._mount, self._readings, self._watch, operation, activity)
         elif isinstance(operation, op.Choose):
             return self._mount.astrometry.to_mount(operation)
         return operation
@@ -115,17 +115,17 @@ class MotionAdmission:
         """Raises BelowHorizon, TooHigh, NearSun or PastMeridian if the motion by hand under way must not continue."""
         moving = next(iter(self._mount.wanted.by_hand.values()), None)
         if moving is not None:  # this checks the other axis, too
-            await self._by_hand.check(moving)
+            await self._hand_admission.check(moving)
 
     async def _status(self) -> op.Status:
-        return await self._ask.read(op.GetStatus())
+        return await self._readings.read(op.GetStatus())
 
     async def _check_aligned(self, operation: op.Operation) -> None:
         """Raises NotAligned if the operation needs an aligned mount and this mount is not aligned."""
         if not needs_alignment(operation, self._mount.driver.sync_aligns, self._mount.policy.unaligned):
             return
         if not (await self._status()).aligned:
-            fresh: op.Status = await self._ask.read_now(op.GetStatus())  # it may have been aligned just now
+            fresh: op.Status = await self._readings.read_now(op.GetStatus())  # it may have been aligned just now
             if not fresh.aligned:
                 raise NotAligned
 
@@ -166,17 +166,17 @@ class MotionAdmission:
             return operation
         if mount.driver.implementation(op.GotoAxes) and mount.driver.implementation(op.AxisPosition):
             await self._admit_goto(goto)
-            position: op.Equatorial = await self._ask.read_now(op.Position())
-            reads: op.Horizontal = await self._ask.read_now(op.AxisPosition())
+            position: op.Equatorial = await self._readings.read_now(op.Position())
+            reads: op.Horizontal = await self._readings.read_now(op.AxisPosition())
             geometry = Geometry(Build.GERMAN if mount.driver.german else Build.WEDGE, mount.astrometry.place().latitude)
             sidereal = mount.astrometry.sidereal_time()
             first, second = geometry.readings(
                 (sidereal - position.ra, position.dec), (reads.az, reads.alt), (sidereal - goto.ra, goto.dec)
             )
             return op.GotoAxes(wrap360(first), second, operation.fastest)
-        position = await self._ask.read_now(op.Position())
-        seconds = SETTLES + separation(position.ra, position.dec, goto.ra, goto.dec) / (
-            operation.fastest or mount.driver.speed(FASTEST)
+        position = await self._readings.read_now(op.Position())
+        seconds = SETTLE_TIME + separation(position.ra, position.dec, goto.ra, goto.dec) / (
+            operation.fastest or mount.driver.speed(FASTEST_RATE)
         )
         return await self._admit_goto(replace(goto, ra=(goto.ra + SKY * seconds) % 360.0, track=False))
 
@@ -217,24 +217,24 @@ class MotionAdmission:
             raise NearSun(UNKNOWN_TIME, "The time is unknown. Set the clock, or sun = 0 at night.")
         return altitude
 
-    async def _check_axes(self, wanted: op.GotoAxes, limits: Limits) -> None:
+    async def _check_axes(self, goto: op.GotoAxes, limits: Limits) -> None:
         """Check axis readings: azimuth and altitude on a fork, a sky position on an equatorial mount with a site."""
         mount = self._mount
         if not (await self._status()).equatorial:
-            limits.check_altitude(wanted.alt)
+            limits.check_altitude(goto.alt)
             if mount.sources.site() is not None:
-                await self._check_path(limits, mount.astrometry.equatorial(wanted), wanted.alt, (wanted.az, wanted.alt))
+                await self._check_path(limits, mount.astrometry.equatorial(goto), goto.alt, (goto.az, goto.alt))
             return
         try:
-            goal = mount.astrometry.from_axes(wanted, wedge=not mount.driver.german)
+            goal = mount.astrometry.from_axes(goto, wedge=not mount.driver.german)
         except Unsupported:
             self._note_once("site unknown: axis gotos are not checked")
             return
         altitude = mount.astrometry.horizon(goal).alt
         limits.check_altitude(altitude)
-        turned = wanted.az - LEVEL if mount.driver.german else mount.astrometry.sidereal_time() - goal.ra
+        turned = goto.az - LEVEL_SHAFT_ANGLE if mount.driver.german else mount.astrometry.sidereal_time() - goal.ra
         check_past(limits, turned, mount.driver.german)
-        await self._check_path(limits, goal, altitude, (wanted.az, wanted.alt))
+        await self._check_path(limits, goal, altitude, (goto.az, goto.alt))
 
     async def _check_path(
         self, limits: Limits, goal: op.Equatorial, altitude: float | None, axes: Pair | None = None
@@ -254,7 +254,7 @@ class MotionAdmission:
         if not status.aligned:
             return
         # where another clock or site may be the mount's, its way is not the calculated one
-        lost = 180.0 if any(contradictions_of(mount)) else LOST
+        lost = 180.0 if any(contradictions_of(mount)) else LOST_GOTO_DEGREES
         if not (suns or status.equatorial or written.lowest > -90.0 or written.highest < 90.0):
             if altitude is not None:
                 last = self._watch.observed.last
@@ -262,8 +262,8 @@ class MotionAdmission:
                 self._path.floor = min(0.0, begins - lost, altitude - lost)
                 self._path.clear = limits.hour_angle is None
             return
-        others = await pointing(self._mount, self._ask, self._watch)
-        position: op.Equatorial = await self._ask.read(op.Position())
+        others = await pointing(self._mount, self._readings, self._watch)
+        position: op.Equatorial = await self._readings.read(op.Position())
 
         def journey(shift: Shift | None) -> Journey:
             """The journey of the tube, whose true direction may differ from the mount's coordinates by ``shift``."""

@@ -20,25 +20,25 @@ from gateway.astro.axes import Build, Geometry, Pair
 from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import WayBlocked
-from gateway.mount.context import FASTEST, Context
-from gateway.mount.policy import AT_LIMIT, Limits
+from gateway.mount.context import FASTEST_RATE, Context
+from gateway.mount.policy import LIMIT_TOLERANCE, Limits
 from gateway.mount.safety.admission.contradictions import contradictions, skies_by_others
-from gateway.mount.site.astrometry import SUN_IS_UP, KnownSource, SiteAstrometry, Sun
+from gateway.mount.site.astrometry import SUN_UP_ALTITUDE, KnownSource, SiteAstrometry, Sun
 
 #: Readings of both axes at the beginning, and by how much they turn.
 Path = tuple[Pair, Pair]
 #: Degrees: a turn of the first axis that is so near to half a circle may go the other way round.
-EITHER_WAY_ROUND = 5.0
+HALF_CIRCLE_TOLERANCE = 5.0
 #: Degrees from the meridian, and from the pole, within which a German mount may choose either side of the pier.
-EITHER_SIDE = 2.0
+MERIDIAN_TOLERANCE = 2.0
 #: Step along a path where it passes close to a circle, degrees; the greatest error is half of it.
-STEP = 0.2
+PATH_STEP = 0.2
 #: Degrees that an axis can turn on a path, and degrees between two points of a path that are kept.
-LONGEST, APART = 1080.0, 3.0
+MAX_AXIS_TURN, POINT_SPACING = 1080.0, 3.0
 #: Azimuths and altitudes of the places that are tried between the mount's position and a goal, and how far they keep
 #: from a limit: the mount tracks while its user reads the refusal.
-BETWEEN = tuple((azimuth, altitude) for altitude in (45, 65, 25) for azimuth in range(15, 360, 30))
-WITHIN = 3.0
+INTERMEDIATE_POINTS = tuple((azimuth, altitude) for altitude in (45, 65, 25) for azimuth in range(15, 360, 30))
+LIMIT_MARGIN = 3.0
 
 
 class Journey(NamedTuple):
@@ -82,7 +82,7 @@ def suns_by_others(mount: Context) -> Iterator[tuple[SiteAstrometry, Sun]]:
             continue
         sky = SiteAstrometry(own.sky, KnownSource(site.place, time.unix), own.equinox)
         sun = Sun(*own.sky.sun(time.unix), False, time, site)
-        if sky.horizon(op.Equatorial(sun.ra, sun.dec)).alt >= SUN_IS_UP:
+        if sky.horizon(op.Equatorial(sun.ra, sun.dec)).alt >= SUN_UP_ALTITUDE:
             yield sky, sun
 
 
@@ -101,7 +101,7 @@ def paths_of(mount: Context, journey: Journey) -> list[Path]:
         for target in (_pointing(end, flip) for flip in flips):
             first, second = (geometry.travel(axis, begin[axis - 1], target[axis - 1]) for axis in (1, 2))
             paths.append((begin, (first, second)))
-            if not german and abs(first) > 180.0 - EITHER_WAY_ROUND:
+            if not german and abs(first) > 180.0 - HALF_CIRCLE_TOLERANCE:
                 paths.append((begin, (first - copysign(360.0, first), second)))
     return paths
 
@@ -113,7 +113,7 @@ def sides_at(astrometry: SiteAstrometry, goal: op.Equatorial) -> set[bool]:
     clock and settings; near the pole a small error of its alignment is a large hour angle.
     """
     hour_angle = _hour_angle(astrometry, goal)
-    if min(abs(hour_angle), 180.0 - abs(hour_angle), 90.0 - abs(goal.dec)) < EITHER_SIDE:
+    if min(abs(hour_angle), 180.0 - abs(hour_angle), 90.0 - abs(goal.dec)) < MERIDIAN_TOLERANCE:
         return {False, True}
     return {_geometry(astrometry, Build.GERMAN).other_side(hour_angle)}
 
@@ -146,7 +146,7 @@ def is_clear(start: Pair, turn: Pair, place: Pair, limit: float) -> bool:
     Values that are not finite, and a turn that no mount can make, count as not clear.
     """
     length = max(abs(turn[0]), abs(turn[1]))
-    if not (all(map(isfinite, (*start, *turn, *place, limit))) and length <= LONGEST):
+    if not (all(map(isfinite, (*start, *turn, *place, limit))) and length <= MAX_AXIS_TURN):
         return False
     turned = 0.0
     while True:
@@ -155,7 +155,7 @@ def is_clear(start: Pair, turn: Pair, place: Pair, limit: float) -> bool:
             return False
         if turned >= length:
             return True
-        turned = min(length, turned + max(STEP, (distance - limit) / sqrt(2.0)))
+        turned = min(length, turned + max(PATH_STEP, (distance - limit) / sqrt(2.0)))
 
 
 def are_clear(paths: Iterable[Path], place: Pair, limit: float) -> bool:
@@ -166,13 +166,13 @@ def are_clear(paths: Iterable[Path], place: Pair, limit: float) -> bool:
 def path_points(path: Path) -> Iterator[Pair]:
     """Yield readings along a path."""
     start, turn = path
-    length = min(LONGEST, max(abs(turn[0]), abs(turn[1])))
-    for step in range(int(length / APART) + 1):
-        yield axes_after(start, turn, step * APART)
+    length = min(MAX_AXIS_TURN, max(abs(turn[0]), abs(turn[1])))
+    for step in range(int(length / POINT_SPACING) + 1):
+        yield axes_after(start, turn, step * POINT_SPACING)
     yield axes_after(start, turn, length)
 
 
-def paths_within(mount: Context, limits: Limits, journey: Journey, stretch: float = LONGEST) -> list[Path]:
+def paths_within(mount: Context, limits: Limits, journey: Journey, stretch: float = MAX_AXIS_TURN) -> list[Path]:
     """Return the possible ways that keep the altitude limits by every source of site and time, or do so for the first
     ``stretch`` degrees. One from beyond a limit must lead no farther out.
     """
@@ -183,14 +183,14 @@ def paths_within(mount: Context, limits: Limits, journey: Journey, stretch: floa
     def keeps(path: Path) -> bool:
         start, turn = path[0], _first_part(path[1], stretch)
         return all(
-            radius <= 0.0 or is_clear(start, turn, middle, min(radius, separation(*start, *middle)) - AT_LIMIT)
+            radius <= 0.0 or is_clear(start, turn, middle, min(radius, separation(*start, *middle)) - LIMIT_TOLERANCE)
             for middle, radius in circles
         )
 
     return [path for path in paths_of(mount, journey) if keeps(path)]
 
 
-def all_within(mount: Context, limits: Limits, journey: Journey, stretch: float = LONGEST) -> bool:
+def all_within(mount: Context, limits: Limits, journey: Journey, stretch: float = MAX_AXIS_TURN) -> bool:
     """Whether every possible way keeps the limits, as in ``paths_within``."""
     return len(paths_within(mount, limits, journey, stretch)) == len(paths_of(mount, journey))
 
@@ -205,15 +205,15 @@ def check_ways(mount: Context, limits: Limits, journey: Journey, unsynced: Seque
     also one of the tube's if the syncs were wrong (``unsynced``). Its text names a place to go to first, if there is
     one, and has at most 60 characters, because LX200 programs show no more.
     """
-    paths, stretch = paths_within(mount, limits, journey), mount.timing.reaction * mount.driver.speed(FASTEST)
+    paths, stretch = paths_within(mount, limits, journey), mount.timing.reaction * mount.driver.speed(FASTEST_RATE)
     if paths and all(all_within(mount, limits, path, stretch) for path in (journey, *unsynced)):
         return paths
     where = "low" if paths_within(mount, replace(limits, lowest=-90.0), journey) else "high"
-    for azimuth, altitude in BETWEEN:
+    for azimuth, altitude in INTERMEDIATE_POINTS:
         place = mount.astrometry.equatorial(op.Horizontal(float(azimuth), float(altitude)))
         sides = sides_at(mount.astrometry, place) if mount.driver.german else {False}
         legs = journey._replace(goal=place, axes=None), journey._replace(position=place, others=sides)
-        inside = limits.lowest + WITHIN <= altitude <= limits.highest - WITHIN
+        inside = limits.lowest + LIMIT_MARGIN <= altitude <= limits.highest - LIMIT_MARGIN
         if inside and len(sides) == 1 and all(_keeps_clear(mount, limits, leg) for leg in legs):
             raise WayBlocked(f"The way is too {where}. Send it first to az {azimuth}, alt {altitude}.")
     raise WayBlocked(

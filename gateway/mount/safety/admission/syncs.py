@@ -24,49 +24,49 @@ from gateway.mount.safety.sync_sum import SyncSum, check_sync
 from gateway.mount.safety.watch import LimitWatch
 
 #: Seconds that a sync waits for the end of a goto, or for rest, and between two checks.
-GOTO_END, CHECK_EVERY = 2.5, 0.2
+GOTO_END_WAIT, CHECK_PERIOD = 2.5, 0.2
 #: Degrees from the pole or the zenith within which nobody knows in which way a mount takes its tube after a sync.
-AT_POLE = 1.0
-MOVING = "The mount is moving, so nothing is centred: sync when it has stopped."
+POLE_DISTANCE = 1.0
+MOVING_MESSAGE = "The mount is moving, so nothing is centred: sync when it has stopped."
 #: Degrees by which a sync may differ from the target of the goto under way: low precision, and equinoxes differ.
-SAME_TARGET = 0.5
+SAME_TARGET_DEGREES = 0.5
 
 
 async def admit_sync(
-    mount: Context, ask: Readings, watch: LimitWatch, sync: op.Sync, by: HostActivity | None
+    mount: Context, readings: Readings, watch: LimitWatch, sync: op.Sync, activity: HostActivity | None
 ) -> op.Operation:
     """Return the sync in the mount's equinox, and note the sum with it. Raises Refused, SyncTooFar, Stopped.
 
-    ``by`` is the client's connection: if it is closed while the sync waits, the sync is dropped.
+    ``activity`` is the client's connection: if it is closed while the sync waits, the sync is dropped.
     """
     if mount.movement.slewing:
-        await _wait_for_goto_end(mount, ask, sync, by)
-    if mount.movement.anything or not await _rests(mount, ask, watch):
-        raise Refused(MOVING)
-    status: op.Status = await ask.read(op.GetStatus())
+        await _wait_for_goto_end(mount, readings, sync, activity)
+    if mount.movement.anything or not await _rests(mount, readings, watch):
+        raise Refused(MOVING_MESSAGE)
+    status: op.Status = await readings.read(op.GetStatus())
     if status.aligned:
-        position: op.Equatorial = await ask.read(op.Position())
+        position: op.Equatorial = await readings.read(op.Position())
         wanted, so_far = op.Equatorial(sync.ra, sync.dec), mount.synced.value
-        turns = await _turns(mount, ask, watch, position, wanted, status.equatorial)
+        turns = await _turns(mount, readings, watch, position, wanted, status.equatorial)
         mount.synced.coming = check_sync(mount.policy.limits.sync, so_far, turns, position, wanted)
     else:  # it aligns the mount
         mount.synced.coming = SyncSum()
     return mount.astrometry.to_mount(sync)
 
 
-async def _rests(mount: Context, ask: Readings, watch: LimitWatch) -> bool:
+async def _rests(mount: Context, readings: Readings, watch: LimitWatch) -> bool:
     """Return whether the mount, which runs on after a stop or is moved at its hand control, soon comes to rest."""
-    until = mount.now() + GOTO_END
+    until = mount.now() + GOTO_END_WAIT
     while mount.run_on.value is not None or watch.others.moves:
         if mount.now() >= until:
             return False
-        await ask.read_now(op.Position())
-        await asyncio.sleep(CHECK_EVERY)
+        await readings.read_now(op.Position())
+        await asyncio.sleep(CHECK_PERIOD)
     return not mount.movement.anything
 
 
 async def _turns(
-    mount: Context, ask: Readings, watch: LimitWatch, position: op.Equatorial, wanted: op.Equatorial, equatorial: bool
+    mount: Context, ask: Readings, watch: LimitWatch, position: op.Equatorial, target: op.Equatorial, equatorial: bool
 ) -> list[Pair]:
     """Return by how many degrees a sync turns the readings of the two axes: as the tube points now, and around if the
     mount may take it for pointing the other way, as after an arrow over the pole.
@@ -75,7 +75,7 @@ async def _turns(
     second axis turns the other way.
     """
     driver, by_sky, others = mount.driver, mount.driver.emulates_sync, {False}
-    start, end = (sun_reading(mount.astrometry, place, equatorial or by_sky) for place in (position, wanted))
+    start, end = (sun_reading(mount.astrometry, place, equatorial or by_sky) for place in (position, target))
     tells_axes = driver.implementation(op.AxisPosition) is not None
     if not by_sky:  # else by an offset
         others = await pointing(mount, ask, watch)
@@ -83,25 +83,25 @@ async def _turns(
         others = {wrap180(start[0]) < 0.0}  # one that does not tell its side has chosen it by the hour angle
     first, sense = wrap180(end[0] - start[0]), 1.0 if False in others else -1.0
     turns = [(first, sense * (end[1] - start[1]))]
-    doubtful = len(others) > 1 or driver.told_beyond or start[1] > 90.0 - AT_POLE
+    doubtful = len(others) > 1 or driver.told_beyond or start[1] > 90.0 - POLE_DISTANCE
     if doubtful and not by_sky:
         turns.append((wrap180(first + 180.0), wrap180(sense * (180.0 - end[1] - start[1]))))
     return turns
 
 
-async def _wait_for_goto_end(mount: Context, ask: Readings, sync: op.Sync, by: HostActivity | None) -> None:
+async def _wait_for_goto_end(mount: Context, readings: Readings, sync: op.Sync, activity: HostActivity | None) -> None:
     """Wait briefly for the end of a goto to the target of the sync. Raises Refused, Stopped."""
-    until = mount.now() + GOTO_END
+    until = mount.now() + GOTO_END_WAIT
     while mount.movement.slewing:
         if not _is_target(mount, sync) or mount.now() >= until:
-            raise Refused(MOVING)
-        if not await ask.read_now(op.Slewing()):
+            raise Refused(MOVING_MESSAGE)
+        if not await readings.read_now(op.Slewing()):
             break
-        await asyncio.sleep(CHECK_EVERY)
-    if by is not None and by.closed is not None:
+        await asyncio.sleep(CHECK_PERIOD)
+    if activity is not None and activity.closed is not None:
         raise Stopped
-    position: op.Equatorial = await ask.read(op.Position())
-    if separation(position.ra, position.dec, sync.ra, sync.dec) > 2.0 * SAME_TARGET:
+    position: op.Equatorial = await readings.read(op.Position())
+    if separation(position.ra, position.dec, sync.ra, sync.dec) > 2.0 * SAME_TARGET_DEGREES:
         raise Refused("The goto ended elsewhere, so nothing is centred: send the mount there again.")
 
 
@@ -115,4 +115,4 @@ def _is_target(mount: Context, sync: op.Sync) -> bool:
         goal = astrometry.equatorial(goto)  # the axes of a fork are azimuth and altitude
     else:
         return False
-    return separation(goal.ra, goal.dec, sync.ra, sync.dec) <= SAME_TARGET
+    return separation(goal.ra, goal.dec, sync.ra, sync.dec) <= SAME_TARGET_DEGREES

@@ -16,7 +16,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault, Garbled, NoAnswer
 from gateway.core.wire_log import WireLog
 from gateway.diagnostics.virtual_time import run
-from gateway.mount.link.line import HALF_COMMAND, MountLink
+from gateway.mount.link.line import HALF_COMMAND_SILENCE, MountLink
 from gateway.mount.link.queue import READ, STOP
 from gateway.protocols.base.driver import Send
 from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
@@ -113,7 +113,7 @@ async def test_line_stays_quiet_for_a_while_after_half_a_command() -> None:
     with pytest.raises(NoAnswer):
         await line.exchange(Send("e"))
     wire.write = good  # type: ignore[method-assign]
-    await asyncio.sleep(HALF_COMMAND - 0.1)
+    await asyncio.sleep(HALF_COMMAND_SILENCE - 0.1)
     assert len(sent) == 1
     await asyncio.sleep(2)
     assert line.state == "up"

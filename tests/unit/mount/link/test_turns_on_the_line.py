@@ -7,8 +7,8 @@ from typing import NamedTuple
 import pytest
 
 from gateway.mount.link.queue import (
-    AGED,
-    IN_A_ROW,
+    AGING_TIMES,
+    MAX_MOTIONS_IN_A_ROW,
     MAX_START_DELAY,
     MOTION,
     POSITION,
@@ -38,11 +38,11 @@ def priorities(*waiting: Waits, motions: int = 0, passed_over: int = 0) -> list[
 
 @each("priority", [POSITION, READ])
 def test_long_waiting_read_goes_before_settings_and_between_motions(priority: int) -> None:
-    aged = Waits(priority, 1, NOW - AGED[priority] - 0.01)
+    aged = Waits(priority, 1, NOW - AGING_TIMES[priority] - 0.01)
     assert priorities(Waits(SETTING), aged) == [priority, SETTING]
     assert priorities(Waits(MOTION), aged) == [MOTION, priority]
-    assert priorities(Waits(MOTION), aged, motions=IN_A_ROW) == [priority, MOTION]
-    assert priorities(Waits(STOP), aged, motions=IN_A_ROW) == [STOP, priority]
+    assert priorities(Waits(MOTION), aged, motions=MAX_MOTIONS_IN_A_ROW) == [priority, MOTION]
+    assert priorities(Waits(STOP), aged, motions=MAX_MOTIONS_IN_A_ROW) == [STOP, priority]
 
 
 def test_read_waits_for_urgent_and_imminent_orders() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer, NoDevice
-from gateway.mount.link.driver_runner import REMEMBERED
+from gateway.mount.link.driver_runner import MAX_LAST_REPLIES
 from gateway.mount.link.transaction import LateReplies
 from tests.support.in_process_gateway import Bridge
 
@@ -41,4 +41,4 @@ async def test_verification_memory_is_bounded_for_any_client() -> None:
         client = bridge.client()
         for device in range(256):
             await client.ask(bytes((80, 1, device, 18, 0, 0, 0, 1)))
-        assert len(bridge.controller.verifier._known) <= REMEMBERED
+        assert len(bridge.controller.verifier._last_replies) <= MAX_LAST_REPLIES

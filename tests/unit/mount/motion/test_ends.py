@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.mount.motion.ends import (
-    AGAIN,
+    LATER_RETRY_PERIOD,
+    RETRY_DELAYS,
     SLOW,
-    THEN_EVERY,
-    TIMES,
+    TRIES_BEFORE_WARNING,
     AxisSample,
     Ending,
     Step,
@@ -50,9 +50,9 @@ def test_lost_stop_is_sent_again_at_growing_intervals_and_then_reported() -> Non
             told += [now] * (step is Step.ALARM)
             ending = ending.again(now)
     pauses = [round(later - before, 1) for before, later in itertools.pairwise(sent)]
-    assert all(pause >= wanted - 1e-6 for pause, wanted in zip(pauses, AGAIN, strict=False))
-    assert len(sent) > TIMES and len(told) == len(sent) - TIMES
-    assert all(pause >= THEN_EVERY for pause in pauses[len(AGAIN) :])
+    assert all(pause >= wanted - 1e-6 for pause, wanted in zip(pauses, RETRY_DELAYS, strict=False))
+    assert len(sent) > TRIES_BEFORE_WARNING and len(told) == len(sent) - TRIES_BEFORE_WARNING
+    assert all(pause >= LATER_RETRY_PERIOD for pause in pauses[len(RETRY_DELAYS) :])
 
 
 def test_stop_check_looks_only_at_the_axes_that_should_rest() -> None:

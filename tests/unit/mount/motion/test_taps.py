@@ -37,9 +37,9 @@ def test_release_of_a_waiting_arrow_makes_it_a_tap() -> None:
 
 def test_halt_of_another_client_or_late_release_cancels_a_tap() -> None:
     waiting = Wanted(pending=(press(1, 0.0),))
-    for order in (release(2, 0.1, OTHER), release(2, 0.1, None), release(2, taps.LONGEST_HELD + 0.1)):
+    for order in (release(2, 0.1, OTHER), release(2, 0.1, None), release(2, taps.MAX_TAP_TIME + 0.1)):
         assert [one.operation for one in after(waiting, order).pending] == [STOP]
-    late = release(2, taps.LONGEST_HELD + 0.1)
+    late = release(2, taps.MAX_TAP_TIME + 0.1)
     assert taps.dropped(waiting, after(waiting, late), late) == waiting.pending[0]
 
 

@@ -16,7 +16,17 @@ from gateway.mount.policy import Limits
 from gateway.mount.safety.admission.altitudes import by_others
 from gateway.mount.safety.admission.contradictions import contradiction_warning, contradictions, too_near
 from gateway.mount.site.astrometry import Shift, SiteAstrometry, Sun
-from gateway.mount.site.site_clock import COMPUTER, CONFIGURED, GPS, MOUNT, PROGRAM, BestSources, Site, SiteClock, Time
+from gateway.mount.site.site_clock import (
+    COMPUTER,
+    CONFIGURED,
+    GPS_SOURCE,
+    MOUNT,
+    PROGRAM,
+    BestSources,
+    Site,
+    SiteClock,
+    Time,
+)
 from tests.support.in_process_gateway import EVENING, Bridge
 
 LONGEST = 60
@@ -33,7 +43,7 @@ def says_what_to_do(fault: Fault, *sources: str) -> None:
     assert 0 < len(fault.brief) <= LONGEST, fault.brief
 
 
-@pytest.mark.parametrize(("best", "other"), list(combinations([MOUNT, GPS, CONFIGURED, PROGRAM], 2)))
+@pytest.mark.parametrize(("best", "other"), list(combinations([MOUNT, GPS_SOURCE, CONFIGURED, PROGRAM], 2)))
 def test_contradicting_site_is_named_with_a_remedy(best: str, other: str) -> None:
     sites, time = [Site(HERE, best), Site(FAR, other)], Time(EVENING, MOUNT)
     [found] = contradictions(sites, [time])
@@ -51,7 +61,7 @@ def test_contradicting_site_is_named_with_a_remedy(best: str, other: str) -> Non
     says_what_to_do(raised.value, best, other)
 
 
-@pytest.mark.parametrize(("best", "other"), list(combinations([MOUNT, GPS, COMPUTER, PROGRAM], 2)))
+@pytest.mark.parametrize(("best", "other"), list(combinations([MOUNT, GPS_SOURCE, COMPUTER, PROGRAM], 2)))
 @pytest.mark.parametrize("apart", [200.0, 9000.0, 9e5, 9e7])
 def test_contradicting_clock_is_named_with_a_remedy(best: str, other: str, apart: float) -> None:
     times = [Time(EVENING, best), Time(EVENING - apart, other, other == COMPUTER)]

@@ -157,7 +157,7 @@ def test_safety_decides_though_every_mount_value_is_not_a_number(
                 context.synced.value = SyncSum(n[8], n[9], (n[10], n[11]), (n[0], n[1]))
             elif unknown == "position":
                 here = op.Equatorial(n[8], n[9])
-            context.suns._until = -math.inf
+            context.suns._frame_until = -math.inf
             goal, limits = op.Equatorial(n[0], n[1]), Limits(n[2], n[3], n[4], n[5], n[6])
             decisions: list[Callable[[], object]] = [
                 lambda: context.suns.distances(here),

@@ -12,7 +12,7 @@ from gateway.astro.axes import Pair
 from gateway.astro.spherical import separation, to_vector
 from gateway.core.errors import PastMeridian
 from gateway.mount.policy import Limits
-from gateway.mount.safety.admission.slew_paths import STEP, axes_after, is_clear
+from gateway.mount.safety.admission.slew_paths import PATH_STEP, axes_after, is_clear
 from gateway.mount.safety.allow import leaving
 from gateway.mount.safety.hour_angle import check_past, past_meridian, turned_by_side
 from tests.support.each import each
@@ -37,9 +37,9 @@ def nearest(start: Pair, turn: Pair, sun: Pair, looks: int = 500) -> float:
 @given(readings, st.tuples(angles, angles), st.tuples(angles, st.floats(-90.0, 90.0)), st.floats(1.0, 60.0))
 def test_path_is_clear_exactly_when_it_keeps_its_distance(start: Pair, turn: Pair, sun: Pair, limit: float) -> None:
     least = nearest(start, turn, sun)
-    if least > limit + STEP:
+    if least > limit + PATH_STEP:
         assert is_clear(start, turn, sun, limit)
-    elif least < limit - STEP:
+    elif least < limit - PATH_STEP:
         assert not is_clear(start, turn, sun, limit)
 
 

@@ -66,11 +66,12 @@ def test_slow_approach_to_the_sun_is_judged_from_the_farthest_distance() -> None
     assert not allow(view(far, Limits())).reason
     assert farthest(view(far, Limits())) == (59.0,)
     near = replace(
-        seen(PositionSample(0.0, HERE, suns=(19.0,)), PositionSample(1.0, HERE, suns=(18.96,))), farthest=(19.0,)
+        seen(PositionSample(0.0, HERE, suns=(19.0,)), PositionSample(1.0, HERE, suns=(18.96,))),
+        farthest_from_suns=(19.0,),
     )
     assert not allow(view(near, Limits())).reason
     creeping = add_position(
-        replace(near, farthest=farthest(view(near, Limits()))), PositionSample(2.0, HERE, suns=(18.92,))
+        replace(near, farthest_from_suns=farthest(view(near, Limits()))), PositionSample(2.0, HERE, suns=(18.92,))
     )
     assert allow(view(creeping, Limits())).reason == "the Sun (19 degrees from it)"
 

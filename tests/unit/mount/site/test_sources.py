@@ -13,10 +13,10 @@ import pytest
 from gateway.astro.spherical import horizon_to_hour_angle, hour_angle_to_horizon, separation
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
-from gateway.mount.presence import NOBODY
+from gateway.mount.presence import NO_PROGRAM
 from gateway.mount.safety.admission.contradictions import contradictions
 from gateway.mount.site.readers import ReadBy
-from gateway.mount.site.site_clock import COMPUTER, CONFIGURED, GPS, MOUNT, PROGRAM, BestSources, SiteClock
+from gateway.mount.site.site_clock import COMPUTER, CONFIGURED, GPS_SOURCE, MOUNT, PROGRAM, BestSources, SiteClock
 from tests.integration.safety.test_sun import JUNE, SKY
 from tests.support.each import each
 from tests.support.in_process_gateway import EVENING, Bridge
@@ -185,8 +185,8 @@ async def test_change_at_the_hand_control_is_noticed_within_a_minute(changed: by
 def test_sources_rank_mount_gps_configuration_or_computer_and_programs_last() -> None:
     site_clock = SiteClock(lambda: 0.0, lambda: EVENING, None)
     best = BestSources(site_clock)
-    ReadBy(site_clock, NOBODY).keep_site(op.SetSite(1.0, 1.0))
-    ReadBy(site_clock, NOBODY).keep_clock(op.SetClock(EVENING + 1e4, 0.0))
+    ReadBy(site_clock, NO_PROGRAM).keep_site(op.SetSite(1.0, 1.0))
+    ReadBy(site_clock, NO_PROGRAM).keep_clock(op.SetClock(EVENING + 1e4, 0.0))
     assert [site.source for site in best.sites()] == ["a program (2026-01-15)"]
     assert [time.source for time in best.times()] == [COMPUTER]
     site_clock.configured = op.Place(2.0, 2.0)
@@ -195,10 +195,14 @@ def test_sources_rank_mount_gps_configuration_or_computer_and_programs_last() ->
     site_clock.take_mount_clock(op.Moment(EVENING + 3e4, 0.0))
     assert [(site.source, site.place.latitude) for site in best.sites()] == [
         (MOUNT, 4.0),
-        (GPS, 3.0),
+        (GPS_SOURCE, 3.0),
         (CONFIGURED, 2.0),
     ]
-    assert [(time.source, time.unix - EVENING) for time in best.times()] == [(MOUNT, 3e4), (GPS, 2e4), (COMPUTER, 0.0)]
+    assert [(time.source, time.unix - EVENING) for time in best.times()] == [
+        (MOUNT, 3e4),
+        (GPS_SOURCE, 2e4),
+        (COMPUTER, 0.0),
+    ]
     assert len(list(contradictions(best.sites(), best.times()))) == 4
 
 
@@ -220,7 +224,7 @@ def test_computer_without_a_clock_counts_only_where_no_better_source_exists(
     site_clock = SiteClock(lambda: 0.0, lambda: EVENING + host, None)
     best = BestSources(site_clock)
     if told:
-        ReadBy(site_clock, NOBODY).keep_clock(op.SetClock(EVENING, 1.0))
+        ReadBy(site_clock, NO_PROGRAM).keep_clock(op.SetClock(EVENING, 1.0))
     if ahead is not None:
         site_clock.take_mount_clock(op.Moment(EVENING + ahead, 0.0))
     assert [time.source for time in best.times()] == sources
