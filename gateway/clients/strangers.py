@@ -1,12 +1,9 @@
 """Recognises strangers: web browsers, port scanners and proxies, by the first bytes of their connection.
 
-Only the beginning of a connection is examined, where the bytes of a telescope program cannot be a stranger's; later the
-same bytes may be part of a site's name or of an angle. ``mappings/strangers.toml`` lists the greetings. An HTTP request
-with an unknown method is recognised by its form.
-
-Bytes that may still become a greeting are held back, and so are incomplete commands. A complete, well-formed command
-never waits, even if a greeting may follow (``E`` may become ``EHLO``), so no reply is delayed. No greeting contains a
-well-formed command that does more than read, so that none is carried out. Once the client is known, none applies.
+``mappings/strangers.toml`` lists the greetings; an HTTP request with an unknown method is recognised by its form. Bytes
+that may still become a greeting are held back, and so are incomplete commands. A complete, well-formed command never
+waits, even if a greeting may follow (``E`` may become ``EHLO``), so no reply is delayed. No greeting contains a
+well-formed command that does more than read, so no command of a stranger is carried out.
 """
 
 from __future__ import annotations

@@ -153,13 +153,13 @@ class Watch:
                     self.stop_for_ended_gateway(moving)
                     return
             elif left is not None and self._patience == MAX_SILENCE and time.monotonic() - asked > left + FREEZE_TIME:
-                self.heard()  # the whole computer was suspended or overloaded
+                self.restart_silence()  # the whole computer was suspended or overloaded
             elif all(mount.path_is_clear for mount in moving) and self.starved():
                 self._patience = min(MAX_STARVED_SILENCE, time.monotonic() - self.last_heard + WAITING_CHECK_PERIOD)
             else:
                 self.stop_for_silent_gateway(moving)
 
-    def heard(self) -> None:
+    def restart_silence(self) -> None:
         """Note that the gateway has sent something: its silence begins anew."""
         self.last_heard, self._waited, self._patience = time.monotonic(), waited(self.gateway), MAX_SILENCE
 
@@ -180,7 +180,7 @@ class Watch:
             if kind == _socket.SCM_RIGHTS
             for at in range(0, len(content), 4)
         ]
-        self.heard()
+        self.restart_silence()
         *lines, self._partial_line = (self._partial_line + data).split(b"\n")
         for line in lines:
             self.handle(line.decode("ascii").split(" "), descriptors)
@@ -234,7 +234,7 @@ class Watch:
             if attempt == 0:
                 self.report(mounts)
             if select.select([self.connection], [], [], max(0.0, began + STOP_PERIOD - time.monotonic()))[0]:
-                self.heard()
+                self.restart_silence()
                 return
         for mount in mounts:
             mount.stop = []

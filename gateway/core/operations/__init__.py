@@ -1,9 +1,8 @@
-"""The operations: everything that a client can ask of a mount, as values.
+"""The operations: everything that a client can ask of a mount, as frozen values that can be logged and compared.
 
-A surface yields them and a driver carries them out; neither knows the other. They are frozen, so that they can be
-logged, compared and named in a table. Angles are degrees, right ascension included. Right ascension and
-declination are of the equinox of date unless a surface is set to J2000. Longitudes are positive to the EAST; a UTC
-offset is local time minus UTC, in hours. Motion is either on the *sky* (``Move``) or of one *axis* (``MoveAxis``).
+A surface yields them and a driver carries them out; neither knows the other. Angles are degrees, right ascension
+included, of the equinox of date unless a surface is set to J2000. Longitudes are positive to the EAST; a UTC offset is
+local time minus UTC, in hours. Motion is either on the *sky* (``Move``) or of one *axis* (``MoveAxis``).
 """
 
 from __future__ import annotations

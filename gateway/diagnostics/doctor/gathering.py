@@ -57,14 +57,14 @@ def needed(product: str = PRODUCT_NAME, extra: str = "") -> Iterator[Package]:
         return
     for line in lines:
         try:
-            wanted = Requirement(line)
+            requirement = Requirement(line)
         except InvalidRequirement:  # written by a tool newer than the library that reads it here
             continue
-        always = wanted.marker is None or wanted.marker.evaluate({"extra": ""})
-        if always if not extra else not always and wanted.marker and wanted.marker.evaluate({"extra": extra}):
-            installed = version(wanted.name)
-            fits = bool(installed) and wanted.specifier.contains(installed, prereleases=True)
-            yield Package(wanted.name, str(wanted.specifier), installed, fits)
+        always = requirement.marker is None or requirement.marker.evaluate({"extra": ""})
+        if always if not extra else not always and requirement.marker and requirement.marker.evaluate({"extra": extra}):
+            installed = version(requirement.name)
+            fits = bool(installed) and requirement.specifier.contains(installed, prereleases=True)
+            yield Package(requirement.name, str(requirement.specifier), installed, fits)
 
 
 def missing_extras(product: str = PRODUCT_NAME) -> dict[str, list[str]]:
@@ -73,8 +73,10 @@ def missing_extras(product: str = PRODUCT_NAME) -> dict[str, list[str]]:
         extras = importlib.metadata.metadata(product).get_all("Provides-Extra") or []
     except importlib.metadata.PackageNotFoundError:
         return {}
-    wanted = {extra: needed(product, extra) for extra in extras if extra not in DEVELOPER_EXTRAS}
-    missing = {extra: [package.name for package in packages if not package.fits] for extra, packages in wanted.items()}
+    required = {extra: needed(product, extra) for extra in extras if extra not in DEVELOPER_EXTRAS}
+    missing = {
+        extra: [package.name for package in packages if not package.fits] for extra, packages in required.items()
+    }
     return {extra: names for extra, names in missing.items() if names}
 
 

@@ -100,7 +100,7 @@ class Roster:
         """Return the mounts as the page shows them, sorted by name. ``age`` is that of the state, in seconds."""
         now, mounts = self._clock(), []
         for (gateway, mount), (state, then) in sorted(self._states.items()):
-            event, at = self._results.get((gateway, mount), (None, 0.0))
+            event, result_time = self._results.get((gateway, mount), (None, 0.0))
             mounts.append({
                 "gateway": gateway[:MAX_TEXT_LENGTH], "mount": mount[:MAX_TEXT_LENGTH],
                 "available": self._available.get(gateway, False), "online": state.online,
@@ -108,7 +108,7 @@ class Roster:
                 "ra": state.ra_hours, "dec": state.dec_degrees, "alt": state.altitude_degrees,
                 "az": state.azimuth_degrees, "model": (state.model or "")[:MAX_TEXT_LENGTH], "programs": state.programs,
                 "age": round(max(0.0, now - then)), "said": event.words[:MAX_TEXT_LENGTH] if event else "",
-                "said_age": round(max(0.0, now - at)) if event else 0,
+                "said_age": round(max(0.0, now - result_time)) if event else 0,
             })  # fmt: skip
         return mounts
 

@@ -1,14 +1,9 @@
-"""The line to the mount: one exchange at a time, in order of priority.
+"""The line to the mount: one exchange at a time; a stop goes first, then motions, then settings, then reads.
 
-A stop goes first, then motions, then settings, then reads. While the mount works on a long operation, only a stop is
-sent. After a timeout or a garbled reply, nothing but a stop is sent until a check shows that the line is in step. If
-the port is lost, the line reopens it with growing pauses, for ever; a port on which the mount stays mute is closed and
-reopened.
-
-A stop waits for one exchange at most. If that exchange lasts longer than usual, it is cut off: it may have begun, is
-not repeated, and its reply is dropped with everything else until the line is in step. Meanwhile the stop is written
-without waiting for replies, and repeated because the mount may not have received it. Once the line is in step, the stop
-is sent as usual.
+After a timeout or a garbled reply, and during a long operation of the mount, nothing but a stop is sent. A port that is
+lost, or on which the mount stays mute, is reopened with growing pauses, for ever. A stop waits for one exchange at
+most, which is cut off if it lasts longer than usual. Then the stop is written without waiting for replies, and repeated
+until the line is in step, because the mount may not have received it.
 """
 
 from __future__ import annotations

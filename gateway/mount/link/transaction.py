@@ -1,12 +1,9 @@
 """One exchange on an open line: a request, its reply, and whether that reply can belong to the request.
 
-A reply counts only if it has the exact form and nothing follows it: of two replies, one belongs to another request. A
-command that has no reply may still be answered with an objection. After a disturbance the line is drained, and checked
-until it is in step; otherwise every later reply would be taken for the reply to the request before.
-
-A serial line and a TCP stream preserve order, so a line that is in step also rules out replies to older requests. But
-some converters between gateway and mount reorder the data. Therefore a request that timed out stays open until its
-reply would be later than any ever observed, and until then nothing is accepted that could be its reply.
+A reply counts only if it has the exact form and nothing follows it: of two replies, one belongs to another request.
+After a disturbance the line is drained, and checked until it is in step; otherwise every later reply would be taken for
+the reply to the request before. Some converters between gateway and mount reorder the data. Therefore a request that
+timed out stays open until its reply would be later than any ever observed: nothing is accepted that could be its reply.
 """
 
 from __future__ import annotations

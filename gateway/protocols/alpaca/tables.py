@@ -108,12 +108,12 @@ def member(name: str) -> Member:
 
 #: Form of a reply -> the value that goes with an error: clients expect a value of the member's type.
 _EMPTY: dict[str, Any] = {"truth": False, "number": 0.0, "hours": 0.0, "whole": 0, "moment": "", "json": ""}
-_FORM = re.compile(r"\{\w+:(\w+)\}")
+_FIELD_FORM = re.compile(r"\{\w+:(\w+)\}")
 
 
 def empty_value(command: Command) -> dict[str, Any]:
     """Return the ``Value`` that goes with an error of this member; nothing for a member without a value."""
-    match = _FORM.search(str(command.replies[0][1].source)) if command.replies else None
+    match = _FIELD_FORM.search(str(command.replies[0][1].source)) if command.replies else None
     if match is None:
         return {}
     return {"Value": [] if member(command.name).list else _EMPTY[match[1]]}

@@ -1,12 +1,9 @@
-"""Cuts the bytes of LX200 clients into commands.
+"""Cuts the bytes of LX200 clients into commands: from a ``:`` to a ``#``, or a raw 0x06.
 
-Everything before a ``:`` is dropped; ``#`` ends a command; a ``:`` in front of a letter, ``$`` or ``?`` begins a new
-command, because some programs omit a ``#``. A raw 0x06 is always a command, and ends an incomplete command. Carriage
-returns, line feeds and NULs are ignored. A command longer than 64 bytes is dropped up to the next ``:``.
-
-A command with an argument but no ``#`` is dangerous: a ``:MS#`` after half a ``:Sr`` would slew to the previous target.
-It is refused with everything up to the next ``#``, and further commands are ``Suspect`` until the client pauses for a
-tenth of a second; stops are passed on as always. After a pause only the incomplete command is refused.
+A ``:`` in front of a letter, ``$`` or ``?`` begins a new command, because some programs omit a ``#``. But a command
+with an argument and no ``#`` is dangerous: a ``:MS#`` after half a ``:Sr`` would slew to the previous target. It is
+refused with everything up to the next ``#``, and further commands are ``Suspect`` until the client pauses for a tenth
+of a second. Stops are passed on as always.
 """
 
 from __future__ import annotations

@@ -1,11 +1,9 @@
 """The mechanics of a simulated mount: two motors as functions of time, with tracking, gotos and hand motion.
 
-It is independent of protocols and clocks: every method takes ``now`` in Unix seconds. Between two calls the axes move
-by formula, not in steps, so nothing depends on how often a caller reads them. A motor rests, turns at a rate, does a
-goto, or follows the sky; its position is the ordered position minus the distance that it still runs on or lags behind
-(``axis_motor.Ramp``). An order first notes the present position and speed; at the next reading the ramps begin that
-lead from the noted speeds to the ordered ones. So every motion is continuous, whatever the sequence of orders. Angles
-are degrees, rates degrees a second of time.
+It is independent of protocols and clocks: every method takes ``now`` in Unix seconds, and between two calls the axes
+move by formula. A motor rests, turns at a rate, does a goto, or follows the sky. Its position is the ordered position
+minus the distance that it still runs on or lags behind (``axis_motor.Ramp``), so every motion is continuous. Angles are
+degrees, rates degrees a second of time.
 """
 
 from __future__ import annotations

@@ -1,13 +1,9 @@
 """Framing of NexStar requests: the first byte gives the length; neither ``#`` nor the boundaries of a read count.
 
-The table holds the length of every opcode of any hand control, even if the presented one lacks it, so that its data
-bytes are never read as commands. Stray bytes that programs are known to send are dropped one by one. Any other byte
-that begins no command drops all after it until 0.1 s of quiet. A partial command is dropped after one second of quiet.
-
-Bytes that arrive within another three seconds may be the end of that command, which must move nothing, or a new
-command. They wait until the line has been quiet for 0.1 s; then the length decides. Bytes that are exactly the missing
-ones, and are valid there, are the end and ignored; any other whole command is carried out. Commands that end a motion
-are carried out at once in either case, and so is a question that arrives whole (``K``, which checks the line).
+The table holds the length of every opcode of any hand control, so that data bytes are never read as commands. A byte
+that begins no command drops all after it until 0.1 s of quiet. A partial command is dropped after one second of quiet;
+what arrives within another three seconds may be its end, which must move nothing. Bytes that are exactly the missing
+ones are ignored; any other whole command is carried out, stops and echo requests at once.
 """
 
 from __future__ import annotations

@@ -1,21 +1,18 @@
 """The simulated Meade: a classic LX200 below or of 16 inches, an Autostar, an LX200GPS.
 
-It handles bytes at the time that the given clock shows, and never sleeps. Its commands are those that the manual gives
-the model, its replies those that real telescopes were seen to send, with their quirks. Without a source, it assumes:
+It handles bytes at the time that the given clock shows, and never sleeps. Commands are those of the manual, replies
+those that real telescopes were seen to send, with their quirks. Where no source says what a real one does, it assumes:
 
 - Commands that take a real one seconds or minutes (``:SC`` on a classic, ``:Aa`` and ``:gT`` on an LX200GPS) are
-  answered late if the caller passes ``later``, and nothing else is answered meanwhile; otherwise at once.
+  answered late if the caller passes ``send_later``, and nothing else is answered meanwhile; otherwise at once.
 - A command with an argument but without ``#`` is refused with everything up to the next ``#``, and no command that
   arrives together with it begins a motion.
 - Every model still answers after ``:hP#``, and any motion command unparks the telescope.
 - While an LX200GPS sleeps (``:hN#``) it answers as before, but its motors have no power until ``:hW#`` or ``:I#``. It
   accepts ``:MS#`` and ``:MA#`` (``0``) all the same.
-- ``:GW#`` reports the mounting, also in land mode (``PN1`` on a wedge). With ``land_tells_altaz`` it replies ``AN1``
-  there, because it is unknown what a real one replies.
-- An argument that is not in the manual's notation is refused and changes nothing: other telescopes with this protocol
-  refuse it, and tests of a driver against a lenient simulator would not show that. Only the degree sign may be ``*``,
-  the byte 0xDF or a colon, which programs have sent to real telescopes for decades. Commands beyond the manual are not
-  checked. A ``tolerant`` telescope accepts every notation that the gateway's own surface accepts.
+- ``:GW#`` reports the mounting, also in land mode (``PN1`` on a wedge; ``AN1`` with ``land_tells_altaz``).
+- An argument that is not in the manual's notation is refused and changes nothing, unless the telescope is ``tolerant``.
+  Only the degree sign may be ``*``, the byte 0xDF or a colon. Commands beyond the manual are not checked.
 - A classic reads a line of 15 seven-bit characters: it sends the degree sign as 0xDF but does not accept that byte.
   Bytes above 0x7F, control characters and a sixteenth character drop the command without a reply.
 """

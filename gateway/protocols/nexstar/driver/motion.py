@@ -1,12 +1,9 @@
-"""Hand motion, stopping, guiding.
+"""Hand motion, stopping, guiding: the only place where a sky direction becomes a motor direction.
 
-This is the only place where a sky direction becomes a motor direction. Fast motion overrides tracking on the mount, so
-the driver suspends tracking first and resumes it after the last axis has stopped. Hand controls before 1.6 have no
-pass-through: on them hand motion is a chain of small gotos.
-
-Motors that do not time guide pulses themselves are guided with motor commands. A hand-control key is used if it turns
-at exactly the guide rate, because it adds to tracking; otherwise a variable rate. A variable rate replaces tracking, so
-the right-ascension motor gets the sum of both, and at the end its drive rate instead of rate 0.
+Fast motion overrides tracking on the mount, so the driver suspends tracking first and resumes it after the last axis
+has stopped. On hand controls before 1.6, which have no pass-through, hand motion is a chain of small gotos. Motors that
+do not time guide pulses are guided with a hand-control key if it turns at exactly the guide rate, else with a variable
+rate. A variable rate replaces tracking, so the right-ascension motor gets the sum of both.
 """
 
 from __future__ import annotations

@@ -337,7 +337,7 @@ def test_watchdog_waits_longer_for_a_starved_gateway_on_a_clear_path(
     for number, one in enumerate(clear):
         watch.mounts[str(number)] = GuardedMount("pier", "", -1)
         watch.handle([f"{'clear' if one else 'moving'}", str(number), "4d"], [])
-    watch.heard()
+    watch.restart_silence()
     with here, there, pytest.raises(InterruptedError):
         watch.run()
     assert stopped == pytest.approx([100.0 + until])
@@ -361,7 +361,7 @@ def test_watchdog_stops_a_starved_gateway_that_then_hangs(monkeypatch: pytest.Mo
     monkeypatch.setattr(watch, "stop_for_silent_gateway", stop)
     watch.mounts["0"] = GuardedMount("pier", "", -1)
     watch.handle(["clear", "0", "4d"], [])
-    watch.heard()
+    watch.restart_silence()
     with here, there, pytest.raises(InterruptedError):
         watch.run()
     assert clock[0] < 102.3
