@@ -28,7 +28,7 @@ NOW = 100.0
 class Waits(NamedTuple):
     priority: int
     number: int = 0
-    asked: float = NOW
+    queued_at: float = NOW
     command: Send = Send("e")
 
 
@@ -54,6 +54,6 @@ def test_read_waits_for_urgent_and_imminent_orders() -> None:
 
 def test_late_motion_by_hand_is_not_sent() -> None:
     arrow = Send("move", at_once_or_never=True)
-    assert too_late(Waits(MOTION, asked=NOW - MAX_START_DELAY - 0.01, command=arrow), NOW)
-    assert not too_late(Waits(MOTION, asked=NOW - MAX_START_DELAY + 0.01, command=arrow), NOW)
-    assert not too_late(Waits(MOTION, asked=NOW - MAX_START_DELAY - 0.01), NOW)
+    assert too_late(Waits(MOTION, queued_at=NOW - MAX_START_DELAY - 0.01, command=arrow), NOW)
+    assert not too_late(Waits(MOTION, queued_at=NOW - MAX_START_DELAY + 0.01, command=arrow), NOW)
+    assert not too_late(Waits(MOTION, queued_at=NOW - MAX_START_DELAY - 0.01), NOW)
