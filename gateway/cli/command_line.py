@@ -106,7 +106,7 @@ class Parser(argparse.ArgumentParser):
     """A parser that reports a mistake in one line.
 
     When the user asks for help, ``late_epilog`` makes the text below the flags, and ``more`` what ``--help all`` adds
-    to it. Only ``--help all`` shows the ``hidden_actions`` flags; those ``elsewhere`` are in the help of another
+    to it. Only ``--help all`` shows the ``hidden_actions``; those ``elsewhere`` are in the help of another
     command.
     """
 
@@ -122,7 +122,7 @@ class Parser(argparse.ArgumentParser):
         self.add_argument(*HELP_FLAGS, action=_Help, nargs="?", help=argparse.SUPPRESS)
 
     def format_help(self) -> str:
-        """Return the help, with all flags and the rest of the text if it is to be ``shows_all``."""
+        """Return the help, with all flags and the rest of the text if it ``shows_all``."""
         more = self._more_help() if self.shows_all and self._more_help is not None else ""
         self.epilog, self._width = f"{self._text_below()}\n{more}", None
         left_out = [*self.elsewhere, *([] if self.shows_all else self.hidden_actions)]

@@ -36,7 +36,7 @@ class Mistake(NamedTuple):
 def mistakes(config: Config, must_serve: bool = True, in_file: bool = False) -> Iterator[Mistake]:
     """Yield the mistakes of a configuration whose values all have the right types, the most important first.
 
-    If programs are to be ``must_serve``, a surface is needed. ``in_file``: the user has written a file.
+    ``must_serve``: a surface is needed. ``in_file``: the user has written a file.
     """
     yield from _endpoints(config)
     for number, mount in enumerate(config.mount):

@@ -112,7 +112,7 @@ def _control_characters(tables: object, place: Place = ()) -> Iterator[Mistake]:
 def make_config(tables: dict[str, object], source: Source, must_serve: bool = True) -> Config:
     """Make the configuration from plain tables; ``mount`` is a list. Raises UserError that names line and key.
 
-    If programs are to be ``must_serve``, a surface is needed.
+    ``must_serve``: a surface is needed.
     """
     for place, reason in _control_characters(tables):
         raise _located(source, Mistake(_key_place(place), reason))

@@ -173,8 +173,9 @@ class Once(argparse.Action):
 
 
 def settings(arguments: argparse.Namespace, must_serve: bool = True) -> tuple[Config, Source]:
-    """Return the merged configuration, and the source of its values; it needs surfaces if programs are to be
-    ``must_serve``. Raises UserError."""
+    """Return the merged configuration, and the source of its values; it needs surfaces if it
+    ``must_serve``. Raises UserError.
+    """
     tables: dict[str, object] = {}
     source = Source("command line")
     path = _file(arguments)

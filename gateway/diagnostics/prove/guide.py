@@ -28,14 +28,14 @@ class Stage(NamedTuple):
     """A part of the check. ``plan`` announces it in one sentence; ``moves``: whether it moves the mount; ``points``:
     whether the mount must know where it points, which every stage that moves it requires.
 
-    ``run`` raises Ended. ``reason_to_skip`` is the reason why it is needed; empty if it is not.
+    ``run`` raises Ended. ``reason_needed`` is the reason why it is needed; empty if it is not.
     """
 
     name: str
     plan: str
     moves: bool
     run: Callable[[CheckedMount, StageReporter], Awaitable[None]]
-    reason_to_skip: Callable[[CheckedMount], str] = lambda telescope: "it belongs to every check"
+    reason_needed: Callable[[CheckedMount], str] = lambda telescope: "it belongs to every check"
     points: bool = False
 
 
@@ -109,7 +109,7 @@ class GuidedCheck:
             if self._findings.whole(stage.name):
                 person.say(f"{title}: done before.")
                 continue
-            if not stage.reason_to_skip(telescope):
+            if not stage.reason_needed(telescope):
                 person.say(f"{title}: not needed.")
                 continue
             key = ""

@@ -59,7 +59,7 @@ class StoppedByOthers(Ended):
 class Motion(NamedTuple):
     """A motion by hand: when the mount had acknowledged its beginning and its end, and the positions.
 
-    ``places`` are the positions during the motion, ``before`` and ``after`` those at rest. ``refused``: why it did not.
+    ``start_position`` and ``end_position`` are at rest. ``refusal``: why it did not move.
     """
 
     began_at: float = 0.0

@@ -81,14 +81,14 @@ class Consequences:
         if status is not None and self._context.driver.parked and getattr(operation, "then", "") == "park":
             self._cache.correct(op.GetStatus, replace(status, tracking=op.Tracking.OFF))
 
-    def pulse_ended(self, axis: int, ordered_seconds: float, started_at: float) -> None:
-        """Log how late a guide pulse was ended, if that matters. ``ordered_seconds`` and ``started_at``: the loop times
+    def pulse_ended(self, axis: int, ordered_at: float, started_at: float) -> None:
+        """Log how late a guide pulse was ended, if that matters. ``ordered_at`` and ``started_at``: the loop times
         at which its end was taken up, and was sent.
         """
         pulse = next((sent for sent in self._context.wanted.value.pulses if sent.axis == axis), None)
         late = 0.0 if pulse is None else started_at - pulse.until
         if pulse is not None and pulse.operation is not None and late > MIN_LOGGED_EXCESS * pulse.operation.ms / 1000.0:
-            asleep = max(0.0, ordered_seconds - pulse.until)
+            asleep = max(0.0, ordered_at - pulse.until)
             computer = f"this computer did not run the gateway for {asleep:.2f} s"
             self._context.note(
                 f"a guide pulse of {pulse.operation.ms / 1000.0:g} s was {late:.2f} s too long: "

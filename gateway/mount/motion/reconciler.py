@@ -107,8 +107,8 @@ class Reconciler:
         max_delay: float = inf,
         arrived_at: float | None = None,
     ) -> Outcome:
-        """Take a motion order and return its outcome. The client ``arrived_at`` at this loop time, after so many
-        ``stop_count``.
+        """Take a motion order and return its outcome. It ``arrived_at`` this loop time, after ``stop_count``
+        stops.
 
         It waits for the outcome for ``max_delay`` seconds: a goto is not begun after that.
         """

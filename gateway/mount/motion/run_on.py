@@ -40,8 +40,8 @@ class TimedPosition(Struct, frozen=True):
 
 
 class RunOn(Struct, frozen=True):
-    """A motion that was ended at ``since``; of a ``goto``, park or home, or by hand. ``positions!`` are the positions
-    that count; ``last_position_at!`` is the time of the mount's last report of a position.
+    """A motion that was ended at ``since``; of a ``goto``, park or home, or by hand. ``positions`` are the positions
+    that count; ``last_position_at`` is the time of the mount's last report of a position.
     """
 
     since: float
@@ -101,7 +101,7 @@ class RunOnWatch:
 
     def activity(self, wanted: Wanted, parked: bool, heard: float) -> op.Activity:
         """Return the motion by orders of this gateway, including the run-on. ``parked``: the mount is parked;
-        ``last_position_at!``: seconds since its last reply.
+        ``last_position_at``: seconds since its last reply.
         """
         slews, waiting = isinstance(wanted.motion, Slew), [order for order in wanted.pending if not order.follow_up]
         # The last step of a park: the tube has arrived, and tracking is not off yet.

@@ -61,7 +61,7 @@ class Observed(Struct, frozen=True):
     before that.
 
     ``began`` is when the last motion began, ``ordered_speed`` its speed if known, ``across`` the speed on the sky.
-    ``farthest_from_suns!`` are the distances from which each Sun is being approached. ``upright`` becomes False when
+    ``farthest_from_suns`` are the distances from which each Sun is being approached. ``upright`` becomes False when
     the tube passes the pole or the zenith, or sinks although it is lifted, and True again when positions show it back
     or the next goto has ended.
     """

@@ -83,7 +83,7 @@ class SyncTotal:
         self.value, self.doubt = self.coming, ""
 
     def forget(self, reason: str = "") -> None:
-        """Reset the sum: the mount was aligned again, is not aligned, or is in ``reason``."""
+        """Reset the sum: the mount was aligned again, is not aligned, or may not be (``reason``)."""
         self.value, self.doubt = SyncSum(), reason
 
 

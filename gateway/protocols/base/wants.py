@@ -47,10 +47,10 @@ class ChangeBaudRate(NamedTuple):
 
 
 class Subscription(NamedTuple):
-    """Read ``operation`` every ``every`` seconds, encode it with ``encode``, and send the bytes to the client, if any.
+    """Read ``operation`` every ``period`` seconds, encode it with ``encode``, and send the bytes to the client, if any.
 
     With ``changes`` the same bytes are not sent twice in a row. A client that reads slowly gets the newest message, not
-    a backlog. Nothing is sent while the mount is silent. The first comes ``after`` seconds of the connection.
+    a backlog. Nothing is sent while the mount is silent. The first comes after ``first_delay`` seconds.
     """
 
     operation: Read

@@ -131,7 +131,7 @@ class Lx200ReplyRules:
     """The ``ReplyRules`` of a Meade. They own the notation that was learnt from its answers.
 
     ``protocol`` is the dialect of the ``speaker``, which asks the mount for its name. Without a speaker it is the
-    dialect of the model that the user has ``model``, or whose name the mount replies.
+    dialect of the ``model`` that the user has named, or whose name the mount replies.
     """
 
     closing, padding = b"#", PADDING
