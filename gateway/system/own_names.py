@@ -57,8 +57,9 @@ def known_host(header: str | None, local: str, names: Iterable[str] = ()) -> boo
         address = ip_address(host.partition("%")[0])
     except ValueError:
         return host in own_names()
-    own = {plain_address(local), *(str(address) for _, address in interface_addresses())}
-    return address.is_loopback or plain_address(str(address)) in own
+    if address.is_loopback or plain_address(str(address)) == plain_address(local):
+        return True
+    return str(address) in {str(own) for _, own in interface_addresses()}
 
 
 def plain_address(address: str) -> str:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
-from gateway.core.errors import Asleep, Fault, NoAnswer
+from gateway.core.errors import Asleep, Fault
 from gateway.mount.context import Context
 from gateway.mount.motion.run_on import ARCSECOND, SKY, unexplained_motion
 from gateway.mount.readings.reader import Reader
@@ -57,9 +57,6 @@ async def come_to_rest(context: Context, reader: Reader, seconds: float = TIME_T
                     samples.append(await _sample(context, reader))
                 except Asleep:
                     return
-                except NoAnswer as fault:
-                    samples.clear()
-                    trouble = fault
                 except Fault as fault:
                     trouble = fault
                 while len(samples) > 1 and samples[-1].at - samples[1].at >= apart:
