@@ -259,7 +259,9 @@ def test_prove_names_a_limit_that_ends_tracking_and_changes_no_setting() -> None
     async def play() -> None:
         async with Proven("lx200:lx200gps", **CONDITIONS["near the Sun"][0]) as proven:
             with patch.object(small_motions, "KEYS", (9, 7)):
-                found = await proven.check(person := Onlooker("yssyssssy"))
+                person = Onlooker("yssyssssy")
+                person.when["rate 7 west"] = lambda: proven.controller.watch.carried_to_limit.emit("the Sun")
+                found = await proven.check(person)
             assert not proven.sim.tracking
             assert any("switched off at the Sun" in one for one in person.said)
             assert not found.of("differs")
