@@ -81,7 +81,7 @@ def _sidereal_times(days: tuple[int, ...]) -> Any:
 def from_earth(name: str, at: Any) -> Any:
     """Return the geocentric vector, J2000 in km, to the position of a body when its light left it.
 
-    Aberration is included for the Sun only: the Moon moves around the Sun with the Earth.
+    Aberration is included for the Sun only: the Moon moves with the Earth, so light time is its only aberration.
     """
     if name == "Sun":
         return get_sun(at).cartesian.xyz.to_value(u.km)
