@@ -65,7 +65,7 @@ class MountState(Struct, frozen=True, dict=True):
     clock: float
 
     def drawn(self, surfaces: Sequence[str] = ()) -> State:
-        """Return what ``status`` shows. ``surfaces`` tell several programs on one computer apart."""
+        """Return what ``status`` shows. ``surfaces``: those of the programs, if one computer runs several."""
         identity = self.identity
         return State(
             self.look,

@@ -99,7 +99,7 @@ class Fault(GatewayError):
             self.brief = brief
 
     def of(self, summary: str) -> str:
-        """Return ``summary`` and the reason of its refusal as one text; the text of a sync already has ``summary``."""
+        """Return ``summary`` followed by this reason; a refused sync's reason begins with ``summary`` already."""
         return str(self) if str(self).startswith(summary) else f"{summary}: {self}"
 
 

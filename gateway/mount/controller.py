@@ -217,8 +217,9 @@ class MountController:
     ) -> _T:
         """Carry out an operation for the connection ``activity``, and return its answer. Raises Fault.
 
-        A read asks the mount, whatever is cached; ``answer`` uses the cache first. The request arrived
-        at this loop time (by default now), after so many ``stops``; the client waits ``max_delay`` seconds for it.
+        A read asks the mount, whatever is cached; ``answer`` uses the cache first. ``stops``: how many stops had come
+        when the request arrived; a later one cancels it. ``arrived_at``: when that was (loop time; by default now);
+        the client waits ``max_delay`` seconds for it.
         """
         program = activity.program if activity is not None else NO_PROGRAM
         if type(operation) in MAX_AGE:

@@ -60,7 +60,7 @@ class Releases:
         return None if tapped else ending
 
     def _only_taps(self, axis: int, under_way: Turn | None) -> bool:
-        """Whether nothing moves the axis, or is about to, that the release of an arrow would end."""
+        """Whether the release of an arrow has nothing to end: no arrow moves this axis, and none is about to."""
         wanted = self._controller.wanted.value
         if not over(wanted, axis) or wanted.waiting_gotos or self._controller.slewing:
             return False

@@ -1,9 +1,9 @@
 """Holds back the part of a reply that some programs leave unread on a network connection.
 
 INDI's LX200 drivers read one byte of ``1Object Below Horizon.#``, and discard the rest in a way that has no effect on a
-socket. They would take the text for the reply to their next question, and from then on every reply for the previous
-reply. So the text waits: it is dropped at the next command, and sent after ``HOLD_TIME`` seconds to a program that
-reads on. A program that begins with a ``#`` is none of those drivers and gets its replies whole.
+socket. They would take the text for the reply to their next question, and stay one reply behind from then on. So the
+text waits: it is dropped at the next command, and sent after ``HOLD_TIME`` seconds to a program that reads on. A
+program that begins with a ``#`` is none of those drivers and gets its replies whole.
 """
 
 from __future__ import annotations

@@ -213,7 +213,7 @@ def _means(outcome: str, reply: bytes) -> str:
 
 
 def _own(protocol: CommandSet, name: str) -> list[str]:
-    """Return what the tables say of a command on a surface that presents the mount itself."""
+    """Return what the tables say of a command on a surface that speaks the mount's own protocol."""
     row = protocol.own.get(name)
     who = f"the mount itself, {KEEPS[row.keep]}" if row is not None and row.keep else "the gateway"
     return [f"answered by {who}", *([f"  {row.why}"] if row is not None and row.why else [])]

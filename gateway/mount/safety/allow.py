@@ -320,8 +320,8 @@ def altitude(view: View) -> Iterator[Room]:
 
 
 def near_sun(view: View) -> Iterator[Room]:
-    """Yield the distances left up to the circles round the Suns, measured from ``farthest``, so that slow approaches
-    count too.
+    """Yield, for each direction in which the Sun may stand, the degrees left up to the circle round it that is kept
+    clear. An approach counts from the greatest distance so far (``farthest``), however slow it is.
 
     Suns of other sources end only the arrows of programs, because a wrong source must not end a motion that is right.
     """

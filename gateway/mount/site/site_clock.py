@@ -223,9 +223,7 @@ class SiteClock:
         return shown is not None and shown.offset == operation.offset and abs(shown.unix - operation.unix) <= seconds
 
     def has_own(self, operation: Operation) -> bool:
-        """Whether the mount has reported its own site or clock, which can be returned instead of the one in the
-        operation.
-        """
+        """Whether the mount has reported a site or clock of its own, to be used instead of the operation's."""
         if isinstance(operation, SetClock):
             return self.mount_clock is not None
         return isinstance(operation, SetSite) and self.mount_site is not None

@@ -1,9 +1,9 @@
 """Framing of NexStar requests: the first byte gives the length; neither ``#`` nor the boundaries of a read count.
 
 The table holds the length of every opcode of any hand control, so that data bytes are never read as commands. A byte
-that begins no command drops all after it until 0.1 s of quiet. A partial command is dropped after one second of quiet;
-what arrives within another three seconds may be its end, which must move nothing. Bytes that are exactly the missing
-ones are ignored; any other whole command is carried out, stops and echo requests at once.
+that begins no command drops all after it until 0.1 s of quiet. A partial command is dropped after one second of quiet.
+Its end may arrive within another three seconds and must move nothing, so bytes that are exactly the missing ones are
+ignored then. Any other whole command is carried out: stops and echo requests at once, the rest when it is quiet.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ AT_ONCE = ("stop", "restart", "axis")
 
 
 class CommandSet:
-    """The tables of a protocol, or of a ``dialect`` of it: commands and models at once, the others when needed."""
+    """The tables of a protocol, or of a ``dialect`` of it: commands and models are loaded at once, others later."""
 
     def __init__(self, name: str, folder: Path, dialect: str = "") -> None:
         self.name, self.folder, self.dialect = name, folder, dialect

@@ -1,9 +1,9 @@
 """The server of a simulated Alpaca telescope: HTTP requests in, JSON out, as ASCOM defines them.
 
 Requests that it does not understand get status 400 and a text: an unknown address, a capital letter in it, a missing or
-misspelt parameter, an invalid number. Everything else is answered with status 200, errors by their number. On a line
-without HTTP, as in rehearsals, the driver's own conversion stands between its lines and this server. The parameters and
-conditions of the members are in ``mappings/alpaca/simulator.toml``.
+misspelt parameter, an invalid number. Everything else is answered with status 200, and errors with ASCOM's number in
+the JSON. In rehearsals there is no HTTP: the driver's code turns its lines into requests to this server. The
+parameters and conditions of the members are in ``mappings/alpaca/simulator.toml``.
 """
 
 from __future__ import annotations
