@@ -217,7 +217,7 @@ def test_page_loads_with_few_requests_and_reloads_with_none(visit: Callable[...,
     assert len(sockets) == 1, "the modules take over the connection that was begun before them"
 
 
-def test_page_stays_within_its_size_limits() -> None:
+def test_page_files_stay_below_their_byte_limits() -> None:
     """Packed, with the stars of the chart; the catalogue of deep sky objects is loaded when somebody wants the list."""
     files = [
         path for path in PAGE.rglob("*") if path.suffix in (".html", ".css", ".js", ".svg") or path.name == "stars.json"
