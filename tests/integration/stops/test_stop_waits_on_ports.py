@@ -17,7 +17,7 @@ from tests.support.lossy_line import is_stop
 from tests.support.process import Running
 
 #: Seconds that the mount takes to answer, that a stop may wait beyond that, and that a busy computer may add.
-LATENCY, WAITS, BUSY = 0.05, 0.3, 0.4
+LATENCY, WAITS, BUSY = 0.05, 0.3, 0.8
 
 
 class MountAtPort:

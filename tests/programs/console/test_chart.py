@@ -116,11 +116,23 @@ def test_chart_shows_the_sky_where_astropy_computes_it(
     page.page.reload()
     page.until("planets are known", lambda: "Jupiter" in (page.page.locator("#sky").get_attribute("aria-label") or ""))
     page.page.set_viewport_size({"width": size[0], "height": size[1] - 2})  # it is drawn anew
-    page.page.wait_for_timeout(300)
-    unix = time.time() + later
+    found: list[tuple[float, int, float]] = []
+
+    def fits() -> bool:
+        """Whether the picture is that of the new size: it shows everything where it is."""
+        found.append(_errors(page, time.time() + later))
+        body, stars, star = found[-1]
+        return body <= 2.0 and stars >= 50 and star <= 2.0
+
+    page.until("the chart shows everything where it is", fits)
+    print(f"{found[-1][1]} stars, {found[-1][2]:.2f} px at most, bodies {found[-1][0]:.2f} px")
+    page.close()
+
+
+def _errors(page: Visit, unix: float) -> tuple[float, int, float]:
+    """Return by how many pixels the picture is off: of the bodies at most, of how many stars, and of these at most."""
     seen = np.asarray(page.picture()).astype(float)
     box = page.page.locator("#sky").bounding_box()
-    page.close()
     assert box is not None
     centre, radius = (
         (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2),
@@ -144,12 +156,12 @@ def test_chart_shows_the_sky_where_astropy_computes_it(
         known = [[int(one[at : at + 2], 16) for at in (0, 2, 4)] for one in colours]
         return lambda part: sum(np.abs(part - one).max(axis=2) < 16 for one in known)
 
-    hidden = [point(45.0, 180.0)]  # behind the tube, or behind a body
+    hidden, worst = [point(45.0, 180.0)], 0.0  # behind the tube, or behind a body
     for body, colours in {"moon": ("f4f0e2", "3b4763"), "jupiter": ("ffc98a",), "saturn": ("ffc98a",)}.items():
         alt, az = over_horizon(unix, body)
         assert alt > HIGH
         hidden.append(point(alt, az))
-        assert off(*hidden[-1], 10 if body == "moon" else 6, coloured(*colours)) <= 2.0, body
+        worst = max(worst, off(*hidden[-1], 10 if body == "moon" else 6, coloured(*colours)))
 
     stars = [one for one in json.loads(STARS.read_text("utf-8"))["stars"] if one[2] < 4.7]
     points = [point(alt, az) for alt, az in np.transpose(over_horizon(unix, [one[:2] for one in stars]))]
@@ -161,8 +173,7 @@ def test_chart_shows_the_sky_where_astropy_computes_it(
         and sum(math.dist(at, other) < APART for other in points) == 1
     ]  # fmt: skip
     far = sorted(off(*at, REACH, lambda part: np.clip(part.min(axis=2) - 112, 0, None)) for at in alone)
-    print(f"{len(far)} stars, {far[len(far) // 2]:.2f} px in the middle, {far[-1]:.2f} px at most")
-    assert len(far) >= 50 and far[-1] <= 2.0
+    return worst, len(far), far[-1]
 
 
 def test_chart_is_redrawn_in_the_frame_in_which_it_is_resized(visit: Callable[..., Visit]) -> None:
