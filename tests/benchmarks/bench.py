@@ -26,7 +26,7 @@ ALMANAC = """
 import time
 from gateway.astro.ephemeris import keeper
 today = int(time.time() // 86400.0)
-keeper.renewed(range(today, today + keeper.AHEAD))
+keeper.renewed(range(today, today + keeper.DAYS_PER_CALCULATION))
 """
 
 

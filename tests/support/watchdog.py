@@ -21,7 +21,7 @@ PROGRAM = f"""
 import signal, sys, time
 from gateway.astro.ephemeris import keeper
 from gateway.cli import main
-keeper.AHEAD = 0
+keeper.DAYS_PER_CALCULATION = 0
 signal.signal(signal.SIGQUIT, signal.SIG_DFL)  # a shell in the background has it ignored
 signal.signal(signal.SIGUSR1, lambda number, frame: time.sleep({BLOCKED}))
 sys.exit(main(sys.argv[1:]))
