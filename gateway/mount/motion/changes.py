@@ -125,7 +125,7 @@ def without_superseded(wanted: Wanted, operation: op.Operation) -> Wanted:
 
 def interrupted(wanted: Wanted, halt: Halt) -> Wanted:
     """Let a halt interrupt the active order, if that order can begin again after it."""
-    active = next((order for order in wanted.pending if order.number == wanted.active), None)
+    active = wanted.active_order
     if (
         halt.rank != FIRST_RANK
         or active is None

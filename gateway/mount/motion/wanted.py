@@ -273,6 +273,11 @@ class Wanted(Struct, frozen=True):
         return motions
 
     @property
+    def active_order(self) -> Order | None:
+        """The order that is being carried out; None if there is none."""
+        return next((order for order in self.pending if order.number == self.active), None)
+
+    @property
     def waiting_gotos(self) -> list[Order]:
         """The gotos that were ordered and that the mount has not acknowledged."""
         return [order for order in self.pending if isinstance(order.operation, GOTOS)]
