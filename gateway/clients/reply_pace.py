@@ -18,7 +18,7 @@ HARDWARE_REPLY_TIME = 0.006
 
 
 class ReplyPace:
-    """The handler of a connection whose replies wait ``seconds``; ``accept`` makes the one that replies."""
+    """Delays the replies of a connection by ``seconds``; ``accept`` makes the handler that replies."""
 
     def __init__(self, connected: Connected, accept: Callable[[Connected], ConnectionHandler], seconds: float) -> None:
         self._write_bytes, self._seconds = connected.write, seconds

@@ -1,6 +1,6 @@
 """The gotos: to a place with room for small motions, if need be; then 5° and back, and one that is cancelled.
 
-Before each goto, the gateway's rules are asked. By day, goals here are at least 40° from the Sun.
+The gateway's limits must allow each goto. By day the goals here are at least 40° from the Sun.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 Motors take up to two seconds to slow down, and whoever exposes, syncs or guides meanwhile does so on a mount that turns
 at degrees a second. Two positions that were requested after the end and agree show rest. Without a position for
-``MAX_SILENCE`` seconds nobody knows whether the mount moves. The run-on changes what clients are told and when guide
-pulses begin, never whether a stop is sent. Angles are degrees, times seconds of the event loop's clock.
+``MAX_SILENCE`` seconds nobody knows whether the mount moves. The run-on changes what clients read and when guide
+pulses begin, never whether the gateway sends a stop. Angles are degrees, times seconds of the event loop's clock.
 """
 
 from __future__ import annotations

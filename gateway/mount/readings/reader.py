@@ -39,9 +39,9 @@ UNKNOWN_STATUS = op.Status(tracking=op.Tracking.OFF, aligned=False, equatorial=F
 MOTION_CHECK_PERIOD = 0.2
 #: Seconds that a client waits at most to learn whether a goto has ended, and for the first reply of the mount.
 GOTO_END_WAIT, FIRST_REPLY_WAIT = 2.0, 2.0
-#: Seconds that a client waits for a new reading before it gets the last one: at rest, and in motion, in which the last
-#: one is outdated (as long as a reply may take). MAX_TRIES: how often the mount is asked again if orders keep coming
-#: that make its replies outdated.
+#: Seconds that a client waits for a new reading before it gets the last one: at rest, and in motion, when the last one
+#: is outdated. In motion it waits as long as a reply may take. MAX_TRIES: how often the gateway asks the mount again if
+#: orders keep outdating its replies.
 TIMEOUT, TIMEOUT_MOVING, MAX_TRIES = 2.5, 3.2, 3
 #: Degrees from its goal within which an undisturbed goto ends on every mount.
 GOAL_TOLERANCE = 0.5

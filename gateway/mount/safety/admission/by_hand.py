@@ -2,7 +2,7 @@
 
 A motion is judged by its first stretch, which ends where it has been seen and can be stopped. All of the stretch is
 checked, because beyond the zenith or the Sun its end may be allowed again; and both directions of each axis, because a
-mount whose axes cannot be read may point the other way round. A guide pulse is a stretch, too.
+mount whose axes cannot be read may point the other way round. A guide pulse is judged alike.
 """
 
 from __future__ import annotations

@@ -25,7 +25,8 @@ QUIET = 2
 #: A goto is over, whatever :D# shows, if both coordinates have stayed within so many degrees for so many seconds: one
 #: that is pushed by hand may always show bars. An untracked sky turns by less in this time.
 STANDS_WITHIN, STANDS = 0.1, 15.0
-#: How often, and how many seconds apart, another maker's mount is asked whether it stands still, or took a sync.
+#: How often, and how many seconds apart, the driver asks another maker's mount whether it stands still before a newer
+#: goto (SETTLES), or whether it has taken a sync (LOOKS).
 SETTLES, LOOKS, SETTLE_WAIT = 20, 3, 0.5
 #: Seconds allowed between the two reads of a position, and how often both are repeated until they are close enough.
 INSTANT, PAIR_TRIES, HORIZONTAL_TRIES = 0.5, 5, 2
