@@ -108,7 +108,8 @@ class Identification:
         stop; but not to a motion that is being sent since.
         """
         wanted = self._reconciler.wanted
-        begins = any(order.number == wanted.active and isinstance(order.operation, MOVERS) for order in wanted.pending)
+        active = wanted.active_order
+        begins = active is not None and isinstance(active.operation, MOVERS)
         if (wanted.owed or (self._end_watch.pending and not begins)) and self._context.known.is_set():
             commands += stop_commands(self._driver, self._link.reply_rules, ends_only=True)
 

@@ -168,8 +168,8 @@ class SyncSettings:
 
     def _in_motion(self) -> bool:
         """Whether the mount slews or is moved by hand, or is about to: then it gets no site and no clock."""
-        wanted = self._context.wanted.value
-        begins = any(order.number == wanted.active and isinstance(order.operation, _MOVES) for order in wanted.pending)
+        active = self._context.wanted.value.active_order
+        begins = active is not None and isinstance(active.operation, _MOVES)
         return begins or self._context.movement.anything or self.moved_by_others()
 
     async def _run(self) -> None:
