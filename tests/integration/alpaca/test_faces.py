@@ -168,6 +168,12 @@ SERVERS: dict[str, tuple[dict[str, Any], set[str]]] = {
 }
 
 
+def test_goto_after_an_abort_arrives_and_a_site_is_kept_where_slews_are_answered_at_their_end() -> None:
+    """A stop that is written again spares the goto; a site that was read while it was set is no site of the owner."""
+    found = run(judged("alpaca", "german", **SERVERS["no asynchronous slews"][0]))
+    assert not {step: words for step, words in found.items() if words.startswith("wrong")}
+
+
 @pytest.mark.sampled(1, every=4)
 @pytest.mark.parametrize("server", SERVERS)
 @pytest.mark.parametrize("kind", KINDS)
