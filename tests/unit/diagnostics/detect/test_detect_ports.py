@@ -310,7 +310,7 @@ def test_detect_finds_a_mount_behind_rfc2217() -> None:
         server = threading.Thread(target=serve_rfc2217, args=(listener, sim.feed), daemon=True)
         listener.settimeout(5.0)
         server.start()
-        finding = asyncio.run(look(at(f"rfc2217://127.0.0.1:{listener.getsockname()[1]}"), first=EAGER))
+        finding = asyncio.run(look(at(f"rfc2217://127.0.0.1:{listener.getsockname()[1]}")))
         server.join(5.0)
     assert finding.mount is not None, finding
     assert (finding.mount.model, finding.baud) == ("cge", None)
