@@ -1,9 +1,9 @@
-"""Whether a mount is still as the gateway left it: only then are the values that the gateway stores for it still true.
+"""Checks whether the mount was switched off while the gateway or the line was down.
 
 For a hand control without a sync command the gateway stores an offset instead, and for every hand control the drive
-rate, which none reports. Both become wrong when the mount is switched off, which nobody observes while the gateway or
-the line is down. So they are kept only if everything that can be read agrees. In doubt they are discarded together with
-their bookkeeping, and the user is asked to sync again.
+rate, because no hand control reports it. Both become wrong when the mount is switched off. So the gateway records the
+mount's position, tracking and clock, and compares them after a reconnect. If anything differs or cannot be read, the
+gateway discards the stored values and the sum of syncs, and the log asks the user to sync again.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import READ
 from gateway.mount.safety.sync_sum import NO_SYNC
 
-#: Seconds that it may have been away; seconds by which its clock may have gone otherwise; degrees that it may be off.
+#: A mount counts as unchanged within these limits: seconds since the record, seconds of clock, degrees of position.
 MAX_ABSENCE, CLOCK, PLACE = 3600.0, 30.0, 0.5
-#: Seconds between two records of where it is.
+#: Seconds between two records of the mount's position that are written to disk.
 RECORD_PERIOD = 60.0
 
 
 class AsLeft(Struct, frozen=True):
-    """The mount ``at`` this computer's time: its position, degrees, whether it tracked, and how many seconds its clock
-    was ahead of the computer's.
+    """A record of the mount: the time by this computer (``at``, Unix seconds), the position in degrees, whether it
+    tracked, and by how many seconds its clock was ahead of the computer's (``ahead``).
     """
 
     at: float
@@ -40,7 +40,7 @@ class AsLeft(Struct, frozen=True):
 
 
 class SameMount:
-    """Owns ``left``; ``lasting`` is emitted when ``left`` is to be written to disk."""
+    """Keeps the last record of the mount (``left``); ``lasting`` is emitted when it should be written to disk."""
 
     def __init__(self, context: Context, runner: DriverRunner) -> None:
         self._context, self._runner = context, runner
@@ -58,7 +58,7 @@ class SameMount:
         return bool(driver.emulated) or ((synced != NO_SYNC or any(driver.offset)) and driver.emulates_sync)
 
     def record_position(self, _: op.Equatorial) -> None:
-        """Record where the mount is, if the gateway stores something for it."""
+        """Record the mount's state, if the gateway stores values that a power cut of the mount would make wrong."""
         if not (self._checked and self._keeps):
             return
         context = self._context
@@ -73,7 +73,7 @@ class SameMount:
             self.lasting.emit(None)
 
     async def check(self) -> None:
-        """Compare the mount with its saved state; discard the data stored for it if anything differs or is unknown."""
+        """Compare the mount with its last record; discard the stored values if anything differs or is unknown."""
         keeps, context = not self._keeps or await self._as_left(), self._context
         self._checked = True
         if keeps:

@@ -1,6 +1,6 @@
 """The data that all parts of a mount share: its line, its orders, its readings, its site and clock.
 
-The context does not know the parts that act.
+The parts that act on the mount get the context as an argument; the context has no reference to them.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ FASTEST_RATE = op.Rate(name="max")
 class Context:
     """The driver, the owner's policy, the log, the loop's clock, background tasks, and the shared values.
 
-    Only `Identification` sets the events: ``found`` when a mount answered, ``known`` when it is identified, ``settled``
-    when its site and clock were read as well. ``closed`` is set at shutdown: no work is begun any more.
+    Only `Identification` sets the events: ``found`` at the mount's first reply, ``known`` after identification,
+    ``settled`` when site and clock were read as well. ``closed``: shutdown has begun, start nothing new.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class Context:
         self.cache, self.wanted = ReadingsCache(link), WantedState()
         self.movement, self.incoming = Movement(self.wanted, self.cache), IncomingSettings()
         self.run_on = RunOnWatch(self.now)
-        #: Astronomy with the best site and clock, for limits and horizon coordinates.
+        #: The best known site and time; the limits and horizon coordinates use them.
         self.sources = BestSources(site_clock)
         self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox or "jnow")
         self.hold, self.synced = Hold(), SyncTotal()
@@ -62,7 +62,7 @@ class Context:
         return SiteAstrometry(self.astrometry.sky, ReadBy(self.site_clock, program), self.astrometry.equinox)
 
     def impossible(self, operation: op.Operation) -> Fault | None:
-        """Return why an operation cannot succeed, as far as that is known without a request; None if it may."""
+        """Return why an operation cannot succeed, as far as the gateway knows without asking the mount; else None."""
         driver, link, wanted = self.driver, self.link, self.wanted.value
         if link.state == "down" or (link.overdue and not driver.asleep):
             return NoAnswer()
@@ -83,7 +83,7 @@ class Context:
 
     @property
     def timing(self) -> StopTiming:
-        """The stop timing for the present speed of the line."""
+        """How long a stop takes at the present speed of the line."""
         return StopTiming(
             self.link.times.typical_rtt, self.driver.position_reads, POLL_PERIOD[op.Position], self.policy.run_on
         )
@@ -93,9 +93,9 @@ class Context:
         self.log.note("mount", text)
 
     def remark(self, remark: Remark) -> None:
-        """Log a deviation of the driver from the request; only the first of equal texts, and of remarks of a kind."""
+        """Log once that the driver did something else than requested: only the first remark of each kind or text."""
         self.log.note_once("mount", remark.text, kind=remark.kind)
 
     def note_once(self, text: str, kind: str = "") -> None:
-        """Like `note`, but only the first time, or the first of its ``kind``."""
+        """Log a line about the mount, unless this text, or a text of this ``kind``, was logged before."""
         self.log.note_once("mount", text, kind=kind)

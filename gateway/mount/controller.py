@@ -49,17 +49,17 @@ _T = TypeVar("_T")
 
 class MountController:
     """``perform`` carries out any operation and waits for it; ``begin`` does not wait. ``impossible`` returns the
-    reason why an operation cannot succeed. ``peek`` answers a client's read at once if that needs no exchange;
-    ``answer`` waits if it does. The gateway itself uses ``read``, and ``read_now``, which asks the mount however fresh
-    the last reading is. ``fresh_until`` returns how long answers may be given again; ``touch`` notes that they were
-    given again. ``announcers``: see ``Reconciler``.
+    reason why an operation cannot succeed. ``peek`` answers a client's read if the answer is cached; ``answer`` asks
+    the mount if it is not. The gateway itself uses ``read``, and ``read_now``, which never uses the cache.
+    ``fresh_until``: the loop time until which a client may get the same answers again; ``touch`` notes that it did.
+    ``announcers`` are awaited before any command that sets the mount moving.
     """
 
     def __init__(self, context: Context, follow_ups: FollowUps, announcers: Sequence[Announce] = ()) -> None:
         self.context, self.driver, line, site_clock = context, context.driver, context.link, context.site_clock
         self.line, self.site_clock, self.wire_log = line, site_clock, context.log
         self.now, self.spawn, self.loop = context.now, context.tasks.spawn, asyncio.get_running_loop()
-        # State: readings of the mount, what is wanted of it, its site and clock.
+        # State: readings of the mount, the orders to it, its site and clock.
         cache, wanted, self.movement = context.cache, context.wanted, context.movement
         self.cache, self.wanted, self.sources, self.suns = cache, wanted, context.sources, context.suns
         self.astrometry = context.astrometry
@@ -89,7 +89,7 @@ class MountController:
         reader.status.connect(self._on_status)
         consequences = Consequences(context, gate, reader, watch, self.end_watch)
         reconciler = self.reconciler = Reconciler(context, follow_ups, runner, self.admission, consequences, announcers)
-        #: Emitted when the state that is saved to disk may have changed.
+        #: Emitted when the state that the gateway saves to disk may have changed.
         self.changed = reconciler.lasting
         #: Guide pulses wait for a mount that runs on.
         context.run_on.changed.connect(lambda until: reconciler.want(replace(reconciler.wanted, rests_by=until)))
@@ -111,11 +111,11 @@ class MountController:
         self.identification.identified.connect(self._on_identified)
         self.identified, self.settled = context.known, context.settled
         self.poller = Poller(context, gate, reader, self.settings, watch, self.end_watch)
-        #: The signals that make earlier answers outdated, besides the cache.
+        #: Signals after which earlier answers are outdated; the cache counts its own changes.
         self._changes = wanted.changed, site_clock.changed
 
     def _on_status(self, status: op.Status) -> None:
-        """Forget the sum of syncs if the mount is not aligned."""
+        """Reset the sum of syncs if the mount reports that it is not aligned."""
         if not status.aligned:
             self.synced.forget()
 
@@ -149,7 +149,7 @@ class MountController:
         return self.context.policy
 
     def narrow(self, **limits_asked: float | None) -> Limits:
-        """Narrow the owner's limits until the gateway ends; None: as the owner has them. Raises Invalid."""
+        """Narrow the owner's limits until the gateway ends; None leaves the owner's value. Raises Invalid."""
         limits = self.owners_limits.narrowed_by_page(**limits_asked)
         self.context.policy = replace(self.policy, limits=limits)
         self.suns.narrow(limits.sun)
@@ -173,7 +173,7 @@ class MountController:
 
     @property
     def stops(self) -> int:
-        """The number of stops so far: a motion that a client asked for before the last stop is not begun."""
+        """The number of stops so far. A motion that a client requested before the last stop is not begun."""
         return self.wanted.value.stops
 
     def peek(self, operation: op.Operation[_T], program: ProgramId = NO_PROGRAM) -> _T:
@@ -217,9 +217,9 @@ class MountController:
     ) -> _T:
         """Carry out an operation for the connection ``activity``, and return its answer. Raises Fault.
 
-        A read asks the mount, whatever is cached; ``answer`` uses the cache first. ``stops``: how many stops had come
-        when the request arrived; a later one cancels it. ``arrived_at``: when that was (loop time; by default now);
-        the client waits ``max_delay`` seconds for it.
+        A read asks the mount even if the answer is cached; ``answer`` uses the cache first. ``arrived_at``: the loop
+        time at which the request arrived (default: now). ``stops``: the number of stops before that; a later stop
+        cancels the operation. ``max_delay``: for how many seconds the client waits for it.
         """
         program = activity.program if activity is not None else NO_PROGRAM
         if type(operation) in MAX_AGE:
@@ -240,7 +240,7 @@ class MountController:
         return cast(_T, await self._perform_alone(operation, program))
 
     async def _perform_alone(self, operation: op.Operation, program: ProgramId) -> Any:
-        """Carry out an operation that is no motion and whose answer is not shared between clients."""
+        """Carry out an operation that is neither a motion nor a read that clients share."""
         if type(operation) in PLACE_FUNCTIONS:
             return PLACE_FUNCTIONS[type(operation)](self.context.astrometry_for(program), operation)
         if (setting := self.settings.handlers.get(type(operation))) is not None:
@@ -291,17 +291,17 @@ class MountController:
         return self.spawn(finish())
 
     def begin_stop(self, client_name: str = "") -> None:
-        """End every motion before everything else, without waiting for the acknowledgement. ``client_name`` asks."""
+        """Stop every motion, without waiting for the mount's acknowledgement. ``client_name`` is for the log."""
         self._note_stop(client_name)
         self.reconciler.begin_stop("")
 
     async def stop(self, client_name: str = "") -> None:
-        """End every motion, and wait until the mount has acknowledged the stop. Raises Fault."""
+        """Stop every motion, and wait until the mount has acknowledged the stop. Raises Fault."""
         self._note_stop(client_name)
         await self.reconciler.stop("")
 
     def _note_stop(self, client_name: str) -> None:
-        """Log who ends a goto before its goal."""
+        """Log which client stops a goto before it has reached its goal."""
         self.wanted.stopped_by = client_name
         if isinstance(self.wanted.value.motion, Slew):
             self.context.note(f"the goto was stopped before its goal{f' by {client_name}' if client_name else ''}")

@@ -1,9 +1,8 @@
-"""Identifies the mount whenever the line comes up, after sending a stop that is owed.
+"""Identifies the mount whenever the line comes up, after sending a stop that the mount has not acknowledged.
 
-A motion does not survive the loss of the line: when the line is back, the stop is the first command. If the line was
-away for longer, a person may have taken over at the hand control, so the motion of the mount is observed first
-(``left_moving.py``). A mount that was not identified before is probed first, because a mount of another kind might
-misread the bytes of a stop.
+If the mount moved when the line was lost, a stop is the first command on the restored line. After a longer loss, a
+person may have taken over at the hand control, so the motion of the mount is observed first (``left_moving.py``). A
+mount that was not identified before is probed first, because a mount of another kind might misread the bytes of a stop.
 """
 
 from __future__ import annotations
@@ -46,8 +45,8 @@ RETRY_PERIOD = 1.0
 
 
 class Identification:
-    """Listens to the line. ``identified`` is emitted whenever the mount was identified; before that, ``check`` compares
-    it with the saved state.
+    """Identifies the mount each time the line comes up; then ``identified`` is emitted. Just before, ``check``
+    compares the mount with its last record (``as_left.py``).
     """
 
     def __init__(
@@ -67,7 +66,7 @@ class Identification:
         self._check = check
         self._asking: asyncio.Task[Any] | None = None
         self.identified: Signal[None] = Signal()
-        #: Whether something moved when the port was lost, when that was, and what moved; None if it cannot be judged.
+        #: Whether the mount moved when the port was lost, the time of that, and the motion (None: cannot be compared).
         self._cut_short, self._lost_at = False, 0.0
         self._motion_left_behind: LeftMotion | None = None
         self._status: op.Status | None = None
@@ -84,15 +83,15 @@ class Identification:
         self._status = self._cache.value(op.GetStatus)
 
     def left_motion(self) -> LeftMotion | None:
-        """Return what the gateway has set moving; None if positions cannot show later whether that goes on."""
+        """Return the motion that the gateway has begun; None if later positions cannot show whether it continues."""
         return left_motion(self._reconciler.wanted, self._context.driver.speed, self._end_watch.samples)
 
     def judge_first(self, left: LeftMotion) -> None:
-        """An earlier run of the gateway has left this motion behind, some time ago: stop it if it still goes on."""
+        """Set the motion that an earlier run of the gateway left; when the line is up, it is stopped if it goes on."""
         self._motion_left_behind = left
 
     def _stop_first(self, _: None) -> None:
-        """Stop what moved before the port was lost."""
+        """Stop the mount if it moved when the port was lost. After a long loss, `_judge` decides."""
         old = self._motion_left_behind is not None and self._context.now() - self._lost_at >= MAX_AGE
         if self._cut_short and old and not self._reconciler.wanted.owed:
             self._cut_short = False
@@ -104,8 +103,8 @@ class Identification:
             self._reconciler.begin_stop("stopped when the connection to the mount was lost and restored")
 
     def _stop_owed(self, commands: list[bytes]) -> None:
-        """Add the stop commands if a stop is owed, or if no position confirms yet that the mount received the last
-        stop; but not to a motion that is being sent since.
+        """Add the stop commands if the mount has not acknowledged the last stop, or if no position has confirmed that
+        the mount stopped and no newer motion is being sent.
         """
         wanted = self._reconciler.wanted
         active = wanted.active_order
@@ -125,7 +124,7 @@ class Identification:
         self._asking = self._context.tasks.spawn(self._identify())
 
     async def _identify(self) -> None:
-        """Send a stop that is owed, then read the identity, status, site and clock of the mount."""
+        """Send an unacknowledged stop again, then read the identity, status, site and clock of the mount."""
         if self._reconciler.wanted.owed:
             with contextlib.suppress(Fault):
                 if not self._context.known.is_set():
@@ -163,7 +162,7 @@ class Identification:
         note_contradictions(self._context)
 
     async def _find(self) -> bool:
-        """Return whether a mount is there, and take the position that it may report with its first reply."""
+        """Return whether a mount replies; cache the position if its first reply contains one."""
         try:
             place = await self._runner.drive(self._driver.contact(), READ)
         except Fault as fault:
@@ -178,7 +177,7 @@ class Identification:
     # --- motion that was left behind ----------------------------------------------------------------------------------
 
     async def _judge(self, left: LeftMotion) -> None:
-        """Stop what still moves as it was left, and what cannot be judged; leave any other motion alone."""
+        """Stop the motion if it continues as the gateway left it, or if that is unclear; stop no other motion."""
         context, reconciler = self._context, self._reconciler
         self._motion_left_behind = None
         axes: frozenset[int] = frozenset()
@@ -211,8 +210,8 @@ class Identification:
         self._context.tasks.spawn(self._resume_later(reconciler.wanted.order_count))
 
     async def _resume_later(self, order_count: int) -> None:
-        """Resume tracking that was suspended for the motion that was left, once the mount rests, unless it is ordered
-        otherwise meanwhile: ``order_count`` counts the orders.
+        """Resume the tracking that the driver suspended for a motion, once the mount is at rest. A newer order, after
+        which the number of orders is no longer ``order_count``, cancels this.
         """
         resting = False
         while self._driver.tracking_suspended and self._reconciler.wanted.order_count == order_count and not resting:
@@ -228,26 +227,26 @@ class Identification:
         return bool(await self._runner.perform(op.Slewing(), READ))
 
     async def _turning(self) -> Pair:
-        """Return the speeds of both axes, degrees a second, by two positions. Raises Fault."""
+        """Return the speeds of both axes, degrees a second, measured from two positions. Raises Fault."""
         before = await self._read_axes()
         await asyncio.sleep(max(0.0, before.at + SAMPLE_GAP - self._context.now()))
         return turning(before, await self._read_axes())
 
     async def _read_axes(self) -> AxisSample:
-        """Return the position as readings of the axes. Raises Fault."""
+        """Read the position and return it as axis readings. Raises Fault."""
         context, astrometry = self._context, self._context.astrometry
         place = astrometry.from_mount(await self._runner.perform(op.Position(), POSITION))
         status = self._status or self._cache.value(op.GetStatus)
         return axis_sample(astrometry, status, getattr(self._driver, "low", False), context.now(), place)
 
     def _has_wrong_hemisphere(self) -> bool:
-        """Whether its status was read as northern tracking before the mount reported a southern site."""
+        """Whether the mount has reported a southern site after its status was decoded as tracking in the north."""
         place, status = self._context.sources.site(), self._cache.value(op.GetStatus)
         north = status is not None and status.tracking is op.Tracking.EQ_NORTH
         return north and place is not None and place.latitude < 0.0
 
     async def read_once(self, operation: op.Operation) -> None:
-        """Read something once and store it."""
+        """Ask the mount once and cache the answer; log a fault instead of raising it."""
         try:
             value = await self._runner.perform(operation, READ)
         except NoAnswer:

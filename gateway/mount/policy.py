@@ -1,9 +1,9 @@
 """The decisions of the mount's owner: limits, parking, whether the mount is held, how long clients may be silent.
 
 Hand controls do not report their limits, so the gateway has its own. Angles are degrees. A position exactly at a limit
-is allowed, and a motion that leads out of a forbidden region is never forbidden. Altitude limits that somebody has
-written hold by every source of site and time, and on the way of a goto. The default limits, 0 and 90 degrees, only
-judge goals by the mount's own site and clock, and end arrows and tracking.
+is allowed, and a motion that leads out of a forbidden region is never forbidden. The default altitude limits, 0 and 90
+degrees, apply to the goals of gotos, by the mount's own site and clock, and end arrows and tracking. Altitude limits
+that the owner has set apply also on the way of a goto, and by every known site and clock.
 """
 
 from __future__ import annotations
@@ -16,17 +16,18 @@ from msgspec.structs import replace
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Held, Invalid, Refused, TooHigh
 
-#: Degrees that rounding may explain at a limit.
+#: Degrees by which a position may exceed a limit because of rounding.
 LIMIT_TOLERANCE = 0.1
 #: The motion orders that are allowed while a mount is held; all others are refused.
 HOLD_ALLOWS = (op.AbortSlew, op.Choose, op.Focus, op.StopAxis, op.Hibernate, op.Sync, op.TrackRate)
+#: The advice in a refused park or home: how to choose a park position.
 CHOOSE = "Write park = [AZ, ALT] under [mount] for a place of your own choice, which may lie beyond lowest and highest."
 
 
 class Limits(Struct, frozen=True):
-    """The owner's limits: altitudes, the largest sync, the smallest distance from the Sun (``sun``, 0 for none), the
-    largest hour angle past the meridian (None for none). All in degrees. ``at_keys`` are the altitudes for motion at
-    the hand control's keys: only limits that the owner has written end that. ``by_page``: a page has narrowed them.
+    """The owner's limits in degrees: lowest and highest altitude, largest sum of syncs, smallest distance from the Sun
+    (0 for none), largest hour angle past the meridian. ``at_keys``: altitude limits for motion by the hand control's
+    keys, -90 and 90 unless the owner has set them. ``by_page``: a web page has narrowed the limits.
     """
 
     lowest: float = 0.0
@@ -44,7 +45,7 @@ class Limits(Struct, frozen=True):
         sun: float | None = None,
         hour_angle: float | None = None,
     ) -> Limits:
-        """Return these limits, made tighter, never wider."""
+        """Return these limits, narrowed to the arguments where these are tighter; None leaves a limit."""
         angles = [angle for angle in (self.hour_angle, hour_angle) if angle is not None]
         return replace(
             self,
@@ -55,7 +56,7 @@ class Limits(Struct, frozen=True):
         )
 
     def narrowed_by_page(self, **limits_asked: float | None) -> Limits:
-        """Return these limits, made tighter by a page for all clients. Raises Invalid."""
+        """Return these limits, narrowed by a web page for all clients. Raises Invalid for a wider limit."""
         limits = self.narrowed(**limits_asked)
         if any(value not in (None, getattr(limits, name)) for name, value in limits_asked.items()):
             raise Invalid(f"The configuration allows {self}; a page can only narrow that.")
@@ -75,19 +76,19 @@ class Limits(Struct, frozen=True):
         return ", ".join(self.as_text())
 
     def check_altitude(self, altitude: float) -> None:
-        """Check an altitude. Raises BelowHorizon or TooHigh."""
+        """Check that an altitude, degrees, is within the limits. Raises BelowHorizon or TooHigh."""
         if altitude < self.lowest - LIMIT_TOLERANCE:
             raise BelowHorizon("Object Below Horizon." if self.lowest <= 0 else "Object Below Lower Limit.")
         if altitude > self.highest + LIMIT_TOLERANCE:
             raise TooHigh("Object Above Higher Limit.")
 
     def for_keys(self) -> Limits:
-        """Return these limits for motion at the mount's own keys."""
+        """Return these limits for motion by the hand control's keys."""
         return replace(self, lowest=min(self.lowest, self.at_keys[0]), highest=max(self.highest, self.at_keys[1]))
 
     def written(self) -> Limits:
-        """Return these limits with the altitudes that somebody has written: the owner, or a page or a program if they
-        are tighter than the horizon and the zenith. The others are off."""
+        """Return these limits without the default altitudes: an altitude limit that neither the owner nor a page or
+        program has set becomes -90 or 90 degrees."""
         return replace(
             self,
             lowest=self.lowest if self.lowest > 0.0 or self.at_keys[0] > -90.0 else -90.0,
@@ -95,17 +96,17 @@ class Limits(Struct, frozen=True):
         )
 
     def at_any_altitude(self) -> Limits:
-        """Return these limits without the altitudes, for a position that the owner has chosen."""
+        """Return these limits without altitude limits, for a park position that the owner has chosen."""
         return replace(self, lowest=-90.0, highest=90.0)
 
 
 class Policy(Struct, frozen=True):
-    """The owner's settings; a field with the name of a key of ``[mount]`` has its value.
+    """The owner's settings. A field with the name of a key of ``[mount]`` in gateway.toml has the value of that key.
 
     ``own_park``: the owner has chosen the park position. ``unaligned``: whether a mount that is not aligned may be sent
-    to axis readings (``allow`` or ``refuse``). ``dead_man`` and ``dead_man_closed``: for how
-    many seconds a client that moves the mount by hand may be silent while connected, and after it has disconnected.
-    ``run_on``: for how many seconds at full speed the mount runs on after a stop.
+    to axis readings (``allow`` or ``refuse``). ``dead_man`` and ``dead_man_closed``: for how many seconds a client that
+    moves the mount by hand may be silent while it is connected, and after it has disconnected. ``run_on``: for how many
+    seconds the mount moves on after a stop, at its speed before.
     """
 
     limits: Limits = Limits()
@@ -142,7 +143,7 @@ class Hold:
         self.on = False
 
     def admit(self, operation: op.Operation) -> None:
-        """Check a motion order. Raises Held."""
+        """Check whether this motion order is allowed now. Raises Held if not."""
         stays = isinstance(operation, HOLD_ALLOWS) or (isinstance(operation, op.SetTracking) and not operation.on)
         if self.on and not stays:
             raise Held

@@ -1,8 +1,8 @@
 """The client connections of each host, and when each was last active.
 
-While a connection is open, only its own bytes show that the client is alive: another program on the same computer does
-not hold the same arrow. After it is closed, connections that the same host has opened since count, too, because some
-programs open a connection for every command.
+The supervisor stops a motion by hand when its client falls silent. While the client's connection is open, only data on
+this connection counts as a sign of life, because the host may run other programs. Once it is closed, data on newer
+connections of the same host counts as well, because some programs open a connection for every command.
 """
 
 from __future__ import annotations
@@ -15,20 +15,21 @@ MEMORY_TIME = 60.0
 
 
 class ProgramId(NamedTuple):
-    """A program to which site and clock settings belong: a host on one surface (0: no surface, such as a command)."""
+    """The owner of site and clock settings: a host and the number of the surface that it uses (0: none)."""
 
     host: str
     surface: int = 0
 
 
-#: The gateway itself, and who embeds it.
+#: Stands for the gateway itself, and for a Python program that embeds it.
 NO_PROGRAM = ProgramId("")
 
 
 class HostActivity:
-    """A connection of the host ``client_name``. ``sent_data`` is set by any data from it, and reset by the supervisor.
+    """A connection from a client: its host (``client_name``), and the loop times at which it was opened, last active
+    and closed. Any data from the client sets ``sent_data``, and the supervisor resets it.
 
-    ``program`` stands for all connections of that host to one surface, which share their site and clock.
+    ``program`` is equal for all connections of a host to one surface: they share their site and clock settings.
     """
 
     __slots__ = ("closed", "last_active_at", "opened", "program", "sent_data", "who")
@@ -41,7 +42,7 @@ class HostActivity:
 
 
 class Presence:
-    """The connections of all hosts. ``clock`` is the event loop's clock."""
+    """The connections of all client hosts. ``clock`` returns the event loop's time."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
@@ -69,11 +70,11 @@ class Presence:
         activity.closed = self._clock()
 
     def returned(self, activity: HostActivity) -> None:
-        """Note that a connection that seemed closed still has its client."""
+        """Mark a connection as open again that counted as closed because its data arrived late."""
         activity.closed = None
 
     def connections_for(self, activity: HostActivity) -> list[HostActivity]:
-        """Return this connection, and if it is closed, also those that its host has opened since."""
+        """Return this connection; if it is closed, also the connections that its host has opened since."""
         closed = activity.closed
         if closed is None:
             return [activity]

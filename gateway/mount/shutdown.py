@@ -20,7 +20,7 @@ from gateway.mount.readings.reader import Reader
 from gateway.protocols.base.driver import Driver, Send
 from gateway.protocols.base.reply_rules import ReplyRules
 
-#: Seconds for the stop, for the follow-ups, and between two commands that are sent without waiting for replies.
+#: Seconds to wait for the stop and for the follow-up commands, and between commands sent without awaiting replies.
 STOP_TIMEOUT, FOLLOW_UP_TIMEOUT, BLIND_GAP = 4.0, 2.5, 0.2
 #: Seconds for the last status read, which the gateway reports when it ends.
 LAST_READ_TIMEOUT = 1.0
@@ -65,8 +65,8 @@ def stop_commands(driver: Driver, reply_rules: ReplyRules, ends_only: bool = Fal
     """Return the commands of a stop in the present state, for callers that cannot wait for replies. The driver's state
     does not change.
 
-    With ``ends_only``, leave out settings that are restored after the motion: the mount may have been switched off
-    meanwhile.
+    With ``ends_only``, leave out settings that are restored after the motion, because the mount may have been
+    switched off meanwhile.
     """
     twin = copy.copy(driver)
     for name, value in vars(driver).items():

@@ -36,15 +36,15 @@ MAX_AGE: dict[Kind, float] = {
     op.Position: 0.5, op.HorizontalPosition: 0.5, op.AxisPosition: 0.5, op.Slewing: 1.0, op.GetStatus: 6.0,
     op.GetIdentity: 1e9, op.PierSide: 5.0,
 }  # fmt: skip
-#: The same for replies in the mount's own protocol; others are not cached.
+#: The age in seconds up to which a reply in the mount's own protocol is fresh, by kind of request; others are not kept.
 OWN_AGE = {"fixed": inf, "state": 1.0, "site": 1.0}
-#: How many of these are cached: clients may ask for any number of devices.
+#: The largest number of cached replies in the mount's own protocol: clients may ask for any number of devices.
 MAX_NATIVE_REPLIES = 200
-#: The period in seconds at which a reading is renewed while clients poll it.
+#: The seconds between two reads of a kind while clients poll it.
 POLL_PERIOD: dict[Kind, float] = {
     op.Position: 0.4, op.HorizontalPosition: 0.45, op.AxisPosition: 0.45, op.Slewing: 0.5, op.GetStatus: 2.5,
 }  # fmt: skip
-#: The kinds that are polled at another pace after a reading of a kind: while the mount slews, and with each position.
+#: From a kind of reading to the kinds whose next poll is scheduled again when such a reading arrives.
 POLLS_WOKEN_BY: dict[Kind, tuple[Kind, ...]] = {
     **{kind: (kind,) for kind in POLL_PERIOD},
     op.Slewing: (op.Slewing, op.Position),
@@ -52,36 +52,36 @@ POLLS_WOKEN_BY: dict[Kind, tuple[Kind, ...]] = {
 }
 #: A reading counts as polled if a client asked for it within this many seconds.
 POLLING_INTEREST_TIME = 3.0
-#: A reading is fresh for this many reply times at least.
+#: A reading is fresh for at least this many times the mount's typical reply time.
 REPLY_TIMES = 2.5
-#: Seconds for which clients still get the last position after the line went down.
+#: The age in seconds up to which clients get the last position if the line is down or the mount does not reply.
 LAST_POSITION = 10.0
 
 
 class Reading(Struct, frozen=True):
-    """A longitude and a latitude, or the readings of two axes, and the time of each of them."""
+    """Two angles that the mount reported (a position or two axis readings), degrees, and the loop time of each."""
 
     place: Pair
     at: Pair
 
     @property
     def complete(self) -> float:
-        """The later of the two times."""
+        """The later of the two times: from then on both angles are known."""
         return max(self.at)
 
 
 def angles(value: op.Equatorial | op.Horizontal) -> Pair:
-    """Return the two angles of a position."""
+    """Return the two angles of a position: azimuth and altitude, or right ascension and declination."""
     return (value.az, value.alt) if isinstance(value, op.Horizontal) else (value.ra, value.dec)
 
 
 class CachedAnswer(Struct):
-    """An answer (or the Fault that came instead), the loop time at which it arrived, and the seconds for which it is
+    """An answer of the mount (or the Fault instead), the loop time at which it arrived, and for how many seconds it is
     fresh.
 
-    It was ``asked`` for at this loop time, after so many ``orders``. A position has its ``reading`` as it was reported,
-    the entry ``before``, and its ``course`` once that was calculated; or the ``source`` from which it was calculated. A
-    ``forgotten`` answer is no longer true, and only clients of a silent mount may get it.
+    ``asked``: loop time of the request. ``orders``: orders and settings sent before it. A reported position has a
+    ``reading``, its ``before`` entry, and a ``course`` once calculated. ``source``: the kind from which a
+    position was calculated. A ``forgotten`` answer is for clients of a mount that does not reply.
     """
 
     value: Any
@@ -97,24 +97,24 @@ class CachedAnswer(Struct):
 
 
 class ReadingsCache:
-    """The last readings by kind, and the mount's own replies by request."""
+    """The last answer to each kind of read, and the replies in the mount's own protocol by request."""
 
     def __init__(self, link: MountLink) -> None:
         self._link = link
         self.entries: dict[Kind, CachedAnswer] = {}
         self._native_replies: dict[op.NativeRequest, CachedAnswer] = {}
         self._last_interest: dict[Kind, float] = {}
-        #: A number that grows whenever an answer may have changed, and that of the orders and settings sent so far.
+        #: ``version`` grows whenever an answer may have changed; ``orders`` counts the orders and settings sent.
         self.version = self.orders = 0
         #: Positions that were requested before this loop time are outdated for clients.
         self.outdated_at = -1e9
-        #: Emitted with the last answer to Slewing, False if there is none, whenever it may be another.
+        #: Emitted whenever the answer to Slewing may have changed, with that answer (False if there is none).
         self.slews: Signal[bool] = Signal()
-        #: Set when the next read of a kind may be due earlier than it was.
+        #: By kind of read: set when its next read may be due earlier than planned, which wakes the poller.
         self.due_events: defaultdict[Kind, TimedEvent] = defaultdict(TimedEvent)
 
     def put(self, kind: Kind, value: Any, now: float) -> None:
-        """Store a reading that the mount reported, or that follows from a command that it acknowledged."""
+        """Store a value that the mount reported, or that follows from a command that it acknowledged."""
         self.store(kind, CachedAnswer(value), now)
 
     def store(self, kind: Kind, entry: CachedAnswer, now: float) -> None:
@@ -124,12 +124,12 @@ class ReadingsCache:
         self.look_again(kind)
 
     def correct(self, kind: Kind, value: Any) -> None:
-        """Replace the last reading by the effect of an order. The next read keeps its time."""
+        """Replace the last value by the effect of an order; this does not delay the next read."""
         self.entries[kind].value = value
         self.look_again(kind)
 
     def forget(self, *kinds: Kind) -> None:
-        """Forget the readings of these kinds: they are no longer true."""
+        """Mark the last answers of these kinds as forgotten, because they are no longer true."""
         for kind in kinds:
             if kind in self.entries:
                 self.entries[kind].forgotten = True
@@ -141,7 +141,7 @@ class ReadingsCache:
         self._native_replies.clear()
 
     def look_again(self, kind: Kind) -> None:
-        """Treat earlier replies as outdated, and read again soon: a reading has changed, or a motion has begun."""
+        """Note that the answer may have changed: replies to clients are outdated, and the poller reads again soon."""
         self.version += 1
         for woken in POLLS_WOKEN_BY.get(kind, ()):
             self.due_events[woken].set()
@@ -158,13 +158,13 @@ class ReadingsCache:
             self._last_interest[kind] = now
 
     def value(self, kind: Kind) -> Any:
-        """Return the last reading, however old; None before the first."""
+        """Return the last answer, however old; None if there is none or it is forgotten."""
         entry = self.entries.get(kind)
         return None if entry is None or entry.forgotten else entry.value
 
     def poll(self, kind: Kind, now: float) -> Any:
-        """Note that a client asks, and return the reading if it is fresh, else NOT_CACHED. On a line that is slow or
-        not up, readings stay fresh for longer.
+        """Return the answer for a client if it is fresh, else NOT_CACHED, and note that a client polls this kind.
+        Answers stay fresh for longer while the line is slow or not up.
         """
         self._last_interest[kind] = now
         entry = self.entries.get(kind)
@@ -177,7 +177,7 @@ class ReadingsCache:
         return entry.value if age <= fresh_for else NOT_CACHED
 
     def last(self, kind: Kind) -> Any:
-        """Return the last reading, even if it is no longer true; None before the first."""
+        """Return the last answer, even if it is forgotten; None before the first."""
         entry = self.entries.get(kind)
         return None if entry is None else entry.value
 
@@ -187,7 +187,7 @@ class ReadingsCache:
         return min(0.0 if entry is None or entry.forgotten else entry.at + entry.fresh_for for entry in entries)
 
     def age(self, kind: Kind, now: float) -> float:
-        """Return the seconds since the last reading."""
+        """Return the seconds since the last answer; 1e9 if there is none."""
         entry = self.entries.get(kind)
         return 1e9 if entry is None or entry.forgotten else now - entry.at
 
@@ -206,8 +206,8 @@ class ReadingsCache:
     def keep_native_reply(
         self, operation: op.NativeRequest, answer: bytes | Fault, fresh_for: float, orders: int, now: float
     ) -> None:
-        """Store the reply to a request that was sent after so many ``orders``; if there are too many, drop
-        the oldest.
+        """Store the reply to a request; ``orders``: how many orders were sent before it. If there are too many
+        replies, drop the oldest.
         """
         self._native_replies.pop(operation, None)
         if fresh_for:
@@ -221,7 +221,7 @@ class NotRead(Exception):
 
 
 class Readings(Protocol):
-    """The interface by which the rules read the mount: the ``Reader``, or the ``LastReadings``."""
+    """How the safety rules read the mount: from the ``Reader``, or from ``LastReadings`` for a preview."""
 
     async def read(self, operation: op.Operation[_T]) -> _T: ...
     async def read_now(self, operation: op.Operation[_T]) -> _T: ...
@@ -229,9 +229,9 @@ class Readings(Protocol):
 
 
 class LastReadings:
-    """The last readings, however old, for a rule that is applied in advance: the mount is not asked.
+    """The last readings, however old: the safety rules use them to preview an order that no client has sent yet.
 
-    A preview must not change which commands the mount gets, or when: so a read has no side effect. A missing reading
+    A preview must not change which commands the mount gets, or when. So no read asks the mount, and a missing reading
     raises ``NotRead``.
     """
 

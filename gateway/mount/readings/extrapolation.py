@@ -22,20 +22,22 @@ from gateway.mount.readings.cache import CachedAnswer, Kind, Pair, Reading, angl
 
 #: Seconds after the last reading for which the position is extrapolated.
 MAX_EXTRAPOLATION = 1.0
-#: Seconds before the last reading for which it is calculated: a moment ago may be asked for again.
+#: Seconds before the last reading for which it is calculated, because replies may refer to a moment ago.
 MAX_BACKWARD = 0.05
-#: Two readings give a rate if they are between so many seconds apart: less is rounding, more is out of date.
+#: The shortest and longest time between two readings that give a rate, seconds: rounding, and outdated readings.
 SOONEST, MAX_READING_GAP = 0.1, 3.0
-#: Degrees from the equator beyond which the first angle does not change evenly, and its largest change otherwise.
+#: Degrees: no extrapolation beyond this latitude, or if the first angle has changed by more between two readings.
 POLE_LATITUDE, MAX_TURN = 85.0, 30.0
 #: An angle must change by this many units of its resolution between two readings: less is rounding.
 MIN_UNITS = 3.0
-#: The part of the distance to the goal that is covered at most: motors slow down, and the arrival is never guessed.
+#: The largest part of the distance to the goal that is extrapolated, because motors slow down near the goal.
 MAX_GOAL_FRACTION = 0.5
 
 
 class Extrapolation(Struct, frozen=True):
-    """An extrapolation: its start, the rates (degrees a second), the largest distances, the longest time in seconds."""
+    """How a position continues: from which reading, at which rates of both angles (degrees a second), by how many
+    degrees at most, and for how many seconds after the reading.
+    """
 
     begins: Reading
     rates: Pair = (0.0, 0.0)
@@ -52,10 +54,10 @@ def course(
     goal: Pair | None = None,
     polar: bool = True,
 ) -> Extrapolation:
-    """Return the course after ``last``; ``before`` is an earlier reading of the same motion, if there is any.
+    """Return the extrapolation from the reading ``last``. ``before``: an earlier reading of the same motion, or None.
 
-    ``fastest``: degrees a second that no motor exceeds. ``resolution``: that of readings, degrees. ``polar``: the
-    angles are a position on a sphere, and not the readings of two axes.
+    ``fastest``: highest speed of the motors, degrees a second. ``resolution``: of readings, degrees. ``polar``: the
+    angles are a position on a sphere; otherwise they are the readings of two axes.
     """
     rates = None if before is None else _rates(before, last, fastest, resolution, polar)
     if before is None or rates is None:
@@ -72,7 +74,7 @@ def course(
 
 
 def place(course: Extrapolation, now: float) -> Pair:
-    """Return the position at a time: the first angle in [0, 360), the second in [-180, 180)."""
+    """Return both angles at the loop time ``now``: the first in [0, 360), the second in [-180, 180)."""
     begins = course.begins
     if course.rates == (0.0, 0.0):
         return begins.place
@@ -106,18 +108,18 @@ def _rates(before: Reading, last: Reading, fastest: float, resolution: float, po
 
 
 def _room(before: Reading, last: Reading, goal: Pair, angle_index: int) -> float:
-    """Return the degrees that an angle may still turn; unlimited while it moves away from the goal (a longer path)."""
+    """Return by how many degrees to extrapolate an angle at most; infinite while it moves away from the goal."""
     was, left = (wrap180(goal[angle_index] - reading.place[angle_index]) for reading in (before, last))
     if was * left <= 0.0:
         return 0.0  # it has arrived
     return MAX_GOAL_FRACTION * abs(left) if abs(left) <= abs(was) else inf
 
 
-# --- the course of a mount, and its goal ------------------------------------------------------------------------------
+# --- the extrapolation for a mount, and its goal ----------------------------------------------------------------------
 
 
 def course_of(context: Context, kind: Kind, entry: CachedAnswer) -> Extrapolation:
-    """Return the course after the last reading of a kind, calculated once."""
+    """Return the extrapolation from a cached position; it is calculated once for each entry."""
     if entry.course is None:
         assert entry.reading is not None
         before = entry.before if entry.before is not None and entry.before.asked >= context.cache.outdated_at else None
@@ -140,7 +142,7 @@ def equatorial(context: Context) -> bool:
 
 
 def _goal(context: Context, kind: Kind) -> Pair | None:
-    """Return the goal of the goto under way in the coordinates of this read; None if it is unknown."""
+    """Return the goal of the current goto, in the coordinates of this kind of position read; None if unknown."""
     motion, astrometry, driver = context.wanted.value.motion, context.astrometry, context.driver
     if not isinstance(motion, Slew):
         return None

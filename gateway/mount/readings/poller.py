@@ -1,8 +1,8 @@
-"""Keeps readings fresh: renews what clients poll and what the limits need before it becomes stale.
+"""Keeps readings fresh: reads what clients poll and what the limits need again before it becomes stale.
 
-Each kind of read has its own task, so that none delays another: while anything moves, the position is read at least
-twice a second if the line is fast enough. Without clients there is one heartbeat every few seconds, and more where the
-mount's own keys could turn it to a limit meanwhile.
+Each kind of read has its own task, so that none delays another. While the mount moves, its position is read at least
+twice a second if the line is fast enough. Without clients the position is read every few seconds, and more often if a
+person at the hand control could drive the mount to a limit within that time.
 """
 
 from __future__ import annotations
@@ -21,36 +21,36 @@ from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.settings import SiteAndClock
 
-#: Seconds between two position reads that no client asked for, at most.
+#: The longest time in seconds between two position reads while no client polls the position.
 POSITION_PERIOD = 5.0
-#: What a person may change at the mount's keys, and the seconds between two reads of it. Without clients it is read
-#: less often, but it is: the limits, and the next client, depend on it.
+#: The settings that a person may change at the hand control, and the seconds between two reads of each: while clients
+#: poll, and while none does. The limits depend on them even without a client.
 SETTINGS: tuple[Kind, ...] = (op.GetSite, op.GetClock)
 SETTING_AGE, SETTING_AGE_ALONE = 50.0, 200.0
-#: Seconds between reads of the site of a mount that keeps its own: a goto must be judged by one that its owner has set
-#: ten seconds before at the latest.
+#: Seconds between two reads of the site of a mount that accepts none while aligned. They are short, so that a site that
+#: a person sets at the mount soon counts for gotos.
 SITE_PERIOD = 5.0
-#: Seconds to wait after an error, and until a mount is looked at again whose site and clock cannot be read now.
+#: Seconds to wait after an error, and until the next check if the site or clock cannot be read now.
 RETRY_DELAY = 1.0
-#: Seconds until the axes are read again after the mount did not report them, unless a client polls them.
+#: Seconds until the axes are read again after the mount failed to report them, unless a client polls them.
 AXES_AGAIN = 10.0
-#: Seconds between two reads of the status that no client asks for: pages show it and do not ask; and from the end of a
-#: motion until the next: by then a parked mount no longer tracks, and no other arrow is likely to follow at once.
+#: Seconds between two reads of the status while no client polls it, and from the end of a motion to the next read: by
+#: then a parked mount no longer tracks.
 STATUS_PERIOD_ALONE, STATUS_DELAY_AFTER_MOTION = 12.0, 5.0
-#: Seconds that a task sleeps whose reading is not needed; a new reading or a motion wakes it.
+#: Seconds for which a task sleeps if its reading is not needed; a new reading or a motion wakes it.
 IDLE_SLEEP = 3600.0
-#: Seconds between two exchanges of the same kind at least: others need the line, too.
+#: The shortest time in seconds between two reads of the same kind: other exchanges need the line, too.
 SHORTEST_PAUSE = 0.05
-#: Seconds between the position that shows that somebody else moves the mount and the next, which shows how fast.
+#: Seconds between the position that shows a motion by the hand control and the next one, which shows its speed.
 MOVED_BY_OTHERS_PERIOD = 0.2
-#: The part of an exchange that passes, on average, until the line is free for the next.
+#: The average wait until the line is free, as a part of the duration of an exchange.
 LINE_WAIT_FRACTION = 0.5
-#: Seconds by which timers may fire too early: event loops count in milliseconds.
+#: Seconds by which timers may fire too early, because event loops count in milliseconds.
 TIMER_ERROR = 0.001
 
 
 class Poller:
-    """Runs a task for each kind of read; the cache wakes it when its next read may be due earlier."""
+    """Runs a task for each kind of read; the cache wakes the task when its next read may be due earlier."""
 
     def __init__(
         self,
@@ -63,9 +63,9 @@ class Poller:
     ) -> None:
         self._context, self._link, self._cache = context, context.link, context.cache
         self._gate, self._reader, self._settings, self._watch, self._ends = gate, reader, settings, watch, end_watch
-        #: The loop times at which a read has failed last.
+        #: By kind of read, the loop time of the last failure.
         self._failed_at = dict.fromkeys(POLL_PERIOD, -1e9)
-        #: The loop time by which the status is read although it is not old.
+        #: The loop time at which the status is read, however fresh it is.
         self._status_due = inf
         #: The loop times of the last requests for site and clock.
         self._requested = dict.fromkeys(SETTINGS, context.now())
@@ -108,7 +108,7 @@ class Poller:
 
     @property
     def _watched(self) -> bool:
-        """Whether the mount moves, for whatever reason: then the line is needed for positions."""
+        """Whether the mount moves for any reason; then other reads leave the line to positions."""
         runs_on = self._context.run_on.value is not None
         return self._context.movement.anything or self._watch.moved_by_others or self._ends.pending or runs_on
 
@@ -134,7 +134,7 @@ class Poller:
         return max(every - ahead, SHORTEST_PAUSE) - self._cache.age(kind, now)
 
     def _status_pause(self, now: float) -> float:
-        """Return the seconds until the status is read that no client polls; in motion, positions have the line."""
+        """Return the seconds until the next status read while no client polls it; in motion, positions go first."""
         if self._watched:
             return STATUS_PERIOD_ALONE
         old = min(self._cache.age(op.GetStatus, now), now - self._failed_at[op.GetStatus])
@@ -142,7 +142,7 @@ class Poller:
         return max(min(STATUS_PERIOD_ALONE - old, self._status_due - now), STATUS_DELAY_AFTER_MOTION - rests)
 
     def _setting_pause(self, kind: Kind, now: float) -> float:
-        """Return the seconds until the mount's own site or clock is read; in motion, positions have the line."""
+        """Return the seconds until the mount's own site or clock is read; in motion, positions go first."""
         known = self._context.site_clock
         busy = self._watched or self._context.wanted.value.pending
         if busy or (known.mount_site if kind is op.GetSite else known.mount_clock) is None:
@@ -153,7 +153,7 @@ class Poller:
         return every - (now - self._requested[kind])
 
     async def renew(self, kind: Kind) -> None:
-        """Ask the mount again."""
+        """Ask the mount for this reading; log a fault, and do not raise it."""
         if kind is op.GetStatus:
             self._status_due = inf
         if kind is op.GetSite or kind is op.GetClock:

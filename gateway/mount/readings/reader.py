@@ -1,9 +1,10 @@
-"""One way to read: fresh answers come from the cache, and all who ask meanwhile share one exchange.
+"""All reads of the mount: fresh answers come from the cache, and simultaneous requests share one exchange.
 
-The limits are checked with every reading before any client gets it. What the mount does not report is calculated from
-other reads. Clients get positions extrapolated to the moment of the reply, which is the same for both angles and for
-all replies within 50 ms. They get no position that was requested before the mount acknowledged the last motion order,
-above all a stop. Clients of the mount's own protocol get its own replies, unless they have set another site or clock.
+The limits are checked with every reading before any client gets it. A position that the mount does not report is
+calculated from another. Clients get positions extrapolated to the moment of the reply, which is the same for both
+angles and for all replies within 50 ms. A position that was requested before the mount acknowledged the last motion
+order or stop is not used. Clients of the mount's own protocol get the mount's replies unchanged, unless they have set
+another site or clock.
 """
 
 from __future__ import annotations
@@ -31,29 +32,27 @@ from gateway.mount.site.readers import ReadBy
 _T = TypeVar("_T")
 #: The reads of a position.
 POSITION_READS: tuple[Kind, ...] = (op.Position, op.HorizontalPosition, op.AxisPosition)
-#: Seconds for which an extrapolated position is used again.
+#: Seconds for which replies to clients use the same extrapolated position.
 SAME_INSTANT = MAX_BACKWARD
-#: The status of a mount that has never reported its status, with the least promises.
+#: The status that clients get if the mount has never reported its status.
 UNKNOWN_STATUS = op.Status(tracking=op.Tracking.OFF, aligned=False, equatorial=False)
 #: Seconds between two checks whether the mount has begun to move.
 MOTION_CHECK_PERIOD = 0.2
-#: Seconds that a client waits at most to learn whether a goto has ended, and for the first reply of the mount.
+#: The longest time in seconds that a client waits for the end of a goto to be reported, and for the first reply.
 GOTO_END_WAIT, FIRST_REPLY_WAIT = 2.0, 2.0
-#: Seconds that a client waits for a new reading before it gets the last one: at rest, and in motion, when the last one
-#: is outdated. In motion it waits as long as a reply may take. MAX_TRIES: how often the gateway asks the mount again if
-#: orders keep outdating its replies.
+#: Seconds that a client waits for a new answer before it gets the last one, while the mount is at rest and while it
+#: moves. MAX_TRIES: how often the gateway asks the mount again if orders keep outdating its replies.
 TIMEOUT, TIMEOUT_MOVING, MAX_TRIES = 2.5, 3.2, 3
-#: Degrees from its goal within which an undisturbed goto ends on every mount.
+#: Degrees: a goto that ends farther from its goal counts as missed.
 GOAL_TOLERANCE = 0.5
 
 
 class Reader:
-    """``peek`` answers clients from the cache; for everything else, ``answer`` asks the mount, within a timeout. All
-    other parts use the mount's own readings: ``read`` prefers the cache, ``read_now`` always asks the mount.
+    """Reads for clients: ``peek`` returns a cached answer, and ``answer`` asks the mount, within a timeout. Reads for
+    the gateway are not extrapolated: ``read`` uses the cache if possible, ``read_now`` always asks the mount.
 
-    Signals: ``position``, ``axes`` and ``status`` with a new reading; ``unseen`` when a position read failed;
-    ``goto_over`` when the mount reports that a goto has ended, and ``goto_missed`` with a message if it did not end at
-    its goal.
+    Signals: ``position``, ``axes`` and ``status`` with each new reading; ``unseen`` when a position read failed;
+    ``goto_over`` when the mount reports the end of a goto, and ``goto_missed`` with a message if it missed its goal.
     """
 
     def __init__(self, context: Context, runner: DriverRunner) -> None:
@@ -61,16 +60,17 @@ class Reader:
             context, context.driver, context.now, context.link, context.cache)  # fmt: skip
         self._wanted, self._movement, self._astrometry = context.wanted, context.movement, context.astrometry
         self._runner = runner
-        #: The exchanges under way: by kind, or by request and the number of orders before it.
+        #: The reads in progress: by kind, or by native request and the number of orders before it.
         self._sharing: dict[object, asyncio.Task[object]] = {}
-        #: The number of exchanges that the last read of each kind took.
+        #: By kind of read, the number of exchanges that the last read took.
         self.exchanges: dict[Kind, int] = {}
+        #: The loop time to which positions in replies to clients are extrapolated.
         self._reply_moment = -1e9
-        #: How many commands that may set the mount moving had been sent when it was last stopped; -1 while it moves on.
+        #: The number of motion commands sent before the last stop; -1 after a stop that did not end every motion.
         self._stopped_after = 0
-        #: Clients get the last known position, because the mount has not replied in time.
+        #: Whether clients get the last known position because the mount has not replied in time.
         self.gives_last_position = False
-        #: The last reading that was given to a client as it was, by the time when it was complete, and when that was.
+        #: By kind, the last position that a client got without extrapolation: its loop time, and that of the reply.
         self._given_positions: dict[Kind, tuple[float, float]] = {}
         self.position: Signal[op.Equatorial] = Signal()
         self.axes: Signal[op.Horizontal] = Signal()
@@ -89,7 +89,7 @@ class Reader:
     # --- answers from the cache -------------------------------------------------------------------------------------
 
     def fresh(self, kind: Kind) -> object:
-        """Return the last reading if it is fresh enough, else NOT_CACHED. The cache notes that a client polls it."""
+        """Return the last answer if it is fresh, else NOT_CACHED. The cache notes that this kind is polled."""
         run_on = self._context.run_on.value
         if kind is op.Slewing and (self._wanted.goto_waits or (run_on is not None and run_on.goto)):
             return True
@@ -105,7 +105,7 @@ class Reader:
         return NOT_CACHED if value is NOT_CACHED else self._for_client(kind, self._cache.entries[kind])
 
     def _for_client(self, kind: Kind, entry: CachedAnswer) -> object:
-        """Return a reported position as a client may get it now; NOT_CACHED if the mount must be asked (again)."""
+        """Return a reported position, extrapolated if the mount moves; NOT_CACHED if the mount must be asked."""
         if entry.reading is None or entry.forgotten or entry.asked < self._cache.outdated_at:
             return NOT_CACHED
         if not self._moves:
@@ -117,7 +117,7 @@ class Reader:
         return self._position_at(kind, entry, self._instant())
 
     def _was_given_before(self, kind: Kind, complete: float) -> bool:
-        """Whether the reading that was complete at this time was given to a client, longer ago than a moment."""
+        """Whether a client got the reading of this loop time before, more than a tenth of a second ago."""
         now = self._clock()
         reading, at = self._given_positions.get(kind, (0.0, 0.0))
         if reading != complete:
@@ -131,7 +131,7 @@ class Reader:
         return NOT_CACHED if isinstance(reply, Fault) or self._is_overridden(operation, program) else reply
 
     def last(self, kind: Kind) -> object:
-        """Return the last answer that a client may get although the mount has not replied; NOT_CACHED if none."""
+        """Return the answer that a client gets if the mount does not reply in time; NOT_CACHED if there is none."""
         if kind is op.Slewing:
             return self._movement.slewing or self._wanted.goto_waits or self._context.run_on.of_goto
         if kind is op.GetStatus:
@@ -161,7 +161,7 @@ class Reader:
         return self._movement.anything or self._clock() < self._movement.by_others_until
 
     def _instant(self) -> float:
-        """Return the moment to which positions are extrapolated; a new moment makes earlier answers outdated."""
+        """Return the loop time to which positions are extrapolated. A new time makes earlier answers outdated."""
         now = self._clock()
         if now - self._reply_moment >= SAME_INSTANT:
             self._reply_moment = now
@@ -169,12 +169,12 @@ class Reader:
         return self._reply_moment
 
     def _position_at(self, kind: Kind, entry: CachedAnswer, moment: float) -> object:
-        """Return where a moving mount is at a moment."""
+        """Return the position of a moving mount, extrapolated to this loop time."""
         return type(entry.value)(*place(course_of(self._context, kind, entry), moment))
 
     def source(self, kind: Kind) -> Kind | None:
-        """Return the read from which a position is calculated; None if the mount reports it. In motion, a mount that
-        takes two requests per position reports only one kind.
+        """Return the kind of position from which this kind is calculated; None if the mount reports it. While a mount
+        moves that needs two requests per position, only one kind is read.
         """
         if kind is op.HorizontalPosition and self._movement.anything and self._driver.position_reads > 1:
             return op.Position
@@ -182,7 +182,7 @@ class Reader:
         return None if entry is None else entry.source
 
     def _calculate(self, kind: Kind, position: object) -> object:
-        """Calculate a position by the present site and clock; NOT_CACHED if the site is unknown."""
+        """Convert an equatorial position to this kind by the present site and time; NOT_CACHED without a site."""
         if not isinstance(position, op.Equatorial):
             return position
         try:
@@ -193,7 +193,7 @@ class Reader:
             return NOT_CACHED
 
     def _is_overridden(self, operation: op.NativeRequest, program: ProgramId) -> bool:
-        """Whether the gateway gives a program another site or clock than the mount's own."""
+        """Whether the request reads a site or clock that this program has set differently from the mount's."""
         if operation.keep not in ("clock", "site"):
             return False
         read = ReadBy(self._context.site_clock, program)
@@ -202,8 +202,8 @@ class Reader:
     # --- what outdates positions ------------------------------------------------------------------------------------
 
     def ordered(self, operation: op.Operation, moved_by_others: bool) -> None:
-        """Note an operation that the mount has acknowledged, before any other part acts on it. ``moved_by_others``: the
-        position shows a motion that the gateway has not ordered.
+        """Mark positions as outdated if the operation, which the mount has acknowledged, changes its motion.
+        ``moved_by_others``: the position shows a motion that the gateway has not ordered.
         """
         moves = self._movement.anything
         if isinstance(operation, op.AbortMotion | op.StopAxis | op.AbortSlew):
@@ -226,8 +226,8 @@ class Reader:
     # --- answers that may take an exchange --------------------------------------------------------------------------
 
     async def answer(self, operation: op.Operation) -> object:
-        """Ask the mount for a client; return the last answer if no new answer comes in time. Raises Fault if there is
-        none.
+        """Ask the mount for a client; return the last answer if no new answer comes in time. Raises Fault if neither
+        exists.
         """
         kind = type(operation)
         try:
@@ -243,7 +243,7 @@ class Reader:
         return answer
 
     async def _newest(self, operation: op.Operation) -> object:
-        """Return the mount's answer by an exchange. Raises Fault.
+        """Return a new answer of the mount. Raises Fault.
 
         A position that was requested before the last motion order is outdated: the mount is asked again.
         """
@@ -285,8 +285,8 @@ class Reader:
         return cast(_T, await result_of(self.shared(operation)))
 
     async def _shared_answer(self, operation: op.Operation) -> object:
-        """Return the answer of the exchange under way, or of a new exchange. Raises Fault; NoAnswer if a mount that is
-        not identified yet does not answer soon. A slow mount counts as slewing until it reports the end of the goto.
+        """Return the answer of the read in progress, or of a new read. Raises Fault; NoAnswer if the mount is not
+        identified in time. During a goto, the answer to Slewing is True if the mount does not reply in time.
         """
         first = not self._precondition(operation).is_set()
         slews = isinstance(operation, op.Slewing) and self._movement.slewing
@@ -301,7 +301,7 @@ class Reader:
     # --- exchanges --------------------------------------------------------------------------------------------------
 
     def shared(self, operation: op.Operation) -> asyncio.Task[object]:
-        """Return the task that reads this now, or start it. It is shared: no caller may cancel it."""
+        """Return the task that carries out this read; start it if there is none. No caller may cancel the task."""
         is_native = isinstance(operation, op.NativeRequest)
         key = (operation, self._cache.orders) if is_native else type(operation)
         task = self._sharing.get(key)
@@ -316,8 +316,8 @@ class Reader:
         mark_retrieved(task)
 
     def _precondition(self, operation: op.Operation) -> asyncio.Event:
-        """Return the event that must precede this read: the mount was found (for its position) or identified (for the
-        rest).
+        """Return the event for which this read waits: the mount has replied (for a position) or is identified (for
+        anything else).
         """
         return self._context.found if isinstance(operation, op.Position) else self._context.known
 
@@ -370,7 +370,7 @@ class Reader:
         return self._arrived(operation, value)
 
     def _arrived(self, operation: op.Operation, value: object) -> CachedAnswer:
-        """Return the entry for an answer that has just arrived: a position in the equinox of date, with its times."""
+        """Return a cache entry for a new answer. A position is converted to the equinox of date and gets its times."""
         if isinstance(operation, op.Position):
             value = self._astrometry.from_mount(cast(op.Equatorial, value))
         if not isinstance(value, op.Equatorial | op.Horizontal):
@@ -381,11 +381,11 @@ class Reader:
         return CachedAnswer(value, asked=self._runner.asked_at, reading=reading)
 
     def take(self, operation: op.Operation, value: object) -> None:
-        """Take a reading that the mount reported in an exchange of another part."""
+        """Store and publish a reading that another part of the gateway has received from the mount."""
         self._publish(type(operation), self._arrived(operation, value))
 
     def _publish(self, kind: Kind, entry: CachedAnswer) -> None:
-        """Store a reading, and pass it to the limits by signals."""
+        """Store a reading in the cache and emit its signal, by which the limits are checked."""
         if entry.reading is not None:
             self._continue(kind, entry)
         self._cache.store(kind, entry, self._clock())
@@ -397,7 +397,7 @@ class Reader:
             self.axes.emit(entry.value)
 
     def _continue(self, kind: Kind, entry: CachedAnswer) -> None:
-        """Note the position before this, by which its course is calculated, and whether the mount has run on."""
+        """Link a new position to the previous one, for the extrapolation; pass it to the run-on watch."""
         context, last = self._context, self._cache.entries.get(kind)
         assert entry.reading is not None
         if kind is op.Position and context.run_on.value is not None:
@@ -415,7 +415,9 @@ class Reader:
         return CachedAnswer(self._astrometry.axes(position, wedge=not self._driver.german), source=op.Position)
 
     async def _while_it_rests(self, operation: op.Operation) -> CachedAnswer:
-        """Return the answer, or none once the mount moves: then two positions of two requests each take too long."""
+        """Return the answer; an empty entry if the mount begins to move meanwhile. In motion, the two requests of
+        this read would take too long.
+        """
         reading = self._context.tasks.spawn(self._request(operation))
         try:
             while not self._movement.anything:
@@ -426,7 +428,7 @@ class Reader:
             reading.cancel()
 
     async def _settled(self) -> None:
-        """Read the final position before reporting that the goto has ended."""
+        """Read the position after a goto has ended, and log a missed goal, before clients get the end reported."""
         before = self._wanted.value
         slew, ends = before.motion, self._wanted.ending
         self.goto_over.emit(None)
@@ -444,7 +446,7 @@ class Reader:
             self.goto_missed.emit(miss)
 
     async def _missed(self, goto: op.Operation, position: op.Equatorial) -> str:
-        """Return the log line for a goto that ended at ``position``, off its goal; empty if no goal is known."""
+        """Return the log line for a goto that missed its goal; empty if it reached the goal or that is unknown."""
         if isinstance(goto, op.Goto):
             return missed(self._astrometry.from_mount(op.Equatorial(goto.ra, goto.dec)), position)
         goal = self._driver.destination(goto) if isinstance(goto, op.Park) else goto
@@ -468,7 +470,7 @@ class Reader:
 
 
 def missed(goal: op.Equatorial, position: op.Equatorial) -> str:
-    """Return the log line for a goto that ended away from its goal; an empty text if it reached it. Both positions are
+    """Return the log line for a goto that missed its goal; empty if it reached the goal. ``goal`` and ``position`` are
     in the same coordinates. The gateway does not repeat the goto: a person may have ended it at the hand control.
     """
     away = separation(goal.ra, goal.dec, position.ra, position.dec)

@@ -1,9 +1,8 @@
-"""Checks that the mount is at rest: two samples differ by no more than tracking explains.
+"""Checks that the mount is at rest: two position samples differ by no more than tracking explains.
 
-On the sky, a drive that is on keeps the position, and a drive that is off lets the sky pass. That check alone would
-miss a first axis that turns the tube about the direction in which it points (at the pole, in the zenith), so that axis
-is compared as well. The coarser the mount's position, the farther apart the samples are taken, so that slow motion is
-not missed.
+With tracking on, right ascension and declination stay the same; with tracking off, right ascension grows at the
+sidereal rate. Near the pole or the zenith the position hardly shows a turn of the first axis, so that axis is compared
+as well. The coarser the mount's position, the farther apart the samples, to notice slow motion.
 """
 
 from __future__ import annotations
@@ -20,20 +19,20 @@ from gateway.mount.context import Context
 from gateway.mount.motion.run_on import ARCSECOND, SKY, unexplained_motion
 from gateway.mount.readings.reader import Reader
 
-#: Seconds that a mount has to come to rest after it acknowledged a stop: running on takes up to two.
+#: The longest time in seconds from the acknowledgement of a stop to rest; mounts move on for up to two seconds.
 TIME_TO_REST = 8.0
-#: Seconds between two samples that are compared, at least, and between any two samples.
+#: The shortest time in seconds between two samples that are compared, and the time between successive samples.
 MIN_COMPARED_GAP, SAMPLE_GAP = 0.7, 0.2
-#: Degrees a second: the motion below which none is noticed.
+#: Degrees a second: the slowest motion that the check must notice.
 MIN_NOTICED_SPEED = 30.0 * ARCSECOND
-#: Degrees a second that the azimuth of a fork may turn by tracking; near the zenith, ZENITH_DISTANCE times the rate
-#: that the sky needs there, but no faster than FASTEST.
+#: The speed of an azimuth axis that counts as tracking, degrees a second: at least the first number; near the zenith,
+#: ZENITH_DISTANCE times the rate at which tracking turns it there, but at most FASTEST.
 MIN_TRACKING_SPEED, ZENITH_DISTANCE, FASTEST = 0.1, 3.0, 2.5
 
 
 class RestSample(NamedTuple):
-    """A position; of an alt-azimuth mount also the azimuth in degrees, and how fast it may turn by tracking, degrees a
-    second.
+    """A position and its loop time. For an alt-azimuth mount also its azimuth, and the speed of that axis that counts
+    as tracking; degrees, degrees a second.
     """
 
     at: float
@@ -43,7 +42,7 @@ class RestSample(NamedTuple):
 
 
 async def come_to_rest(context: Context, reader: Reader, seconds: float = TIME_TO_REST) -> None:
-    """Sample the mount until it is at rest. Raises Fault with what the samples showed, or why there were none.
+    """Sample the position until the mount is at rest. Raises Fault if it still moves, or if that cannot be determined.
 
     A mount that hibernates is at rest and is not asked.
     """
@@ -76,12 +75,12 @@ async def come_to_rest(context: Context, reader: Reader, seconds: float = TIME_T
 
 
 def _begun(context: Context) -> tuple[int, tuple[int, int]]:
-    """Return how many motions the mount has begun so far."""
+    """Return how many gotos, and how many other motions of each axis, the mount has begun so far."""
     return context.wanted.value.gotos_begun, context.wanted.value.motions_begun
 
 
 async def _sample(context: Context, reader: Reader) -> RestSample:
-    """Take a sample by new requests to the mount. Raises Fault."""
+    """Ask the mount for its position now and return it as a sample. Raises Fault."""
     status: op.Status = await reader.read(op.GetStatus())
     position: op.Equatorial = await reader.read_now(op.Position())
     at = context.now()
@@ -97,7 +96,7 @@ async def _sample(context: Context, reader: Reader) -> RestSample:
 
 
 def _unexplained(before: RestSample, after: RestSample, fine: float) -> float:
-    """Return the speed beyond what tracking explains, degrees a second; 0 if the motion is below ``fine`` degrees."""
+    """Return the speed that tracking does not explain, degrees a second; 0 below ``fine`` degrees."""
     elapsed, equatorial = after.at - before.at, after.azimuth is None
     moved = unexplained_motion(before.position, after.position, elapsed, equatorial)
     if before.azimuth is not None and after.azimuth is not None:

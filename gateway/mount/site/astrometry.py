@@ -1,5 +1,6 @@
-"""Astronomy from site and clock, without asking the mount: positions, axis readings, and every Sun to avoid.
+"""Astronomy from site and clock, without asking the mount: positions, axis readings, and the directions of the Sun.
 
+Sources of site and time may disagree about where the Sun is; each of these directions is a "Sun" to avoid.
 Without a site, operations that need a site raise ``Unsupported``, and the Sun counts as up.
 """
 
@@ -22,18 +23,18 @@ from gateway.mount.site.readers import ReadBy
 from gateway.mount.site.site_clock import COMPUTER, BestSources, Site, Time
 from gateway.protocols.base.driver import Driver
 
-#: Seconds for which the place of the Sun is good, and those of several: over another site they move against the stars.
+#: Seconds for which the direction of a single Sun is cached, and of several, because some move against the stars.
 SUN_CACHE_TIME, SUNS_CACHE_TIME = 60.0, 5.0
-#: Degrees: Suns nearer to each other count as one. A Sun that has moved farther has jumped, with a clock or a site.
+#: Degrees: Suns nearer to each other than this count as the same; a Sun that moved by more shows a new clock or site.
 SAME_SUN_DEGREES, SUN_JUMP_DEGREES = 0.5, 0.1
-#: Degrees; a Sun this low may still shine into a tube: refraction, its disk, and a horizon below eye level.
+#: Degrees: from this altitude on the Sun counts as up, for refraction, its disk, and a horizon below eye level.
 SUN_UP_ALTITUDE = -1.0
-#: Degrees by which the tube may be off from where the mount believes to point: so much is alignment and refraction.
+#: Degrees: a smaller pointing error of the tube is ignored, because alignment and refraction cause as much.
 OFF = 1.0
 
 
 class KnownSource(NamedTuple):
-    """A site and a time, Unix ``seconds``, by one source."""
+    """The site and time (Unix ``seconds``) of one particular source, for a comparison with the others."""
 
     place: op.Place
     seconds: float
@@ -42,7 +43,7 @@ class KnownSource(NamedTuple):
         return self.place
 
     def unix(self) -> float:
-        """UTC as Unix seconds."""
+        """The given time, Unix seconds."""
         return self.seconds
 
 
@@ -53,7 +54,7 @@ class SiteAstrometry:
         self.sky, self.site_clock, self.equinox = sky, site_clock, equinox
 
     def place(self) -> op.Place:
-        """Return the site in force. Raises Unsupported if it is unknown."""
+        """Return the site that the calculations use. Raises Unsupported if it is unknown."""
         place = self.site_clock.site()
         if place is None:
             raise Unsupported("The site is not known.")
@@ -73,7 +74,7 @@ class SiteAstrometry:
         return altitude, self.sky.sidereal_time(unix, place.longitude) - position.ra
 
     def horizon(self, position: op.Equatorial) -> op.Horizontal:
-        """Return azimuth and altitude of a position (equinox of date)."""
+        """Return the azimuth and altitude of a position (equinox of date) now."""
         place, unix = self.place(), self.site_clock.unix()
         return op.Horizontal(*self.sky.horizon(position.ra, position.dec, place.latitude, place.longitude, unix))
 
@@ -85,14 +86,14 @@ class SiteAstrometry:
     def axes(self, position: op.Equatorial, wedge: bool = False) -> op.Horizontal:
         """Return the axis readings of an equatorial mount for a position.
 
-        The first axis of a German mount reads 0 at hour angle 0, that of a fork on its ``wedge`` reads 0 in the north.
+        The first axis of a German mount reads 0 at hour angle 0, that of a fork on a ``wedge`` reads 0 in the north.
         """
         geometry = Geometry(Build.WEDGE if wedge else Build.GERMAN, self.place().latitude)
         first, second = geometry.axes(self.sidereal_time() - position.ra, position.dec, False)
         return op.Horizontal(wrap360(first), second)
 
     def from_axes(self, goto: op.GotoAxes, wedge: bool = False) -> op.Equatorial:
-        """Return the position for axis readings of an equatorial mount; `axes` says from where they count."""
+        """Return the position for axis readings of an equatorial mount: the inverse of `axes`."""
         build = Build.WEDGE if wedge else Build.GERMAN
         hour_angle, dec = Geometry(build, self.place().latitude).sky(goto.az, goto.alt)
         return op.Equatorial(wrap360(self.sidereal_time() - hour_angle), dec)
@@ -112,7 +113,7 @@ class SiteAstrometry:
 
 
 class Shift(NamedTuple):
-    """A possible pointing error of the tube, degrees, from syncs.
+    """A pointing error of the tube that syncs may have caused: of the first and of the second axis, degrees.
 
     In azimuth and altitude, or if ``polar`` in hour angle and declination.
     """
@@ -123,7 +124,7 @@ class Shift(NamedTuple):
 
 
 class PointingFrame(NamedTuple):
-    """How the mount derives axes from coordinates (``polar`` or alt-az), and the pointing errors of syncs."""
+    """How the mount derives axes from coordinates (``polar`` or alt-az), and the possible pointing errors by syncs."""
 
     polar: bool = False
     shifts: tuple[Shift, ...] = ()
@@ -133,10 +134,10 @@ _POLAR, _ALTAZ = PointingFrame(True), PointingFrame(False)
 
 
 class TubeFrame:
-    """Returns, when called, the present ``PointingFrame``.
+    """Returns, when called, the present ``PointingFrame``. The sum of syncs gives its pointing errors.
 
-    The syncs give the errors. That of the second axis has either sign: beyond the pole or the zenith, and on the other
-    side of the pier, it turns the other way.
+    Both signs of the error of the second axis are possible, because that axis turns the other way beyond the pole or
+    the zenith, and on the other side of the pier.
     """
 
     def __init__(self, cache: ReadingsCache, driver: Driver, synced: SyncTotal, sources: BestSources) -> None:
@@ -159,10 +160,10 @@ class TubeFrame:
 
 
 class Sun(NamedTuple):
-    """A Sun to avoid, in the mount's coordinates (equinox of date), with the site and time of its position.
+    """A possible direction of the Sun, in the mount's coordinates (equinox of date), and its source of site and time.
 
-    ``confirmed``: by the mount's own data; only confirmed Suns stop a motion that is under way. With a ``sync_shift``
-    its distance is measured from the tube, not from the position that the mount reports.
+    ``confirmed``: calculated from the mount's own site and time; only confirmed Suns stop a motion in progress. With a
+    ``sync_shift``, distances are measured from the direction of the tube after this pointing error.
     """
 
     ra: float
@@ -174,12 +175,12 @@ class Sun(NamedTuple):
 
 
 class SunAvoidance:
-    """Every Sun to avoid while it is up. ``limit`` is the smallest allowed distance, degrees; 0 turns it off.
+    """The directions of the Sun to avoid while it is up. ``limit``: smallest allowed distance, degrees; 0: none.
 
-    The mount's right ascension and declination may be right although its clock is wrong, because it is aligned on
-    stars: so the Sun is avoided in these coordinates. Or they are as wrong as its site and clock, by which it turns
-    them into axis positions: so the Sun is also avoided where each source of site and time puts it over the horizon
-    (for a polar axis, in hour angle). The distance is that of the true direction of the tube.
+    A mount that is aligned on stars has the right coordinates even if its clock is wrong. So the Sun is avoided at its
+    right ascension and declination. Another mount calculates its axis positions from coordinates by its site and clock,
+    which may be wrong. So the Sun is also avoided at its azimuth and altitude (for a polar axis, hour angle and
+    declination) by each source of site and time.
     """
 
     def __init__(
@@ -196,9 +197,9 @@ class SunAvoidance:
         self._clock, self._frame_now, self._settled, self._note_once = clock, frame, settled, note_once
         self.frame, self._frame_until = _ALTAZ, float("-inf")
         self._risen_suns: list[Sun] = []
-        #: How many of them are ``confirmed``; they come first.
+        #: The number of ``confirmed`` Suns; these come first in the list.
         self.confirmed = 0
-        #: Changes when distances from now on cannot be compared with those before: a clock has jumped, the Sun rose.
+        #: A number that grows when new distances cannot be compared with earlier ones: a clock jumped, or the Sun rose.
         self.era = 0
         sources.changed.connect(self._outdated)
 
@@ -206,12 +207,12 @@ class SunAvoidance:
         self._frame_until = float("-inf")
 
     def narrow(self, limit: float) -> None:
-        """Set another limit. Distances before and after that cannot be compared."""
+        """Set the smallest allowed distance, degrees. Start a new `era` of distances."""
         self.limit = limit
         self.era += 1
 
     def to_avoid(self) -> list[Sun]:
-        """Return every Sun to be avoided now."""
+        """Return the Suns to avoid now, from a cache if possible; none if the limit is off."""
         if not self.limit:
             return []
         now, frame = self._clock(), self._frame_now()
@@ -226,7 +227,7 @@ class SunAvoidance:
         return self._risen_suns
 
     def tube(self, position: op.Equatorial, shift: Shift | None) -> op.Equatorial:
-        """Return the direction of the tube, in the mount's coordinates, while the mount reports ``position``."""
+        """Return where the tube points, in the mount's coordinates, if the mount reports ``position``."""
         if shift is None:
             return position
         if shift.polar:
@@ -236,19 +237,19 @@ class SunAvoidance:
         return self._astrometry.equatorial(op.Horizontal(*shifted))
 
     def distance(self, position: op.Equatorial, sun: Sun) -> float:
-        """Return the distance of the tube from a Sun while the mount reports ``position``, degrees."""
+        """Return the distance of the tube from a Sun, degrees, if the mount reports ``position``."""
         tube = self.tube(position, sun.sync_shift)
         return separation(tube.ra, tube.dec, sun.ra, sun.dec)
 
     def distances(self, position: op.Equatorial) -> list[float]:
-        """Return the distance of the tube from each direction in which the Sun may stand, degrees.
+        """Return the distance of the tube from each Sun to avoid, degrees, if the mount reports ``position``.
 
-        Site, clock and syncs may be wrong, so there are several; those by the mount's own data come first.
+        Distances from confirmed Suns come first.
         """
         return [self.distance(position, sun) for sun in self.to_avoid()]
 
     def suns(self, frame: PointingFrame, ahead: float = 0.0) -> list[Sun]:
-        """Return the Suns to avoid in ``ahead`` seconds, the mount's own first. Without a site they count as up."""
+        """Return the Suns to avoid ``ahead`` seconds from now. Without a site they count as up."""
         sky, sites = self._sky, self._sources.sites_for_sun()
         times = [time._replace(unix=time.unix + ahead) for time in self._sources.times()]
         places = [sky.sun(time.unix) for time in times]
@@ -268,15 +269,15 @@ class SunAvoidance:
         return _different(sorted(suns, key=lambda sun: not sun.confirmed))
 
     def _risen(self, sites: list[Site], time: Time, place: Pair) -> Iterator[_Risen]:
-        """Yield the sites over whose horizon a Sun is up at a time."""
+        """Yield the Sun for each site where it is up at this time; ``place``: its RA and declination."""
         for site in sites:
             over = self._sky.horizon(*place, site.place.latitude, site.place.longitude, time.unix)
             if over[1] >= SUN_UP_ALTITUDE:
                 yield _Risen(time, site, place, over)
 
     def _in_own_coordinates(self, risen: _Risen, polar: bool, place: op.Place, unix: float) -> Pair:
-        """Return the position that the mount reports, by its own site ``place`` and time, when its axes point at a Sun
-        of another source.
+        """Return the position that the mount would report if its axes pointed at the azimuth and altitude of this Sun
+        (or hour angle, if ``polar``). ``place`` and ``unix``: the mount's site and time.
         """
         if not polar:
             return self._sky.equatorial(*risen.over, place.latitude, place.longitude, unix)
@@ -285,8 +286,8 @@ class SunAvoidance:
 
 
 class _Risen(NamedTuple):
-    """A Sun that is up by a source of time and site: right ascension and declination, azimuth and altitude at that
-    site.
+    """The Sun by one source of time and one of site, for which it is up: its right ascension and declination, and its
+    azimuth and altitude.
     """
 
     time: Time
@@ -296,7 +297,7 @@ class _Risen(NamedTuple):
 
 
 def _different(suns: list[Sun]) -> list[Sun]:
-    """Return the Suns without those at the position of an earlier Sun."""
+    """Return the Suns without duplicates: those at the position of an earlier Sun in the list."""
     distinct: list[Sun] = []
     for sun in suns:
         same = (other for other in distinct if other.sync_shift == sun.sync_shift)
@@ -306,7 +307,7 @@ def _different(suns: list[Sun]) -> list[Sun]:
 
 
 def _continues(before: list[Sun], now: list[Sun]) -> bool:
-    """Whether distances from the Suns can be compared with those a moment ago: only the sky has turned."""
+    """Whether these are the same Suns as before, and none has jumped, so that distances can be compared."""
     return len(before) == len(now) and all(
         then.confirmed == sun.confirmed
         and then.sync_shift == sun.sync_shift

@@ -1,8 +1,8 @@
 """Pending settings: the newest of each kind that the gateway has accepted and the mount has not received yet.
 
-Frozen values and pure functions; times are seconds of a clock that never goes back. A setting is sent a few times at
-most, because each new date makes a classic telescope unresponsive for seconds. It waits without limit for a mount that
-is not reachable, and is dropped if the mount was given another value meanwhile, at its hand control for example.
+Frozen values and pure functions; times are seconds of a monotonic clock. A setting is sent a few times at most, because
+each new date makes a classic Meade unresponsive for seconds. It waits without limit for a mount that is not reachable.
+It is dropped if the mount gets another value meanwhile, for example at its hand control.
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ from gateway.core.operations import Moment, Operation, Place, SetClock, SetSite
 from gateway.mount.presence import ProgramId
 from gateway.mount.site.site_clock import CLOCK_TOLERANCE, SITE_TOLERANCE
 
-#: How often a setting is sent, and the seconds after the first attempt, the second …
+#: How often a setting is sent at most, and the seconds to wait after the first attempt, the second …
 TRIES = 3
 RETRY_DELAYS = (2.0, 5.0)
 #: Seconds until the next check of a mount that is not reachable, and of a mount that has replied that it is busy.
 CHECK_DELAY, BUSY_DELAY = 0.5, 2.0
-#: Seconds; a clock that has taken only the new zone, time or date is off by this or by a multiple of it.
+#: Seconds: if a clock took only part of the new zone, time and date, its error is a multiple of this.
 ZONES = 1800.0
-#: Seconds after which a program that was refused should ask again: usually, and while a classic calculates its planets.
+#: Seconds after which a refused program should try again: usually, and while a classic Meade calculates its planets.
 RETRY_HINT, CALCULATION_HINT = 2.0, 10.0
-#: Seconds by which a setting may be sent later than its timer says.
+#: Seconds by which a setting may be sent later than its timer is set.
 TIMER_SLACK = 0.5
 
 Kind = tuple[type[Operation], int | None]
 
 
 class Setting(Struct, frozen=True):
-    """A value, when it was requested (a clock runs on from then), the attempts left, the time of the next attempt, and
-    the host of the program.
+    """A value for the mount: the operation, when a program requested it, the attempts left, the earliest time of the
+    next attempt (0: at once), and the host of the program.
     """
 
     value: Operation
@@ -47,18 +47,18 @@ class Setting(Struct, frozen=True):
 
     @property
     def late(self) -> bool:
-        """Whether it could not be sent at once. Then the mount's present value is read before the setting is sent."""
+        """Whether the setting could not be sent at once. Then the mount's value is read before the setting is sent."""
         return self.due_at > 0.0
 
     def value_now(self, now: float) -> Operation:
-        """Return the value to be sent now; a clock has run on since it was requested."""
+        """Return the value to send now; a clock gets the time added that has passed since the request."""
         if isinstance(self.value, SetClock):
             return replace(self.value, unix=self.value.unix + now - self.since)
         return self.value
 
 
 Pending = Mapping[Kind, Setting]
-#: The settings that a mount in motion must not be sent.
+#: The settings that are never sent to a moving mount.
 SKY = (SetSite, SetClock)
 
 
@@ -68,12 +68,11 @@ def kind_of(operation: Operation) -> Kind:
 
 
 class IncomingSettings:
-    """The settings that were accepted from programs and that the mount has not received. Gotos wait for sites and
-    clocks among them.
+    """The settings that the gateway has accepted from programs and that the mount has not received. Gotos wait for the
+    sites and clocks among them.
 
-    Only ``SyncSettings`` changes it. ``sending``: SetSite or SetClock while it is being sent. ``unfinished``: the
-    programs that are still setting a site or clock, in several commands, each with the loop time until which the rest
-    is expected.
+    ``sending``: the type SetSite or SetClock while such a setting is being sent. ``unfinished``: for each program that
+    has sent only a part of its site or clock, the loop time until which the gateway expects the rest.
     """
 
     def __init__(self) -> None:
@@ -82,15 +81,15 @@ class IncomingSettings:
         self.unfinished: dict[ProgramId, float] = {}
 
     def expect(self, program: ProgramId, expires_at: float) -> None:
-        """Expect the rest of a site or clock of this program until this loop time, when it is sent without the rest."""
+        """Expect the other commands for a site or clock of this program until this loop time."""
         self.unfinished[program] = expires_at + TIMER_SLACK
 
     def complete(self, program: ProgramId) -> None:
-        """Note that a program has set all parts."""
+        """Note that a program has sent all commands for its site or clock, or has run out of time."""
         self.unfinished.pop(program, None)
 
     def holds_up(self, now: float, calculating: bool = False) -> Busy | None:
-        """Return the refusal of a goto that could not wait any longer; None if it need not wait."""
+        """Return the fault for a goto that has waited too long for a site or clock; None if none is pending."""
         coming = [setting for (kind, _), setting in self.pending.items() if kind in SKY]
         self.unfinished = {program: until for program, until in self.unfinished.items() if until > now}
         if not (coming or self.unfinished):
@@ -102,23 +101,23 @@ class IncomingSettings:
 
 
 def added(pending: Pending, setting: Setting) -> Pending:
-    """Add a setting. It replaces an older setting of its kind."""
+    """Return the pending settings with this one added; it replaces an older setting of its kind."""
     return {**pending, kind_of(setting.value): setting}
 
 
 def without(pending: Pending, setting: Setting) -> Pending:
-    """Remove a setting, unless a newer setting has replaced it."""
+    """Return the pending settings without this one; a newer setting of its kind stays."""
     return {kind: other for kind, other in pending.items() if other is not setting}
 
 
 def postponed(pending: Pending, setting: Setting, due: float) -> Pending:
-    """Postpone a setting that was not sent because the mount was busy or not reachable."""
+    """Return the pending settings with this one due later: the mount was busy or not reachable."""
     return {kind: replace(other, due_at=due) if other is setting else other for kind, other in pending.items()}
 
 
 def tried(pending: Pending, setting: Setting, now: float) -> Pending:
-    """Count an attempt after which it is unknown whether the mount received the setting; drop it after the last
-    attempt.
+    """Return the pending settings after an attempt that the mount did not acknowledge: this one is due later, or
+    dropped after the last attempt.
     """
     if setting.tries_left <= 1:
         return without(pending, setting)
@@ -139,9 +138,9 @@ def next_setting(pending: Pending, now: float) -> Setting | float | None:
 
 
 def site_is_ours(sent_settings: Sequence[Setting], before: Place | None, reported: Place) -> bool:
-    """Whether the site that the mount reports may result from the site that the gateway sent.
+    """Whether the site that the mount reports may come from the sites that the gateway has sent.
 
-    Each half is as it was before or as the gateway sent it, because the mount may have received only one half.
+    Latitude and longitude may each be the old value or a sent value, because the mount may have received only one.
     """
     values = [setting.value for setting in sent_settings if isinstance(setting.value, SetSite)]
     latitudes = [value.latitude for value in values if value.latitude is not None]
@@ -156,7 +155,7 @@ def site_is_ours(sent_settings: Sequence[Setting], before: Place | None, reporte
 
 
 def clock_is_ours(sent_settings: Sequence[Setting], before: Moment | None, reported: Moment, now: float) -> bool:
-    """Like ``site_is_ours``, for the clock: the mount may have received zone, time and date only in part."""
+    """Whether the clock that the mount reports may come from clocks that were sent, even if received in part."""
     values = [value for setting in sent_settings if isinstance(value := setting.value_now(now), SetClock)]
     if before is None or not values:
         return False

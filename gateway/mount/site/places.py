@@ -27,7 +27,7 @@ def zenith(astrometry: SiteAstrometry, operation: op.Zenith) -> op.Equatorial:
 
 
 def planet(astrometry: SiteAstrometry, operation: op.PlanetPlace) -> op.Equatorial:
-    """Return a geocentric position: parallax (0.5' for Venus at its nearest) is below the error of the series."""
+    """Return a planet's geocentric position: its parallax (at most 0.5', for Venus) is below the series' error."""
     name = operation.name.capitalize()
     if name not in PARTS[1:]:
         raise Invalid(f"There is no planet {operation.name!r}; write {', '.join(PARTS[3:-1])} or {PARTS[-1]}.")

@@ -1,7 +1,7 @@
-"""The site and clock that each program has set on a mount that keeps its own: only that program reads them.
+"""The site and clock that each program has set and the mount has not accepted: only that program reads them back.
 
-Frozen values by program (``mount/presence.py``): a host on one surface. A setting that the mount has taken is removed
-here. The newest site and clock of any program count for all only if nothing else is known.
+A program is a host on one surface (``mount/presence.py``). A setting that the mount accepts is removed here. Other
+programs and the limits use the newest site and clock of any program only if no other source is known.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from gateway.astro.spherical import wrap180
 from gateway.core.operations import Moment, Place, SetSite
 from gateway.mount.presence import ProgramId
 
-#: So many programs are remembered, those that have set something last.
+#: The number of programs whose settings are stored: those that have set something last.
 MAX_PROGRAMS = 200
 
 Clock = tuple[Moment, float]
@@ -40,18 +40,18 @@ class SiteOfProgram(Struct, frozen=True):
 
     @property
     def source(self) -> str:
-        """Return who has set it, and when: ``a program (10.0.0.5, 2026-01-15)``."""
+        """Who has set this site, and when, as text: ``a program (10.0.0.5, 2026-01-15)``."""
         return f"a program ({', '.join(word for word in (self.host, self.date) if word)})"
 
 
 def said_by(program: ProgramId, place: Place, unix: float) -> SiteOfProgram:
-    """Return a site that this program sets at a time of this computer, Unix seconds."""
+    """Return a record of this program's site; ``unix``: this computer's time, Unix seconds."""
     return SiteOfProgram(place.latitude, place.longitude, program.host, f"{datetime.fromtimestamp(unix, UTC):%Y-%m-%d}")
 
 
 class SettingsOfProgram(Struct, frozen=True):
-    """The settings of a program: a site, or half of it that waits for the other; a clock with the loop time of
-    its reading; and a zone that was set without a clock, hours, local time minus UTC.
+    """The settings of a program: a complete site; a latitude or longitude without the other (``half``); a clock and
+    the loop time at which it was set; a zone that was set without a clock (hours, local time minus UTC).
     """
 
     site: Place | None = None
@@ -64,8 +64,8 @@ NO_SETTINGS = SettingsOfProgram()
 
 
 class ProgramSettings:
-    """Holds the settings of all programs; ``newest`` is the last site that a program has set, if the mount does not
-    have it.
+    """The settings of all programs. ``newest``: the last site that any program has set and the mount has not
+    accepted.
     """
 
     def __init__(self) -> None:
@@ -87,7 +87,7 @@ class ProgramSettings:
 
     @property
     def newest_clock(self) -> Clock | None:
-        """The clock that a program has set last, if the mount has not taken it."""
+        """The last clock that any program has set and the mount has not accepted; None if there is none."""
         return max(
             (settings.clock for settings in self if settings.clock is not None),
             key=lambda clock: clock[1],
@@ -95,12 +95,12 @@ class ProgramSettings:
         )
 
     def set_site(self, program: ProgramId, place: Place, unix: float) -> None:
-        """Set a whole site at a time of this computer, Unix seconds."""
+        """Store a complete site of a program; ``unix``: this computer's time, Unix seconds."""
         self.put(program, replace(self.of(program), site=place, half=None))
         self.newest = said_by(program, place, unix)
 
     def forget(self, kind: Literal["site", "clock"], program: ProgramId | None = None) -> None:
-        """Forget the site or clock of a program, or (None) of all, because the mount's own is in force."""
+        """Remove the site or clock of a program, or of all programs (None), so that they read the mount's."""
         for program_, settings in list(self._by_program.items()):
             if program in (None, program_):
                 self.put(program_, replace(settings, site=None) if kind == "site" else replace(settings, clock=None))

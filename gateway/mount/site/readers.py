@@ -1,6 +1,4 @@
-"""Site and clock as a program reads and sets them: its own settings if the mount keeps its own, else the best
-source's.
-"""
+"""Site and clock from the view of one program: the values that it has set itself, else those of the best source."""
 
 from __future__ import annotations
 
@@ -14,7 +12,7 @@ from gateway.mount.site.site_clock import BestSources, SiteClock
 
 
 class ReadBy:
-    """Site and clock of a mount for a program. The program reads its own settings again, whatever the mount
+    """Site and clock as one program reads and sets them. It reads back its own settings, whatever the mount
     reports.
     """
 
@@ -23,13 +21,13 @@ class ReadBy:
 
     @property
     def settings(self) -> SettingsOfProgram:
-        """The settings of this program that the mount has not taken."""
+        """The settings of this program that the mount has not accepted."""
         return self._known.programs.of(self._program)
 
     # --- reading ----------------------------------------------------------------------------------------------------
 
     def site(self) -> Place | None:
-        """Return the site that the program has set, else the site of the best source; None if both are unknown."""
+        """Return the site that the program has set, else the site of the best source; None if neither exists."""
         settings = self.settings
         place, half = settings.site or self._known.best_site(), settings.half
         if half is None:
@@ -39,15 +37,15 @@ class ReadBy:
         return place if latitude is None or longitude is None else Place(latitude, wrap180(longitude))
 
     def clock(self) -> Moment | None:
-        """Return the clock that the program has set, run on to the present, else the mount's; None if there is neither.
-        If the program has set only a zone, that replaces the offset.
+        """Return the present time by the clock that the program has set, else by the mount's; None if neither exists.
+        A zone that the program has set without a clock replaces the UTC offset.
         """
         settings = self.settings
         moment = self._known.present_time(settings.clock or self._known.mount_clock)
         return moment if moment is None or settings.zone is None else Moment(moment.unix, settings.zone)
 
     def unix(self) -> float:
-        """UTC by that clock, else by the best source, Unix seconds."""
+        """UTC by this program's `clock`, else by the best source, Unix seconds."""
         moment = self.clock()
         return BestSources(self._known).unix() if moment is None else moment.unix
 
@@ -71,7 +69,7 @@ class ReadBy:
     # --- setting ----------------------------------------------------------------------------------------------------
 
     def set_half(self, operation: SetSite) -> bool:
-        """Take one or both halves of a site; return whether both are set."""
+        """Store a latitude, a longitude or both; return whether the program has now set both."""
         held = self.settings.half or SetSite()
         half = SetSite(
             latitude=operation.latitude if operation.latitude is not None else held.latitude,
@@ -81,7 +79,7 @@ class ReadBy:
         return None not in (half.latitude, half.longitude)
 
     def take_site(self) -> SetSite | None:
-        """Return the site to send now: the halves that were set, completed by known values; None if any is missing."""
+        """Return the complete site to send, with a missing half from the site before; None if that is unknown."""
         place = self.site()
         if self.settings.half is None or place is None:
             return None
@@ -100,11 +98,11 @@ class ReadBy:
         self._put(replace(self.settings, clock=(moment, self._known.now()), zone=None))
 
     def keep_zone(self, offset: float) -> None:
-        """Store a zone that was set without a clock: hours, local time minus UTC."""
+        """Store a zone that the program sets without a clock: hours, local time minus UTC."""
         self._put(replace(self.settings, zone=offset))
 
     def forget_site(self) -> None:
-        """Return to the site of the best source."""
+        """Forget the program's site, so that it reads the site of the best source."""
         self._known.programs.forget("site", self._program)
         self._put(replace(self.settings, half=None))
 

@@ -1,7 +1,7 @@
-"""Reads and sets site and clock: answered from known values, accepted from clients at once, sent to the mount later.
+"""The operations that read and set site and clock. Reads return known values; settings return before they are sent.
 
 Setting site or time of an aligned hand control may cost the alignment, so by default only an unaligned hand control
-gets them. A value that is not sent is kept in the gateway, and the log says so once. ``settings_sync.py`` sends the
+gets them. The gateway stores a value that it does not send, and the log says so once. ``settings_sync.py`` sends the
 settings.
 """
 
@@ -25,19 +25,19 @@ from gateway.mount.site.readers import ReadBy
 from gateway.mount.site.settings_sync import SyncSettings
 from gateway.mount.site.site_clock import CONFIGURED, GPS_RETRY_TIME, GPS_SOURCE, MOUNT
 
-#: Seconds that half of a site waits for the other.
+#: Seconds for which a latitude waits for a longitude from the same program, or the reverse.
 HALF_SITE_WAIT = 2.0
-#: Seconds that a client waits at most to hear whether the mount refuses its setting.
+#: The longest time in seconds that a client waits to learn whether the mount refuses its setting.
 REFUSAL_WAIT = 2.5
 
 
 class SiteAndClock:
-    """Performs the operations that read and set site and clock."""
+    """Carries out the operations that read and set site and clock, and some settings of the motors."""
 
     def __init__(self, context: Context, runner: DriverRunner, sync: SyncSettings) -> None:
         self._context, self._runner, self.sync = context, runner, sync
         self._site_clock = context.site_clock
-        #: Each takes the operation, and the program that asked for it.
+        #: From the type of an operation to the method that carries it out for a program.
         self.handlers: dict[type[op.Operation], Callable[[Any, ProgramId], Any]] = {
             op.GetSite: self._get_site,
             op.GetClock: self._get_clock,
@@ -106,7 +106,7 @@ class SiteAndClock:
     # --- setting ----------------------------------------------------------------------------------------------------
 
     async def _set_site(self, operation: op.SetSite, program: ProgramId) -> None:
-        """Take half of a site or both halves. It is sent when both halves are set, or after a moment."""
+        """Store a latitude, a longitude or both. The site is sent when both are set, or after HALF_SITE_WAIT."""
         if operation.others is not None and await self._has_own_site(operation, operation.others):
             self._read_by(program).forget_site()
             return
@@ -118,7 +118,7 @@ class SiteAndClock:
         asyncio.get_running_loop().call_later(HALF_SITE_WAIT, self.complete, program)
 
     def holds_for(self) -> str:
-        """Return the scope of a site that a person sets now (the mount, or all programs), as text; empty if unknown."""
+        """Return, as text for the page, who will use a site that a person sets there now; empty if unknown."""
         context, sites = self._context, self._context.sources.sites()
         status: op.Status | None = context.cache.value(op.GetStatus)
         if status is None or not context.known.is_set():
@@ -132,7 +132,7 @@ class SiteAndClock:
         return "everyone, as long as neither the mount nor the configuration has one"
 
     async def _has_own_site(self, site: op.SetSite, others: Sequence[op.SetSite]) -> bool:
-        """Whether the mount still has ``site``, its site before clients selected ``others``, or reports none."""
+        """Whether the mount has ``site`` and not one of ``others``, the sites that clients have selected since."""
         if site.latitude is None or site.longitude is None:
             return True
         if self._context.link.state == "up" and not self._context.driver.asleep:
@@ -142,7 +142,7 @@ class SiteAndClock:
         return self._site_clock.same_site(site) or not self._site_clock.has_one_of(others)
 
     def complete(self, program: ProgramId) -> None:
-        """Send the site of which this program has set a half or both."""
+        """Queue this program's site for the mount; a half that it has not set comes from the site before."""
         whole = self._read_by(program).take_site()
         if whole is not None and not self._context.closed:
             self._context.incoming.complete(program)
@@ -150,7 +150,7 @@ class SiteAndClock:
             self.sync.queue(whole, by=program)
 
     async def _set_clock(self, operation: op.SetClock, program: ProgramId) -> None:
-        """Use the client's clock at once. Raises Invalid for a year that this mount's clock does not take, Refused."""
+        """Store the client's clock and queue it for the mount. Raises Invalid for an impossible year, Refused."""
         years = self._context.driver.years
         try:
             year = datetime.fromtimestamp(operation.unix + operation.offset * 3600.0, UTC).year
@@ -171,7 +171,7 @@ class SiteAndClock:
         self._read_by(program).keep_zone(operation.offset)
 
     async def _heard(self, operation: op.SetClock) -> None:
-        """Wait until this queued setting was sent, given up or kept, but not long. Raises Refused if it was refused."""
+        """Wait a moment until this setting is no longer pending. Raises Refused if the mount refuses it."""
         ours, why = self.sync.pending.get(kind_of(operation)), ""
 
         def refused(setting: tuple[Setting, str]) -> None:
@@ -189,7 +189,7 @@ class SiteAndClock:
             raise Refused(f"The mount refused it: {why}")
 
     async def _clock_from_gps(self, operation: op.ClockFromGps, program: ProgramId) -> None:
-        """Set the mount's clock from its GPS; if that is not allowed, the gateway's clock. Raises NoDevice."""
+        """Set the mount's clock from its GPS, or if that is not allowed, this program's clock. Raises NoDevice."""
         try:
             mount_too = await self.sync.may_set()
         except Fault:
@@ -212,15 +212,15 @@ class SiteAndClock:
         await self.sync.now_or_later(operation)
 
     async def _periodic_error(self, operation: op.PeriodicError, _: ProgramId) -> None:
-        """On and off are settings that may be sent again; a toggle is sent once. Raises Fault."""
+        """Switch PEC on or off, repeated if the mount does not reply; a toggle is sent only once. Raises Fault."""
         if operation.on is None:
             await self._runner.perform(operation, SETTING)
         else:
             await self.sync.now_or_later(operation)
 
     async def renew(self, kind: type[op.GetSite | op.GetClock]) -> None:
-        """Read the mount's site or clock again. If it was changed at the mount, the gateway uses the new value. A
-        reading during which the mount was sent anything may be half old and half new, and does not count.
+        """Read the mount's site or clock again. If it was changed at the mount, the gateway uses the new value. The
+        reading is ignored if an order or setting was sent meanwhile, because it may be half old and half new.
         """
         sent = self._context.cache.orders
         with contextlib.suppress(Fault):

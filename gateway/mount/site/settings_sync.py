@@ -1,9 +1,9 @@
 """Sends pending settings (``mount/site/pending_settings.py``) to the mount as soon as it is reachable.
 
 Site and clock are sent one after the other, never interleaved, only if the policy and the alignment allow it, and never
-to a mount that slews or is moved by hand. A setting is never sent to a mount that it was not meant for, nor
-over a value that was changed at the mount meanwhile. The log says which settings were sent to the mount and by whom,
-which stay in the gateway, and which were lost; reads then return the mount's own value again.
+to a moving mount. A setting is dropped if another mount is connected, or if the value was changed at the mount
+meanwhile. The log says which settings were sent to the mount and for whom, which stay in the gateway, and which failed;
+reads then return the mount's own value again.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ def setting_name(operation: op.Operation) -> str:
 
 
 def note(mount: Context, operation: op.Operation, text: str) -> None:
-    """Log the outcome of a setting."""
+    """Log what has become of a setting."""
     mount.note(f"the {setting_name(operation)} that was set: {text}")
 
 
 def note_kept(mount: Context, setting: Setting, why: str) -> None:
-    """Log, once for each host, that the mount does not get a site or clock."""
+    """Log, once for each host, that its site or clock is not sent to the mount, and why."""
     mount.note_once(
         f"{why}: the {setting_name(setting.value)} that was set is stored in the gateway, "
         f"for {setting.client_name or 'this computer'} alone; everyone else reads the mount's"
@@ -52,7 +52,7 @@ def note_kept(mount: Context, setting: Setting, why: str) -> None:
 
 
 def note_set(mount: Context, setting: Setting, ahead: float | None = None) -> None:
-    """Log who has set the mount's site, or its clock (``ahead``, seconds), and any contradiction."""
+    """Log who has set the mount's site, or its clock (``ahead``: by how many seconds), and contradictions."""
     by, value = setting.client_name or "the gateway", setting.value
     if isinstance(value, op.SetSite) and value.latitude is not None and value.longitude is not None:
         mount.note(
@@ -63,24 +63,24 @@ def note_set(mount: Context, setting: Setting, ahead: float | None = None) -> No
     note_contradictions(mount)
 
 
-#: The orders that a mount must not get a site or clock during.
+#: The orders during which no site or clock is sent.
 _MOVES = (*GOTOS, op.Move, op.MoveAxis)
-#: Seconds by which a clock may differ from the setting, for its transmission, and still count as set.
+#: Seconds by which the mount's clock may differ from the setting and still count as set.
 CLOCK_TOLERANCE = 2.0
-#: The mount may still report parts of this many earlier settings.
+#: The number of sent settings of a kind that are stored, because the mount may still report parts of them.
 MAX_EARLIER_SETTINGS = 8
 
 
 class SyncSettings:
-    """Sends settings, which ``queue`` adds. Call ``pause`` when the link comes up, ``resume`` after identification."""
+    """Sends settings that ``queue`` adds. Call ``pause`` when the line comes up, ``resume`` after identification."""
 
     def __init__(self, context: Context, runner: DriverRunner, reader: Reader) -> None:
         self._context, self._driver, self._now, self._link = context, context.driver, context.now, context.link
         self._runner, self._reader, self._site_clock = runner, reader, context.site_clock
         self._incoming = context.incoming
-        #: Whether the position shows a motion that no program ordered. The controller sets it.
+        #: Returns whether the position shows a motion that no program has ordered. The controller sets this function.
         self.moved_by_others: Callable[[], bool] = lambda: False
-        #: By kind: the settings sent since the mount last reported its value. Then the kind that is being sent.
+        #: By kind: the settings sent since the mount last reported its value. Next: the kind that is being sent.
         self._sent: dict[Kind, tuple[Setting, ...]] = {}
         self._sending: Kind | None = None
         self._ready = False
@@ -120,7 +120,7 @@ class SyncSettings:
             raise
 
     def pause(self) -> None:
-        """Wait, after the link has come up, until the mount is identified and has reported site and clock."""
+        """Stop sending until ``resume``, because the mount is not identified yet."""
         self._ready = False
 
     def resume(self) -> None:
@@ -135,7 +135,7 @@ class SyncSettings:
         self._start()
 
     def take_value(self, value: op.Place | op.Moment) -> bool:
-        """Take the mount's site or clock. Return whether it was changed at the mount; it replaces the client's."""
+        """Store a reported site or clock. Return whether it was changed at the mount; then drop the pending one."""
         site_clock, clock = self._site_clock, isinstance(value, op.Moment)
         kind = kind_of(op.SetClock(0.0, 0.0) if clock else op.SetSite())
         unsent, sent = self.pending.get(kind), self._sent.get(kind, ())
@@ -167,13 +167,13 @@ class SyncSettings:
         return self._ready and self._link.state == "up" and not self._driver.asleep
 
     def _in_motion(self) -> bool:
-        """Whether the mount slews or is moved by hand, or is about to: then it gets no site and no clock."""
+        """Whether the mount slews, is moved by hand, or is about to. Then no site or clock is sent."""
         active = self._context.wanted.value.active_order
         begins = active is not None and isinstance(active.operation, _MOVES)
         return begins or self._context.movement.anything or self.moved_by_others()
 
     async def _run(self) -> None:
-        """Send pending settings until there are none or the link is down; ``resume`` starts again."""
+        """Send pending settings until there are none or the line is down; then ``resume`` starts it again."""
         while self._ready and self._link.state not in ("down", "opening"):
             self._wake.clear()
             now = self._now()
@@ -234,12 +234,12 @@ class SyncSettings:
         return self.takes(await self._reader.read(op.GetStatus()))
 
     def takes(self, status: op.Status) -> bool:
-        """Whether a mount in this state may be sent a site and clock, unless the owner forbids it."""
+        """Whether this status of the mount allows sending a site and clock; the owner may still forbid it."""
         driver, policy = self._driver, self._context.policy.site_time
         return not status.aligned or driver.takes_site_aligned or (policy == "always" and not driver.loses_alignment)
 
     async def _should_send(self, setting: Setting) -> bool:
-        """Whether to send it. If policy or alignment forbid it, it is kept in the gateway and logged. Raises Fault."""
+        """Whether to send this setting; log it if policy or alignment forbid that. Raises Fault."""
         if self._context.policy.site_time == "never":
             note_kept(self._context, setting, "site-time = never")
             return False
@@ -254,13 +254,13 @@ class SyncSettings:
         return False
 
     def _is_set(self, running: op.Operation) -> bool:
-        """Whether this is the site or clock that the mount has reported."""
+        """Whether the mount has reported this site or clock already."""
         if isinstance(running, op.SetClock):
             return self._site_clock.same_clock(running, CLOCK_TOLERANCE)
         return isinstance(running, op.SetSite) and self._site_clock.same_site(running)
 
     async def _settled_by_reading(self, setting: Setting) -> bool:
-        """Read the mount's value. Return whether it equals the setting or was changed at the mount. Raises Fault."""
+        """Read the mount's value; return whether it makes sending needless: equal, or changed there. Raises Fault."""
         running = setting.value_now(self._now())
         if isinstance(running, op.SetClock):
             changed = self.take_value(await self._runner.perform(op.GetClock(), READ))
@@ -272,7 +272,7 @@ class SyncSettings:
         return same or changed
 
     async def _acknowledged(self, setting: Setting) -> None:
-        """Note that the mount has received a setting. Its clock is read, because it counts whole seconds."""
+        """Note that the mount has acknowledged a setting. Read its clock back, because it counts whole seconds."""
         running = setting.value_now(self._now())
         news = not self._is_set(running)
         if isinstance(running, op.SetSite):
@@ -297,7 +297,7 @@ class SyncSettings:
         self._finish(setting)
 
     def _finish(self, setting: Setting) -> None:
-        """Drop the programs' copies of a setting that the mount has, unless there is a newer setting."""
+        """Remove a setting that the mount has now from the pending ones, and the values that programs have set."""
         newest = self.pending.get(kind_of(setting.value)) is setting
         self.pending = pending_settings.without(self.pending, setting)
         self._sent.pop(kind_of(setting.value), None)
@@ -305,7 +305,7 @@ class SyncSettings:
             self._site_clock.forget(setting.value)
 
     def _keep_in_gateway(self, setting: Setting, fault: Fault) -> None:
-        """The mount cannot store it, so the gateway does."""
+        """Stop sending a setting that the mount does not support; the gateway stores it."""
         self.pending = pending_settings.without(self.pending, setting)
         if isinstance(setting.value, op.SetSite | op.SetClock):
             self._context.note(f"{setting_name(setting.value)} stored in the gateway: {fault}")
@@ -313,7 +313,7 @@ class SyncSettings:
             note(self._context, setting.value, str(fault))
 
     def _give_up(self, setting: Setting, reason: str) -> None:
-        """Stop sending it: from now on reads return the mount's own value."""
+        """Stop sending a setting that failed: reads return the mount's own value from now on. Log the reason."""
         self.refused.emit((setting, reason))
         newest = self.pending.get(kind_of(setting.value)) is setting
         self.pending = pending_settings.without(self.pending, setting)

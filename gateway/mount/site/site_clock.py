@@ -1,8 +1,8 @@
-"""Site and clock: those that each program reads, and those that the limits use, which come from the best source.
+"""All known sites and clocks of a mount, and which of them counts: the limits use the best source.
 
-An unaligned hand control gets what programs set. An aligned hand control keeps its own, because setting it could cost
-the alignment: the gateway then returns a program's values to that program alone (``program_settings.py``), and the best
-source to all others. Nothing here waits for the mount.
+An unaligned hand control gets the values that programs set. An aligned hand control keeps its own, because setting them
+could cost the alignment: the gateway then returns a program's values to that program alone (``program_settings.py``),
+and those of the best source to all others. Nothing here waits for the mount.
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ from gateway.core.operations import Gps, Moment, Operation, Place, SetClock, Set
 from gateway.core.signals import Signal
 from gateway.mount.site.program_settings import ProgramSettings, SiteOfProgram
 
-#: Degrees and seconds; if the mount's site or clock changes by more, it was set at the mount.
+#: Degrees and seconds: if the mount's site or clock differs from the last by more, somebody has set it.
 SITE_TOLERANCE = 1.0 / 60.0
 CLOCK_TOLERANCE = 30.0
-#: Degrees by which programs change a site so far that the former site counts, and seconds for which it does.
+#: If a program moves the mount's site by more degrees, the Sun is avoided at the former site, too, for these seconds.
 MIN_SITE_CHANGE, FORMER_SITE_TIME = 2.0, 12 * 3600.0
 #: Degrees within which another source confirms a site.
 CONFIRM_DISTANCE = 0.5
-#: Seconds for which a reading of the mount's GPS_SOURCE is cached, with a fix and without.
+#: Seconds for which a reading of the mount's GPS is cached, with a fix and without.
 GPS_CACHE_TIME, GPS_RETRY_TIME = 300.0, 30.0
 
 
-#: Seconds: a computer's clock that is so near to the mount's or its GPS_SOURCE is right, however doubtful it is
-#: otherwise.
+#: Seconds: a doubtful clock of this computer is used if it differs by no more from the mount's or GPS time.
 CLOCK_AGREEMENT = 120.0
+#: The sources of a site or time, as text for messages.
 MOUNT, GPS_SOURCE, CONFIGURED, COMPUTER, PROGRAM, FORMER = (
     "the mount", "its GPS", "the configuration", "this computer", "a program", "the site before")  # fmt: skip
 
 
 class Site(NamedTuple):
-    """A site and its source; ``by`` is the host of the program that has set it at the mount, empty if no
+    """A site and its source. ``by``: the host of the program that has set this site in the mount; empty if no
     program has.
     """
 
@@ -47,14 +47,14 @@ class Site(NamedTuple):
 
     @property
     def who(self) -> str:
-        """Return the source as text."""
+        """The source, and the program that has set it, as text."""
         return f"{self.source}, as {self.by} set it," if self.by else self.source
 
 
 class Time(NamedTuple):
-    """UTC as Unix seconds at this moment, its source, and whether it may be lost (a computer without a battery).
+    """The present time (UTC, Unix seconds), its source, and whether it may be wrong (a computer without a battery).
 
-    ``by`` is as for a site.
+    ``by``: the host of the program that has set the mount's clock; empty if no program has.
     """
 
     unix: float
@@ -64,16 +64,16 @@ class Time(NamedTuple):
 
     @property
     def who(self) -> str:
-        """Return the source as text."""
+        """The source, and the program that has set it, as text."""
         return f"{self.source} (set by {self.by})" if self.by else self.source
 
 
 class SiteClock:
-    """Owns every known site and clock of a mount.
+    """Stores every known site and clock of a mount.
 
-    ``now`` is a clock that never goes back; ``host`` returns this computer's time, Unix seconds. ``trust`` is the
-    owner's setting for that time (auto, right, doubtful), ``kernel`` what the kernel reports of it. ``changed`` is
-    emitted when the site or clock in force may have changed.
+    ``now`` returns monotonic seconds, ``host`` this computer's time (Unix seconds). ``trust``: the owner's
+    setting for that time (auto, right, doubtful). ``kernel``: whether the kernel doubts it. ``changed`` is
+    emitted when the best site or clock, or that of a program, may have changed.
     """
 
     def __init__(
@@ -91,25 +91,25 @@ class SiteClock:
         self.mount_clock: tuple[Moment, float] | None = None
         #: The hosts of the programs that have set the mount's site and clock; empty if they are the mount's own.
         self.site_set_by = self.clock_set_by = ""
-        #: The mount's site before a program changed it far, and when it did.
+        #: The mount's site before a program changed it, and the time of the change (``now``).
         self._former: tuple[Place, float] | None = None
         #: The site that the owner has set on the page.
         self.confirmed: Place | None = None
         self.programs = ProgramSettings()
-        #: The site that a program had set in an earlier run. It counts once the mount was asked for its own.
+        #: The site that a program set in an earlier run. It is used once the mount was asked for its site.
         self.stored: SiteOfProgram | None = None
         self._asked = False
         self.gps_site: Place | None = None
         self.gps_clock: tuple[Moment, float] | None = None
         self._gps: tuple[Gps, float] | None = None
         self.changed: Signal[None] = Signal()
-        #: Emitted when the site to be kept over a restart may have changed.
+        #: Emitted when the site that is saved for a restart may have changed.
         self.lasting: Signal[None] = Signal()
 
     # --- site and clock in force ------------------------------------------------------------------------------------
 
     def site_of_program(self) -> SiteOfProgram | None:
-        """Return the last site that a program has set, also in an earlier run, if the mount has no site of its own."""
+        """Return the last site that a program has set, in this run or an earlier; None if the mount reports one."""
         if self.mount_site is not None:
             return None
         return self.programs.newest or (self.stored if self._asked else None)
@@ -127,8 +127,8 @@ class SiteClock:
         return place
 
     def former_site(self) -> Place | None:
-        """Return the mount's site before programs changed it, at once or in steps, by more than 2 degrees. It counts
-        for 12 h at most, and until the owner, GPS or the configuration confirms the new site.
+        """Return the mount's site before programs changed it by more than 2 degrees, at once or in steps. None after
+        12 h, and once the owner, GPS or the configuration confirms the new site.
         """
         site, known = self.mount_site, self._former
         if site is None or known is None or self.now() - known[1] >= FORMER_SITE_TIME or self._is_confirmed(site):
@@ -140,14 +140,14 @@ class SiteClock:
         return any(place is not None and earth_distance(site, place) <= CONFIRM_DISTANCE for place in others)
 
     def present_time(self, held: tuple[Moment, float] | None) -> Moment | None:
-        """Return the present time of a clock that was read earlier."""
+        """Return the present time by a clock that was read before; ``held``: its time, and ``now`` at that moment."""
         if held is None:
             return None
         moment, at = held
         return Moment(unix=moment.unix + self.now() - at, offset=moment.offset, dst=moment.dst)
 
     def doubts(self, host: float) -> bool:
-        """Whether this computer's time ``host`` may be lost."""
+        """Whether this computer's time ``host``, Unix seconds, may be wrong."""
         if self._trust != "auto":
             return self._trust == "doubtful"
         return host < RELEASE_TIME or (self._kernel is not None and self._kernel())
@@ -155,10 +155,10 @@ class SiteClock:
     # --- new values -------------------------------------------------------------------------------------------------
 
     def take_mount_site(self, place: Place, ours: bool = False, by: str | None = None) -> bool:
-        """Take the site that the mount reports. Return whether somebody changed it at the mount; then it also replaces
-        programs' sites.
+        """Store the site that the mount reports. Return whether somebody has changed it at the mount; if so, forget the
+        sites of programs.
 
-        A change by the gateway's own setting does not count (``ours``: sent for a program on the host ``by``).
+        ``ours``: not changed there, the gateway has sent it for a program on the host ``by``.
         """
         before = self.mount_site
         if before is None or not _same_place(before, place):  # some tell minutes of what was set to seconds
@@ -178,7 +178,7 @@ class SiteClock:
         return changed
 
     def take_mount_clock(self, moment: Moment, ours: bool = False, by: str | None = None) -> bool:
-        """Like ``take_mount_site``, for the clock; a change is more than 30 s."""
+        """Store the mount's clock. Arguments and result: see ``take_mount_site``; a change is more than 30 s."""
         before = self.present_time(self.mount_clock)
         self.mount_clock = (moment, self.now())
         changed = not ours and before is not None and abs(before.unix - moment.unix) > CLOCK_TOLERANCE
@@ -189,7 +189,7 @@ class SiteClock:
         return changed
 
     def take_gps(self, gps: Gps) -> None:
-        """Take the report of the mount's GPS; without a fix only the state of the receiver is stored."""
+        """Store a reading of the mount's GPS; without a fix, site and time of an earlier fix stay."""
         self._gps = gps, self.now()
         if gps.linked:
             self.gps_site = gps.place or self.gps_site
@@ -197,7 +197,7 @@ class SiteClock:
         self.changed.emit(None)
 
     def gps(self) -> Gps | None:
-        """Return the last GPS reading, its time running on; None if it is too old."""
+        """Return the last GPS reading with its time advanced to now; None if it is too old."""
         if self._gps is None:
             return None
         gps, at = self._gps
@@ -205,31 +205,31 @@ class SiteClock:
         return replace(gps, unix=gps.unix + age) if age < (GPS_CACHE_TIME if gps.linked else GPS_RETRY_TIME) else None
 
     def mount_asked(self) -> None:
-        """Note that the mount was asked for its site: if it reported none, the site of an earlier run counts."""
+        """Note that the mount was asked for its site. If it has none, the site of an earlier run is used now."""
         if not self._asked:
             self._asked = True
             self.changed.emit(None)
 
     def same_site(self, operation: SetSite) -> bool:
-        """Whether this is the mount's site already, within an arcminute."""
+        """Whether the mount has this site already, within an arcminute."""
         place = self.mount_site
         if place is None or operation.latitude is None or operation.longitude is None:
             return False
         return _same_place(place, Place(operation.latitude, operation.longitude))
 
     def same_clock(self, operation: SetClock, seconds: float) -> bool:
-        """Whether the mount's clock shows this already, in the same zone and within so many seconds."""
+        """Whether the mount's clock has this time already, in the same zone and within ``seconds``."""
         shown = self.present_time(self.mount_clock)
         return shown is not None and shown.offset == operation.offset and abs(shown.unix - operation.unix) <= seconds
 
     def has_own(self, operation: Operation) -> bool:
-        """Whether the mount has reported a site or clock of its own, to be used instead of the operation's."""
+        """Whether the mount has reported a value of the kind that this operation sets: a site or a clock."""
         if isinstance(operation, SetClock):
             return self.mount_clock is not None
         return isinstance(operation, SetSite) and self.mount_site is not None
 
     def has_one_of(self, places: Sequence[SetSite]) -> bool:
-        """Whether the mount's site matches any of these in latitude or longitude."""
+        """Whether the mount's site has the latitude or the longitude of any of these, within an arcminute."""
         site = self.mount_site
         return site is not None and any(
             (place.latitude is not None and abs(site.latitude - place.latitude) <= SITE_TOLERANCE)
@@ -238,14 +238,14 @@ class SiteClock:
         )
 
     def forget(self, operation: Operation) -> None:
-        """Forget the sites or clocks that programs have set: the mount's own is in force."""
+        """Forget what all programs have set of the operation's kind, site or clock: they read the mount's again."""
         if isinstance(operation, SetClock | SetSite):
             self.programs.forget("clock" if isinstance(operation, SetClock) else "site")
         self.changed.emit(None)
 
 
 class BestSources:
-    """Site and time from the best source: used by the limits and by ``SiteAstrometry``.
+    """The known sites and times, best source first: for the limits and for ``SiteAstrometry``.
 
     The mount's own site and clock are the best, because its coordinates are calculated from them. Then follow its GPS
     receiver, the configuration (site) or this computer's clock (time), unless that is doubtful. Settings of clients are
@@ -254,11 +254,11 @@ class BestSources:
 
     def __init__(self, site_clock: SiteClock) -> None:
         self._site_clock = site_clock
-        #: Emitted when any of them may have changed.
+        #: Emitted when a site or time may have changed.
         self.changed = site_clock.changed
 
     def sites(self) -> list[Site]:
-        """Return every site that counts, best first. A program's site counts only if nothing else is known."""
+        """Return every known site, best first. A program's site is used only if there is no other."""
         known = self._site_clock
         sites = [
             Site(place, source, by)
@@ -272,8 +272,8 @@ class BestSources:
         return [Site(site.place, site.source)]
 
     def sites_for_sun(self) -> list[Site]:
-        """Return every site over whose horizon the Sun is avoided, including the former site if a program changed it
-        far.
+        """Return every site at which the Sun is avoided if it is up. This includes the former site, if a program has
+        moved the site far.
         """
         former = self._site_clock.former_site()
         return [*self.sites(), *([Site(former, FORMER)] if former is not None else [])]
@@ -281,8 +281,8 @@ class BestSources:
     def times(self) -> list[Time]:
         """Return every usable time, best first.
 
-        A computer whose clock is doubtful counts only if neither the mount nor its GPS reports a time, and a program's
-        clock only if that of this computer is doubtful as well.
+        A doubtful clock of this computer is used only if neither the mount nor its GPS reports a time. A program's
+        clock is used only if this computer's is doubtful as well.
         """
         known = self._site_clock
         times = [
@@ -301,22 +301,22 @@ class BestSources:
         return times or [*known_times, Time(host, COMPUTER, doubtful=True)]
 
     def site(self) -> Place | None:
-        """Return the site in force for the limits; None if it is unknown."""
+        """Return the site of the best source, for the limits; None if no site is known."""
         return self._site_clock.best_site()
 
     def best_time(self) -> Time:
-        """Return the first of ``times``. If the mount has reported a time, the others need not be computed."""
+        """Return the time of the best source: the first of ``times``."""
         known = self._site_clock
         moment = known.present_time(known.mount_clock)
         return self.times()[0] if moment is None else Time(moment.unix, MOUNT, by=known.clock_set_by)
 
     def unix(self) -> float:
-        """UTC in force for the limits, Unix seconds."""
+        """UTC by the best source, Unix seconds, for the limits."""
         return self.best_time().unix
 
 
 def earth_distance(place: Place, other: Place) -> float:
-    """Return how far two sites are apart, degrees on the Earth."""
+    """Return the distance between two sites, degrees on the Earth."""
     return separation(place.longitude, place.latitude, other.longitude, other.latitude)
 
 
