@@ -62,7 +62,7 @@ def make_driver(
 
 
 def _speed_factor(endpoint: Endpoint, speed: float, warn: Callable[[str], None] | None) -> float:
-    """Return how many times faster than a real mount this mount slews; a simulated one may run elsewhere."""
+    """Return how many times faster than a real mount it slews: 1.0, unless it is simulated, here or over a network."""
     elsewhere = "://" in endpoint.where
     if elsewhere and speed != 1.0 and warn is not None:
         warn(
@@ -117,7 +117,7 @@ async def open_surface(endpoint: Endpoint, surface: SurfaceConfig, accept: Accep
 
 
 def beside_hardware(address: str) -> bool:
-    """Whether programs connect here as to a telescope's own serial port, and not over a plain network connection."""
+    """Whether programs use this address like a telescope's serial port, and not as a plain network connection."""
     return not address.startswith("tcp://") and address not in (WEB_SERVED, "-")
 
 
@@ -128,7 +128,7 @@ Acceptor: TypeAlias = "ConnectionAcceptor | AnyAcceptor"
 class AcceptorFactory:
     """Makes the acceptor for each surface of a gateway.
 
-    ``warn`` gets messages for the user, ``web`` serves the HTTP protocols on a surface for every protocol.
+    ``warn`` gets messages for the user, ``web`` serves the HTTP protocols on ``any@`` surfaces.
     """
 
     def __init__(
@@ -164,7 +164,7 @@ class AcceptorFactory:
     def _make_for(
         self, number: int, endpoint: Endpoint, surface: SurfaceConfig, titles: str = ""
     ) -> ConnectionAcceptor:
-        """Make the acceptor of one protocol. ``titles`` are those of all protocols of the surface, if several."""
+        """Make the acceptor of one protocol. ``titles`` lists all protocols of the surface, if several."""
         entry, bind = access(surface, self._config), partial(self._bind, endpoint, surface, titles)
         later = endpoint.where == WEB_SERVED and endpoint.protocol != self._mount.protocol  # with the web server
         made, where, only = bind if later else bind(), endpoint.where, not titles
@@ -207,7 +207,7 @@ def policy(config: MountConfig) -> Policy:
 
 
 def _of_keys(config: MountConfig, settings: type[msgspec.Struct]) -> dict[str, Any]:
-    """Return the values of the fields that have the name of a key."""
+    """Return the configured values for those fields of ``settings`` that have the name of a key."""
     return {name: getattr(config, name) for name in settings.__struct_fields__ if hasattr(config, name)}
 
 
@@ -264,7 +264,7 @@ def watched(
     controller: Callable[[], MountController],
     stopped: Callable[[], None],
 ) -> WatchedMount:
-    """Return the mount's registration with the watchdog process. The ``controller`` exists before anything moves."""
+    """Register the mount with the watchdog process. ``controller`` is called only once something moves."""
 
     @cache
     def sent(url: str, protocol: str, command: bytes) -> bytes:
@@ -285,14 +285,14 @@ def watched(
 def presents_mount(mount: Endpoint, surface: Endpoint) -> bool:
     """Whether a surface presents the mount itself: it has the mount's protocol, and the user named no model.
 
-    A mount with a dialect of its own is not presented itself, but as a model of the protocol.
+    A mount whose model speaks a dialect of the protocol is presented as a standard model instead.
     """
     other = mount.model in PROTOCOLS[mount.protocol].commands.dialects
     return mount.protocol == surface.protocol and surface.model is None and surface.version is None and not other
 
 
 def configure_binding(controller: MountController, binding: SurfaceBinding) -> None:
-    """Present the mount itself on a surface, as the mount has identified itself."""
+    """Make a surface present the model and version that the mount itself has reported."""
     binding.model.update(controller.driver.presented())
     binding.surface.as_written = controller.line.reply_rules.as_written
 

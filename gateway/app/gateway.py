@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 
 
 class Gateway:
-    """A mount and its surfaces, open for clients until it is closed. Gateways share nothing but the sky.
+    """A mount and its surfaces, open for clients until it is closed. Several gateways share only the tables of the sky.
 
     ``warn`` gets messages that the user should see at once.
     """
@@ -153,7 +153,7 @@ class Gateway:
             self.acceptors.append(factory.make(number, endpoint, surface))
 
     def _present_mount(self, bindings: list[SurfaceBinding]) -> None:
-        """Present the mount itself after it has identified itself, for the first time or again."""
+        """Make these surfaces present the mount's own model whenever the mount has identified itself."""
         for binding in bindings:
             configure_binding(self.controller, binding)
 

@@ -1,7 +1,7 @@
 """``MountState``: what one mount does and what is known of it at one moment, without asking the mount.
 
 Only this module makes it, from the cached readings. The status line, ``status`` and ``watch``, the page, MQTT and the
-metrics all use it, so they cannot contradict each other. It contains values; most callers need no sentences.
+metrics all use it, so they cannot contradict each other. It contains values; its methods turn some into sentences.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from gateway.mount.site.site_clock import Site, Time
 if TYPE_CHECKING:
     from gateway.mount.controller import MountController
 
-#: Events of the last so many seconds are shown, and at most so many of them.
+#: Only events of the last so many seconds are shown, and at most so many of them.
 RECENT_AGE, MAX_RECENT_EVENTS = 60.0, 10
 
 
 class MountState(Struct, frozen=True, dict=True):
-    """A mount at the loop time ``now`` and at ``clock`` by this computer.
+    """The state of a mount at the loop time ``now``; the computer's Unix time of that moment is a field, too.
 
     ``horizontal`` is its azimuth and altitude, ``goal`` the goal of a goto under way; both None if not known.
-    ``pier_kept``: whether a limit of the hour angle can be enforced. ``programs`` are the hosts of connected programs;
-    ``sites`` and ``times`` are all reported ones, best first. ``answers`` counts the replies of the mount, ``reply`` is
-    its typical reply time in seconds; ``sky`` names the source of the calculated sky.
+    ``programs`` are the hosts of connected programs; ``sites`` and ``times`` are all reported ones, best first. Other
+    fields are how many replies the mount has sent, its typical reply time in seconds, whether a limit of the hour
+    angle can be enforced, and the source of the calculated sky.
     """
 
     look: StatusLine
@@ -65,7 +65,7 @@ class MountState(Struct, frozen=True, dict=True):
     clock: float
 
     def drawn(self, surfaces: Sequence[str] = ()) -> State:
-        """Return what ``status`` shows. ``surfaces``: those of the programs, if one computer runs several."""
+        """Return the state as texts for ``status``. Of several ``surfaces``, orders name the one they came by."""
         identity = self.identity
         return State(
             self.look,
@@ -226,7 +226,7 @@ _TUBE_DIRECTIONS = {"north": "up", "south": "down", "east": "left", "west": "rig
 
 
 def _arrow(operation: op.Move | op.MoveAxis, axis: int, tube: bool) -> str:
-    """Return an arrow as text: as it moves the ``tube`` of an alt-azimuth mount, else on the sky."""
+    """Return the text for an arrow: with ``tube`` up, down, left or right (alt-azimuth), else as on the sky."""
     if isinstance(operation, op.Move):
         word = operation.direction.word
         return f"an arrow {_TUBE_DIRECTIONS[word] if tube else word}"

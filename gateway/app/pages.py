@@ -39,9 +39,8 @@ def scripts(texts: Mapping[str, str], main_path: str, at: str) -> str:
 
     Nothing is compiled; lines of comments are left out. Every module becomes a function that is called when it is first
     needed. A module may have imports only at the beginning of a line, no default exports, no circular imports, and no
-    exported variable that changes.
-
-    ``texts`` are the files by their paths. Raises ValueError, at the start, for a module that breaks these rules.
+    exported variable that changes. ``texts`` are the files by their paths. Raises ValueError for a module that breaks
+    these rules.
     """
     bodies: dict[str, str] = {}
     exports: dict[str, set[str]] = {}
@@ -94,7 +93,7 @@ TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".j
 
 #: The longest body of a request, bytes.
 MAX_BODY = 8192
-#: The answer to a request that is addressed to another computer. Its name is left out: many would hide all else.
+#: The answer to a request with the Host header of another computer. It omits that name, to be the same for all names.
 FOREIGN_HOST_ANSWER = (
     "This gateway does not know the name or address in the Host header. If that leads here, through a container or a "
     'router, add it: names = ["pier.example.org"] on the surface or under [console], or --names pier.example.org.'
@@ -107,8 +106,8 @@ _INLINE = re.compile(r'<(?:link rel="stylesheet" href|script src)="([^"]+)">(?:<
 _SCRIPT = re.compile(r'<script type="module" src="([^"]+)">')
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
-#: Headers of every response: the browser loads and runs only files of this server, and allows no frames around it.
 CSP_HEADER = "Content-Security-Policy"
+#: Headers of every response: the browser loads and runs only files of this server, and allows no frames around it.
 HEADERS = {
     CSP_HEADER: (
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; media-src 'self'; "
@@ -190,7 +189,7 @@ class Pages:
 def application(
     names: Sequence[str] = (), logs: Sequence[WireLog] = (), ports: Mapping[int, AccessRules] = MappingProxyType({})
 ) -> web.Application:
-    """Return an application that answers requests to this computer; ``logs`` record all other requests.
+    """Return an application that refuses requests with a foreign Host header; ``logs`` record those refusals.
 
     ``names`` are further host names by which clients may call it; ``ports`` are the access rules by port.
     """
@@ -221,7 +220,7 @@ def rules_of(request: web.Request) -> AccessRules:
 
 
 def for_own_page(handler: Handler, refusal: Callable[[web.Request], str] = lambda request: "") -> Handler:
-    """Let only the server's own page use a handler, unless there is a ``refusal`` of the request.
+    """Return a handler for the server's own page only; ``refusal`` returns why a request is refused, or an empty text.
 
     A foreign page in the same browser could send requests to this server, or resolve its own name to this computer (DNS
     rebinding). So ``Host`` must be an address or a name of this computer, ``Origin`` must be the page's own, and every

@@ -1,6 +1,4 @@
-"""The web application of a gateway, served at every port that speaks HTTP: its mounts for programs, and the page if
-there is one.
-"""
+"""The web application of a gateway, served at every HTTP port: its mounts for programs, and the page if any."""
 
 from __future__ import annotations
 
@@ -20,7 +18,7 @@ if TYPE_CHECKING:
 
     from gateway.app.gateway import Gateway
 
-#: Imports what shows a page, on a thread; returns what adds it to an application.
+#: Imports the modules of the page, on a thread; returns the function that adds the page to an application.
 LoadPage = Callable[[], Callable[["web.Application"], object]]
 
 
@@ -60,7 +58,7 @@ def _ports(gateways: Sequence[Gateway]) -> dict[int, AccessRules]:
 
 
 def _load(gateways: Sequence[Gateway], page: LoadPage | None) -> Callable[[web.Application], object]:
-    """Load the web server and the page, on a thread that gives way to the loop five times sooner than threads do."""
+    """Load the web server and the page on a thread, which yields to the event loop five times as often as usual."""
     usual = sys.getswitchinterval()
     sys.setswitchinterval(usual / 5.0)
     try:

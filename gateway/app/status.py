@@ -23,9 +23,7 @@ MIN_PARTS = 2
 class StatusLine(Struct, frozen=True):
     """The last known state of one mount. ``state`` is that of the line to it, ``age`` that of the position in seconds.
 
-    ``rate`` is exchanges with the mount per second. ``by_hand`` includes motion at the hand control's keys; ``ends``: a
-    motion was ended, and the position does not show the mount at rest yet; ``unknown``: the mount has not reported a
-    position since. ``parked``: it is at its park position.
+    ``rate`` is exchanges with the mount per second. ``by_hand`` includes motion at the hand control's keys.
     """
 
     name: str
@@ -40,7 +38,9 @@ class StatusLine(Struct, frozen=True):
     rate: float = 0.0
     asleep: bool = False
     held: bool = False
+    #: A motion was ended, and the position does not show the mount at rest yet.
     ends: bool = False
+    #: The mount has not reported a position since a motion was ended.
     unknown: bool = False
     parked: bool = False
 
@@ -56,13 +56,12 @@ class StatusLine(Struct, frozen=True):
 
 
 class Served(Struct, frozen=True):
-    """A surface, or the console, and its addresses: ``at`` is the one that was configured; ``addresses`` are those at
-    which other computers reach it now; ``words`` says what to type on them, or that no other computer reaches it.
-    """
+    """A surface, or the console, with its configured address (``at``) and those for other computers at the moment."""
 
     name: str
     at: str
     addresses: tuple[str, ...] = ()
+    #: What to type on another computer or a phone, or that none can reach it.
     words: str = ""
 
     def __str__(self) -> str:
@@ -72,9 +71,8 @@ class Served(Struct, frozen=True):
 class State(Struct, frozen=True):
     """The known state of a mount: its activity, its orders, its limits, and the state of its line.
 
-    Texts are for the user, and empty if nothing is known. ``reply`` is the typical reply time in seconds, ``answers``
-    the number of replies so far; ``lately`` lists the refusals and the gateway's own actions of the last minute.
-    ``folder`` is the gateway's state folder; ``unopened`` says why the mount's port cannot be opened.
+    Texts are for the user, and empty if nothing is known. ``folder`` is the gateway's state folder; ``unopened`` says
+    why the mount's port cannot be opened.
     """
 
     look: StatusLine
@@ -82,18 +80,22 @@ class State(Struct, frozen=True):
     product: str = ""
     model: str = ""
     version: str = ""
+    #: The orders under way and the waiting ones.
     wanted: tuple[str, ...] = ()
+    #: The limits in effect.
     allowed: tuple[str, ...] = ()
     site: str = ""
     clock: str = ""
     programs: tuple[str, ...] = ()
+    #: The mount's typical reply time in seconds, and the number of its replies so far.
     reply: float = 0.0
     answers: int = 0
+    #: Refusals and the gateway's own actions in the last minute.
     lately: tuple[str, ...] = ()
     served: tuple[Served, ...] = ()
     folder: str = ""
     unopened: str = ""
-    #: What people call a mount that names itself otherwise.
+    #: The usual name of a mount that reports another name.
     title: str = ""
     #: What the sky at its time is calculated from: ``almanac of`` that date, or ``closed form``.
     sky: str = ""
@@ -155,7 +157,7 @@ def format_position(position: Equatorial) -> str:
 
 
 def activity(line: StatusLine) -> str:
-    """Return a few words: ``held`` if nothing may move the mount, and its activity."""
+    """Return the activity in a few words, after ``held`` if nothing may move the mount."""
     return "held, " * line.held + _condition(line) if _condition(line) else "held" * line.held
 
 

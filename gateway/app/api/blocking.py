@@ -21,7 +21,7 @@ from gateway.core.errors import NoAnswer
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
-#: Seconds between two looks for Ctrl-C, to which a wait without a limit is deaf on Windows.
+#: Seconds between two checks for Ctrl-C, which on Windows does not interrupt a wait without a timeout.
 CTRL_C_CHECK_PERIOD = 0.2
 CLOSED_MESSAGE = "The gateway is closed."
 
@@ -35,7 +35,7 @@ class Run(Protocol):
 def _waits(
     method: Callable[Concatenate[Mount, _P], Coroutine[object, object, _T]],
 ) -> Callable[Concatenate[BlockingMount, _P], _T]:
-    """Return a method of ``Mount`` as one of ``BlockingMount`` that waits for its result."""
+    """Return the version for ``BlockingMount`` of a method of ``Mount``: it waits for the result."""
 
     @functools.wraps(method)
     def waits(self: BlockingMount, /, *arguments: _P.args, **named: _P.kwargs) -> _T:
@@ -45,9 +45,9 @@ def _waits(
 
 
 class BlockingMount:
-    """A mount whose methods wait; they are those of ``Mount``. By ``open_blocking_gateway``, ``connect_blocking``.
+    """The methods of ``Mount``, each waiting for its result. By ``open_blocking_gateway`` and ``connect_blocking``.
 
-    Ctrl-C ends the wait. When it also leaves the block of ``open_blocking_gateway``, the mount is stopped.
+    Ctrl-C ends the wait. If it also leaves the ``with`` block of ``open_blocking_gateway``, the mount is stopped.
     """
 
     def __init__(self, mount: Mount, run: Run) -> None:
@@ -74,8 +74,8 @@ class BlockingMount:
 
 
 class _Thread(threading.Thread):
-    """Runs an event loop on which one gateway is open until ``end``, which ``atexit`` calls at the latest: were the
-    thread no daemon, Python would wait for the thread before that, for ever.
+    """Runs an event loop on which one gateway is open until ``end``; ``atexit`` calls ``end`` at the latest. The thread
+    is a daemon: Python would wait for any other thread before ``atexit``, and so for ever.
     """
 
     mount: Mount
@@ -83,9 +83,9 @@ class _Thread(threading.Thread):
     def __init__(self, opened_mount: contextlib.AbstractAsyncContextManager[Mount]) -> None:
         super().__init__(name="mount-gateway", daemon=True)
         self._open_gateway, self._close_requested = opened_mount, False
-        #: These get an item when the gateway is open, and when it is closed (``_ended``). They are no Future: Ctrl-C
-        #: in the middle of a wait can leave its lock taken, for which this thread would then wait for ever; and in the
-        #: middle of ``is_alive`` or ``join`` it makes Python take this thread for ended.
+        #: These queues get an item when the gateway is open, and when it is closed. A Future would not do: Ctrl-C
+        #: during a wait can leave its lock locked, and this thread would wait for that lock for ever. ``is_alive`` and
+        #: ``join`` would not do either: interrupted by Ctrl-C, they may report that the thread has ended.
         self._opened_queue, self._closed_queue = SimpleQueue[None](), SimpleQueue[None]()
         self._ended = False
         self._was_open = False
@@ -121,7 +121,7 @@ class _Thread(threading.Thread):
             raise failure or NoAnswer(CLOSED_MESSAGE) from None
 
     def _get(self, queue: SimpleQueue[_T]) -> _T:
-        """Wait for an item in such a way that Ctrl-C ends the wait on every system. Raises NoAnswer."""
+        """Wait for an item; Ctrl-C ends the wait on every system. Raises NoAnswer once the thread has ended."""
         while not (self._ended and queue.empty()):
             with contextlib.suppress(Empty):
                 return queue.get(timeout=CTRL_C_CHECK_PERIOD)
@@ -180,7 +180,7 @@ def _in_a_thread(
         """Open a mount as ``open_gateway`` does, for a program without an event loop: ``with``, not ``async with``.
 
         ``warn`` and ``watch`` are called on the gateway's thread. Leaving the block stops the mount and closes
-        everything; so does the end of the program, if it does not leave it.
+        everything; if the program ends inside the block, its end does the same.
         """
         thread = _Thread(open_mount(*arguments, **settings))
         thread.start()

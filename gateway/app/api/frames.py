@@ -145,7 +145,7 @@ def _filled(command: Command, template: FrameTemplate, values: Mapping[str, obje
 
 
 def _unfit(template: FrameTemplate, values: Mapping[str, object]) -> str:
-    """Return which value does not fit, and why if that is said in words of this package."""
+    """Return which value does not fit, and why if the error is one of this package, not of Python; empty if all fit."""
     for field, codec in template.fields.items():
         value = values[field]
         try:

@@ -1,6 +1,6 @@
 """``Mount``: one mount for Python programs, whether its gateway runs in this process or in another one.
 
-Every method is one request, or several in a row. ``send`` passes them to the gateway in this process, or to the control
+Every method is one request, or several in a row. They are passed to the gateway in this process, or to the control
 endpoint of another process. So limits, checks and errors are the same in both cases.
 """
 
@@ -22,11 +22,11 @@ from gateway.core.errors import Fault, NoAnswer, Stopped, UserError
 from gateway.core.motion_kinds import GOTOS
 from gateway.core.operations import AnswerT
 
-#: Has a request carried out; the number is the seconds that it lasts itself.
+#: Sends a request and returns its answer; the number is how many seconds the request itself lasts.
 Send = Callable[[requests.Request, float], Awaitable[requests.Answer]]
-#: Seconds between two questions whether a motion has ended, and whether the mount has answered.
+#: Seconds between two checks whether a motion has ended, and whether the mount has identified itself.
 PROGRESS_PERIOD, STATE_RETRY_PERIOD = 0.25, 0.1
-#: Seconds that a mount may take to identify itself, and without an answer after which its motion is given up.
+#: Timeouts in seconds: for a mount to identify itself, and for a silent mount whose motion is awaited.
 IDENTIFY_TIMEOUT, SILENCE_TIMEOUT = 20.0, 10.0
 #: What to look at if a mount is silent.
 CABLE_ADVICE = "Is it switched on, and the cable in the hand control? mount-gateway detect looks for it on every port."
@@ -43,9 +43,9 @@ class Mount:
     def __init__(self, name: str, send: Send, who: str) -> None:
         self.name = name
         self._send_request, self._client_name = send, who
-        #: The number of all operations but gotos: with each of them a motion by hand goes on.
+        #: The request number that all operations but gotos share: each of them keeps a motion by hand alive.
         self._operation_number = requests.new_number()
-        #: The number of the last request for a motion towards a goal; empty before, and once it has arrived.
+        #: The number of the last request for a goto, park or home; empty before the first, and after arrival.
         self._goal = ""
 
     # --- what is known ------------------------------------------------------------------------------------------------
@@ -157,25 +157,25 @@ class Mount:
         await self._ask(requests.SyncRequest(_spot(op.Sync(ra, dec), j2000)))
 
     async def move(self, direction: op.Direction, key: int, seconds: float) -> None:
-        """Press an arrow for some seconds, at the rate of the hand control's key 1 to 9. The gateway releases it."""
+        """Press an arrow for some seconds, at rate ``key``, 1 to 9 as on a hand control. The gateway releases it."""
         await self._ask(requests.MoveRequest(direction=direction, key=key, seconds=seconds), seconds)
 
     async def stop(self) -> None:
-        """End every motion, whoever began it, before all other orders; return when the position shows it at rest."""
+        """End every motion, whoever began it, ahead of all orders; return when the position shows the mount at rest."""
         await self._answer(requests.StopRequest(self._client_name))
 
     async def hold(self) -> None:
-        """Stop the mount, and let nothing move it until it is released, over restarts of the gateway too."""
+        """Stop the mount, and let nothing move it until ``release``, even after a restart of the gateway."""
         await self._answer(requests.HoldRequest(self._client_name))
 
     async def release(self) -> None:
-        """End ``hold``."""
+        """End ``hold``: the mount may be moved again."""
         await self._answer(requests.ReleaseHoldRequest(self._client_name))
 
     # --- any operation ------------------------------------------------------------------------------------------------
 
     async def perform(self, operation: op.Operation[AnswerT]) -> AnswerT:
-        """Carry out any operation of ``gateway.op`` and return its answer; see its docstring.
+        """Carry out any operation of ``gateway.op`` and return its answer; the docstring of the operation describes it.
 
         A motion that ``Move`` began ends if the program does not call ``perform`` for ``dead_man`` seconds. Raises
         Invalid if the argument is no operation, or a field has a wrong type.

@@ -30,7 +30,7 @@ from gateway.transport.web_server import WebServer
 if TYPE_CHECKING:
     from gateway.app.gateway import Gateway
 
-#: Keys that only ``mount-gateway run`` honours -> what does it here.
+#: Keys that only ``mount-gateway run`` honours -> what a Python program uses instead.
 RUN_ONLY_KEYS = {
     "wait": "ready(seconds) waits for the mount",
     "record": "mount-gateway run --record FILE records; watch is called with every command and reply",
@@ -54,7 +54,7 @@ async def open_gateway(
     ``lowest=15``. A surface is an endpoint such as ``"lx200@tcp://127.0.0.1:4030"`` (port 0: any free port), or a
     mapping of the keys of ``[[surface]]``. ``warn`` is called with whole sentences for the user, and ``watch`` with
     every entry of the wire log. Both are called on the event loop and must return quickly. Raises UserError for an
-    invalid setting and for a surface that cannot be opened; the mount's port is waited for in ``ready``. Leaving the
+    invalid setting and for a surface that cannot be opened; use ``Mount.ready`` to wait for the mount. Leaving the
     block stops the mount and closes everything.
     """
     for name in settings.keys() & RUN_ONLY_KEYS:
@@ -123,7 +123,7 @@ def connect(mount: str | None = None, *, state: str | None = None) -> Mount:
 
 
 def connected(endpoint: ControlEndpoint) -> Mount:
-    """Return the mount of a gateway by its control endpoint."""
+    """Return the mount of the gateway that has this control endpoint."""
 
     async def send(wish: requests.Request, duration: float) -> requests.Answer:
         return await request(endpoint, wish, ANSWER_TIMEOUT + duration)

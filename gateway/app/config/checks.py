@@ -27,7 +27,7 @@ _WILDCARDS = ("0.0.0.0", "::")
 
 
 class Mistake(NamedTuple):
-    """The place of a mistake, and a message with the mistake and its correction."""
+    """A mistake in the configuration: the path of its key, and a message with the correction."""
 
     key_path: Place
     message: str
@@ -36,7 +36,7 @@ class Mistake(NamedTuple):
 def mistakes(config: Config, must_serve: bool = True, in_file: bool = False) -> Iterator[Mistake]:
     """Yield the mistakes of a configuration whose values all have the right types, the most important first.
 
-    ``must_serve``: a surface is needed. ``in_file``: the user has written a file.
+    ``must_serve``: at least one surface is required. ``in_file``: the configuration is a file, not only flags.
     """
     yield from _endpoints(config)
     for number, mount in enumerate(config.mount):
@@ -97,7 +97,7 @@ def _endpoints(config: Config) -> Iterator[Mistake]:
 
 
 def _all_endpoints(config: Config) -> Iterator[tuple[Place, str]]:
-    """Yield where every endpoint is written, and its text."""
+    """Yield every endpoint as the path of its key and its text."""
     yield from ((("mount", number, "at"), mount.at) for number, mount in enumerate(config.mount))
     yield from ((("surface", number, "at"), surface.at) for number, surface in enumerate(config.surface))
 
@@ -138,7 +138,7 @@ def _clients(config: Config) -> Iterator[Mistake]:
 
 
 def _access(config: Config) -> Iterator[Mistake]:
-    """Check that networks are valid, and named only on surfaces that have network connections; names only for HTTP."""
+    """Check that networks are valid and only on surfaces with network connections, and ``names`` only on HTTP ones."""
     for number, surface in enumerate(config.surface):
         if surface.names and not speaks_http(surface.at):
             yield Mistake(("surface", number, "names"), "only programs that speak HTTP need this: alpaca@ and any@")
@@ -224,7 +224,7 @@ def _used_twice(config: Config) -> Iterator[Mistake]:
 
 
 def _address(where: str, listening: bool) -> tuple[str, str]:
-    """Return the uniqueness key: (host, port) for listening endpoints, else (path or URL, '')."""
+    """Return what identifies a port: (host, port) if it listens on a network, else (path or URL, '')."""
     if listening and where.startswith(NETWORK_SCHEMES):
         host, port = split_address(where)
         return host.replace("localhost", "127.0.0.1"), f"tcp {port}"

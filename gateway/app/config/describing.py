@@ -13,7 +13,7 @@ from gateway.app.config.tables import TABLES
 
 
 class Key(NamedTuple):
-    """A key of the configuration. ``right`` describes the valid values, ``choices`` lists them if they are few."""
+    """A key of the configuration. ``choices`` lists the valid values if they are few, else it is empty."""
 
     name: str
     description: str
@@ -81,7 +81,7 @@ def _key(field: Any, type_hint: Any) -> Key:
 
 
 def _meta(type_hint: object) -> msgspec.Meta | None:
-    """Return the description that a key was declared with; None for a field that is no key."""
+    """Return the msgspec metadata with which a key was declared; None for a field that is no key."""
     return next((item for item in getattr(type_hint, "__metadata__", ()) if item.extra is not None), None)
 
 

@@ -21,7 +21,7 @@ from gateway.protocols.base.spec import ProtocolSpec
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, streams, surfaces
 from gateway.protocols.wireformat.command_set import load
 
-#: The row of names that leave the model open.
+#: The row of ``called.toml`` whose names stand for a protocol without a model.
 OPEN_MODEL = "any"
 
 
@@ -117,7 +117,7 @@ def shown(protocol: str, model: str | None = None, version: str | None = None) -
 
 
 def parse_endpoint(text: str, part: str = "") -> Endpoint:
-    """Parse an endpoint, ``part`` a ``mount`` or a ``surface`` if known. Raises UserError for what does not exist."""
+    """Parse an endpoint of a ``mount`` or a ``surface`` (``part``, empty: of either). Raises UserError."""
     what, at, where = text.partition("@")
     if not at or not where:
         raise UserError(
@@ -130,7 +130,7 @@ def parse_endpoint(text: str, part: str = "") -> Endpoint:
 
 
 def _over_http(endpoint: Endpoint, part: str) -> Endpoint:
-    """Return the endpoint of a mount; if its protocol uses HTTP, with an HTTP address. Raises UserError."""
+    """Return the endpoint. Raises UserError if its protocol needs an HTTP address and it has none, or the reverse."""
     where, over = endpoint.where, [name for name, spec in PROTOCOLS.items() if spec.over_http is not None]
     meant = "HOST:PORT" if (match := _ADDRESS.fullmatch(where)) is None else f"{match[2]}:{match[3]}"
     if where.startswith("http") and (endpoint.protocol not in over or part == "surface"):
@@ -144,7 +144,7 @@ def _over_http(endpoint: Endpoint, part: str) -> Endpoint:
 
 
 def _of_any(text: str, where: str) -> Endpoint:
-    """Parse the endpoint of a surface for every protocol. Raises UserError."""
+    """Parse an endpoint ``any@…`` of a surface that serves every protocol. Raises UserError."""
     if text != ANY:
         raise UserError(f"{text!r}: a surface for every protocol presents no single model; write {ANY}@{where}")
     if not where.startswith("tcp://"):
@@ -159,7 +159,7 @@ def _of_any(text: str, where: str) -> Endpoint:
 
 
 def _example(text: str, part: str) -> str:
-    """Return an example of a whole endpoint, made from the half that was written."""
+    """Return an example of an endpoint that completes the half that the user wrote."""
     if part == "surface":
         return f"{_on_lines()[0]}@tcp://127.0.0.1:4030"
     if resolve_name(text.partition("/")[0]):
@@ -210,7 +210,7 @@ def _version(spec: ProtocolSpec, text: str) -> str:
 def suggest_address(where: str, listening: bool, devices: Path = Path("/dev")) -> str:
     """Return the probable correction of an address of a surface (``listening``) or a mount; empty if it may be right.
 
-    It recognises an address without its scheme or with that of the other side, and a port without its folder.
+    It recognises a missing scheme, a surface's scheme on a mount or the reverse, and a port without its folder.
     """
     scheme, slashes, rest = where.partition("://")
     if slashes:
@@ -250,7 +250,7 @@ def parse_site(text: str) -> tuple[float, float]:
     return latitude, longitude
 
 
-#: A latitude or longitude as on maps: degrees, perhaps minutes and seconds, and a letter for the side.
+#: A latitude or longitude as on maps: degrees, perhaps minutes and seconds, and N, S, E or W.
 _MAP_COORDINATE = re.compile(
     r"""([+-]?)(\d+(?:\.\d+)?)\s*[°d:]?\s*(?:(?<=[°d:\s])(\d+(?:\.\d+)?)\s*['′m:]?\s*)?"""
     r"""(?:(?<=['′m:\s])(\d+(?:\.\d+)?)(?:s|\s*["″])?\s*)?([NSEW]?)"""
@@ -266,7 +266,7 @@ def _as_on_maps(text: str, parts: Sequence[str]) -> tuple[float, float]:
 
 
 def _angle(text: str, sides: str) -> float | None:
-    """Return the degrees of an angle as on maps, with one of two ``sides`` (positive first); None for no angle."""
+    """Return an angle as on maps in degrees, with or without one of two ``sides``, positive first; None if invalid."""
     match = _MAP_COORDINATE.fullmatch(text)
     if match is None or match[5] not in ("", *sides) or (match[1] == "-" and match[5]):
         return None

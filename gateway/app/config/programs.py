@@ -1,4 +1,4 @@
-"""The settings that single programs need on a surface, from ``mappings/*/clients.toml``.
+"""The settings that particular programs need on a surface, from ``mappings/*/clients.toml``.
 
 ``client = "NAME"`` on a surface fills in the settings that the user left open. Without it, a program is recognised if
 the first bytes of its connection are unmistakable; then only that connection gets these settings.
@@ -17,30 +17,31 @@ from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Version, parse_version
 from gateway.transport.listening import NETWORK_SCHEMES
 
-#: The version of a hand control that programs take for the newest, because its version numbers start again from 1.
+#: Stands for hand controls that programs treat as the newest, although their version numbers start from 1 again.
 NEWEST = (99,)
 
 
 class Need(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A value for a key of the surface, and why the program needs it; ``below``: only before that version."""
+    """A value that a program needs for a key of the surface, and why."""
 
     key: str
     value: str
     why: str
+    #: Only with hand controls before this version.
     below: str | None = None
 
 
 class KnownProgram(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A program. ``first``: first bytes that only this program sends; ``evidence``: how that is known.
-
-    ``leaves_text``: it does not read the text of a refusal. ``stops_arrows``: it releases its arrows by a full stop.
-    """
+    """A program that connects to surfaces, and how it differs from others."""
 
     name: str
     needs: list[Need] = []
+    #: First bytes that only this program sends, and how that is known.
     first: str | None = None
     evidence: str = ""
+    #: Whether it does not read the text of a refusal.
     leaves_text: bool = False
+    #: Whether it sends a full stop when its user releases an arrow.
     stops_arrows: bool = False
 
 
@@ -57,7 +58,7 @@ def programs(protocol: str) -> dict[str, KnownProgram]:
 
 
 def open_needs(surface: SurfaceConfig, program: str | None = None) -> list[Need]:
-    """Return the needs of a program (default: the surface's ``client``) for keys that surface and model leave open."""
+    """Return a program's needs (default: of the surface's ``client``) for keys that surface and model do not set."""
     endpoint, name = parse_endpoint(surface.at), program or surface.client
     row = None if ANY in (endpoint.protocol, name) or name == "auto" else programs(endpoint.protocol).get(name)
     if row is None:
@@ -74,7 +75,7 @@ def open_needs(surface: SurfaceConfig, program: str | None = None) -> list[Need]
 
 
 def _numbers(endpoint: Endpoint) -> Version:
-    """Return the version that programs see, as numbers; ``NEWEST`` if there is none, or a word (``starsense``)."""
+    """Return the version that the surface reports to programs; ``NEWEST`` for none and for ``starsense``."""
     spec = PROTOCOLS[endpoint.protocol]
     version = endpoint.version or spec.presented_version
     if version is None or version.partition("-")[0] in spec.version_names:
@@ -93,7 +94,7 @@ def as_fields(needs: list[Need]) -> dict[str, object]:
 
 
 def hold(surface: SurfaceConfig, protocol: str, program: str) -> float:
-    """Return how many seconds the text of a refusal is held back: for ever if a program does not read it."""
+    """Return how many seconds the text of a refusal is held back: infinite if the program never reads it."""
     if not surface.hold_text:
         return 0.0
     row = programs(protocol).get(program)
@@ -101,13 +102,13 @@ def hold(surface: SurfaceConfig, protocol: str, program: str) -> float:
 
 
 def stops_arrows(protocol: str, program: str) -> bool:
-    """Whether a program releases its arrows by a full stop."""
+    """Whether a program sends a full stop when its user releases an arrow."""
     row = programs(protocol).get(program)
     return row is not None and row.stops_arrows
 
 
 def first_bytes(surface: SurfaceConfig) -> dict[bytes, str]:
-    """Return first bytes -> program, for the programs that need other settings than those of the surface.
+    """Return first bytes -> program, for the programs that need settings that differ from the surface's.
 
     Only for network surfaces: on a serial line another program may take over unnoticed.
     """

@@ -21,7 +21,7 @@ from gateway.app.config.tables import TABLES, Config
 from gateway.core.errors import UserError, explain_file_error
 from gateway.system.files import plain_file
 
-#: Hints for messages of the parser, by how they begin: what the user may have meant.
+#: Beginning of a message of the parser -> hint: what the user may have meant.
 _PARSER_HINTS = {
     "Invalid value": '; text is written in "quotes", a number with a point: 0.5',
     "Expected newline": "; two numbers go into [ ], as in [48.1, 11.6]; a single one has a point: 10.5",
@@ -112,7 +112,7 @@ def _control_characters(tables: object, place: Place = ()) -> Iterator[Mistake]:
 def make_config(tables: dict[str, object], source: Source, must_serve: bool = True) -> Config:
     """Make the configuration from plain tables; ``mount`` is a list. Raises UserError that names line and key.
 
-    ``must_serve``: a surface is needed.
+    ``must_serve``: at least one surface is required.
     """
     for place, reason in _control_characters(tables):
         raise _located(source, Mistake(_key_place(place), reason))
@@ -126,7 +126,7 @@ def make_config(tables: dict[str, object], source: Source, must_serve: bool = Tr
 
 
 def _read_error(message: str) -> tuple[Place, str | None, str]:
-    """Parse msgspec's message: return the place, and the unknown or missing key there (or None) and which it is."""
+    """Parse msgspec's message: return the path, the key (None for a wrong value), and if it is unknown or missing."""
     where = re.search(r" - at `\$\.?([^`]*)`$", message)
     steps = re.findall(r"[^.\[\]]+|\[\d+\]", where.group(1) if where else "")
     place = tuple(int(step[1:-1]) if step.startswith("[") else step for step in steps)
@@ -174,7 +174,7 @@ def _wrong_value(tables: dict[str, object], source: Source, table: str, place: P
 
 
 def _in_its_form(key: Key, value: object) -> Any:
-    """Return a site that is written as for the flag as the file has it; else the example of the key."""
+    """Return the key's example; for a site written as ``LAT,LON``, that site in the form of the file."""
     with contextlib.suppress(UserError):
         if key.name == "site" and isinstance(value, str):
             return list(parse_site(value))
@@ -182,7 +182,7 @@ def _in_its_form(key: Key, value: object) -> Any:
 
 
 def _key_place(place: Place) -> Place:
-    """Cut a place after its key: it may lead further, to a part of the key's value."""
+    """Return the path up to its key: msgspec's paths may lead further, into the value of the key."""
     return place[: 3 if place[0] in ("mount", "surface") else 2 if place[0] in TABLES else 1]
 
 

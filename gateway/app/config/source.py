@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 import tomli
 
+#: The path of a key or a table in the configuration, such as ``("mount", 0, "lowest")``.
 Place = tuple[str | int, ...]
 
 
@@ -23,7 +24,7 @@ class Source(msgspec.Struct):
     is_file: bool = False
 
     def where(self, place: Place) -> str:
-        """Return ``--lowest``, ``gateway.toml:12``, or only the name. A single mount has number 0 in a place."""
+        """Return ``--lowest``, ``gateway.toml:12``, or only the file's name. A single mount has number 0 in a path."""
         prefixes = [place[:length] for length in range(len(place), 0, -1)]
         for prefix in prefixes:
             if prefix in self.flags:
@@ -35,7 +36,7 @@ class Source(msgspec.Struct):
         return self.name
 
     def origin(self, place: Place) -> str | None:
-        """Return the flag or the line that sets exactly this place; None if it was not set."""
+        """Return the flag or the line that sets exactly this key; None if it was not set."""
         if place in self.flags:
             return self.flags[place]
         line = line_of(self.text, self._written(place)) if self.text else None
@@ -43,7 +44,7 @@ class Source(msgspec.Struct):
         return None if line is None or overridden else f"{self.name}:{line}"
 
     def _written(self, place: Place) -> Place:
-        """Return the place as in the file, where a single ``[mount]`` has no number."""
+        """Return the path as in the file, where a single ``[mount]`` has no number."""
         single = place[:2] == ("mount", 0) and isinstance(tomli.loads(self.text).get("mount"), dict)
         return ("mount", *place[2:]) if single else place
 

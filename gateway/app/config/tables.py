@@ -1,7 +1,4 @@
-"""The tables of ``gateway.toml`` other than mount and surface, and the whole configuration.
-
-Keys are declared as in ``keys.py``.
-"""
+"""The tables of ``gateway.toml`` other than mount and surface, declared as in ``keys.py``; the whole configuration."""
 
 from typing import Annotated, Literal
 

@@ -51,7 +51,7 @@ class ControlEndpoint(Struct, frozen=True):
         return self.name or self.mount
 
     def called(self, mount_name: str | None) -> bool:
-        """Whether ``mount_name`` names this mount: by its name, its endpoint or only its port; None names any."""
+        """Whether ``mount_name`` is this mount's name, endpoint or port; None matches every mount."""
         return mount_name is None or mount_name in (self.name, self.mount, self.mount.partition("@")[2])
 
 
@@ -87,7 +87,7 @@ def is_listening(endpoint: ControlEndpoint) -> bool:
 
 
 def left_moving(endpoint: ControlEndpoint) -> list[Path]:
-    """Return the motion markers in the state folder of a gateway."""
+    """Return the motion markers (``*.moving``) in the state folder of a gateway."""
     return sorted(Path(endpoint.state).glob("*.moving")) if endpoint.state else []
 
 
@@ -100,7 +100,7 @@ def remove_stale(folder: Path) -> None:
 
 
 def seal(secret: str, number: str, text: str) -> bytes:
-    """Return a datagram with its seal."""
+    """Return a datagram that begins with an HMAC of its content."""
     sealed = f"{number} {text}"
     return f"{_seal(secret, sealed)} {sealed}".encode()
 
@@ -119,7 +119,7 @@ def _seal(secret: str, sealed: str) -> str:
 
 
 def parts(text: str) -> list[str]:
-    """Split an answer into texts ``tell PLACE COUNT PART``, as many as it needs."""
+    """Split an answer into texts ``tell INDEX COUNT PART`` that each fit into a datagram."""
     pieces = [text[start : start + MAX_PART_CHARACTERS] for start in range(0, len(text), MAX_PART_CHARACTERS)] or [""]
     return [f"tell {place} {len(pieces)} {piece}" for place, piece in enumerate(pieces)]
 

@@ -30,10 +30,7 @@ _YEAR = 365.25 * 86400.0
 
 
 class Object(NamedTuple):
-    """An object: its name, position and kind (as text); its magnitude, length and width (arcminutes) if known.
-
-    ``also`` are its other names; ``seen`` describes a double star in the eyepiece.
-    """
+    """An object: its name, position and kind (as text); its magnitude, length and width (arcminutes) if known."""
 
     name: str
     where: Where
@@ -41,12 +38,14 @@ class Object(NamedTuple):
     magnitude: float | None = None
     size: float | None = None
     width: float | None = None
+    #: Its other names.
     also: str = ""
+    #: How a double star looks in the eyepiece.
     seen: str = ""
 
 
 class NotSupplied(UserError):
-    """An object that only another package contains; ``remedy`` tells a person at a shell how to install it."""
+    """The object is in an object library that is not installed; ``remedy`` says how to install it."""
 
     def __init__(self, reason: str, remedy: str) -> None:
         super().__init__(reason)
@@ -54,7 +53,7 @@ class NotSupplied(UserError):
 
 
 def find(text: str) -> Where:
-    """Return where an object is. Raises UserError."""
+    """Return the position of an object; for a planet or the Moon, its name. Raises UserError."""
     return describe(text).where
 
 

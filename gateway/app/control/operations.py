@@ -25,7 +25,7 @@ EXAMPLE_VALUES = {"Direction": "Direction.NORTH", "Rate": "Rate(key=5)", "Tracki
 
 
 def packed(operation: op.Operation[AnswerT], number: str) -> requests.OperationRequest:
-    """Return the request for an operation. Raises Invalid for any other object, and for a wrong field."""
+    """Return the request for an operation. Raises Invalid if it is no operation, or a field is wrong."""
     if not isinstance(operation, op.Operation):
         raise Invalid(f"{repr(operation)[:40]} is not an operation; write one like op.Position().")
     fields: dict[str, Any] = msgspec.to_builtins(_in_range(checked(operation)), enc_hook=_plain)
@@ -46,12 +46,12 @@ def answer_of(operation: op.Operation[AnswerT], reply: str) -> AnswerT:
 
 @functools.cache
 def answer_type(kind: type[op.Operation]) -> Any:
-    """Return the type of the answers to operations of a kind; None for those without."""
+    """Return the type of the answers to operations of a kind; None for operations without an answer."""
     return get_args(kind.__orig_bases__[0])[0]  # type: ignore[attr-defined]
 
 
 def checked(value: _S) -> _S:
-    """Return a value whose fields have the types that are declared, and are finite. Raises Invalid."""
+    """Return a copy with plain Python numbers. Raises Invalid for a field of a wrong type or an infinite number."""
     kind = type(value)
     fields = {name: _plain(getattr(value, name)) for name in value.__struct_fields__}
     for name, field in fields.items():
@@ -69,7 +69,7 @@ def _converted(fields: dict[str, Any], kind: type[_S]) -> _S:
 
 
 def _in_range(operation: op.Operation[AnswerT]) -> op.Operation[AnswerT]:
-    """Return an operation whose values make sense. Raises Invalid."""
+    """Return the operation. Raises Invalid if a value is out of range."""
     if isinstance(operation, op.SetGuideRate) and not 0.0 <= operation.rate <= 1.0:
         raise Invalid(f"The guide rate must be from 0 to 1, a fraction of sidereal, not {operation.rate:g}.")
     if isinstance(operation, op.Pulse | op.PulseAxis) and operation.ms < 0:

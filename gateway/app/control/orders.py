@@ -1,4 +1,4 @@
-"""Carries out the requests ``Stop``, ``HoldRequest`` and ``ReleaseHoldRequest``.
+"""Carries out the requests ``StopRequest``, ``HoldRequest`` and ``ReleaseHoldRequest``.
 
 A request is done only if that was verified: the mount was seen at rest. Every other answer says what went wrong.
 """
@@ -14,12 +14,12 @@ from gateway.core.requests import DONE, FAILED, Answer, HoldRequest, ReleaseHold
 from gateway.mount.controller import MountController
 from gateway.mount.readings.rest import TIME_TO_REST, come_to_rest
 
-#: Who asks, in the log and as whoever has stopped the mount.
+#: The client's name in the log and in messages that say who stopped the mount.
 STOP_CLIENT = "mount-gateway stop"
 STOPPED_ANSWER = Answer(DONE, "stopped")
 #: Seconds within which a mount must acknowledge a stop; a hand control takes at most 3.5 for one reply.
 STOP_ACK_TIMEOUT = 5.0
-#: Seconds for which the command waits for the answer.
+#: Seconds for which ``mount-gateway stop`` waits for the answer of the gateway.
 STOP_TIMEOUT = STOP_ACK_TIMEOUT + TIME_TO_REST + 2.0
 
 
@@ -46,7 +46,7 @@ async def _answer(request: StopOrHold, client_name: str, controller: MountContro
 
 
 async def stopped(controller: MountController, client_name: str = STOP_CLIENT) -> Answer:
-    """Stop the mount and watch it until it is at rest. ``client_name`` asks for it."""
+    """Stop the mount for a client, and watch it until it is at rest."""
     try:
         async with asyncio.timeout(STOP_ACK_TIMEOUT):
             await controller.stop(client_name)

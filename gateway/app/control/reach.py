@@ -1,8 +1,8 @@
 """Finds the gateways of this computer and the mounts that killed gateways left moving, and sends requests to gateways.
 
 ``stop`` may report that there is nothing to stop only after a search of the state folder, the runtime folders and the
-processes of this computer. Whatever the search could not read is reported as a doubt: a sentence that says what the
-user can do about it. A request is repeated until it is answered or times out.
+processes of this computer. For everything that the search could not read it reports a warning that says what the user
+can do about it. A request is repeated until it is answered or times out.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from gateway.system.runtime_folders import folders, folders_of_others, user, use
 RESEND_PERIOD = 0.5
 #: Seconds within which a healthy gateway has confirmed that it received the request.
 RECEIPT_TIMEOUT = 3.0
-#: Timeout in seconds for the answer to a request, not counting the time that it lasts itself (``Move``).
+#: Timeout in seconds for the answer to a request, in addition to the duration of a ``MoveRequest``.
 ANSWER_TIMEOUT = 15.0
 
 
 class SearchResult(Struct):
-    """The result of a search: gateways that can be asked, motion markers with their state folders, and doubts."""
+    """The gateways that can be reached, the motion markers with their state folders, and what could not be searched."""
 
     gateways: list[tuple[Path, ControlEndpoint]]
     markers: list[tuple[Path, MarkerContent]]
@@ -45,7 +45,7 @@ class SearchResult(Struct):
 
 
 class Scope(Struct, frozen=True):
-    """Where to search: a state folder; unless ``alone``, also other gateways of this user (root: of all users)."""
+    """Where to search: only one state folder, or also all gateways of this user (root: of all users)."""
 
     folder: Path
     alone: bool = False
@@ -57,7 +57,7 @@ def scope_of(state: str | None) -> Scope:
 
 
 def unreachable_gateways(scope: Scope) -> list[processes.Process]:
-    """Return the gateway processes that belong to the scope, or may belong to it, and cannot be asked."""
+    """Return the gateway processes that (may) belong to the scope and have no endpoint file that can be read."""
     if scope.alone and _must_hold_endpoint(scope.folder):
         return []
     known = {endpoint.pid for _, endpoint in _all_endpoints(scope.folder)[0]}
@@ -65,7 +65,7 @@ def unreachable_gateways(scope: Scope) -> list[processes.Process]:
 
 
 def reachable(process: processes.Process) -> bool:
-    """Whether this user should be able to ask a gateway once its control endpoint is open."""
+    """Whether this user has the right to send requests to a gateway, once its control endpoint is open."""
     return user() in (0, process.user)
 
 

@@ -31,7 +31,7 @@ from gateway.mount.readings.reader import missed
 MAX_START_DELAY = 10.0
 #: Seconds for fresh readings of the mount, before cached ones are shown.
 FRESH_READING_TIMEOUT = 1.5
-#: So many requests are remembered, the newest.
+#: How many requests are remembered, the newest ones.
 MAX_REMEMBERED_REQUESTS = 64
 #: Operations that need the site.
 NEEDS_SITE = (op.Zenith, op.MoonPlace, op.HorizontalPosition, op.GotoHorizontal, op.TubeSide)
@@ -39,18 +39,18 @@ _T = TypeVar("_T")
 
 
 class ActiveRequest:
-    """A request under way: its activity as a client, the number of stops at its start, its goal, its cancellation."""
+    """A request under way: its client, how many stops there were before it, its goal, and whether it was cancelled."""
 
     def __init__(self, activity: HostActivity, stop_count: int) -> None:
         self.activity, self.stop_count = activity, stop_count
         self.goal: op.Equatorial | None = None
         self.is_park = False
         self.cancelled = asyncio.Event()
-        #: Direction and rate key of the motion by hand that ``Press`` began.
+        #: Direction and rate key of the motion by hand that a ``PressRequest`` began.
         self.pressed: tuple[op.Direction, int] | None = None
 
 
-#: The names of requests for people, if they are not their tags.
+#: Tag of a request -> its title for people, if that is not the tag.
 REQUEST_TITLES = {"press": "Arrow", "let go": "Release of an arrow", "narrow": "Limits"}
 
 
@@ -63,12 +63,13 @@ def title(request: msgspec.Struct) -> str:
 
 
 def _operation(request: object) -> type[op.Operation] | None:
-    """Return the kind of operation that is asked for; None for every other request."""
+    """Return the type of the operation in an ``OperationRequest``; None for every other request."""
     return op.named(request.operation) if isinstance(request, requests.OperationRequest) else None
 
 
-#: Refusals by limits that a page may have narrowed, and the explanation for a person.
+#: Refusals by limits that a page may have narrowed.
 NARROWED = BelowHorizon | TooHigh | NearSun | PastMeridian
+#: The sentence that is added to such a refusal for a person.
 PAGE_WORDING = (
     "A page of the console has narrowed the limits until the gateway ends ({0}); it can take that back under More."
 )
@@ -106,7 +107,7 @@ async def _know_site(controller: MountController) -> None:
 
 
 class RequestHandler:
-    """Carries out requests for a gateway."""
+    """Carries out the requests of people for one gateway."""
 
     def __init__(self, controller: MountController, gateway: Serving) -> None:
         self._controller, self._gateway = controller, gateway
@@ -291,7 +292,7 @@ class RequestHandler:
         return f"it is moved {request.direction.word}"
 
     async def _let_go(self, request: requests.ReleaseKeyRequest, active: ActiveRequest) -> str:
-        """End the motion that ``Press`` began, unless another arrow has replaced it. Raises Fault."""
+        """End the motion that a ``PressRequest`` began, unless another arrow has replaced it. Raises Fault."""
         active.cancelled.set()
         if active.pressed is not None and self._holds(active):
             by = None if request.lost else active.activity
@@ -372,7 +373,7 @@ class RequestHandler:
         return Answer(DONE, "the mount was stopped")
 
     async def _look(self) -> dict[str, Any]:
-        """Read the values that no task polls; None for those that the mount does not report."""
+        """Read the pier side and the drive rate, which no task polls; None for one that the mount does not report."""
         controller = self._controller
         reported: dict[str, Any] = {"pier": None, "drive": None}
         if controller.line.state != "up" or controller.driver.asleep:
@@ -385,7 +386,7 @@ class RequestHandler:
         return reported
 
     async def _refresh(self) -> None:
-        """Refresh position and status, unless the mount does not answer soon."""
+        """Read position and status from the mount; give up after ``FRESH_READING_TIMEOUT``."""
         controller = self._controller
         if controller.line.state != "up" or controller.driver.asleep:
             return

@@ -22,17 +22,18 @@ from gateway.core.requests import FAILED, Answer, Request, decode
 from gateway.system.files import replace_file
 from gateway.system.runtime_folders import protect_from_cleanup
 
-#: So many requests are remembered, so that a repeated request gets the same answer.
+#: How many requests are remembered, so that a repeated request gets the same answer.
 MAX_REMEMBERED_REQUESTS = 64
 ENDING = Answer(
     FAILED, "the gateway is shutting down and stops its mount; run the command again to be sure", NoAnswer.__name__
 )
 
+#: Request number -> the task that carries out the request.
 Requests = dict[str, asyncio.Task[Answer]]
 
 
 class Control(asyncio.DatagramProtocol):
-    """Receives requests, which ``carry_out`` carries out.
+    """Receives requests, carries them out with ``carry_out``, and sends the answers.
 
     Endpoint files are written to ``folders``, the state folder first. ``mount_names`` is the mount's name, or empty.
     """

@@ -31,15 +31,15 @@ from gateway.core.requests import FAILED, Answer, ReleaseHoldRequest, StopOrHold
 from gateway.mount.readings.rest import come_to_rest
 from gateway.system.processes import age
 
-#: A process that cannot be asked may be just starting: search so many times, so many seconds apart. One that has run
-#: longer than this may be ending: search once more, and tell of it.
+#: A gateway process without an endpoint may be starting: search so many times, so many seconds apart. After the last
+#: number of seconds it is no longer starting but may be ending: search once more only, and report it.
 TRIES, SEARCH_PERIOD, OLD_AGE = 9, 0.125, 30.0
 
 
 class StopReport(Struct):
-    """The results: (mount, answer) pairs, the mount empty if it is not known; and the doubts.
+    """The result of a stop: a (mount, answer) pair for each gateway, warnings, and mounts that were not selected.
 
-    A mount is listed by its name, else by its endpoint. ``others`` are mounts that were not selected.
+    A mount is listed by its name, else by its endpoint; it is empty if unknown.
     """
 
     outcomes: list[tuple[str, Answer]]
@@ -50,7 +50,7 @@ class StopReport(Struct):
 async def order_all(scope: Scope, mount_name: str | None, request: StopOrHold) -> StopReport:
     """Send a request to every gateway in the scope; unless it is ``ReleaseHoldRequest``, also stop mounts left moving.
 
-    All mounts are served at once: no silent gateway and no doubt keeps another mount moving.
+    All mounts are stopped in parallel: a gateway that does not answer delays no other mount.
     """
     report = StopReport([], [])
     asked: set[tuple[int, int]] = set()
@@ -103,7 +103,7 @@ async def order_all(scope: Scope, mount_name: str | None, request: StopOrHold) -
 async def _order_mount(
     gateways: Sequence[tuple[Path, ControlEndpoint]], request: StopOrHold, marker: tuple[Path, MarkerContent] | None
 ) -> list[Answer]:
-    """Return the answers of a mount's gateways; if none runs any more, stop the mount directly and return that."""
+    """Return the answers of a mount's gateways; if none runs any more, stop the mount directly, return its result."""
     asked = await asyncio.gather(*(ask(endpoint, request, STOP_TIMEOUT) for _, endpoint in gateways))
     answers = [answer for answer in asked if answer is not None]
     if marker is not None and not answers:

@@ -19,7 +19,7 @@ from gateway.mount.safety.hour_angle import NO_LIMIT_MESSAGE
 
 
 class UserMessage(Struct, frozen=True):
-    """A message; ``warns``: the user should do something about it."""
+    """A message, or a warning about which the user should do something."""
 
     text: str
     warns: bool = False

@@ -3,8 +3,7 @@
 SkySafari finds a mount by SkyFi's discovery: it broadcasts ``skyfi?``, or ``skyfi:NAME?`` if its user has named a
 mount, to UDP port 4031. The answer is the question with ``@`` and an address in place of the question mark:
 ``skyfi:NAME@192.168.1.5``. It contains no port: SkySafari connects to the port in its settings.
-
-If the port cannot be opened, a message says so, and everything else works.
+If the discovery port cannot be opened, a message says so, and everything else works.
 """
 
 from __future__ import annotations
@@ -26,12 +25,12 @@ _QUESTION = rb"(?i)(skyfi(?::[^?\x00-\x1f]{0,64})?)\?[\r\n\0]*"
 
 
 class DiscoveryAnswers:
-    """All answers, until it is closed. ``warn`` gets messages for the user."""
+    """Answers discovery requests until it is closed. ``warn`` gets messages for the user."""
 
     def __init__(self, warn: Callable[[str], object]) -> None:
         self._warn = warn
         self._skyfi: asyncio.DatagramTransport | None = None
-        #: Functions that end the protocols' own discovery answers.
+        #: Functions that end the discovery answers of protocols that have a discovery of their own.
         self._discovery_ends: list[Callable[[], None]] = []
 
     async def answer(self, offers: Sequence[Offer], host: str = "0.0.0.0", port: int = SKYFI_DISCOVERY_PORT) -> None:
@@ -71,7 +70,7 @@ class DiscoveryAnswers:
         return 0 if self._skyfi is None else int(self._skyfi.get_extra_info("sockname")[1])
 
     def close(self) -> None:
-        """Answer no more."""
+        """Stop answering discovery requests."""
         for end in self._discovery_ends:
             end()
         if self._skyfi is not None:

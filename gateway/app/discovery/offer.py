@@ -18,14 +18,15 @@ NETWORK_SCHEMES = ("tcp", "rfc2217")
 HTTP = "http"
 #: Interfaces of containers and virtual machines within this computer: other computers cannot use their addresses.
 _INTERNAL_INTERFACES = ("docker", "br-", "veth", "virbr", "vmnet", "vboxnet", "lxc", "lxd", "podman")
-#: A remote address (of a network reserved for examples): the interface of its route has this computer's main address.
+#: A remote address, reserved for examples: the route to it begins at this computer's main address.
 _REMOTE_ADDRESS = ("192.0.2.1", 9)
 
+#: The addresses of this computer, each with the name of its interface.
 Held = Iterable[tuple[str, IPv4Address | IPv6Address]]
 
 
 class Offer(Struct, frozen=True):
-    """A surface on a port of its own; ``host`` is its numeric address."""
+    """A surface, or the console, on a network port; ``host`` is the numeric address to which the port is bound."""
 
     protocol: str
     scheme: str
@@ -34,7 +35,7 @@ class Offer(Struct, frozen=True):
 
     @property
     def wide(self) -> bool:
-        """Whether other computers can reach it."""
+        """Whether other computers can reach this port."""
         return not ipaddress.ip_address(self.host.partition("%")[0]).is_loopback
 
     @property

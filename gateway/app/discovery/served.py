@@ -21,7 +21,7 @@ CONSOLE_PROTOCOL = "console"
 
 
 class Serving(Protocol):
-    """The interface of a gateway that this module needs."""
+    """The attributes of ``Gateway`` that this module needs."""
 
     web: WebServer
     store: StateStore | None

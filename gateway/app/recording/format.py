@@ -30,7 +30,7 @@ _LINE = re.compile(rf"(\d+\.\d+) (\S+) ([{re.escape(ARROWS)}])(?: (.*))?")
 
 
 class Event(NamedTuple):
-    """One recorded event, ``at`` seconds after the beginning."""
+    """One recorded event; its time is in seconds since the recording began."""
 
     at: float
     side: str
@@ -107,7 +107,7 @@ def _when(last_event: Event | None) -> str:
 
 
 def part_path(path: Path, number: int) -> Path:
-    """Return the name of an older file of a recording."""
+    """Return the path of an older file of a recording: FILE.1 is the file before FILE."""
     return path.with_name(f"{path.name}.{number}")
 
 

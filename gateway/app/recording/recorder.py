@@ -34,19 +34,17 @@ if TYPE_CHECKING:
 
 #: Bytes after which a new file is begun, and how many files are kept, including the file being written.
 MAX_FILE_BYTES, MAX_FILES = 10_000_000, 20
-#: Seconds from an event until it is written, and between two looks at a disk that hangs; how many may wait for it.
+#: Seconds until an event is written, and between two checks of a disk that hangs; how many events may wait for it.
 WRITE_DELAY, DISK_CHECK_PERIOD, MAX_UNWRITTEN_LINES = 0.1, 1.0, 100_000
-#: How many lines are made at a time: meanwhile the event loop waits.
+#: How many lines are formatted at a time; the event loop waits meanwhile.
 LINES_PER_WRITE = 32
 #: Only the owner may read a recording: the site's coordinates are in it.
 OWNER_ONLY_MODE = 0o600
 
 
 class Recorder:
-    """Writes a recording whose header holds ``settings``. ``clock`` returns the Unix time
-    of entries, ``now`` monotonic seconds; ``warn`` gets messages for the user.
-
-    Raises UserError for a file that cannot be written.
+    """Writes a recording whose header holds ``settings``. ``clock`` returns the Unix time of entries, ``now`` monotonic
+    seconds; ``warn`` gets messages for the user. Raises UserError for a file that cannot be written.
     """
 
     def __init__(
@@ -86,7 +84,7 @@ class Recorder:
             await self.flush()
 
     async def flush(self) -> None:
-        """Write what was put so far, and wait until that is done."""
+        """Write all entries so far, and wait until they are in the file."""
         async with self._lock:
             if self._unwritten and not self._lost:
                 await self._write_entries([self._unwritten.popleft() for _ in range(len(self._unwritten))])
@@ -131,8 +129,8 @@ class Recorder:
         """Write entries; return whether the oldest file was deleted for the first time.
 
         ``start_time`` is the start of the recording by the clock of the entries, which may have been set since;
-        ``end_time`` is the present second of the recording. Raises OSError after the end of a file that cannot be
-        written any more.
+        ``end_time`` is the present second of the recording. If the file cannot be written any more, it is closed;
+        then raises OSError.
         """
         full = False
         for start in range(0, len(entries) if self._file >= 0 else 0, LINES_PER_WRITE):
@@ -149,7 +147,7 @@ class Recorder:
         return full
 
     def _open(self, start: float) -> None:
-        """Begin a file at a second of the recording. Raises OSError."""
+        """Begin a file whose first event is ``start`` seconds into the recording. Raises OSError."""
         self._file, self._size = _open_private(self._path), 0
         self._append(f"{FILE_HEADER}{FORMAT_VERSION}\n# {json.dumps({**self._settings, 'from': round(start, 6)})}\n")
 

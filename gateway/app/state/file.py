@@ -36,7 +36,7 @@ _HOLD_TEXT = b"mount-gateway stop --hold: no mount of this folder is moved until
 
 
 class SavedState(Struct, omit_defaults=True):
-    """The content of a state file. ``mount`` is the driver's state: where home is, whether the mount is parked."""
+    """The content of a state file: the state that must survive the end of the gateway."""
 
     format: Literal[1]
     sites: dict[Annotated[str, Meta(pattern="^[0-3]$")], NamedSite] = {}
@@ -45,23 +45,24 @@ class SavedState(Struct, omit_defaults=True):
     zone: tuple[Annotated[float, Meta(ge=-14, le=14)], Annotated[int, Meta(ge=0, le=1)]] | None = None
     pec: bool | None = None
     motors: dict[str, Byte] = {}
+    #: The driver's state: where home is, whether the mount is parked.
     mount: Values = {}
     #: How far all syncs since the mount's alignment have moved the sky in total.
     synced: SyncSum = SyncSum()
-    #: Where the mount was when the gateway last saw it, if the gateway keeps something that ends with the mount.
+    #: The mount's last known position, if other stored values become wrong once the mount is switched off.
     left: AsLeft | None = None
-    #: The site that a program has set last, if the mount tells none of its own.
+    #: The site that a program has set last, if the mount reports none.
     site_of_program: SiteOfProgram | None = None
 
 
 class MarkerContent(Struct):
-    """The content of a motion marker: the moving mount, its endpoint, the driver's state that a stop needs; when the
-    marker was written, by this computer's clock, and what moved.
-    """
+    """The content of a motion marker: the endpoint of the moving mount, and what is needed to stop it."""
 
     mount: str
     baud: int
+    #: The driver's state that a stop needs.
     memory: Values = {}
+    #: Unix time at which the marker was written, by this computer's clock.
     at: float = 0.0
     motion: LeftMotion | None = None
 

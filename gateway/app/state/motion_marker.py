@@ -21,8 +21,10 @@ from gateway.system.files import replace_file
 
 #: Seconds. A write takes a fraction of a millisecond; a disk that is busy must not delay an arrow noticeably.
 WRITE_TIMEOUT = 0.02
+#: Seconds between two checks for motion, and seconds at rest after which the marker is deleted.
 CHECK_PERIOD, REST_DELAY = 1.0, 5.0
 
+#: Calls a function with arguments on a thread, and returns its result.
 InThread = Callable[..., Awaitable[Any]]
 
 

@@ -30,7 +30,7 @@ class MountTaken(UserError):
 def claim(mount: Endpoint, warn: Callable[[str], None]) -> Claim | None:
     """Take the lock of a mount until it is released; return None for a mount that has no network address.
 
-    Without a folder for locks, ``warn`` gets a message and no lock is taken. Raises MountTaken by another gateway.
+    Without a folder for locks, ``warn`` gets a message and no lock is taken. Raises MountTaken if it is locked.
     """
     name = address(mount.where)
     try:

@@ -40,7 +40,7 @@ class PreviousRun(Struct, frozen=True):
 
 
 def restore(controller: MountController, previous_run: PreviousRun) -> None:
-    """Restore the state of the previous run. A mount left moving is stopped first; examined if that was long ago."""
+    """Restore the state of the previous run. A mount left moving is stopped, or only examined if that was long ago."""
     controller.driver.restore_state(previous_run.saved.mount, moving=False)
     controller.synced.value = previous_run.saved.synced
     controller.same_mount.left = previous_run.saved.left
@@ -56,7 +56,7 @@ def restore(controller: MountController, previous_run: PreviousRun) -> None:
 
 
 class StateStore:
-    """Keeps the files of a mount. ``shared``: settings that all clients share; ``held``: it has the files' lock."""
+    """Keeps the files of a mount; without their lock it saves nothing. ``shared``: settings that all clients share."""
 
     def __init__(
         self,
@@ -76,7 +76,7 @@ class StateStore:
         self._simulated = where == "sim"
         self._marker_base, self.in_thread = marker_defaults, in_thread
         self._warn, self._has_warned = warn, False
-        #: What to tell the user, once this gateway serves, of another gateway that has these files; empty if none.
+        #: A warning for the user, once this gateway serves, that another gateway has these files; else empty.
         self.other_gateway = ""
         #: The process that has the lock instead, as text; empty if none is known to have it.
         self.holder = ""
@@ -226,7 +226,7 @@ class StateStore:
         return True
 
     async def close(self) -> None:
-        """Finish writing and release the lock; to be called after the mount was stopped."""
+        """Finish writing and release the lock. Call it after the mount was stopped."""
         self._closing.set()
         if self._writer is not None:
             await asyncio.wait({self._writer})

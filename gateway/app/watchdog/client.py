@@ -1,10 +1,10 @@
 """The gateway's side of the watchdog: starts the process, passes it the serial lines, and reports which mounts move.
 
 Every message is one line of ASCII: ``line NUMBER TITLE LOCK``, sent with a duplicate of the line's descriptor, or
-``server NUMBER TITLE LOCK HOST PORT WHEN``; ``gone NUMBER``; ``moving NUMBER COMMAND…`` with the commands that stop the
-mount, or ``clear NUMBER COMMAND…`` if it is on a path that was checked; ``rest NUMBER``; and ``beat``. Texts and
-commands are in hexadecimal. The process answers ``stopped NUMBER``. The event loop sends heartbeats only while a mount
-moves; they cost no exchange with the mount.
+``server NUMBER TITLE LOCK HOST PORT WHEN`` (``beside`` or ``alone``: see ``ServedMount``); ``gone NUMBER``; ``moving
+NUMBER COMMAND…`` with the commands that stop the mount, or ``clear NUMBER COMMAND…`` if it is on a path that was
+checked; ``rest NUMBER``; and ``beat``. Texts and commands are in hexadecimal. The process answers ``stopped NUMBER``.
+The event loop sends heartbeats only while a mount moves; they cost no exchange with the mount.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ BLOCKED_SIGNALS = [
 ]
 #: The descriptor of the socket in the watchdog process.
 SOCKET_DESCRIPTOR = 3
-#: What the process has been told of a mount that does not move.
+#: The kind and the commands of the last message about a mount that does not move.
 REST_STATE: tuple[str, tuple[bytes, ...]] = ("rest", ())
 
 
@@ -45,7 +45,7 @@ def available() -> bool:
 class Watchdog:
     """The watchdog process of this gateway. ``warn`` gets a message if it cannot be kept running.
 
-    It is started by ``start``, or by the first motion: its own start would delay the first answer by a tenth.
+    It is started by ``start``, or by the first motion: at the gateway's start it would delay the first reply by 10 %.
     """
 
     def __init__(self, warn: Callable[[str], None] = lambda text: None) -> None:
@@ -236,7 +236,7 @@ class WatchedMount:
         self._watchdog.beat()
 
     async def before_motion(self) -> None:
-        """Tell the process, without waiting: see ``Reconciler``."""
+        """Tell the process that a motion is about to begin; this never waits. The ``Reconciler`` calls it."""
         self.begin()
 
     def renew(self, _: None = None) -> None:

@@ -17,12 +17,12 @@ import time
 
 #: Seconds without a heartbeat after which a gateway with a moving mount counts as hung.
 MAX_SILENCE = 1.2
-#: The same for a gateway that waits for a processor while every moving mount is on a clear path; the part of the
-#: silence that it must have waited, and seconds between two looks at that.
+#: The same for a gateway that waits for a processor while every moving mount is on a clear path; the fraction of the
+#: silence that it must have waited, and seconds between two checks of that.
 MAX_STARVED_SILENCE, MIN_WAITING_TIME, WAITING_CHECK_PERIOD = 5.0, 0.8, 0.25
 #: Seconds between two commands of a stop: a hand control must answer each before it can receive the next.
 COMMAND_GAP = 0.15
-#: Seconds within which a server must accept a connection; how many used ones are kept.
+#: Seconds within which a server must accept a connection; how many used connections stay open.
 CONNECT_TIMEOUT, MAX_USED_CONNECTIONS = 0.4, 6
 #: A stop is sent so many times, once in so many seconds: the first may end up in the middle of a command.
 STOP_COUNT, STOP_PERIOD = 5, 1.0
@@ -31,7 +31,7 @@ FREEZE_TIME = 0.5
 
 
 class GuardedMount:
-    """One mount: the duplicate of its line, the holder of its lock, and the commands that stop it while it moves."""
+    """One mount: a duplicate of its descriptor, who holds its lock, and the commands that stop it while it moves."""
 
     def __init__(self, title: str, lock: str, descriptor: int) -> None:
         self.title, self.lock, self.descriptor = title, lock, descriptor
@@ -71,7 +71,7 @@ class GuardedMount:
 
 class ServedMount(GuardedMount):
     """A mount behind a server. Each stop command is a whole HTTP request on a new connection, because servers may close
-    a connection after an answer. The first is opened in advance if the server answers ``beside`` an idle one.
+    a connection after an answer. The first is opened in advance if an idle connection does no harm (``beside``).
     """
 
     def __init__(self, title: str, lock: str, host: str, port: str, connect_mode: str) -> None:
@@ -126,19 +126,19 @@ def read(path: str) -> bytes:
 
 
 def waited(process: str) -> float:
-    """Return the seconds that a process has waited for a processor (Linux); not a number if the system does not say."""
+    """Return the seconds for which a process has waited for a processor; NaN if the system does not say (not Linux)."""
     columns = read(f"/proc/{process}/schedstat").split()
     return int(columns[1]) / 1e9 if len(columns) == 3 else float("nan")
 
 
 class Watch:
-    """Watches the mounts of a gateway by its messages."""
+    """Watches a gateway by its messages; stops its moving mounts if it dies or hangs."""
 
     def __init__(self, connection: _socket.socket, gateway: str) -> None:
         self.connection, self.gateway = connection, gateway
         self.mounts: dict[str, GuardedMount] = {}
         self.last_heard = 0.0
-        #: How long the gateway had waited for a processor when it was last heard; the silence that is tolerated now.
+        #: Seconds that the gateway had waited for a processor at its last message; seconds of silence now tolerated.
         self._waited, self._patience = 0.0, MAX_SILENCE
         self._partial_line = b""
 
@@ -206,7 +206,7 @@ class Watch:
             self.mounts[number].get_ready()
 
     def drop(self, number: str) -> None:
-        """Forget the line to a mount, which the gateway has closed."""
+        """Forget a mount whose line the gateway has closed, and close the duplicate."""
         mount = self.mounts.pop(number, None)
         if mount is not None:
             mount.close()
