@@ -1,6 +1,6 @@
-"""The only list of protocols: a protocol is a folder here, a folder under ``mappings/``, and one entry in the list.
+"""The list of all protocols: each has a folder here, a folder under ``mappings/``, and one entry in the list.
 
-All other code reads this list and names no protocol. By default clients get the first, and the second is driven.
+All other code reads this list and names no protocol. By default clients speak the first, the mount the second.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from gateway.protocols.stellarium.spec import SPEC as STELLARIUM
 
 PROTOCOLS: dict[str, ProtocolSpec] = {spec.name: spec for spec in (LX200, NEXSTAR, STELLARIUM, ALPACA)}
 
-#: Replaces the protocol of a surface that recognises the protocol of each connection by its first bytes.
+#: The name, in place of a protocol, of a surface that recognises the protocol of each connection by its first bytes.
 ANY = "any"
 #: The suggested TCP port for such a surface.
 ANY_PORT = 4040
 
 
 def surface_protocols(protocol: str) -> list[str]:
-    """Return the protocols of a surface: its own, or all that use a byte stream; the web server serves HTTP."""
+    """Return the protocols that a surface accepts: ``protocol``, or for ``any`` all byte streams, without HTTP."""
     return streams() if protocol == ANY else [protocol]
 
 
@@ -56,7 +56,7 @@ def pairs() -> list[tuple[str, str]]:
 
 
 def other_surface(mount: str) -> str:
-    """Return the most probable protocol of clients for a mount: the first surface of another protocol."""
+    """Return the first protocol with a surface that is not the mount's: most clients of such a mount speak it."""
     return next((name for name in surfaces() if name != mount), mount)
 
 

@@ -1,4 +1,4 @@
-"""The specification of ASCOM Alpaca for the registry. Programs speak Alpaca, and so do servers with a telescope."""
+"""The ``ProtocolSpec`` of ASCOM Alpaca. It has a surface for programs and a driver for Alpaca servers."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
 
 
 def _hint(frame: bytes) -> str:
-    """Explain the form of requests, for a request that does not exist."""
+    """Explain how requests are written, in the message about an unknown request."""
     if load(NAME).find(frame + b"\n") is not None:
         return "a request ends with a line feed: append \\x0a"
     return "requests are written like 'get rightascension\\x0a' and 'put tracking Tracking=true\\x0a'"

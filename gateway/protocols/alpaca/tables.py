@@ -1,7 +1,7 @@
-"""The two tables that only Alpaca has, and the errors that ASCOM defines and no mount has.
+"""Two mapping tables that only Alpaca has, and faults that only ASCOM defines.
 
-``mappings/alpaca/errors.toml`` has the ASCOM number of each class of fault, ``members.toml`` the conditions of the
-members of the interface: a connected program, an unparked mount.
+``mappings/alpaca/errors.toml`` has the ASCOM number of each class of fault. ``members.toml`` has the conditions under
+which the members of the interface may be used, such as a connected program or an unparked mount.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ class Parked(Fault):
 
 
 class Untold(Unsupported):
-    """The server lacks this member, or could not read it now; its answer does not distinguish the two."""
+    """The server lacks this member, or could not read it now; its answer does not show which."""
 
 
 @cache
 def numbers() -> dict[str, int]:
-    """Name of a class of fault -> number. Raises MappingError."""
+    """Return class name of a fault -> ASCOM's error number. Raises MappingError."""
     by_name = {}
     for name, row in load("alpaca").extra("errors.toml").items():
         if set(row) != {"number"} or row["number"] not in NUMBERS:
@@ -54,7 +54,7 @@ def number(fault: Fault) -> int:
 
 
 def refused(fault: Fault) -> dict[str, Any]:
-    """Return the members of a JSON answer that reports a fault."""
+    """Return the keys and values of a JSON answer that report a fault."""
     return {"ErrorNumber": number(fault), "ErrorMessage": str(fault)}
 
 
@@ -64,7 +64,7 @@ def refusal(frame: bytes, fault: Fault | None) -> bytes:
 
 
 def is_refusal(reply: bytes) -> bool:
-    """Whether a reply line is a refusal: no value begins like a refusal."""
+    """Whether a reply line reports an error, by its beginning, which no value has."""
     return reply.startswith(b'{"ErrorNumber"')
 
 
@@ -72,15 +72,13 @@ def is_refusal(reply: bytes) -> bool:
 
 
 class Member(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A row of ``members.toml``. ``always``: also for programs that are not connected. ``unparked``: not while parked.
-    ``tracking``: only while the mount tracks (or not). ``arrival``: answered after its goto. ``list``: a list.
-    """
+    """A row of ``members.toml``: under which conditions a member of the interface may be used, and its reply."""
 
-    always: bool = False
-    unparked: bool = False
-    tracking: bool | None = None
-    arrival: bool = False
-    list: bool = False
+    always: bool = False  # programs that are not connected may use it too
+    unparked: bool = False  # it is refused while the mount is parked
+    tracking: bool | None = None  # it is refused unless the mount tracks (true) or does not track (false)
+    arrival: bool = False  # the reply is sent when the goto that it begins has ended
+    list: bool = False  # its value is a list
 
 
 #: The conditions of most members.
@@ -89,7 +87,7 @@ PLAIN = Member()
 
 @cache
 def members() -> dict[str, Member]:
-    """Command name -> conditions. Raises MappingError."""
+    """Return command name -> conditions, for the commands in ``members.toml``. Raises MappingError."""
     protocol, rows = load("alpaca"), {}
     for name, row in protocol.extra("members.toml").items():
         if name not in protocol.commands:
@@ -106,13 +104,13 @@ def member(name: str) -> Member:
     return members().get(name, PLAIN)
 
 
-#: Form of a reply -> the value that goes with an error: clients expect a value of the member's type.
+#: Field format of a reply -> the value in an answer that reports an error: clients expect one of the member's type.
 _EMPTY: dict[str, Any] = {"truth": False, "number": 0.0, "hours": 0.0, "whole": 0, "moment": "", "json": ""}
 _FIELD_FORM = re.compile(r"\{\w+:(\w+)\}")
 
 
 def empty_value(command: Command) -> dict[str, Any]:
-    """Return the ``Value`` that goes with an error of this member; nothing for a member without a value."""
+    """Return the key ``Value`` of an answer that reports an error; an empty mapping for a member without a value."""
     match = _FIELD_FORM.search(str(command.replies[0][1].source)) if command.replies else None
     if match is None:
         return {}

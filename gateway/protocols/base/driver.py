@@ -1,9 +1,9 @@
 """Driver: turns operations into commands and replies into answers, without I/O.
 
 ``perform(operation)`` is a generator: it yields steps, and the caller sends back the outcome of each. There are four
-kinds of steps: ``Send`` (send this command and return the fields of its reply), ``Wait`` (leave the line to others for
-some seconds), ``Schedule`` (perform this operation later) and ``Remark`` (write this to the log). The rows of
-``driver.toml`` name functions of the protocol's own package (``call``).
+kinds of steps: ``Send`` (send this command and return the fields of its reply), ``Wait`` (let other requests use the
+line for some seconds), ``Schedule`` (perform this operation later) and ``Remark`` (write this to the log). The rows of
+``driver.toml`` name the functions of the protocol that carry out operations (``call``).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import Implementation, Model, Version
 
 _T = TypeVar("_T")
-#: Outcomes of rows that change nothing on the mount.
+#: The values of ``outcome`` in driver rows that have no effect on the mount.
 WITHOUT_EFFECT = ("refused", "silent")
 #: Seconds before the driver checks again whether a goto has begun, after its acknowledgement was lost.
 RECHECK_AFTER = 0.5
@@ -29,30 +29,29 @@ BY_HAND = "The mount is moved by hand: the guide pulse is dropped."
 
 
 class Send(NamedTuple):
-    """Send a command with these field values. The generator receives the reply's fields, or a Fault is raised in it.
-
-    patience          seconds after which no reply counts as an answer: ``Silence`` is raised, the line stays up
-    long              the mount is busy with it for up to ``patience`` seconds: only a stop without a reply is sent
-                      meanwhile, other commands are refused as busy, and no reply at the end is a fault of the line
-    at_once_or_never  it begins a motion by hand: if the line or the mount is busy it is refused instead of delayed
-    raw               return the bytes of the reply too, as the field ``raw``
-    unverified_ok     accept the first reply without verification, because nothing depends on it; or if this function of
-                      its fields is true
-    once              accept the reply as it is: it concerns the command just before it, or only the client that asked
-    """
+    """Send a command with these field values. The generator receives the reply's fields, or a Fault is raised in it."""
 
     command: str
     values: Mapping[str, object] = {}
+    #: Seconds without a reply after which ``Silence`` is raised although the line stays up; None: the line then counts
+    #: as lost.
     patience: float | None = None
+    #: Whether the mount is busy with it for up to ``patience`` seconds. Meanwhile other commands are refused,
+    #: except a stop that has no reply. If there is no reply in the end, the line counts as lost.
     long: bool = False
+    #: Whether it begins a motion by hand: if the line or the mount is busy it is refused instead of delayed.
     at_once_or_never: bool = False
+    #: Whether the bytes of the reply are returned too, as the field ``raw``.
     raw: bool = False
+    #: Whether the first reply is accepted without a second request to verify it; or a function of the reply's fields.
     unverified_ok: bool | Callable[[Mapping[str, object]], bool] = False
+    #: Whether it must not be sent a second time to verify the reply: the reply belongs to the command before it, or
+    #: concerns only the client that requested it.
     once: bool = False
 
 
 class Wait(NamedTuple):
-    """Wait while other requests may use the line."""
+    """Wait for some seconds, in which other requests may use the line."""
 
     seconds: float
 
@@ -73,7 +72,7 @@ class Schedule(NamedTuple):
 class Remark(NamedTuple):
     """A sentence for the log: the driver does something differently from what was requested.
 
-    It is written once. Of remarks of one ``kind``, which differ only by numbers, only the first is written.
+    The same text is written once. Of remarks with the same ``kind``, whose numbers differ, only the first is written.
     """
 
     text: str
@@ -91,61 +90,61 @@ SavedValues = dict[str, Any]
 
 
 class GotoUnderWay(Struct):
-    """A goto under way since ``since`` (driver clock; infinite until it is acknowledged, so that a mount at rest does
-    not count as its end). ``then``: park at its end.
+    """A goto under way, or a way to the park or home position."""
 
-    ``unconfirmed``: the acknowledgement was lost, and no reading has shown yet whether the goto has begun.
-    ``slew_reported``: the mount has reported that it slews.
-    """
-
+    #: When it began, by the driver's clock; infinite until the mount acknowledges it: until then a mount at rest does
+    #: not mean that the goto has ended.
     since: float = math.inf
+    #: ``park`` or ``home`` if it leads to that position; None for a goto to a target.
     then: str | None = None
+    #: Whether the acknowledgement was lost and no reading has shown yet whether the goto has begun.
     unconfirmed: bool = False
+    #: Whether the mount has reported that it slews.
     slew_reported: bool = False
 
 
 class Driver:
-    """Carries out operations by the rows of ``driver.toml``, and owns the known state of the mount.
+    """Carries out operations by the rows of ``driver.toml``, and holds what is known of the mount's state.
 
-    ``handlers``: the functions that rows call, ``(driver, operation) -> Steps``; they import the driver's state.
+    ``handlers``: the functions that the rows name, ``(driver, operation) -> Steps``.
     """
 
-    #: Whether site and time can be set on an aligned mount without consequences, or whether that costs the alignment.
+    #: Whether setting site and time on an aligned mount has no side effects; whether it ends the alignment.
     takes_site_aligned = loses_alignment = False
-    #: How many commands it takes to read the position.
+    #: How many commands it takes to read both coordinates of the position.
     position_reads = 1
-    #: Loop times: when the last command was written and the next one can be; and, if they take one command each, when
-    #: both halves of the last position were read.
+    #: When the last command was sent, and when the next can be sent, by the event loop's clock.
     sent_at = next_at = 0.0
+    #: When each coordinate of the last position was read, by the same clock; None if one command reads both.
     read_at: tuple[float, float] | None = None
-    #: Resolution of the reported position, degrees: at rest two readings differ by no more. The steps of its angles.
+    #: Resolution of the reported position, degrees: at rest two readings differ by no more; of RA and of declination.
     resolution = 20.0 / 3600.0
     ticks: tuple[float, float] = (resolution, resolution)
     #: How many times faster than a real mount a simulated mount slews.
     speed_factor = 1.0
-    #: The years that its clock, or the gateway's substitute for it, can be set to.
+    #: The years to which the mount's clock can be set; if it has none, the clock that the gateway keeps for it.
     years = range(1900, 2100)
     #: Whether the mount has a GPS receiver of its own, and whether it times guide pulses itself.
     gps = times_pulses = False
-    #: Degrees that replace a sync that the mount cannot take, in RA and declination; its axes know nothing of them.
+    #: Degrees in RA and declination that the gateway adds to the mount's position, instead of a sync of the mount.
     offset: tuple[float, float] = (0.0, 0.0)
-    #: Whether it does so because the hand control has no sync command.
+    #: Whether the gateway uses ``offset`` for syncs because the hand control has no sync command.
     emulates_sync = False
-    #: The last position, as the mount counts.
+    #: The last position that the mount reported, without ``offset``.
     last: op.Equatorial | None = None
-    #: Whether the last reported declination was beyond the pole: the mount assumes that the tube was driven over it.
+    #: Whether the last reported declination was beyond 90 degrees: the mount assumes that the tube has passed the pole.
     told_beyond = False
-    #: Whether motion by hand is a series of small gotos, in right ascension and declination on every kind of mount.
+    #: Whether motion by hand is a series of small gotos in right ascension and declination, also on alt-az mounts.
     moves_by_gotos = False
-    #: The equinox of its coordinates, ``jnow`` or ``j2000``: as its version tells, and if the user has not chosen that.
+    #: The equinox of the mount's coordinates, ``jnow`` or ``j2000``; and the one assumed if the user configures none.
     equinox = default_equinox = "jnow"
     #: Whether a sync aligns the mount. If not, an unaligned mount accepts neither a sync nor a goto to the sky.
     sync_aligns = True
     #: Whether it is a German mount, whose tube changes sides of the pier; None while that is unknown.
     german: bool | None = None
-    #: Whether the mount tells no position while it seeks its home.
+    #: Whether the mount reports no position while it seeks its home position.
     seeks_unseen = False
-    #: Whether a German mount tells on which side of the pier its tube is.
+    #: Whether a German mount reports on which side of the pier its tube is.
     tells_side = True
     protocol: CommandSet
     #: A monotonic clock, seconds.
@@ -159,11 +158,11 @@ class Driver:
     site: op.Place | None = None
     #: Whether the motors have no power although the mount still answers.
     powerless = False
-    #: Seconds after which no reply to a passed-on command counts as an answer; None if the mount answers all it has.
+    #: Seconds after which ``Silence`` is raised if a passed-on command has no reply; None if the mount replies to all.
     patience: float | None = None
-    #: Whether the mount hibernates; whether it moves although no client ordered that, so that it may be slewing.
+    #: Whether the mount hibernates; whether it moves, and may be slewing, without an order of the gateway.
     asleep = moved_by_others = False
-    #: Whether it was parked, and was not unparked or moved since; whether a goto is known to take it from there.
+    #: Whether the mount is parked, by the last report or order; whether a goto is known to unpark it.
     parked = goto_unparks = False
 
     def __init__(self, handlers: Mapping[str, Handler]) -> None:
@@ -176,7 +175,7 @@ class Driver:
 
     @property
     def equatorial_mode(self) -> op.Tracking:
-        """The equatorial tracking mode of its hemisphere."""
+        """The tracking mode of an equatorial mount in the hemisphere of the site."""
         return op.Tracking.EQ_SOUTH if self.southern else op.Tracking.EQ_NORTH
 
     def supports(self, name: str) -> bool:
@@ -184,7 +183,7 @@ class Driver:
         return (row := self.protocol.commands.get(name)) is not None and row.known_to(self.model, self.version)
 
     def implementation(self, operation: type[op.Operation]) -> Implementation | None:
-        """Return the first row for this operation whose commands the mount supports, or None."""
+        """Return the first row of ``driver.toml`` for this operation whose commands the mount supports, or None."""
         return next(filter(self._has, self.protocol.driver.get(operation.__name__, ())), None)
 
     def _has(self, row: Implementation) -> bool:
@@ -192,20 +191,20 @@ class Driver:
 
     @property
     def ends(self) -> frozenset[str]:
-        """The commands of a stop that end a motion and do nothing else."""
+        """The commands of this driver's stop that end a motion and do nothing else."""
         row = self.implementation(op.AbortMotion)
         return frozenset() if row is None else frozenset(row.ends)
 
     def impossible(self, operation: op.Operation) -> Fault | None:
-        """Return the fault that this operation would certainly end with, as far as known without asking; else None."""
+        """Return the fault with which this operation would certainly fail, else None. Nothing is sent to find out."""
         return None
 
     def speed(self, rate: op.Rate) -> float:
-        """Return how fast the mount moves at a hand rate, degrees per second."""
+        """Return the speed of motion by hand at this rate, degrees per second."""
         raise NotImplementedError
 
     def can_do(self, equatorial: bool) -> op.Abilities:
-        """Return what the mount can do according to the tables, without operations that would only be refused."""
+        """Return the mount's abilities according to the tables. ``equatorial``: whether its first axis is polar."""
         traits = self.protocol.traits(self.model or "", equatorial and not self.german)
         can = (
             name
@@ -221,10 +220,10 @@ class Driver:
         return None
 
     def home_refused(self) -> None:
-        """React to a refused Park or Home: on a mount that does not report its home state, the search has failed."""
+        """Note that the mount has refused Park or Home; mounts that report no home state then count as not at home."""
 
     def tube_side(self, reported: str) -> str | None:
-        """Return the real side of the pier (E, W) for an answer to PierSide; None if the mount has no sides."""
+        """Return the tube's real side of the pier (E, W), given the mount's answer to PierSide; None without sides."""
         return None
 
     def give_up_goto(self) -> None:
@@ -232,9 +231,9 @@ class Driver:
         self.goto = None
 
     def begin_goto(self, state: GotoUnderWay, order: Steps, is_slewing: Handler) -> Steps:
-        """Begin a goto with the steps of ``order``. It counts as under way before they are sent: a stop must know.
+        """Begin a goto with the steps of ``order``. It counts as under way before they are sent, so a stop ends it.
 
-        If the acknowledgement is lost, ``is_slewing`` finds out whether it slews. Raises NoAnswer if not.
+        If the acknowledgement is lost, ``is_slewing`` reads whether the mount slews. Raises NoAnswer if it does not.
         """
         self.parked, self.goto = False, state
         try:
@@ -254,7 +253,7 @@ class Driver:
             state.since = self.now()
 
     def saved_state(self, moving: bool) -> SavedValues:
-        """Return the values to store in the state file; while the mount moves, also what is needed to stop it."""
+        """Return the values to store in the state file; if ``moving``, also those needed to stop the mount later."""
         return {}
 
     def restore_state(self, saved_values: SavedValues, moving: bool) -> None:
@@ -262,11 +261,11 @@ class Driver:
 
     @property
     def emulated(self) -> str:
-        """What the gateway keeps for the mount and a power cycle makes wrong, with the remedy; empty if nothing."""
+        """A message about settings kept by the gateway that a power cycle of the mount makes wrong; empty if none."""
         return ""
 
     def forget_emulated(self) -> Steps:
-        """Forget these settings: the mount may have been switched off. If the value is known then, it is sent."""
+        """Reset the settings that the gateway keeps for the mount, or send them again, after a possible power cycle."""
         yield from ()
 
     def line_was_lost(self) -> None:
@@ -277,11 +276,11 @@ class Driver:
         yield from ()  # makes this a generator
 
     def contact(self) -> Steps:
-        """Find out how to read the position; return the position if that is known already."""
+        """Find out which command reads the position. Return the position if it was read in doing so, else None."""
         yield from ()
 
     def presented(self) -> Model:
-        """Return the model constants for a surface of the same protocol that presents the mount itself."""
+        """Return the model constants of this mount, for a surface of the same protocol that presents it unchanged."""
         return {}
 
     def reported_model(self, identity: op.Identity) -> str | None:

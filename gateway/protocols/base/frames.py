@@ -3,8 +3,9 @@
 A frame is ``bytes``, one whole command. Two subclasses carry more: ``Unterminated``, a command whose terminator was
 lost, which is never carried out because its argument may be incomplete, and ``Suspect``, a command that arrived
 together with an unterminated command, which is answered but may not begin a motion. A framer receives the time with the
-bytes, because a pause may be all that separates two commands: in a protocol of fixed lengths it drops bytes that begin
-no command, with all that arrive with them, and half a command whose rest is late. It buffers one command at most.
+bytes, because a pause may be all that separates two commands. For commands of fixed lengths it drops half a command
+whose rest is late, and bytes that begin no command together with all that arrive with them. It buffers one command at
+most.
 """
 
 from __future__ import annotations
@@ -14,15 +15,15 @@ from typing import Protocol
 
 #: Seconds of quiet after which the rest of a command is no longer expected.
 QUIET_GAP = 1.0
-#: Seconds of quiet after which bytes may begin a command again, after some that could not.
+#: Seconds without bytes after which a framer that drops bytes expects the beginning of a command again.
 RESYNC_GAP = 0.1
 
 
 class Unterminated(bytes):
     """A command without its terminator, and all bytes up to the next terminator: refused as a whole.
 
-    ``names`` are the rows of ``commands.toml`` found in it, in order; "" stands for an unknown command. It is ``late``
-    if the client has paused since: then the client no longer waits for a reply.
+    ``names`` are the names of the commands found in it, in order, with "" for an unknown command. It is ``late`` if the
+    client has sent nothing for a while: it then no longer waits for a reply.
     """
 
     names: tuple[str, ...]
@@ -35,7 +36,7 @@ class Unterminated(bytes):
 
     @property
     def refusal_text(self) -> str:
-        """The log message with the reason of its refusal."""
+        """The log message that says why the command is refused."""
         text = bytes(self)
         if self.late:
             return f"{text!r} arrived without its end (#): the gateway ignores it, and clears what it would have set"
@@ -50,15 +51,16 @@ class Suspect(bytes):
 
 
 class Dropped(dict[str, bytearray]):
-    """The bytes that the last call of a framer has dropped, reason -> bytes; only for the log."""
+    """Reason -> the bytes that a framer has dropped in the last call of ``feed`` or ``end``; only for the log."""
 
     def add(self, data: bytes, reason: str) -> None:
         self.setdefault(reason, bytearray()).extend(data)
 
 
 class WholeFramer:
-    """Base of framers that drop half a command at the end of a connection; ``cut_off`` is the reason for the log."""
+    """Base of framers that drop an incomplete command at the end of a connection."""
 
+    #: Why an incomplete command is dropped at the end of a connection, for the log.
     cut_off: str
 
     def __init__(self) -> None:
@@ -74,11 +76,11 @@ class WholeFramer:
 
     @property
     def held(self) -> bool:
-        """Whether bytes are held back until the line is quiet."""
+        """Whether bytes are held back until the client has sent nothing for ``RESYNC_GAP``."""
         return False
 
     def end(self) -> list[Unterminated]:
-        """Handle the end of the connection: half a command is dropped."""
+        """Handle the end of the connection: an incomplete command is dropped. Return the unterminated commands."""
         self.dropped.clear()
         if self._pending:
             self.dropped.add(bytes(self._pending), self.cut_off)
@@ -86,11 +88,13 @@ class WholeFramer:
 
 
 class LengthFramer(WholeFramer, ABC):
-    """Base of framers for commands with a length and no terminator. ``noise`` and ``half`` are reasons for the log."""
+    """Base of framers for commands whose length is known from their beginning, and that have no terminator."""
 
+    #: Why bytes that begin no command are dropped, for the log.
     noise: str
+    #: Why an incomplete command is dropped when its rest is late, for the log.
     half: str
-    #: Whether the bytes after a dropped half command may be its other half, and are dropped until the next pause.
+    #: Whether the bytes after a dropped incomplete command are dropped too, until a pause: they may be its rest.
     drops_after_half = False
 
     def __init__(self) -> None:
@@ -123,19 +127,20 @@ class LengthFramer(WholeFramer, ABC):
 
 
 class Framer(Protocol):
-    """Cuts a protocol's commands out of a byte stream. ``idle``: the next byte does not depend on earlier ones.
-
-    ``held``: bytes are held back until the line has been quiet for ``RESYNC_GAP``; then ``feed`` it nothing.
-    """
+    """Cuts a protocol's commands out of a client's byte stream."""
 
     dropped: Dropped
 
     @property
-    def held(self) -> bool: ...
+    def held(self) -> bool:
+        """Whether bytes are held back. If none arrive for ``RESYNC_GAP``, the caller must ``feed`` empty bytes."""
 
     @property
-    def idle(self) -> bool: ...
+    def idle(self) -> bool:
+        """Whether the next byte begins a command that does not depend on earlier bytes."""
 
-    def feed(self, data: bytes, now: float) -> list[bytes]: ...
+    def feed(self, data: bytes, now: float) -> list[bytes]:
+        """Return the commands that these bytes complete, in order. ``now`` is a monotonic time in seconds."""
 
-    def end(self) -> list[Unterminated]: ...
+    def end(self) -> list[Unterminated]:
+        """Handle the end of the connection; return the unterminated commands."""

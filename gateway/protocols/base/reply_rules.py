@@ -1,6 +1,6 @@
-"""What the mount link must know of a protocol to exchange commands: the forms of requests and replies.
+"""What the mount link must know of a protocol to exchange commands: how requests are encoded and replies parsed.
 
-``PlainReplies`` decodes a protocol that only programs speak by the tables alone, for the log and for ``decode``.
+``PlainReplies`` parses replies by the tables alone, for the log and ``decode``, if no mount speaks the protocol.
 """
 
 from __future__ import annotations
@@ -15,37 +15,30 @@ from gateway.core.operations import Values
 from gateway.protocols.base.driver import Send
 from gateway.protocols.wireformat.command_set import CommandSet
 
-#: Seconds without another byte that make a digit a whole reply, of a mount that may send a text after it.
+#: Seconds without another byte after which a reply is complete that could also be the beginning of a longer reply.
 ALONE = 0.3
 
 
 class Expected(NamedTuple):
-    """What is known of a reply before it arrives.
+    """What is known of a reply before it arrives."""
 
-    answer_kind   how the answer may change between two requests; None if it is accepted without verification
-    timeout       how many seconds the reply may take
-    unterminated  the reply has no terminator, so that nothing shows that it is complete
-    delay_after   the pause in seconds that the mount needs after a ``silent`` command
-    silent        the command has no reply
-    leaves_open   if the command stays unanswered, ``ReplyRules.closing`` must be sent before anything else
-    beginnings    replies that are also the beginning of a longer reply: nothing must follow them for ``ALONE`` seconds
-    gives_way     after so many seconds a stop that waits is sent, on a wire that delivers only the newest reply
-    """
-
+    #: How the value may change between two requests (``Answer``); None if the reply is accepted unverified.
     answer_kind: str | None
-    timeout: float
-    unterminated: bool
-    delay_after: float = 0.0
-    silent: bool = False
-    leaves_open: bool = False
+    timeout: float  # how many seconds the reply may take
+    unterminated: bool  # the reply has no terminator, so that nothing shows that it is complete
+    delay_after: float = 0.0  # the pause in seconds that the mount needs after a ``silent`` command
+    silent: bool = False  # the command has no reply
+    leaves_open: bool = False  # if no reply arrives, ``ReplyRules.closing`` must be sent before anything else
+    #: Replies that may also begin a longer one: complete if nothing follows for ``ALONE`` seconds.
     beginnings: frozenset[bytes] = frozenset()
+    #: On a wire that delivers only the newest reply: how many seconds a stop waits for this reply before it is sent.
     gives_way: float = math.inf
 
 
 def answer_kind(commands: CommandSet, command: str, once: bool, raw: bool) -> str | None:
-    """Return how the answer to a command may change: a word of ``Answer``, or None to accept it without verification.
+    """Return how the value in a reply may change between two requests (``Answer``); None: accept it unverified.
 
-    A raw reply, which a client receives as the mount has written it, is verified like a state.
+    A raw reply, which a client receives exactly as the mount sent it, is verified like a ``state``.
     """
     answer = commands.commands[command].answer
     if once or answer == "stream":
@@ -54,23 +47,26 @@ def answer_kind(commands: CommandSet, command: str, once: bool, raw: bool) -> st
 
 
 class Replies(Protocol):
-    """Parses replies: ``take`` returns the values or the fault of the reply that begins the buffer, and its length.
-
-    ``protocol`` has the commands of the mount, as far as its dialect is known.
-    """
+    """Parses the replies of a mount."""
 
     @property
-    def protocol(self) -> CommandSet: ...
+    def protocol(self) -> CommandSet:
+        """The commands of the mount, in its dialect if that is known."""
 
-    def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None: ...
+    def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
+        """Return the values or the fault of the reply that the buffer begins with, and its length; None: incomplete."""
 
 
 class PlainReplies:
+    """Parses the replies of a protocol by its tables alone."""
+
     def __init__(self, commands: CommandSet) -> None:
         self.protocol = commands
 
     def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
-        """Return the first reply in the buffer and its length; None if incomplete. ValueError: a field out of range."""
+        """Return the first reply in the buffer and its length; None if it is incomplete. Raises ValueError for a field
+        that is out of range.
+        """
         for reply, template in self.protocol.commands[ask.command].replies:
             if (match := template.matcher.match(buffer)) is not None:
                 if reply.fault is not None:
@@ -80,17 +76,15 @@ class PlainReplies:
 
 
 class ReplyRules(Replies, Protocol):
-    """How a protocol's requests and replies look on the wire.
+    """How a protocol's requests and replies look on the wire."""
 
-    ``closing`` are the bytes that end a half-sent command, and an unanswered command that ``leaves_open``; ``padding``
-    are those that some mounts send before and after a reply, and that are no part of it.
-    """
-
+    #: The bytes that end a partly sent command, so that the mount does not join it with the next.
     closing: bytes
+    #: The bytes that some mounts send before or after a reply, and that are no part of it.
     padding: bytes
 
     def as_written(self, command: str, reply: bytes) -> bytes:
-        """Return a reply as the mount writes it: by default in the only notation of the protocol."""
+        """Return a reply of the gateway in the mount's notation; unchanged if the protocol has a single notation."""
         return reply
 
     def encode(self, ask: Send) -> bytes:
@@ -100,7 +94,14 @@ class ReplyRules(Replies, Protocol):
         except ValueError as error:
             raise Refused(str(error)) from None
 
-    def expected(self, ask: Send) -> Expected: ...
-    def ambiguous_with(self, sent: Send, other: Send) -> bool: ...
-    def resync_commands(self, number: int) -> Iterator[Send]: ...
-    def is_resync_reply(self, ask: Send, values: Values) -> bool: ...
+    def expected(self, ask: Send) -> Expected:
+        """Return what is known of the reply to this request before it arrives."""
+
+    def ambiguous_with(self, sent: Send, other: Send) -> bool:
+        """Whether the replies to two commands are so similar in form that they could be confused."""
+
+    def resync_commands(self, number: int) -> Iterator[Send]:
+        """Yield commands whose replies prove that replies match requests again; ``number`` counts these checks."""
+
+    def is_resync_reply(self, ask: Send, values: Values) -> bool:
+        """Whether these values are the right reply to a command of ``resync_commands``."""

@@ -2,7 +2,7 @@
 
 ``Session.client`` holds the settings of the client; each protocol has a struct for them, and the next connection
 of the same program begins with a copy. ``MountSettings`` holds what a real hand control stores for all programs: it is
-frozen, all sessions hold it through ``Shared``, and only a client with the permission to set can replace it.
+frozen, all sessions share it through ``Shared``, and only clients with the permission to set replace it.
 """
 
 from __future__ import annotations
@@ -20,23 +20,26 @@ from gateway.protocols.wireformat.rows import Model
 
 
 class AltitudeLimits(Protocol):
-    """The altitudes that the user allows, degrees."""
+    """The range of altitudes that the user allows, degrees."""
 
     @property
     def lowest(self) -> float: ...
     @property
     def highest(self) -> float: ...
-    def narrowed(self, lowest: float | None, highest: float | None) -> AltitudeLimits: ...
-    def check_altitude(self, altitude: float) -> None: ...
+    def narrowed(self, lowest: float | None, highest: float | None) -> AltitudeLimits:
+        """Return the limits combined with those of a client, which cannot widen them."""
+
+    def check_altitude(self, altitude: float) -> None:
+        """Raise a Fault if the altitude of a target is outside the limits."""
 
 
 class ClientSettings(Struct, frozen=True):
-    """The first settings of every client of a surface. ``guides_by_sky``: its pulses give directions on the sky."""
+    """The settings that every client of a surface begins with."""
 
     limits: AltitudeLimits
-    precision: str = "high"
-    sync_text: str | None = None
-    guides_by_sky: bool = False
+    precision: str = "high"  # the format of coordinates in replies: high or low
+    sync_text: str | None = None  # the reply to a sync; None: that of the presented model
+    guides_by_sky: bool = False  # directions of guide pulses are those on the sky, not those of the motors
 
 
 class NamedSite(Struct, frozen=True, omit_defaults=True):
@@ -52,20 +55,16 @@ UNNAMED = NamedSite()
 
 
 class MountSettings(Struct, frozen=True):
-    """The settings that all clients of a mount share. The first five are stored in the state file.
-
-    ``zone``: hours of the time zone, and of daylight saving, whose sum is the UTC offset; ``motors``: values of motors
-    by name (``backlash 1 pos``, ``guide rate 2``); ``pulse_ends``: Unix time when the last guide pulse of an axis ends.
-    """
+    """The settings that all clients of a mount share. The first five are stored in the state file."""
 
     sites: Mapping[int, NamedSite] = {}
-    #: The site that was selected last, from 0; None if none ever was.
+    #: The number of the site that was selected last, from 0; None if none ever was.
     site: int | None = None
-    zone: tuple[float, int] | None = None
+    zone: tuple[float, int] | None = None  # hours of the time zone and of daylight saving; the sum is the UTC offset
     pec: bool | None = None
-    motors: Mapping[str, int] = {}
+    motors: Mapping[str, int] = {}  # setting of a motor (``backlash 1 pos``, ``guide rate 2``) -> value
     manual_hertz: float | None = None
-    pulse_ends: Mapping[int, float] = {}
+    pulse_ends: Mapping[int, float] = {}  # axis -> Unix time at which its last guide pulse ends
 
     def stored(self, index: int) -> NamedSite:
         return self.sites.get(index, UNNAMED)
@@ -80,7 +79,7 @@ class MountSettings(Struct, frozen=True):
 
 
 class Shared:
-    """Holds the current settings of a mount. ``changed`` is called when a part that is stored has changed."""
+    """Holds the current settings of a mount. ``changed`` is called when they must be written to the state file."""
 
     __slots__ = ("changed", "settings")
 
@@ -95,9 +94,10 @@ class ClientState(Struct):
 
 
 class Session:
-    """One client of a surface: its own settings, the model presented to it, and the settings shared by all clients.
+    """One client of a surface: its settings, the model presented to it, and the settings shared by all clients.
 
-    It begins with a copy of ``client``, if given. ``may_not_set`` is called when a read-only client tries to set.
+    It begins with a copy of ``client``, if given. ``may_not_set`` is called when a read-only client tries to
+    change a setting.
     """
 
     #: Whether the next connection from the same host begins with the settings of this connection.
@@ -122,16 +122,16 @@ class Session:
         self.last_frame = b""
         #: Why the current command was refused, if its protocol has no reply form for a refusal; else empty.
         self.refused = ""
-        #: Whether the reply to the current command is a refusal that is not in the log.
+        #: Whether the reply to the current command is a refusal that no other part of the gateway writes to the log.
         self.said_no = False
         self.client = self.state(settings.precision) if client is None else copy(client)
 
     def forget(self) -> None:
-        """Reset the client's own settings to those at power-on."""
+        """Reset the client's settings to their initial values."""
         self.client = self.state(self.settings.precision)
 
     def recognised(self, settings: Values) -> None:
-        """The client's program is known now: use the settings for it."""
+        """Use the settings for the client's program, which has now been recognised."""
         self.settings = replace(self.settings, **settings)
         self.client.precision = settings.get("precision", self.client.precision)
 
@@ -147,12 +147,12 @@ class Session:
             self.common.changed()
 
     def check_may_set(self) -> None:
-        """Check the permission before a reply whose setting takes effect later. Raises ReadOnly."""
+        """Check the permission to change settings. Raises ReadOnly. For commands whose setting takes effect later."""
         if self._may_not_set is not None:
             self._may_not_set()
             raise ReadOnly
 
     def known(self, name: str) -> object:
-        """Return a setting of the client, else the constant of the presented model, else None."""
+        """Return the client's setting of this name; if it has none, the presented model's constant, or None."""
         value = getattr(self.client, name, None)
         return self.model.get(name) if value is None else value

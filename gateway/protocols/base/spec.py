@@ -1,7 +1,7 @@
-"""What the rest of the gateway knows of a protocol: a ``ProtocolSpec``, created in the protocol's folder.
+"""``ProtocolSpec``: all that the rest of the gateway knows of a protocol. The protocol's folder creates it.
 
-``gateway/protocols/registry.py`` lists them. Every start imports all of them, so they hold only data and functions; a
-function imports what it needs when it is called.
+``gateway/protocols/registry.py`` lists the specs. Every start of the gateway imports all of them, so they hold only
+data and functions. A function imports the modules that it needs when it is called.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 class SurfaceSettings(Struct, frozen=True):
     """What a user may configure for a surface. ``limits`` are the altitude limits, which no client can widen.
 
-    ``equinox`` is that of the programs' coordinates, ``jnow`` or ``j2000``: they are converted, and programs may ask.
-    ``degree`` is the degree character in replies that are text, ``*`` or ``0xDF``.
+    ``equinox`` is that of the programs' coordinates, ``jnow`` or ``j2000``. ``degree`` is the degree character in text
+    replies, ``*`` or ``0xDF``.
     """
 
     model: str | None
@@ -45,7 +45,8 @@ class SurfaceSettings(Struct, frozen=True):
 class MadeSurface(Struct, frozen=True):
     """A surface, and the constants of the model that it presents.
 
-    ``fit(equatorial, german, gps)`` returns the model constants that suit a mount; None if the user has named a model.
+    ``fit(equatorial, german, gps)`` returns the model constants that suit the mount. It is None if the user has
+    configured a model.
     """
 
     surface: Surface
@@ -55,8 +56,9 @@ class MadeSurface(Struct, frozen=True):
 
 
 class DriverSettings(Struct, frozen=True):
-    """The configuration of a mount that concerns its driver; a default of None leaves the choice to the driver. A field
-    with the name of a key of ``[mount]`` has its value."""
+    """The configuration of a mount for its driver. Fields have the names of keys of ``[mount]`` in the configuration
+    file; None leaves the choice to the driver.
+    """
 
     model: str | None = None
     version: str | None = None
@@ -64,10 +66,10 @@ class DriverSettings(Struct, frozen=True):
     mode: str | None = None
     guide_rate: float | None = None
     park: tuple[float, float] | None = None
-    aux_home: bool = False  # home is at the motors' own switches
-    reversed_axes: str | None = None  # those that count the other way: none, first, second, both
-    rates: tuple[float, ...] = ()  # of the nine keys, as measured, degrees a second
-    lowest: float = 0.0  # the default park position is not below this altitude, degrees
+    aux_home: bool = False  # the home position is at the switches of the motors
+    reversed_axes: str | None = None  # the axes that count the other way: none, first, second, both
+    rates: tuple[float, ...] = ()  # the measured speeds of the nine rate keys, degrees a second
+    lowest: float = 0.0  # the lowest altitude allowed, degrees; the default park position is not below it
 
 
 class MadeDriver(NamedTuple):
@@ -79,47 +81,41 @@ class MadeDriver(NamedTuple):
 
 
 class Question(Struct, frozen=True):
-    """What ``detect`` may send to an unknown device, and how it judges the answer.
+    """A request that ``detect`` may send to an unknown device, and how it judges the answer."""
 
-    rank    its place among the questions of all protocols: what is harmless to every mount is sent first
-    judge   (bytes since then, seconds without further ones) -> the protocol's name, another state, or None
-    named   only sent to a port whose protocol the user has named
-    late    the answer may arrive after the next questions
-    """
-
+    #: Its place in the order of the questions of all protocols; those that are harmless to every mount come first.
     rank: int
     request: bytes
+    #: (bytes received since the request, seconds without further bytes) -> the protocol, another state, or None.
     judge: Callable[[bytes, float], str | None]
-    named: bool = False
-    late: bool = False
+    named: bool = False  # it is only sent to a port whose protocol the user has named
+    late: bool = False  # the answer may arrive after the next questions
 
 
 class OfferedMount(Struct, frozen=True):
-    """A mount that a server in the network offers: ``where`` belongs into an endpoint, ``server`` is the name that the
-    server reports; ``gateway``: it is a mount-gateway. It answered in ``seconds``; its ``identifier`` is the same in
-    every network.
-    """
+    """A mount that a server in the network offers."""
 
-    where: str
+    where: str  # its URL, as an endpoint has it after the @
     product: str
-    server: str
-    gateway: bool
-    identifier: str
-    seconds: float
+    server: str  # the name that the server reports
+    gateway: bool  # the server is a mount-gateway
+    identifier: str  # the same in every network
+    seconds: float  # how long the server took to answer
 
 
 class NightRows(Struct, frozen=True):
-    """The commands that the report of a night evaluates: those whose replies contain the position (``places``) or the
-    site, and those that begin a goto. ``east`` is 1 if longitudes are positive to the east, else -1."""
+    """The commands that ``report`` evaluates in the log of a night."""
 
-    places: frozenset[str] = frozenset()
-    site: frozenset[str] = frozenset()
-    gotos: frozenset[str] = frozenset()
-    east: int = 1
+    places: frozenset[str] = frozenset()  # commands whose replies contain the position
+    site: frozenset[str] = frozenset()  # commands whose replies contain the site
+    gotos: frozenset[str] = frozenset()  # commands that begin a goto
+    east: int = 1  # 1 if longitudes are positive to the east, else -1
 
 
 def part(module: str, name: str) -> Callable[..., Any]:
-    """Return a factory for a part of a protocol, whose module the first call imports: every start reads all specs."""
+    """Return a function that calls ``name`` of a module of the protocol. The first call imports the module, so that the
+    start of the gateway is fast.
+    """
     return lambda *given, **settings: getattr(import_module(f"gateway.protocols.{module}"), name)(*given, **settings)
 
 
@@ -130,16 +126,14 @@ def _checked(text: str) -> str:
 
 
 class ProtocolSpec(Struct, frozen=True, kw_only=True):
-    """One protocol. ``name`` is the word in the configuration, and the name of its folders."""
+    """One protocol. ``name`` is its name in the configuration, and that of its folders."""
 
     name: str
-    #: Words for messages: the protocol, a program and a mount that speak it, and that mount in a program's menu.
-    title: str
-    a_program: str
-    a_mount: str
-    preset: str
-    #: The mounts, in the message that none was found.
-    mounts: str
+    title: str  # the protocol, in messages
+    a_program: str  # a program that speaks it, in messages, with its article
+    a_mount: str  # a mount that speaks it, in messages, with its article
+    preset: str  # such a mount in the menus of programs
+    mounts: str  # such mounts, in the message that none was found
     #: The makers of the mounts, the best known first; and the words that may precede a model's name.
     makers: tuple[str, ...] = ()
     brands: tuple[str, ...] = ()
@@ -149,18 +143,19 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     usual_port: int = 4030
     #: The default equinox of its programs' coordinates: ``jnow`` or ``j2000``.
     equinox: str = "jnow"
-    #: What its programs' guide pulses mean if nobody says: ``motor`` or ``sky``.
+    #: The default meaning of directions in its programs' guide pulses: those of the ``motor`` or on the ``sky``.
     guides_by: str = "motor"
-    #: Whether its mounts are aligned or not; if not, they count as aligned.
+    #: Whether its mounts report whether they are aligned; if not, they count as aligned.
     aligns: bool = True
-    #: A mount for the demonstration, as an endpoint and in words.
+    #: A simulated mount for ``demo``: its endpoint and its description.
     demo: tuple[str, str] | None = None
 
     # --- its parts; None if it has no such part ---
-    #: Makes the framer; what a program may begin a connection with; the rules of replies, if mounts speak the protocol:
-    #: of a model whose words differ, if it is named.
+    #: Makes the framer of a connection.
     framing: Callable[[], Framer]
+    #: Regular expression for the bytes with which a program may begin a connection.
     opening: bytes
+    #: Makes the rules of requests and replies, if mounts speak the protocol; takes the model if it is known.
     reply_rules: Callable[..., ReplyRules] | None = None
     make_surface: Callable[[SurfaceSettings], MadeSurface] | None = None
     #: If its programs speak HTTP: makes the converter from HTTP to lines.
@@ -170,18 +165,19 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     over_http: Callable[[str], HttpDialect] | None = None
     #: Takes model, version; then ``clock``, ``site``, ``aligned``, ``speed`` and its own settings as keywords.
     make_simulator: Callable[..., Simulated] | None = None
-    #: Flags that only this simulated mount has, with their help texts; the settings used in rehearsals.
+    #: Flags of ``sim`` that only this simulated mount has -> their help texts.
     simulator_switches: Mapping[str, str] = {}
+    #: Whether the mount is on a wedge -> the settings of the simulated mount in rehearsals.
     rehearsal_settings: Callable[[bool], dict[str, object]] = lambda wedge: {}
 
     # --- versions ---
-    #: Version text -> the version whose command set a mount of that version has. Raises ValueError.
+    #: Version text -> the version of the manual whose commands such a mount has. Raises ValueError.
     counts_as: Callable[[str], Version] = parse_version
     #: Normalises a version text. Raises ValueError if it is not a version, UserError if none was ever released.
     check_version: Callable[[str], str] = _checked
     #: A row of models.toml -> the versions of that model.
     versions_of: Callable[[Model], list[str]] = lambda row: list(row.get("versions", ()))
-    #: Words that may replace a model and name a version: (word, version or None) -> version.
+    #: Word that may stand for a model and imply a version -> function of the given version, which returns the version.
     version_names: Mapping[str, Callable[[str | None], str]] = {}
     #: The version that is presented to programs if the user names none.
     presented_version: str | None = None
@@ -189,39 +185,40 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     # --- recognising it ---
     #: The probability that these bytes of a client are in this protocol, 0 to 1.
     recognises: Callable[[bytes], float] = lambda sent: 0.0
-    #: The first bytes of its programs, if no other protocol has such a command: other surfaces refuse the connection.
+    #: The first bytes of its programs, if they are no command of other protocols, whose surfaces then refuse them.
     greeting: bytes = b""
-    #: Whether its programs wait for the mount to speak first: on a port for all protocols a silent client is one of
-    #: them; and commands that programs of other protocols send first too: there they are answered and decide nothing.
+    #: Whether its programs wait for data first: on a port for all protocols a silent client speaks this protocol.
     mount_speaks_first: bool = False
+    #: Regular expression for first commands that programs of other protocols send too: on a port for all protocols they
+    #: are answered, and the protocol stays undecided.
     shared_openings: bytes | None = None
     questions: tuple[Question, ...] = ()
-    #: Other states that an answer to a question may show, with their descriptions.
+    #: Other states of a device that an answer to a question of ``detect`` may show -> their descriptions.
     states: Mapping[str, str] = {}
     #: Returns the mounts that servers offer: those at these addresses, or all that answer in the network.
     find_mounts: Callable[[Sequence[str] | None], Awaitable[list[OfferedMount]]] | None = None
     night: NightRows = NightRows()
-    #: Where to plug in the cable; which mount may not hear the questions that are sent to every port (at ``{port}``).
-    cable: str = ""
+    cable: str = ""  # where to plug in the cable, in words
+    #: A warning of ``detect`` about mounts that may not answer its questions; ``{port}`` stands for the port.
     detect_warning: str = ""
-    #: Host or port at which a device of this maker usually listens that cannot be used -> what it is, and what to do.
+    #: Default host or port of devices of this maker that the gateway does not support -> what it is, and what to do.
     unsupported_at: Mapping[str, str] = {}
-    #: The source for the statement that mounts of a version use J2000.
+    #: Who says that mounts of some versions use J2000, in messages.
     j2000_by: str = "its maker"
     #: What the user should know of a mount of an unknown model, given its version.
     unknown_model: Callable[[str], str] = lambda version: ""
 
     # --- words and examples ---
-    #: Whether the mount can only park at a position of its own.
+    #: Whether the mount can only park at a position that is stored in the mount.
     parks_itself: bool = False
     #: The slowest mount, and how many seconds its first answer may take: with its model configured, and without.
     slowest: str = "a mount"
     first_answer_seconds: tuple[int, int] = (4, 4)
-    #: Requests that give a client a target.
+    #: Example requests with which a client sets a target.
     target: tuple[str, ...] = ()
     #: Requests that a client must send before it is answered anything.
     required_requests: tuple[str, ...] = ()
-    #: Explains what may be wrong with an unknown command; without it a similar command is suggested.
+    #: Unknown command -> what may be wrong with it; None: the gateway suggests a similar command.
     hint: Callable[[bytes], str] | None = None
 
     @property
@@ -230,7 +227,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
         return load(self.name)
 
     def shown(self, model: str | None, version: str | None) -> str:
-        """Return ``PROTOCOL[:MODEL[/VERSION]]``, as an endpoint is written."""
+        """Return ``PROTOCOL[:MODEL[/VERSION]]``, the first part of an endpoint."""
         if model is None and version is not None and version.partition("-")[0] in self.version_names:
             return f"{self.name}:{version.replace('-', '/')}"
         return f"{self.name}{f':{model}' if model else ''}{f'/{version}' if version else ''}"

@@ -26,12 +26,12 @@ from gateway.protocols.wireformat.rows import Model, SurfaceRow
 
 #: The reply that some protocols give whether or not the command was carried out.
 ACKNOWLEDGED = b"#"
-#: What a row's ``call`` names, called with session, command and values: returns or generates the reply's values.
+#: A function that a row's ``call`` names, (session, command, values) -> the reply's values, or a generator of them.
 Handler = Callable[..., object]
 
 
 class UrgentEnd(NamedTuple):
-    """What an urgent command ends at once: the operation to perform, and the queued frames that are discarded."""
+    """What an urgent command does on arrival: the operation that ends a motion, and the queued frames it discards."""
 
     operation: Operation
     takes_back: frozenset[bytes]
@@ -50,24 +50,25 @@ class Surface:
         self.protocol, self.handlers, self.unanswered = protocol, handlers, unanswered
         #: The session class of this protocol.
         self.session: type[Session] = Session
-        #: Whether the mount speaks the same protocol: other commands are then passed on, if ``passes`` allows it.
+        #: Whether the mount speaks the same protocol: commands that the surface does not handle are passed on to it.
         self.verbatim = False
+        #: (command name, values) -> whether the command may be passed on.
         self.passes: Callable[[str, Values], bool] = lambda name, values: True
-        #: Whether the mount's answer would contradict an earlier answer to this client.
+        #: (session, command name, values) -> whether the mount's reply would contradict an earlier one to this client.
         self.contradicts_client: Callable[..., bool] = lambda session, name, values: False
-        #: Reply -> the reply in the mount's notation, if the surface presents the mount itself.
+        #: (command name, reply) -> the reply in the mount's notation, if the surface presents the mount itself.
         self.as_written: Callable[[str, bytes], bytes] = lambda name, reply: reply
-        #: What a client is sent without asking, from the beginning of its connection on.
+        #: Session -> the data that the client is sent without requests, from the beginning of its connection on.
         self.subscriptions: Callable[[Session], Sequence[Subscription]] = lambda session: ()
         #: Whether a reply is a refusal, in protocols whose rows have no reply form for a refusal.
         self.is_refusal: Callable[[bytes], bool] = lambda reply: False
-        #: Whether clients wait for replies to commands; if not, a motion may begin as late as the mount takes it.
+        #: Whether clients wait for replies to commands; if not, a motion may begin long after its command.
         self.replies = True
-        #: Why the presented model does not have a command, which is then ignored; empty if it has it.
+        #: (model, frame) -> why the presented model lacks a command, which is then ignored; empty if it has it.
         self.lacks: Callable[[Model, bytes], str] = lambda model, frame: ""
 
     def ending(self, session: Session, frame: bytes) -> UrgentEnd | None:
-        """Return the motion that an urgent command ends before its turn; None for all other commands."""
+        """Return what an urgent command ends before the commands that are queued; None for all other commands."""
         command = self.protocol.ends_at_once.get(frame)
         if command is None:
             return None
@@ -138,7 +139,7 @@ class Surface:
             return refusal or self.unanswered(frame, fault)
 
     def _refuse(self, session: Session, frame: Unterminated) -> Handling:
-        """Do nothing, clear what its commands would have set, and return the first command's refusal."""
+        """Refuse an unterminated frame: clear the values that its commands would have set; return a refusal."""
         yield from ()
         for name in frame.names:
             self._clear(session, name)
@@ -146,7 +147,7 @@ class Surface:
         return b"" if frame.late or command is None else _refusal(command, Invalid())
 
     def _clear(self, session: Session, name: str) -> None:
-        """Clear what a command would have set: run its handler as for a value that cannot be decoded."""
+        """Clear the value that a command would have set: run its handler as for a value that cannot be decoded."""
         row = self.protocol.surface.get(name)
         if row is None or row.call is None:
             return
@@ -184,7 +185,7 @@ class Surface:
         return (yield from self._act(session, command, row, values))
 
     def silence(self, session: Session, frame: bytes) -> str:
-        """Return why a command got no reply although its client may have expected a reply; empty if none is due."""
+        """Return why a command has no reply although its client may expect one; empty if the client expects none."""
         if isinstance(frame, Unterminated):
             return ""  # the log said so when it arrived
         if lacking := self.lacks(session.model, frame):
@@ -202,7 +203,7 @@ class Surface:
         return f"{match[0].help}: {row.why or 'not done here'}" if row.outcome == "refused" else ""
 
     def _act(self, session: Session, command: Command, row: SurfaceRow, values: Values) -> Handling:
-        """Carry out the verb of a row; return the reply's values."""
+        """Carry out a row (its ask, tell, say or call); return the reply's values."""
         if row.tell is not None:
             return {name: session.known(name) for name in row.tell}
         if row.say is not None:
@@ -232,7 +233,7 @@ class Surface:
         return kind(**fields)
 
     def reply(self, session: Session, command: Command, answer: object) -> bytes:
-        """Fill in the first reply form that fits the client's format and is no refusal; bytes are the reply already."""
+        """Encode the answer in the first reply form for the client's format; bytes are already the reply."""
         if isinstance(answer, bytes):
             return answer
         model = session.model
@@ -262,7 +263,7 @@ def _refusal(command: Command, fault: Fault) -> bytes:
 
 @cache
 def _asked(name: str) -> tuple[type[Operation], tuple[tuple[str, bool], ...]]:
-    """Return the operation of that name, its fields, whether each is required. Cached: slower than a reply."""
+    """Return the class of an operation, and its fields as pairs of name and whether it is required."""
     kind = operations.named(name)
     assert kind is not None
     return kind, tuple((field.name, field.required) for field in msgspec.structs.fields(kind))

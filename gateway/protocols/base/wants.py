@@ -20,21 +20,23 @@ class FireAndForget(NamedTuple):
 
 
 class CheckPossible(NamedTuple):
-    """Check whether an operation has a chance. Raises Fault if this client may not ask for it, or if the mount does not
-    answer. A surface uses this before it sends a success that it cannot know yet.
+    """Check whether an operation could succeed. Raises Fault if the client may not request it, or if the mount does not
+    answer. A surface uses this before a reply that reports success in advance.
     """
 
     operation: Operation
 
 
 class ReuseLastReading(NamedTuple):
-    """Reuse the last reading that this client got, so that both coordinates are of one instant; read if stale."""
+    """Answer with the last reading that this client received, so that both coordinates are of the same moment. If that
+    is too old, read again.
+    """
 
     operation: Operation
 
 
 class Defer(NamedTuple):
-    """Call a handler of this surface again after some seconds."""
+    """Call a handler of this surface, by its name in the tables, after some seconds."""
 
     seconds: float
     handler: str
@@ -49,8 +51,8 @@ class ChangeBaudRate(NamedTuple):
 class Subscription(NamedTuple):
     """Read ``operation`` every ``period`` seconds, encode it with ``encode``, and send the bytes to the client, if any.
 
-    With ``changes`` the same bytes are not sent twice in a row. A client that reads slowly gets the newest message, not
-    a backlog. Nothing is sent while the mount is silent. The first comes after ``first_delay`` seconds.
+    With ``changes`` the same bytes are not sent twice in a row. A slow client gets only the newest message.
+    Nothing is sent while the mount does not answer. The first message is sent after ``first_delay`` seconds.
     """
 
     operation: Read
@@ -61,7 +63,7 @@ class Subscription(NamedTuple):
 
 
 class Note(NamedTuple):
-    """Write a sentence to the log and to ``status``, once: something deviates from the request."""
+    """Write a sentence to the log and to ``status``, once: how the gateway deviates from the request."""
 
     text: str
 
@@ -71,16 +73,17 @@ Handling = Generator[SurfaceStep, Any, Any]
 
 
 def decoded(values: Values) -> Values:
-    """Return the values of a command. Raises its Fault if they cannot be decoded."""
+    """Return the values of a command. If they could not be decoded, raise the Fault in ``values``."""
     if "fault" in values:
         raise values["fault"]
     return values
 
 
 def relayed(steps: Handling, intercept: Callable[[SurfaceStep], bool]) -> Handling:
-    """Pass on the requests of a handler and the answers to them, unless ``intercept`` steps in.
+    """Pass on the requests of a handler and the answers to them, unless ``intercept`` stops a request.
 
-    ``intercept`` receives each request first. It returns True to drop it, answered by None; or raises the answer.
+    ``intercept`` receives each request first. If it returns True, the request is dropped and its answer is None. If it
+    raises a Fault, that is raised in the handler.
     """
     answer: object = None
     fault: Fault | None = None

@@ -1,7 +1,7 @@
 """One motor axis of a simulated mount: its orders, the course of a goto, and how it accelerates and brakes.
 
-No motor stops at once. Like a real motor it ramps: it changes to the ordered speed at a constant acceleration, and
-after a stop order it runs on until it rests. Angles are degrees, times Unix seconds, rates degrees a second of time.
+Like a real motor, it changes to the ordered speed at a constant acceleration (a ramp), and runs on for a while after a
+stop order. Angles are degrees, times Unix seconds, rates degrees a second of time.
 """
 
 from __future__ import annotations
@@ -17,14 +17,16 @@ LUNAR_RATE = 14.685 / 3600.0
 #: The last stretch of a goto, degrees, and its rate, degrees a second.
 APPROACH, APPROACH_RATE = 0.5, 0.25
 #: Seconds from rest to the fastest rate, and back to rest. Neither maker publishes it; owners see about a second.
-#: Limits must allow for what a mount runs on after a stop: half its fastest rate, 2 degrees on a CPC, 4 on an LX200.
+#: Limits must allow for the distance after a stop: half the fastest rate times this, 2 degrees on a CPC, 4 on an LX200.
 RAMP_SECONDS = 1.0
-#: A smaller change of speed (degrees a second) takes a real motor milliseconds only: guiding and tracking are exact.
+#: A smaller change of speed (degrees a second) happens at once, because a real motor needs only milliseconds for it.
 INSTANT = 0.02
 
 
 class Ramp(NamedTuple):
-    """A change of speed that began at ``began``; ``change`` is the excess over the ordered speed at that time."""
+    """A change to the ordered speed at a constant acceleration, which began at ``began``. ``change`` is the
+    excess over the ordered speed at that time, degrees a second, negative if the motor was slower.
+    """
 
     began: float
     change: float
@@ -41,7 +43,7 @@ class Ramp(NamedTuple):
         return math.copysign(abs(self.change) - self.acceleration * (now - self.began), self.change)
 
     def left(self, now: float) -> float:
-        """Return how far the motor still runs beyond the ordered position, degrees; negative if it lags behind."""
+        """Return how far the motor is still going to run beyond the ordered position, degrees; negative if it lags."""
         speed = self.speed(now)
         return speed * abs(speed) / (2.0 * self.acceleration)
 
@@ -51,7 +53,7 @@ SETTLED = Ramp(-math.inf, 0.0, 1.0)
 
 
 class Phase(NamedTuple):
-    """A phase of a goto with constant acceleration: its duration in seconds, its first and last speed."""
+    """A phase of a goto with constant acceleration: its duration, and the speeds at its beginning and end."""
 
     seconds: float
     first: float
@@ -59,10 +61,10 @@ class Phase(NamedTuple):
 
 
 class Leg:
-    """The course of a goto on one axis: its distance from the goal as a function of time. The goal may move.
+    """A goto of one axis: the distance from the goal as a function of time. The goal may move with the sky.
 
-    It begins at rest, accelerates, brakes for the slow approach and comes to rest at the goal. If the motor turned
-    before, it still runs on (``run_on`` degrees, until ``ramp_ends``), which shortens the distance by as much.
+    The axis begins at rest, accelerates, brakes for the slow approach and comes to rest at the goal. If the motor
+    turned before, it still runs on for ``run_on`` degrees, until ``ramp_ends``; the distance is shorter by as much.
     """
 
     def __init__(self, started_at: float, distance: float, fast: float, slow: float, acceleration: float) -> None:
@@ -71,13 +73,13 @@ class Leg:
         self.set_run_on(0.0, started_at)
 
     def set_run_on(self, run_on: float, ramp_ends: float) -> None:
-        """Count the distance from where the motor would come to rest, and calculate the phases."""
+        """Subtract the way that the motor still runs on from the distance, and calculate the phases."""
         self._total = self.distance - run_on
         self._phases = _phases(abs(self._total), *self._rates, self.acceleration)
         self.ends = max(ramp_ends, self.started + sum(phase.seconds for phase in self._phases))
 
     def remaining(self, now: float) -> float:
-        """Return the signed degrees to the goal. They never grow, and are exactly 0 from ``ends`` on."""
+        """Return the signed distance to the goal, degrees. It never grows, and is exactly 0 from ``ends`` on."""
         if now >= self.ends:
             return 0.0
         left, seconds = abs(self._total), now - self.started
@@ -90,7 +92,7 @@ class Leg:
 
 
 def _phases(distance: float, fast: float, slow: float, acceleration: float) -> list[Phase]:
-    """Return the phases of a goto: accelerate, constant speed, brake, the approach at ``slow``, brake to rest."""
+    """Return the phases of a goto: accelerate, constant speed, brake, approach at the rate ``slow``, brake to rest."""
     near = min(distance, APPROACH)
     far = distance - near
     if math.isinf(acceleration):
@@ -109,34 +111,31 @@ def _phases(distance: float, fast: float, slow: float, acceleration: float) -> l
 
 
 class Axis(Struct):
-    """One motor: its position and speed at ``since``, and its orders since then.
+    """One motor: its position and speed at the time ``since``, and its orders since then."""
 
-    ``position`` includes the way that the motor still runs on (``ramp``), as if it changed speed at once.
-    """
-
-    position: float
-    since: float
-    rate: float = 0.0
+    position: float  # at ``since``, as if the motor had changed to the ordered speed at once: see ``ramp``
+    since: float  # Unix seconds
+    rate: float = 0.0  # the ordered rate: tracking, or instead of tracking
     added: float = 0.0  # a slow hand rate on top of tracking
-    pulse: float = 0.0
-    pulse_ends: float = -math.inf
-    overridden: bool = False  # an ordered rate overrides tracking
-    drive: bool = False  # that rate is itself a tracking rate
-    leg: Leg | None = None
-    goal: float | None = None  # of a goto to a fixed position; None: the aim on the sky
-    speed: float = 0.0  # its true speed at ``since``
-    acceleration: float = math.inf  # how fast that can change
-    ramp: Ramp = SETTLED
+    pulse: float = 0.0  # the rate of a guide pulse on top of the others
+    pulse_ends: float = -math.inf  # Unix seconds
+    overridden: bool = False  # ``rate`` overrides tracking
+    drive: bool = False  # a ``rate`` that overrides tracking is itself a tracking rate
+    leg: Leg | None = None  # the goto under way
+    goal: float | None = None  # of a goto to a fixed position; None: the target is on the sky
+    speed: float = 0.0  # the true speed at ``since``
+    acceleration: float = math.inf  # how fast the speed can change, degrees a second squared
+    ramp: Ramp = SETTLED  # the change to the ordered speed
 
     def rest(self) -> None:
-        """Forget every order except a guide pulse."""
+        """Clear all orders except a guide pulse."""
         self.overridden = self.drive = False
         self.rate, self.added, self.leg, self.goal = 0.0, 0.0, None, None
 
     def ramp_from(self, now: float, ordered: float, quickest: float) -> float:
         """Begin to change from ``speed`` to the ordered speed. Return how far the motor runs on meanwhile, degrees.
 
-        No speed exceeds ``quickest``, although following the sky at the zenith would need any speed in azimuth.
+        Speeds are cut off at ``quickest``: tracking near the zenith would need an unlimited speed in azimuth.
         """
         change = max(-quickest, min(quickest, self.speed)) - max(-quickest, min(quickest, ordered))
         settled = abs(change) <= INSTANT or math.isinf(self.acceleration)

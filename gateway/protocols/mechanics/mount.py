@@ -1,9 +1,9 @@
 """The mechanics of a simulated mount: two motors as functions of time, with tracking, gotos and hand motion.
 
-It is independent of protocols and clocks: every method takes ``now`` in Unix seconds, and between two calls the axes
-move by formula. A motor rests, turns at a rate, does a goto, or follows the sky. Its position is the ordered position
-minus the distance that it still runs on or lags behind (``axis_motor.Ramp``), so every motion is continuous. Angles are
-degrees, rates degrees a second of time.
+It is independent of protocols and clocks: every method takes ``now`` in Unix seconds and calculates the axes. A motor
+rests, turns at a rate, does a goto, or follows the sky. Its position is the ordered position minus the distance that it
+still runs on or lags behind (``axis_motor.Ramp``), so every motion is continuous. Angles are degrees, rates degrees a
+second of time.
 """
 
 from __future__ import annotations
@@ -14,34 +14,31 @@ from gateway.astro.axes import Build, Geometry, Observer, Pair
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180, wrap360
 from gateway.protocols.mechanics.axis_motor import APPROACH_RATE, RAMP_SECONDS, Axis, Leg
 
-#: Seconds between the two positions whose difference gives the ordered speed: a power of two, for exact arithmetic.
+#: Seconds between two positions whose difference gives the ordered speed: a power of two, for exact arithmetic.
 _STEP = 2.0**-7
-#: Stands for the aim when no axis needs it, because calculating it takes longer than everything else.
+#: Axis positions in place of those at the aim if no axis follows it, because to calculate these takes long.
 _NOWHERE: Pair = (math.nan, math.nan)
 
 
 class Mechanics:
-    """A mount. ``suspended_since`` is when a motor was first ordered to do something other than tracking, or None.
-
-    ``correction`` is what a sync adds to the axis positions to get the believed ones. ``sky`` is the site and clock by
-    which the mount calculates; ``true_sky`` is its true site and clock, which no command changes. ``acceleration`` is
-    in degrees a second squared; infinite for motors without ramps, whose speed changes at once.
-    """
+    """The mechanics of a mount, and what it believes of its pointing. ``axes`` are the axis positions at ``now``."""
 
     def __init__(self, build: Build, sky: Observer, now: float, axes: Pair) -> None:
+        #: Its build; the site and clock with which it calculates; the true site and clock, which no command changes.
         self.build, self.sky, self.true_sky = build, sky, sky
         self.fastest = 4.0  # degrees a second
-        self.acceleration = self.fastest / RAMP_SECONDS
-        self.correction: Pair = (0.0, 0.0)
-        self.flipped = False
-        self._drive_rate = SIDEREAL_RATE  # the rate of tracking
+        self.acceleration = self.fastest / RAMP_SECONDS  # degrees a second squared; infinite: speeds change at once
+        self.correction: Pair = (0.0, 0.0)  # by syncs: believed minus true axis positions, degrees
+        self.flipped = False  # it points in the second of two possible ways: past the pole or the zenith
+        self._drive_rate = SIDEREAL_RATE  # the rate of tracking, degrees a second
         self._axes = {1: Axis(axes[0], now), 2: Axis(axes[1], now)}
-        self._aim: Pair = (0.0, 0.0)  # right ascension and declination
-        self._follows_aim = False  # in alt-az both axes follow the aim
+        self._aim: Pair = (0.0, 0.0)  # right ascension and declination that are tracked, or the target of a goto
+        self._follows_aim = False  # an alt-az mount tracks: both axes follow the aim
         self._noted = False  # positions and speeds are noted; the ramps of the next order have not begun
         self.speed = 1.0  # a factor for the speed of gotos
+        #: When a motor was first ordered to do something other than tracking; None while no such order is in force.
         self.suspended_since: float | None = None
-        self._on, self._sense = False, 1
+        self._on, self._sense = False, 1  # tracking, and its direction on a polar axis
 
     def axes(self, now: float) -> Pair:
         """Return the positions of the motor axes: the first in [0, 360), the second in [-180, 180)."""
@@ -70,7 +67,7 @@ class Mechanics:
         return self.runs_on(now) or any(motor.ordered for motor in self._axes.values())
 
     def believed(self, now: float) -> Pair:
-        """Return right ascension and declination as the mount believes them; past the pole beyond 90 degrees."""
+        """Return right ascension and declination as the mount believes them; above 90 degrees beyond the pole."""
         axes = self.axes(now)
         if self.slewing(now):
             return self._from_axes(now, axes, self.correction)
@@ -79,6 +76,7 @@ class Mechanics:
         return wrap360(self.sky.sidereal(now) - hour_angle), dec
 
     def slewing(self, now: float, axis: int | None = None) -> bool:
+        """Whether a goto is under way, of this axis or of any."""
         self.advance(now)
         if axis is None:
             return self._axes[1].leg is not None or self._axes[2].leg is not None
@@ -90,7 +88,7 @@ class Mechanics:
         return max([now, *(motor.leg.ends for motor in self._axes.values() if motor.leg is not None)])
 
     def tracking(self, now: float) -> bool:
-        """Whether the motors follow the sky at this moment. While a polar mount tracks, its second motor rests."""
+        """Whether the mount follows the sky at this moment. While a polar mount tracks, its second motor rests."""
         first, second = self._axes[1], self._axes[2]
         if self.slewing(now) or (second.overridden and (second.rate or self.build is Build.ALTAZ)):
             return False
@@ -117,12 +115,12 @@ class Mechanics:
             self._follow(now)
 
     def resume(self, now: float) -> None:
-        """Track the position that the mount believes to point at (or rest); earlier orders end."""
+        """End all orders; track the position at which the mount believes to point, or rest if tracking is off."""
         self.advance(now)
         self._follow(now)
 
     def resume_axis(self, now: float, axis: int) -> None:
-        """End the hand motion of an axis. The first of a polar mount tracks again, even if the other still moves."""
+        """End the hand motion of an axis. The first of a polar mount then tracks, even if the second still moves."""
         self.move(now, axis, 0.0)
         if axis == 1 and self.build is not Build.ALTAZ and self._axes[1].overridden:
             self._advance_and_note(now)
@@ -130,7 +128,7 @@ class Mechanics:
             self._axes[1].rate = self._sense * self._drive_rate * self._on
 
     def goto_sky(self, now: float, ra: float, dec: float) -> None:
-        """Slew to a sky position, which moves on meanwhile; track it on arrival if tracking is on."""
+        """Slew to right ascension and declination, degrees; track on arrival if tracking is on."""
         self._advance_and_note(now)
         hour_angle = wrap180(self.sky.sidereal(now) - ra)
         self.flipped = self.geometry.other_side(hour_angle)
@@ -180,7 +178,7 @@ class Mechanics:
             self.set_rate(now, axis, 0.0)
 
     def set_rate(self, now: float, axis: int, rate: float, drive: bool = False) -> None:
-        """Turn a motor at a rate instead of tracking. A ``drive`` rate counts as tracking: gentle rates add to it."""
+        """Turn a motor at a rate instead of tracking. With ``drive`` it counts as tracking."""
         self._override_tracking(now, axis)
         self._axes[axis].rate, self._axes[axis].drive = max(-self.fastest, min(self.fastest, rate)), drive
 
@@ -208,7 +206,7 @@ class Mechanics:
         self._renew_aim(now)
 
     def rebuild(self, now: float, build: Build) -> None:
-        """Put a fork on a wedge, or take it off: the tube keeps its direction."""
+        """Put a fork mount on a wedge, or take it off. The tube keeps its direction."""
         if build is self.build:
             return
         self.cancel(now)
@@ -225,7 +223,7 @@ class Mechanics:
         self._follow(now)
 
     def advance(self, now: float) -> None:
-        """Carry out, in order of time, the arrivals and the ends of pulses that are due by ``now``."""
+        """Advance to ``now``: carry out the arrivals of gotos and ends of guide pulses until then, in order."""
         if self._noted:
             self._begin_ramps()  # they decide when a goto ends, whether or not a caller has read the axes meanwhile
         first, second = self._axes[1], self._axes[2]
@@ -242,12 +240,12 @@ class Mechanics:
                 self._end_goto(due[0])
 
     def _advance_and_note(self, now: float) -> None:
-        """Advance to ``now`` and note positions and speeds, so that the next order begins with them."""
+        """Advance to ``now``, and note positions and speeds, with which the next order begins."""
         self.advance(now)
         self._note(now)
 
     def _follow(self, now: float) -> None:
-        """Track (or rest) from the present axis positions."""
+        """Track from the present axis positions, or rest if tracking is off."""
         self._note(now)
         self.suspended_since = None
         for motor in self._axes.values():
@@ -261,7 +259,7 @@ class Mechanics:
         self._follows_aim = self._on and self.build is Build.ALTAZ
 
     def _override_tracking(self, now: float, axis: int) -> None:
-        """Override the tracking of a motor; in alt-az the other motor keeps its last rate."""
+        """Begin an order that overrides tracking of a motor. On an alt-az mount the other motor keeps its last rate."""
         self._advance_and_note(now)
         if self._follows_aim:
             before, after = self._axes_at_aim(now), self._axes_at_aim(now + 1.0)
@@ -278,7 +276,7 @@ class Mechanics:
         return Leg(now, distance, fast or self.fastest * self.speed, slow, self.acceleration * self.speed**2)
 
     def _begin_goto(self, now: float, goal: Pair, fixed: bool) -> None:
-        """Begin a goto from the noted axis positions."""
+        """Begin a goto from the noted axis positions; ``fixed``: to axis positions instead of a target on the sky."""
         self.suspended_since = None
         for number, motor in self._axes.items():
             motor.rest()
@@ -322,7 +320,7 @@ class Mechanics:
         return first + self._axes[1].ramp.speed(now), second + self._axes[2].ramp.speed(now)
 
     def _ordered(self, now: float) -> Pair:
-        """Return both positions without the ramps: as if every change of speed had been completed at once."""
+        """Return both axis positions without ramps, as if the motors had changed to the ordered speeds at once."""
         first, second = self._axes[1], self._axes[2]
         follows = self._follows_aim or (first.leg and first.goal is None) or (second.leg and second.goal is None)
         aimed = self._axes_at_aim(now) if follows else _NOWHERE
@@ -340,7 +338,7 @@ class Mechanics:
         return wrap180(after[0] - before[0]) / _STEP, wrap180(after[1] - before[1]) / _STEP
 
     def _axes_at_aim(self, now: float) -> Pair:
-        """Return the axis positions that point at the aim, by the site, clock and correction the mount believes in."""
+        """Return the axis positions that point at the aim, with the mount's site, clock and correction."""
         ra, dec = self._aim
         if self._follows_aim:
             ra += (SIDEREAL_RATE - self._drive_rate) * (now - self._axes[1].since)
@@ -352,7 +350,7 @@ class Mechanics:
         return wrap360(self.sky.sidereal(now) - hour_angle), dec
 
     def _note(self, now: float) -> None:
-        """Note positions and speeds of the axes: the next order begins with them."""
+        """Note positions and speeds of the axes at ``now``, with which the next order begins."""
         positions, speeds = self._positions_at(now), self._speeds_at(now)
         changing = any(motor.added or motor.pulse or now < motor.ramp.ends for motor in self._axes.values())
         for motor, position, speed in zip(self._axes.values(), positions, speeds, strict=True):

@@ -1,6 +1,6 @@
 """The base class of simulated mounts: one clock, the mechanics of one mount, any number of connections.
 
-Bytes in, bytes out, at the time that the clock shows; nothing here sleeps.
+It turns bytes from clients into replies, at the time that the clock shows. Nothing here sleeps.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Protocol
 from gateway.astro.axes import Pair
 from gateway.protocols.mechanics.mount import Mechanics
 
-#: Called with a delayed reply: seconds of delay, bytes.
+#: Function that sends a reply later: (delay in seconds, bytes).
 Later = Callable[[float, bytes], None]
 
 
@@ -24,10 +24,10 @@ class TimedFramer(Protocol):
 
 
 class Simulated(ABC):
-    """A simulated mount; ``now`` is the time up to which it has been simulated, Unix seconds by ``clock``."""
+    """A simulated mount."""
 
-    clock: Callable[[], float]
-    now: float
+    clock: Callable[[], float]  # returns Unix seconds
+    now: float  # the time up to which it has been simulated, by ``clock``
     mechanics: Mechanics
 
     @abstractmethod
@@ -48,12 +48,12 @@ class Simulated(ABC):
         return self.framer()
 
     def feed(self, data: bytes, framer: TimedFramer | None = None, send_later: Later | None = None) -> bytes:
-        """Process bytes from the port and return the immediate replies; delayed ones go to ``send_later``."""
+        """Process bytes of a client and return the immediate replies; delayed replies are passed to ``send_later``."""
         self.advance_to_now()
         return b"".join([self.answer(frame, send_later) for frame in (framer or self._framer).feed(data, self.now)])
 
     def connection(self, send_later: Later | None = None) -> Callable[[bytes], bytes]:
-        """Return the ``feed`` of another connection to the same mount, with its own framer."""
+        """Open another connection to this mount. Return a function from bytes of the client to immediate replies."""
         framer = self.framer()
         return lambda data: self.feed(data, framer, send_later)
 

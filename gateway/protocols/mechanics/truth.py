@@ -1,8 +1,8 @@
 """The physical state of a simulated mount, as an independent measurement for tests of a gateway.
 
-It is calculated from the motor axes, and from the site and the clock with which the simulator was made. No command
-changes these: neither a site, date or time that a client sets, nor the GPS unit or its clock, nor a sync, which changes
-only the position that the mount reports. So tests read this, and not the replies of the gateway or the mount.
+It is calculated from the positions of the motor axes, and the site and clock with which the simulator was made. Clients
+cannot change these: a site, date or time that a client sets, or a sync, changes only what the mount reports. So tests
+read this state instead of replies of the gateway or the mount.
 """
 
 from __future__ import annotations
@@ -21,42 +21,36 @@ from gateway.protocols.mechanics.simulated import Simulated
 
 #: Seconds of the simulator's time between two samples.
 EVERY = 0.1
-#: Digits after the decimal point in a file: milliseconds for the time; 0.004 arcseconds for angles.
+#: Field -> digits after the decimal point in a file, for the time; and for other fields (0.004 arcseconds for angles).
 _DIGITS = {"t": 3}
 _OTHER_DIGITS = 6
 
 
 class Truth(Struct, frozen=True):
-    """One moment of a simulated mount.
+    """The true state of a simulated mount at one moment.
 
-    ``t``: Unix seconds by the simulator's clock. ``axis1``, ``axis2``: positions of the motor axes, degrees, in [0,
-    360) and [-180, 180). On an alt-az fork azimuth and altitude; on a polar mount the hour angle and declination axes
-    as ``astro.axes.Geometry`` counts them. ``altitude``, ``azimuth``: direction of the tube relative to the true
-    horizon, degrees, without refraction; the azimuth from north through east. ``hour_angle``: of the position the tube
-    points at, degrees in [-180, 180), positive west of the meridian. ``past_meridian``: how far the counterweight shaft
-    of a German mount is above horizontal, degrees from -90 (straight down) to 90. It is horizontal when the tube points
-    at the meridian; above that, the tube has passed the meridian towards the pier by as many degrees. None on a fork,
-    which has no pier. ``sun_distance``: from the centre of the field of view to the centre of the Sun, degrees, above
-    and below the horizon; accurate to 0.02 degrees. ``rate1``, ``rate2``: present speeds of the axes, degrees a second,
-    positive if ``axis1`` and ``axis2`` increase. ``moving``: whether a motor turns for anything but tracking: a goto,
-    hand motion, guiding, or running on. ``tracking``: whether the motors follow the sky, by the mount's site and clock.
+    Axis positions are azimuth and altitude on an alt-az fork; on a polar mount they are those of the hour angle and
+    declination axes as ``astro.axes.Geometry`` counts them. Angles are degrees, without refraction.
     """
 
-    t: float
-    axis1: float
-    axis2: float
-    altitude: float
-    azimuth: float
-    hour_angle: float
+    t: float  # Unix seconds by the simulator's clock
+    axis1: float  # position of the first motor axis, in [0, 360)
+    axis2: float  # position of the second motor axis, in [-180, 180)
+    altitude: float  # of the tube, above the true horizon
+    azimuth: float  # of the tube, from north through east
+    hour_angle: float  # of the tube, in [-180, 180), positive west of the meridian
+    #: How far the counterweight shaft of a German mount is above horizontal, from -90 (straight down) to 90. It is
+    #: horizontal when the tube points at the meridian; above that, the tube has passed the meridian towards the pier by
+    #: as many degrees. None on a fork, which has no pier.
     past_meridian: float | None
-    sun_distance: float
-    rate1: float
-    rate2: float
-    moving: bool
-    tracking: bool
+    sun_distance: float  # of the centre of the field of view from that of the Sun; accurate to 0.02 degrees
+    rate1: float  # present speed of the first axis, degrees a second, positive if ``axis1`` increases
+    rate2: float  # present speed of the second axis, degrees a second, positive if ``axis2`` increases
+    moving: bool  # a motor turns for anything but tracking: a goto, hand motion, guiding, or running on
+    tracking: bool  # the motors follow the sky, by the mount's site and clock
 
     def line(self) -> str:
-        """Return one JSON object with these names, and a line end."""
+        """Return the state as a line of JSON: an object with the names of the fields, and a line end."""
         shown = {
             name: round(value, _DIGITS.get(name, _OTHER_DIGITS)) if type(value) is float else value
             for name, value in asdict(self).items()
@@ -95,7 +89,7 @@ def sun(unix: float) -> tuple[float, float]:
 
 
 async def sample(simulator: Simulated, keep: Callable[[Truth], object], every: float = EVERY) -> None:
-    """Call ``keep`` with the Truth every ``every`` seconds of simulator time, for ever. Raises what ``keep`` raises."""
+    """Call ``keep`` with the Truth every ``every`` seconds of simulator time, until it raises an exception."""
     due: float = simulator.clock()
     while True:
         truth = truth_of(simulator)

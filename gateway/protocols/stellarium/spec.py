@@ -1,4 +1,4 @@
-"""The specification of Stellarium's protocol for the registry. Programs speak it, no mount does."""
+"""The ``ProtocolSpec`` of Stellarium's telescope protocol. Programs speak it, no mount does."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from gateway.protocols.base.spec import MadeSurface, ProtocolSpec, SurfaceSettin
 from gateway.protocols.wireformat.command_set import load, surface_functions
 
 NAME = "stellarium"
-#: Length and type of a goto, the only message that programs send.
+#: The header (length and type) of a goto, the only message that programs send.
 GOTO = b"\x14\0\0\0"
 
 

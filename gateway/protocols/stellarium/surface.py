@@ -1,8 +1,8 @@
-"""The Stellarium surface: gotos, which have no reply, and positions, which are pushed.
+"""The Stellarium surface: it receives gotos, which have no reply, and sends positions at regular intervals.
 
-Every message begins with its length. The only sign of a refused goto is the status in the following positions: it is
-negative until a goto is accepted, and after a goto that ended before its goal until the next order. Stellarium 0.22
-does not show it; the log has the reason.
+Every message begins with its length. A refused goto is only visible in the status of the following positions, which is
+negative until the next accepted goto. A goto that ended before its goal makes it negative until the next order.
+Stellarium 0.22 does not show the status; the log has the reason.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from gateway.protocols.wireformat.command_set import load
 
 #: Bytes of the header (length and type), and of the longest message that is accepted.
 HEADER, LONGEST = 4, 255
-#: Seconds from the beginning of a connection to the first position: meanwhile a web browser, which would show these
-#: bytes as a broken answer, has sent its request and is recognised.
+#: Seconds from the beginning of a connection to the first position. A web browser sends its request in this time and is
+#: recognised; it would show a position as a broken answer.
 FIRST = 0.2
 #: The values of the field ``status``.
 WELL, REFUSED, ENDED_SHORT = 0, -1, -2
 
 
 class StellariumFramer(LengthFramer):
-    """Cuts messages by their length, also messages of an unknown type, which the tables decide about.
+    """Cuts a byte stream into messages by their lengths, whatever their type.
 
-    Bytes with an impossible length drop all that arrive with them; after half a message, all until a pause.
+    At an impossible length it drops all bytes that arrived together, after an incomplete message all until a pause.
     """
 
     noise = "no Stellarium message begins like this; bytes are accepted again after a pause of 0.1 s"
@@ -55,10 +55,10 @@ class StellariumFramer(LengthFramer):
 
 
 class Progress(ClientState):
-    """``status`` is sent with every position: whether the last goto was accepted, or ended ``short`` of its goal."""
+    """The state of a client: the outcome of its gotos, which the status of every position reports."""
 
-    status: int = WELL
-    short: bool = False
+    status: int = WELL  # whether its last goto was accepted
+    short: bool = False  # the mount's last goto ended before its goal
 
 
 class StellariumSession(Session):
@@ -81,7 +81,7 @@ def goto(session: StellariumSession, values: Mapping[str, Any]) -> Handling:
 
 
 def subscriptions(session: Session) -> Sequence[Subscription]:
-    """Return the subscription of the position, and the subscription that notes whether the last goto ended short."""
+    """Return two subscriptions: one sends the position, the other notes whether the last goto ended before its goal."""
     assert isinstance(session, StellariumSession)
     pushed = load("stellarium").commands["position"]
     assert pushed.pushed is not None

@@ -1,8 +1,8 @@
-"""A command of the tables, ready for use: templates of its requests and replies, the models that have it, its facts.
+"""A command of the tables, ready for use: templates of its requests and replies, and the models that have it.
 
 A template is written like a frame in the manuals: a string (``":Sr{ra:HH:MM:SS}#"``) or a list of bytes, characters and
-fields (``["P", 2, 17, 36, "{rate:u8}", 0, 0, 0]``). It converts between bytes and named values, and does not know what
-they mean. A form that cannot be read raises MappingError with file, row and reason.
+fields (``["P", 2, 17, 36, "{rate:u8}", 0, 0, 0]``). It converts between bytes and named values, whatever the values
+mean. An invalid template raises MappingError with file, row and reason.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ from gateway.protocols.wireformat.rows import CommandRow, ReplyForm, Source, Ver
 
 
 class FrameTemplate:
-    """The form of a frame. ``fields``: name -> codec, in wire order; ``prefix``: the literal bytes before them."""
+    """The template of a frame. ``fields``: name -> codec, in wire order; ``prefix``: the bytes before the first field;
+    ``width``: the length of the frame in bytes, None if that varies.
+    """
 
     def __init__(self, source: Source) -> None:
         self.source = source
@@ -32,7 +34,7 @@ class FrameTemplate:
         self.width = None if None in widths else sum(width for width in widths if width is not None)
 
     def _add(self, piece: str | int) -> None:
-        """Split a piece into literals and fields. Raises ValueError for a malformed field or an unknown codec."""
+        """Add an element of the source, split into literals and fields. Raises ValueError for a malformed field."""
         if isinstance(piece, int):
             self._add_literal(bytes((piece,)))
             return
@@ -58,7 +60,7 @@ class FrameTemplate:
 
     @cached_property
     def matcher(self) -> re.Pattern[bytes]:
-        """The frame as a regular expression with one group per field, compiled when first needed to start faster."""
+        """A regular expression for the frame, with a group for each field; compiled when it is first used."""
         pattern = b"".join(
             re.escape(part) if isinstance(part, bytes) else b"(" + part[1].pattern + b")" for part in self.parts
         )
@@ -77,7 +79,9 @@ class FrameTemplate:
 
 
 class Command:
-    """A row of ``commands.toml`` (see ``CommandRow``) with its templates. ``where`` is the file, for messages."""
+    """A row of ``commands.toml`` with its templates. Attributes are explained in ``CommandRow``. ``where`` is the name
+    of the file in messages, ``replies`` pairs each reply form with its template.
+    """
 
     def __init__(self, where: str, name: str, row: CommandRow) -> None:
         self.name, self.help, self.beyond, self.acts = name, row.help, row.beyond, row.acts
@@ -99,36 +103,38 @@ class Command:
 
     @property
     def question(self) -> bool:
-        """Whether it reads a value and does nothing else."""
+        """Whether the command reads a value and does nothing else."""
         return not self.acts and any(reply.fault is None and template.fields for reply, template in self.replies)
 
     @property
     def asked(self) -> bool:
-        """Whether programs request it; otherwise it is only pushed."""
+        """Whether programs send a request for it; otherwise the gateway sends it unasked."""
         return bool(self.request.parts)
 
     @property
     def mark(self) -> bytes:
-        """The bytes by which an urgent command is recognised in bytes that are not cut into frames yet."""
+        """The bytes by which an urgent command is recognised in a byte stream before it is cut into frames."""
         if not self.urgent_at:
             return self.request.prefix.removesuffix(b"#")
         end = self.request.parts[-1]
         return self.request.encode(self.urgent_at).removesuffix(end if isinstance(end, bytes) else b"")
 
     def form(self, *formats: object) -> FrameTemplate | None:
-        """Return the first form of reply that is no refusal and fits any of these formats; None if there is none."""
+        """Return the template of the first reply, errors excepted, for any of these formats (``ReplyForm.when``)."""
         fitting = (form for reply, form in self.replies if reply.fault is None and reply.when in (None, *formats))
         return next(fitting, None)
 
     def known_to(self, model: str | None, version: Version | None) -> bool:
-        """Whether this model and version have the command according to the manual; None means unknown, and passes."""
+        """Whether this model and version have the command according to the manual; true if they are unknown (None)."""
         if model in self.lacking or (self.models is not None and model is not None and model not in self.models):
             return False
         return self.since is None or version is None or version >= self.since
 
 
 def _requests(request: str | list[str | int]) -> list[Source]:
-    """Return the alternative forms: a list of letters, numbers and fields is one form, longer strings are one each."""
+    """Return the alternative forms of a request: a list of characters, numbers and fields is a single form, a list of
+    longer strings has a form in each string.
+    """
     if isinstance(request, str):
         return [request]
     if all(isinstance(piece, int) or len(piece) == 1 or piece.startswith("{") for piece in request):

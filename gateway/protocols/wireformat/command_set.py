@@ -1,11 +1,10 @@
-"""The tables of a protocol as objects: its commands, what a surface does with them, how a driver uses them.
+"""The mapping files of a protocol as objects: its commands, what a surface does with them, how a driver uses them.
 
 A protocol has up to five files: ``commands.toml`` (always; the manual), ``surface.toml`` (command -> what the gateway
 does), ``own.toml`` (commands that a mount of the same protocol answers itself), ``driver.toml`` (operation -> commands)
-and ``models.toml`` (differences between models). The file of a dialect, for another maker's mounts, changes commands
-and driver (``of``). The verbs of a surface row are ask, tell, say and call; a driver row has call. Types and keys are
-checked when a file is loaded: a mistake raises MappingError with file, row and reason. The names in rows are checked by
-docs/tools/mistakes.py, for all files at once, before they are released.
+and ``models.toml`` (differences between models). A dialect, of another maker's mounts, has a file that replaces some
+commands and driver rows. Types and keys are checked when a file is loaded: a mistake raises MappingError with file, row
+and reason. docs/tools/mistakes.py checks the names in the rows of all files before a release.
 """
 
 from __future__ import annotations
@@ -24,14 +23,14 @@ from gateway.protocols.wireformat.command import Command, FrameTemplate
 from gateway.protocols.wireformat.rows import CommandRow, Dialect, Implementation, Model, OwnRow, SurfaceRow
 
 _T = TypeVar("_T")
-#: What the function of a surface row may take, by name: each takes what it uses.
+#: The parameters that the function of a surface row may have; each function names only those that it uses.
 GIVEN = ("session", "command", "values")
 #: The values of ``urgent`` for commands that act as soon as they arrive.
 AT_ONCE = ("stop", "restart", "axis")
 
 
 class CommandSet:
-    """The tables of a protocol, or of a ``dialect`` of it: commands and models are loaded at once, others later."""
+    """The tables of a protocol, or of a ``dialect`` of it. All but commands and models are loaded on first use."""
 
     def __init__(self, name: str, folder: Path, dialect: str = "") -> None:
         self.name, self.folder, self.dialect = name, folder, dialect
@@ -72,15 +71,15 @@ class CommandSet:
         return [model for model in self.models if model not in self.dialects]
 
     def by_product(self, product: str) -> str | None:
-        """Return the model with a dialect that has this product name; ``other`` if the name is of no known maker; None
-        for a mount of the protocol's own maker.
+        """Return the model with a dialect whose product name ``product`` begins with; ``other`` for an unknown maker;
+        None for a mount of the protocol's own maker.
         """
         beginnings = [name for row in self.models.values() for name in row.get("names_begin", ())]
         named = dict.fromkeys(beginnings) | {self.models[model]["product"]: model for model in self.dialects}
         return next((model for name, model in named.items() if name and product.startswith(name)), "other")
 
     def of(self, model: str | None) -> CommandSet:
-        """Return the tables in the dialect of this model, which are loaded with the first mount that speaks it."""
+        """Return the tables in the dialect of this model; a dialect is loaded when it is first needed."""
         dialect = self.dialects.get(model or "")
         if dialect is None:
             return self
@@ -89,7 +88,7 @@ class CommandSet:
         return self._spoken[dialect]
 
     def _read(self, file: str, form: type[_T]) -> dict[str, _T]:
-        """Convert a TOML file row by row, so that an error can name its row; an optional file may be missing."""
+        """Return the rows of a TOML file as ``form``; empty if an optional file is missing. Raises MappingError."""
         path = self.folder / file
         if file != "commands.toml" and self.folder.is_dir() and not path.exists():
             return {}
@@ -109,7 +108,7 @@ class CommandSet:
 
     @cached_property
     def own(self) -> dict[str, OwnRow]:
-        """Command name -> the row that says who answers it when a surface presents the mount itself."""
+        """Command name -> its row of ``own.toml``: whether the mount itself answers it."""
         return self._read("own.toml", OwnRow)
 
     @cached_property
@@ -120,24 +119,23 @@ class CommandSet:
 
     @cached_property
     def models(self) -> dict[str, Model]:
-        """Model -> its row, completed by the row of the model that it is ``like``."""
+        """Model -> its row of ``models.toml``; keys that it lacks come from the model that its key ``like`` names."""
         rows = self._read("models.toml", Model)
         return {name: {**rows.get(row.get("like", ""), {}), **row} for name, row in rows.items()}
 
     def lacking(self, model: str | None) -> frozenset[str]:
-        """Return the commands that the row of a model leaves out."""
+        """Return the commands that a model lacks, by its row in ``models.toml``."""
         return frozenset(name for name, command in self.commands.items() if model in command.lacking)
 
     def title(self, product: str, model: str) -> str:
-        """Return the name by which people know a mount of this model; ``product`` if the mount's product is another."""
+        """Return the usual name of a model; the reported ``product`` if the mount is not of this model."""
         row = self.models.get(model, {})
         return str(row.get("title", product)) if product and row.get("product", "").startswith(product) else product
 
     def traits(self, model: str, wedge: bool = False, facts: Model | None = None) -> frozenset[str]:
-        """Return the traits that rows may require of a model: name, dialect, mount type, what it ``has``, true keys.
-
-        ``facts`` are those of its row, unless they differ on a surface. A fork is ``alt-az``, or ``equatorial`` on a
-        wedge; a German mount is always ``equatorial``.
+        """Return the traits of a model, which rows may require: its name, dialect, mount type, the words of its key
+        ``has``, and its keys that are true. A fork is ``alt-az``, or ``equatorial`` on a wedge; a German mount is
+        ``equatorial``. ``facts`` is its row in ``models.toml`` unless given.
         """
         facts = self.models.get(model, {}) if facts is None else facts
         flags = (key for key, value in facts.items() if value is True)
@@ -153,13 +151,13 @@ class CommandSet:
 
     @cached_property
     def ends_at_once(self) -> dict[bytes, Command]:
-        """Frame -> command, for the commands that end something as soon as they arrive."""
+        """Frame -> command, for the urgent commands that end a motion as soon as they arrive."""
         urgent = [command for command in self.commands.values() if command.urgent in AT_ONCE]
         return {command.request.prefix: command for command in urgent if command.name in self.surface}
 
     @cached_property
     def partly_read(self) -> dict[bytes, int]:
-        """Frame -> the number of bytes that some programs read of its reply, for commands whose reply is longer."""
+        """Frame -> bytes that some programs read of its reply, for commands of which programs read only a part."""
         return {command.request.prefix: command.read for command in self.commands.values() if command.read is not None}
 
     def taken_back_by(self, command: Command) -> frozenset[bytes]:
@@ -167,28 +165,28 @@ class CommandSet:
         return frozenset([self.commands[name].request.prefix for name in command.takes_back])
 
     def find(self, frame: bytes) -> tuple[Command, FrameTemplate] | None:
-        """Return the command and the template that fit the whole frame; the longest prefix is tried first."""
+        """Return the command of a frame, and which of its request templates the frame has; None if there is none."""
         for command, template in self._beginning(frame):
             if template.matcher.fullmatch(frame):
                 return command, template
         return None
 
     def _beginning(self, data: bytes) -> Iterator[tuple[Command, FrameTemplate]]:
-        """Yield the commands whose prefix these bytes begin with, the longest prefix first."""
+        """Yield the commands and templates whose literal prefix ``data`` begins with, the longest prefix first."""
         for length in range(min(len(data), self._longest), 0, -1):
             yield from self._by_prefix.get(data[:length], ())
 
     def first(self, data: bytes) -> bytes:
-        """Return the whole command that these bytes begin with, or empty bytes."""
+        """Return the bytes of the complete command that ``data`` begins with; empty if there is none."""
         matches = (template.matcher.match(data) for _, template in self._beginning(data))
         return next((match[0] for match in matches if match), b"")
 
     def may_begin(self, data: bytes) -> bool:
-        """Whether these bytes are empty or may be the beginning of a command."""
+        """Whether a command can begin with these bytes; true for empty bytes."""
         return not data or any(prefix.startswith(data[: len(prefix)]) for prefix in self._by_prefix)
 
     def begun(self, beginning: bytes) -> Command | None:
-        """Return the command that begins like these bytes without the ``#``; of several, that of the longest prefix."""
+        """Return the command whose prefix, without its ``#``, begins these bytes; the longest prefix counts."""
         for length in range(min(len(beginning), self._longest), 0, -1):
             for prefix in (beginning[:length] + b"#", beginning[:length]):
                 for command, _ in self._by_prefix.get(prefix, ()):
@@ -197,7 +195,7 @@ class CommandSet:
 
 
 def functions(*modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
-    """Return the public functions of these modules, ``module.function`` -> function, for the rows of a driver."""
+    """Return ``module.function`` -> function for the public functions of these modules, which driver rows may name."""
     return {
         f"{module.__name__.rpartition('.')[2]}.{name}": value
         for module in modules
@@ -207,7 +205,7 @@ def functions(*modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
 
 
 def surface_functions(*modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
-    """Return the same for the rows of a surface: each is called with all of ``GIVEN``, and takes what it names."""
+    """Return ``module.function`` -> function for surface rows; each accepts all of ``GIVEN``."""
     return {name: _given(function) for name, function in functions(*modules).items()}
 
 
@@ -218,7 +216,7 @@ def parameters(function: Callable[..., Any]) -> tuple[str, ...]:
 
 
 def _given(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function that accepts all of ``GIVEN``, and passes on the parameters that ``function`` has."""
+    """Wrap a function: the wrapper accepts all of ``GIVEN``, and passes on those that ``function`` has."""
     names = parameters(function)
     if names == GIVEN or not set(names).issubset(GIVEN):
         return function

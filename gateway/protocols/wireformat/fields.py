@@ -1,4 +1,4 @@
-"""The codecs of all field formats, one row each: bytes to value and back.
+"""The codecs of all field formats, which convert bytes to values and back.
 
 A codec is named by the format as the manual writes it. Output is exact: the value is rounded once to the field's unit,
 wrapped, then split, so that `:60`, `24:00:00` and a lost `-00` cannot occur. Input is lenient where real programs
@@ -31,12 +31,12 @@ class Codec(NamedTuple):
 
 # --- text: sexagesimal ----------------------------------------------------------------------------------------
 
-_FREE = rb"[^#]*"
+_FREE = rb"[^#]*"  # any bytes up to the terminator of an LX200 frame
 _HEX = re.compile(rb"[0-9A-Fa-f]*").fullmatch
 
 
 def _within(decode: Callable[[bytes], float], low: float, high: float) -> Callable[[bytes], float]:
-    """Return ``decode`` with a check that the value is in [low, high]."""
+    """Wrap ``decode``: the wrapper raises ValueError unless the value is in [low, high]."""
 
     def checked(raw: bytes) -> float:
         value = decode(raw)
@@ -51,7 +51,7 @@ def _sexagesimal(encode: Callable[[float], str], decode: Callable[[bytes], float
     return Codec(lambda value: encode(value).encode("ascii"), _within(decode, low, high), _FREE)
 
 
-_BELOW_DAY = 360.0 - 1e-9
+_BELOW_DAY = 360.0 - 1e-9  # degrees
 _TEXT_ANGLES = {
     "HH:MM:SS": _sexagesimal(sx.hours, sx.parse_hours, 0, _BELOW_DAY),
     "HH:MM:SS.SSSS": _sexagesimal(sx.hours_fine, sx.parse_hours, 0, _BELOW_DAY),
@@ -76,7 +76,7 @@ _TEXT_ANGLES = {
 def _number(
     name: str, decimals: int, width: int, signed: bool, low: float, high: float, longest: int | None = None
 ) -> Codec:
-    """A decimal number: zero-padded to ``width`` digits before the point, ``decimals`` digits after it."""
+    """Return the codec of a decimal number, with zeros to ``width`` digits before the point, ``decimals`` after it."""
     full = width + (decimals + 1 if decimals else 0) + (1 if signed else 0)
     form = f"{{:{'+' if signed else ''}0{full}.{decimals}f}}"
 
@@ -96,14 +96,14 @@ def _number(
 
 
 def _arcminutes(codec: Codec) -> Codec:
-    """The number followed by its unit sign, which clients may omit."""
+    """Wrap the codec of a number: a unit sign for arcminutes follows it, which clients may omit."""
     return Codec(
         lambda value: codec.encode(value) + b"'", lambda raw: codec.decode(raw.rstrip(b"*'\xdf\xb0\xc2 ")), _FREE
     )
 
 
 def _word(choices: str) -> Codec:
-    """A field with a choice of words, as in ``{mode:A|L|P}``."""
+    """Return the codec of a field with a choice of words, as in ``{mode:A|L|P}``."""
     allowed = [word.encode("latin-1") for word in choices.split("|")]
 
     def encode(value: str) -> bytes:
@@ -153,7 +153,9 @@ _TEXT_OTHERS = {
 
 
 def _turn(bits: int, keep: int, signed: bool) -> Codec:
-    """A fraction of a revolution in hexadecimal; only the upper ``keep`` bits count, the others are sent as zero."""
+    """Return the codec of an angle in degrees as a hexadecimal fraction of a revolution. Only the upper ``keep``
+    bits count; the others are sent as zero.
+    """
     digits, spare = bits // 4, bits - keep
 
     def encode(value: float) -> bytes:
@@ -178,7 +180,7 @@ def _degrees(ticks: int, bits: int, signed: bool) -> float:
 
 
 def _binary_turn(bits: int, signed: bool) -> Codec:
-    """A fraction of a revolution in binary, most significant byte first."""
+    """Return the codec of an angle in degrees as a binary fraction of a revolution, most significant byte first."""
     width = bits // 8
 
     def encode(value: float) -> bytes:
@@ -188,7 +190,7 @@ def _binary_turn(bits: int, signed: bool) -> Codec:
 
 
 def _integer(width: int, signed: bool = False) -> Codec:
-    """A binary integer, most significant byte first."""
+    """Return the codec of a binary integer of ``width`` bytes, most significant byte first."""
 
     def encode(value: int) -> bytes:
         try:
@@ -200,7 +202,7 @@ def _integer(width: int, signed: bool = False) -> Codec:
 
 
 def _little_endian(codec: Codec) -> Codec:
-    """Return the codec with the least significant byte first."""
+    """Wrap a codec: the least significant byte comes first."""
     return codec._replace(encode=lambda value: codec.encode(value)[::-1], decode=lambda raw: codec.decode(raw[::-1]))
 
 
@@ -244,7 +246,7 @@ CODECS: dict[str, Codec] = {**_TEXT_ANGLES, **_TEXT_OTHERS, **_BINARY, **_LINE}
 
 
 def codec(name: str) -> Codec:
-    """Return the codec of this name; a name with ``|`` is a choice of words. Raises KeyError if there is none."""
+    """Return the codec of a field format; a format with ``|`` is a choice of words. Raises KeyError if unknown."""
     if name not in CODECS and "|" in name:
         CODECS[name] = _word(name)
     return CODECS[name]

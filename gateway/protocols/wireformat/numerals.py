@@ -40,12 +40,12 @@ def parse_number(raw: bytes) -> float:
 
 
 def hours(degrees: float) -> bytes:
-    """Write degrees as hours in [0, 24)."""
+    """Write an angle in degrees as decimal hours in [0, 24)."""
     return number(round(degrees / 15.0, 12) % 24.0)
 
 
 def parse_hours(raw: bytes) -> float:
-    """Parse hours and return degrees, not reduced to a single turn."""
+    """Parse decimal hours and return degrees, which may be outside [0, 360)."""
     return parse_number(raw) * 15.0
 
 
@@ -81,7 +81,7 @@ def parse_moment(raw: bytes) -> float:
 
 
 def quoted(text: str) -> bytes:
-    """Write text as one word, percent-encoded as in a URL."""
+    """Write text percent-encoded as in a URL, so that it contains no blanks."""
     return quote(text, safe="+-.:,TZ").encode("ascii")
 
 

@@ -1,4 +1,4 @@
-"""The rows of the mapping files as structs, and the words allowed in them."""
+"""The rows of the mapping files (TOML tables) as structs, and the values that their keys may have."""
 
 from typing import Any, Literal
 
@@ -7,13 +7,13 @@ from msgspec.structs import replace
 
 from gateway.core.errors import MappingError
 
-#: A frame as the tables write it (``command.py``).
+#: A request or reply in the notation of the tables (see ``command.py``).
 Source = str | list[str | int]
-Version = tuple[int, ...]
+Version = tuple[int, ...]  # (4, 21) is version 4.21
 #: A row of ``models.toml``: the properties of a model.
 Model = dict[str, Any]
 
-#: How long the gateway reuses a reply of the mount itself for all clients, and when it answers instead of the mount.
+#: When the gateway asks the mount again if a client requests a reply of the mount itself, and when it reuses a reply.
 Keep = Literal["fixed", "state", "moment", "clock", "site", "order", "library"]
 KEEPS: dict[Keep, str] = {
     "fixed": "asked once, until the mount is identified again",
@@ -24,21 +24,22 @@ KEEPS: dict[Keep, str] = {
     "order": "sent each time",
     "library": "its own object library, and this program's target",
 }
-#: How the answer to a question may change from one time to the next, by which replies are verified: it moves; runs as a
-#: clock does; stays as it is until something is done; is different every time.
+#: How the value in a reply changes between two requests, by which replies are verified: a position moves, a clock
+#: runs, a state stays as it is until something is done, a stream is different every time.
 Answer = Literal["position", "clock", "state", "stream"]
-#: What an urgent command ends, which must not wait behind other commands: every motion, and it does nothing else; every
-#: motion, and it does more; the motion of one axis; something else, or a motion in its turn.
+#: What an urgent command, which is sent before queued commands, ends. stop: every motion, and it does nothing else;
+#: restart: every motion, and it does more; axis: the motion of one axis; part: something else, or a motion in its turn.
 Urgent = Literal["stop", "restart", "axis", "part"]
+#: What the gateway does with a command, for the generated tables.
 Outcome = Literal["translated", "derived", "kept", "synthesised", "refused", "silent"]
-#: Words for kinds of mounts, besides the traits of their models (``CommandSet.traits``): one that is not aligned, one
-#: that can carry out none of the operations of the row, every one. Before an operation: a mount that cannot carry it
-#: out. Before a trait: the presented model.
+#: Keys of ``outcome`` besides the traits of models (``CommandSet.traits``): an unaligned mount, a mount that supports
+#: no operation of the row, any mount. Prefixes: before an operation, mounts that do not support it; before a trait,
+#: the presented model.
 UNALIGNED, UNABLE, ELSE, LACKS, PRESENTED = "unaligned", "unable", "else", "no-", "as-"
 
 
 def parse_version(text: str) -> Version:
-    """``"4.21"`` -> (4, 21). Raises ValueError."""
+    """Parse a version: ``"4.21"`` is (4, 21). Raises ValueError."""
     return tuple(int(part) for part in text.split("."))
 
 
@@ -50,86 +51,60 @@ def show_version(version: Version) -> str:
 
 
 class ReplyForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A form of reply, for the client's format, the model or the dialect ``when``, or for the error ``fault``.
-
-    ``says`` is the meaning of the error, if the mount sends no text.
-    """
+    """One form of a command's reply: always used, or only in some cases, or for an error."""
 
     wire: Source
-    when: str | None = None
-    fault: str | None = None
-    says: str | None = None
+    when: str | None = None  # only in this format of the client (high, low), for this model, or in this dialect
+    fault: str | None = None  # only for this class of ``gateway.core.errors``
+    says: str | None = None  # the meaning of the error, if the mount sends no text
 
 
 class CommandRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A row of ``commands.toml``.
+    """A row of ``commands.toml``: one command of the protocol as the manual describes it."""
 
-    models, since   the models that have the command, and the first version
-    acts          it returns a value and also changes something
-    answer        how the answer to a question may change
-    urgent        what it ends; ``urgent_at``: only with these values
-    takes_back    the queued commands that are discarded when this command arrives
-    long          the mount may be busy with it for this many seconds
-    while_seeking, while_asleep   whether the mount accepts it while it seeks its home, or hibernates
-    by_hand       it begins a motion by hand, or sets its rate: done at once or not at all
-    may_be_silent   some mounts that have it do not answer it
-    pushed        it is sent to a program every so many seconds without being asked for; it may have no request
-    read          some programs read only so many bytes of the reply, and take the rest for the next reply
-    """
-
-    help: str
+    help: str  # what it does, in a few words, for messages
     request: str | list[str | int] = ""
     reply: str | list[str | int | ReplyForm] | None = None
-    models: list[str] | None = None
-    since: str | None = None
-    beyond: str | None = None
-    acts: bool = False
-    answer: Answer | None = None
-    urgent: Urgent | None = None
-    urgent_at: dict[str, object] = {}
-    takes_back: list[str] = []
-    long: float | None = None
-    while_seeking: bool = False
-    while_asleep: bool | None = None
-    by_hand: bool = False
-    may_be_silent: bool = False
-    pushed: float | None = None
-    read: int | None = None
+    models: list[str] | None = None  # the models that have it; None: all
+    since: str | None = None  # the first version that has it
+    beyond: str | None = None  # the programs that send it although the manual does not have it
+    acts: bool = False  # it returns a value and also changes something
+    answer: Answer | None = None  # how the value in the reply may change between two requests
+    urgent: Urgent | None = None  # what it ends as soon as it arrives
+    urgent_at: dict[str, object] = {}  # it is only urgent with these values of its fields
+    takes_back: list[str] = []  # the queued commands that are discarded when it arrives
+    long: float | None = None  # the mount may be busy with it for this many seconds
+    while_seeking: bool = False  # the mount accepts it while it seeks its home
+    while_asleep: bool | None = None  # whether the mount accepts it while it hibernates
+    by_hand: bool = False  # it begins a motion by hand, or sets its rate: sent at once or not at all
+    may_be_silent: bool = False  # some mounts that have it do not reply
+    pushed: float | None = None  # sent to programs every so many seconds without a request
+    read: int | None = None  # some programs read only so many bytes of the reply, and take the rest for the next reply
 
 
 class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A row of ``surface.toml``: exactly one of the four verbs says what a surface does with a command.
+    """A row of ``surface.toml``: what a surface does with a command. It has exactly one of ask, tell, say and call."""
 
-    ask, given      perform this operation; its fields are those of the command, these, and the client's own settings
-    tell            reply with these fields of the client's settings or the presented model
-    say             reply with these values
-    call            run this function (``module.function``)
-    asks            the operations that the function asks for: those that change the mount, or else the reads
-    outcome         a word of ``Outcome``, or one for each kind of mount, the first that fits (``fits``)
-    why             the remark in the generated tables
-    passes          pass it on to a mount of the same protocol that has it; by default true if refused here
-    after, during   for examples: what a program sends before, until the mount is at rest, and then in motion
-    """
-
-    outcome: Outcome | dict[str, Outcome]
-    ask: str | None = None
-    tell: list[str] | None = None
-    say: dict[str, object] | None = None
-    call: str | None = None
-    given: dict[str, object] = {}
-    asks: list[str] = []
-    passes: bool | None = None
-    after: list[str] = []
-    during: list[str] = []
-    why: str | None = None
+    outcome: Outcome | dict[str, Outcome]  # for every mount, or kind of mount -> outcome: the first that fits counts
+    ask: str | None = None  # perform this operation
+    tell: list[str] | None = None  # reply with these fields of the client's settings or of the presented model
+    say: dict[str, object] | None = None  # reply with these values
+    call: str | None = None  # run this function (``module.function``)
+    given: dict[str, object] = {}  # with ``ask``: fields of the operation that the command does not have
+    asks: list[str] = []  # with ``call``: the operations that the function requests; reads only if it changes nothing
+    passes: bool | None = None  # pass it on to a mount of the same protocol that has it; None: if refused here
+    after: list[str] = []  # in examples: what a program sends before it, until the mount is at rest
+    during: list[str] = []  # in examples: what a program sends before it, so that the mount moves
+    why: str | None = None  # the remark in the generated tables
 
     @property
     def verbs(self) -> list[str]:
+        """The keys of this row among ask, tell, say and call: exactly one if the row is valid."""
         return [verb for verb in ("ask", "tell", "say", "call") if getattr(self, verb) is not None]
 
     @property
     def handed_on(self) -> bool:
-        """Whether it is passed on unchanged to a mount of the same protocol."""
+        """Whether the command is passed on unchanged to a mount of the same protocol."""
         return self.outcome == "refused" if self.passes is None else self.passes
 
     @property
@@ -144,33 +119,25 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
 
 
 class OwnRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A row of ``own.toml``: the mount itself answers programs of its protocol, if no model to present is configured.
-
-    ``keep`` says how (``KEEPS``); without it the gateway answers, and ``why`` gives the reason.
+    """A row of ``own.toml``: whether the mount itself answers this command of programs that speak its protocol. This
+    counts unless a model to present is configured.
     """
 
-    keep: Keep | None = None
-    why: str | None = None
+    keep: Keep | None = None  # how often the mount is asked (``KEEPS``); None: the gateway answers
+    why: str | None = None  # why the gateway answers
 
 
 class Implementation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A row of ``driver.toml``: an implementation of an operation.
+    """A row of ``driver.toml``: one implementation of an operation. A driver uses the first that the mount supports."""
 
-    call          the function that carries it out (``module.function``)
-    needs, uses   the commands that it sends: without those of ``needs`` it is skipped, ``uses`` are optional
-    ends          of the commands of a stop, those that end a motion and do nothing else
-    part          a trait (``traits``) that a model must have, for the generated tables and the list of abilities
-    aligned       for the tables: only used on an aligned mount (true), or only before the alignment (false)
-    """
-
-    call: str
-    needs: list[str] = []
-    uses: list[str] = []
-    ends: list[str] = []
-    part: str | None = None
-    aligned: bool | None = None
+    call: str  # the function that carries it out (``module.function``)
+    needs: list[str] = []  # commands that it sends; a mount that lacks one cannot use this row
+    uses: list[str] = []  # commands that it sends if the mount has them
+    ends: list[str] = []  # in the row of a stop: the commands that end a motion and do nothing else
+    part: str | None = None  # a trait that a model must have, for the generated tables and the list of abilities
+    aligned: bool | None = None  # for the tables: only on an aligned mount (true), or only before alignment (false)
     outcome: Outcome = "translated"
-    why: str | None = None
+    why: str | None = None  # the remark in the generated tables
 
     @property
     def commands(self) -> list[str]:
@@ -178,27 +145,21 @@ class Implementation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A file of the protocol's folder that is named like the ``dialect`` of a model: what its mounts do otherwise.
+    """The TOML file of a dialect, which models name: how another maker's mounts differ from the protocol."""
 
-    has       the commands of ``commands.toml`` that they have, whatever that file says of models
-    commands  those with another form or meaning, and those of their own
-    driver    operation -> its implementations, instead of those of ``driver.toml``
-    facts     what the driver's functions need to know
-    """
-
-    has: list[str]
-    commands: dict[str, CommandRow] = {}
-    driver: dict[str, list[Implementation]] = {}
-    facts: dict[str, Any] = {}
+    has: list[str]  # the commands of ``commands.toml`` that these mounts have, whatever that file says of models
+    commands: dict[str, CommandRow] = {}  # additional commands, and those with another form or meaning
+    driver: dict[str, list[Implementation]] = {}  # operation -> implementations that replace those of ``driver.toml``
+    facts: dict[str, Any] = {}  # constants of these mounts, for the driver's functions
 
     def spoken(self, where: str, rows: dict[str, CommandRow]) -> dict[str, CommandRow]:
-        """Return its commands. Raises MappingError if it names a command that the protocol does not have."""
+        """Return the dialect's commands: some ``rows`` of ``commands.toml``, and its own. Raises MappingError."""
         if absent := sorted(set(self.has) - rows.keys()):
             raise MappingError(where, "has", f"there is no {', '.join(absent)}")
         return {name: replace(rows[name], models=None, since=None) for name in self.has} | self.commands
 
     def driven(self, rows: dict[str, list[Implementation]], has: frozenset[str]) -> dict[str, list[Implementation]]:
-        """Return the implementations of operations: the rows whose commands the dialect has, and its own rows."""
+        """Return operation -> implementations: ``rows`` with only commands in ``has``, or the dialect's own."""
         usable = {}
         for operation, ways in rows.items():
             possible = [replace(way, uses=[name for name in way.uses if name in has]) for way in ways]

@@ -1,8 +1,8 @@
 """Sexagesimal angles, clock times, dates and UTC offsets, to text and back.
 
-Writing converts to whole units of the last digit ("ticks"): round once, wrap, then split. Reading uses one lenient
-pattern: every separator seen from a program, optional seconds, a fraction on the last part. Minutes and seconds of
-exactly 60 carry in every field, because programs round that way; 61 to 99 are refused. Angles are degrees.
+Writing rounds the value once to whole units of the last digit ("ticks"), wraps it, and splits it into its parts. All
+parsers share a lenient pattern: any separator that programs use, optional seconds, a fraction on the last part. Minutes
+and seconds of exactly 60 carry, because programs round that way; 61 to 99 are refused. Angles are degrees.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _PARTS = (
 
 @cache
 def _parts() -> re.Pattern[bytes]:
-    """Compile the pattern when it is first needed: that takes longer than importing this module."""
+    """Return the compiled pattern of a sexagesimal value. It is compiled on first use, because that is slow."""
     return re.compile(_PARTS)
 
 
@@ -61,14 +61,14 @@ def parse_typed(text: str) -> float:
 
 
 def unsigned(raw: bytes) -> bytes:
-    """Return the text unchanged. Raises ValueError if it has a sign, in a form that has none."""
+    """Return the text of an unsigned field unchanged. Raises ValueError if it has a sign."""
     if b"-" in raw or b"+" in raw:
         raise ValueError(f"'{show(raw)}' has a sign, and this form has none")
     return raw
 
 
 def whole(raw: bytes) -> bytes:
-    """Return the text unchanged. Raises ValueError if it has decimals, in a form that has none."""
+    """Return the text of a whole-number field unchanged. Raises ValueError if it has decimals."""
     if b"." in raw:
         raise ValueError(f"'{show(raw)}' has decimals, and this form has none")
     return raw
@@ -127,7 +127,9 @@ def _ticks(value: float, per_unit: float) -> tuple[str, int]:
 
 
 def _circular(form: str, per_degree: int, *bases: int) -> Callable[[float], str]:
-    """Return a function that writes an angle of 0 to 360 degrees in ticks, split by ``bases``."""
+    """Return a function that writes degrees, wrapped to 0 to 360, in the format ``form``. ``per_degree``: ticks in a
+    degree; ``bases``: the sizes of the parts after the first, such as 60 minutes and 60 seconds.
+    """
 
     def written(degrees: float) -> str:
         return form.format(*_split(round(degrees * per_degree) % (360 * per_degree), *bases))
@@ -136,7 +138,7 @@ def _circular(form: str, per_degree: int, *bases: int) -> Callable[[float], str]
 
 
 def _to_the_poles(form: str, per_degree: int, *bases: int) -> Callable[[float], str]:
-    """Return a function that writes a signed angle in ticks, split by ``bases``; ValueError beyond 90 degrees."""
+    """Return a function that writes a signed angle in the format ``form``. It raises ValueError beyond 90 degrees."""
 
     def written(degrees: float) -> str:
         sign, ticks = _ticks(degrees, per_degree)
@@ -175,7 +177,7 @@ def clock_12(seconds: float) -> str:
 
 
 def limit(raw: bytes) -> float:
-    """Parse an altitude limit in degrees; four digits are arcminutes. Raises ValueError beyond 90 degrees."""
+    """Parse an altitude limit; return degrees. Four digits are arcminutes. Raises ValueError beyond 90 degrees."""
     text = raw.rstrip(b"*'\xdf\xb0\xc2 ")
     value = number(text)
     value = value / 60.0 if re.fullmatch(rb" *\d{4} *", text) else value
@@ -190,24 +192,24 @@ def limit_to_set(raw: bytes) -> float:
 
 
 def offset_in_full(value: float) -> str:
-    """Write hours as ``sHH.H``."""
+    """Write a UTC offset in hours as ``sHH.H``."""
     sign, tenths = _ticks(value, 10)
     return sign + "{:02d}.{:d}".format(*_split(tenths, 10))
 
 
 def offset_in_minutes(value: float) -> str:
-    """Write hours as ``sHH:MM``."""
+    """Write a UTC offset in hours as ``sHH:MM``."""
     sign, minutes = _ticks(value, 60)
     return sign + "{:02d}:{:02d}".format(*_split(minutes, 60))
 
 
 def offset(value: float) -> str:
-    """Write hours as ``sHH`` if whole, else as ``sHH.H``."""
+    """Write a UTC offset in hours as ``sHH`` if whole, else as ``sHH.H``."""
     return offset_in_full(value).removesuffix(".0")
 
 
 def parse_offset(raw: bytes) -> float:
-    """Parse an offset ``sHH``, ``sHH.H``, ``s5`` or ``sHH:MM``; return hours. x.7, x.8 mean x.75 (Nepal, Chatham)."""
+    """Parse a UTC offset ``sHH``, ``sHH.H``, ``s5`` or ``sHH:MM``; return hours. x.7 and x.8 are x.75 (Nepal)."""
     text = raw.replace(b" ", b"")
     value = parse(text, least=1)
     if b":" not in text:

@@ -1,7 +1,8 @@
-"""Compares a server's declarations with its behaviour, because they can differ.
+"""Compares what a server declares with how its mount behaves, because they can differ.
 
-The equinox of its coordinates is compared with its own altitude and azimuth, and the sense of an arrow with the way on
-which the position moves. What is declared stays in use until the user settles it; an arrow is turned round at once.
+The declared equinox of coordinates is compared with the server's altitude and azimuth. If they contradict each other,
+the log says so, and the declared equinox stays in use. The direction of a motion by hand is compared with the change of
+the position. If the mount moves the wrong way, the gateway reverses that direction at once.
 """
 
 from __future__ import annotations
@@ -12,13 +13,15 @@ from gateway.core import operations as op
 from gateway.protocols.alpaca.driver.state import AlpacaDriver, read_member
 from gateway.protocols.base.driver import Remark, Steps
 
-#: Degrees: altitudes at which refraction and the azimuth leave little doubt; how near an equinox must fit, how much
-#: worse the other.
+#: Degrees. Equinoxes are compared at altitudes in this range, where refraction is small and the azimuth exact. The
+#: right equinox fits altitude and azimuth to this tolerance; the other is worse by at least the margin.
 HIGH, FITS, WORSE = (30.0, 80.0), 0.05, 0.08
-#: Degrees by which refraction raises what stands 30 degrees high.
+#: Degrees by which refraction raises an object at an altitude of 30 degrees.
 REFRACTION = 0.03
-#: Degrees by which an arrow must have moved the tube, and the least speed, degrees a second; not near a pole.
+#: A direction is compared after so many degrees of motion, at this speed (degrees a second) or more, and not beyond
+#: this declination (or altitude on an alt-az mount), degrees.
 MOVED, SLOWEST, NEAR_POLE = 0.1, 0.05, 80.0
+#: (axis, sense) -> direction.
 WAYS = {(1, 1): "west", (1, -1): "east", (2, 1): "north", (2, -1): "south"}
 
 
@@ -54,7 +57,7 @@ def compare_equinox(mount: AlpacaDriver, _: CompareEquinox | None = None) -> Ste
 
 
 def expect(mount: AlpacaDriver, axis: int, sense: int, side: str) -> None:
-    """Note the sense on the sky in which an arrow is to move the tube from now on."""
+    """Note the sense on the sky in which a motion by hand that begins now is to move the tube."""
     fast = abs(mount.moving.get(axis, 0.0)) >= SLOWEST
     mount.expected[axis] = (sense, side, None)
     if mount.reversed is not None or not fast or (axis, side) in mount.proven:
@@ -62,7 +65,9 @@ def expect(mount: AlpacaDriver, axis: int, sense: int, side: str) -> None:
 
 
 def observe(mount: AlpacaDriver, place: op.Equatorial, horizon: tuple[float, ...] | None) -> str:
-    """Compare a new position with the expectation; return a description of the contradiction, or an empty text."""
+    """Compare a new position with the expected direction of motion. If the mount moves the other way, reverse the axis
+    and return a message; else return an empty text.
+    """
     position = (-place.ra, place.dec)
     if not mount.equatorial:
         if horizon is None:

@@ -1,6 +1,6 @@
-"""Connects the telescope, and asks for everything that it can or cannot do before anything depends on it.
+"""Connects the telescope, and reads what it can do before the first operation depends on that.
 
-A telescope that is connected already belongs to other programs as well: it is used, and never disconnected.
+Other programs may use the same telescope, so the driver never disconnects it.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from gateway.protocols.alpaca.driver.state import (
 )
 from gateway.protocols.base.driver import Remark, Send, Steps, Wait
 
-#: The version of the interface from which a telescope is connected in two steps; seconds between two looks whether it
-#: is, and how often.
+#: The interface version from which ``connect`` returns before the telescope is connected; seconds between two checks
+#: whether it is, and how many checks.
 TWO_STEPS, LOOK_AGAIN, LOOKS = 4, 0.5, 120
-#: A guide rate that no mount has, as a multiple of sidereal: some servers tell percents.
+#: A multiple of the sidereal rate that no guide rate reaches: some servers report percents instead of degrees a second.
 IMPOSSIBLE = 4.0
-#: ASCOM's numbers of equinoxes.
+#: ASCOM's number of a coordinate system -> equinox.
 EQUINOXES = {1: "jnow", 2: "j2000"}
 
 
@@ -50,7 +50,7 @@ def contact(mount: AlpacaDriver, _: object = None) -> Steps:
 
 
 def identity(mount: AlpacaDriver, _: op.GetIdentity) -> Steps:
-    """Return the Identity, after everything that depends on it was asked."""
+    """Connect the telescope, read what it can do, and return the Identity."""
     yield from contact(mount)
     for request, member in TOLD_BY.items():
         if not (yield from read_member_again(mount, member, False)):
@@ -88,7 +88,7 @@ def _kind(mount: AlpacaDriver) -> Steps:
 
 
 def _ranges(listed: Any) -> tuple[tuple[float, float], ...]:
-    """Return the ranges of an axis up to FASTEST; single speeds are ranges without width."""
+    """Return the speed ranges in an answer to AxisRates, degrees a second, up to the greatest that is used."""
     ranges = []
     for entry in listed if isinstance(listed, list) else ():
         with suppress(KeyError, TypeError, ValueError):
@@ -99,8 +99,8 @@ def _ranges(listed: Any) -> tuple[tuple[float, float], ...]:
 
 
 def read_status(mount: AlpacaDriver) -> Steps:
-    """Read whether it tracks and is parked. Reports during a motion describe the motion, and are discarded; values that
-    the server does not report stay as they were.
+    """Read whether the mount tracks and is parked. Reports during a motion may describe the motion and are discarded;
+    values that the server does not report stay as they were.
     """
     state = (yield from device_state(mount)) if mount.lists_state else {}
     tracks, parked = state.get("Tracking"), state.get("AtPark")
@@ -115,7 +115,7 @@ def read_status(mount: AlpacaDriver) -> Steps:
 
 
 def status(mount: AlpacaDriver, _: op.GetStatus) -> Steps:
-    """Return the Status: no server tells whether its mount is aligned, so it counts as aligned."""
+    """Return the Status. Servers do not report whether the mount is aligned, so it counts as aligned."""
     yield from read_status(mount)
     native = mount.equatorial_mode if mount.equatorial else op.Tracking.ALTAZ
     mode = op.Tracking.OFF if mount.tracks is False else native

@@ -1,10 +1,11 @@
 """Motion by hand, stopping, guiding, and tracking.
 
-A motor's positive sense is west on the first axis (east in the south) and lifts the tube on the second, which on a
-German mount is reversed on the west side of the pier. ``MoveAxis`` is assumed to count the same way until a motion
-shows that it does not. A stop sends rate 0 to both axes besides ``AbortSlew``, which in older servers ends gotos only.
-Some servers also stop tracking then, so the driver reads it after every motion. On some servers the rate of
-``MoveAxis`` replaces tracking, on others it is added; so slow motion is with tracking off, and the sum of both.
+The positive sense of the first motor is west (east in the southern hemisphere). That of the second lifts the tube; on a
+German mount it is reversed on the west side of the pier. ``MoveAxis`` is assumed to count the same way until a motion
+shows the opposite. A stop sends rate 0 to both axes besides ``AbortSlew``, which in older servers ends
+gotos only. Some servers stop tracking too, so the driver reads it after every motion. On some servers the rate of
+``MoveAxis`` replaces tracking, on others it is added: so for slow motion the driver turns tracking off, and sends the
+sum of both rates.
 """
 
 from __future__ import annotations
@@ -28,24 +29,25 @@ from gateway.protocols.alpaca.driver.state import SIDEREAL, SLOW, AlpacaDriver, 
 from gateway.protocols.alpaca.tables import Parked
 from gateway.protocols.base.driver import SLEWING, Remark, Schedule, Send, Steps, Wait
 
-#: How often, and how many seconds apart, it is looked whether an order had an effect.
+#: How many times the driver checks whether an order has had an effect, and the seconds between two checks.
 LOOKS, LOOK_AGAIN = 4, 0.5
-#: A deviation from a speed by more than this fraction is remarked in the log.
+#: A speed that differs from the requested one by more than this fraction is reported in the log.
 REMARK_FROM = 0.1
-#: The longest guide pulse that is sent at once, milliseconds: no request ends a pulse.
+#: The longest guide pulse of one request, milliseconds; a longer one is split, because no request ends a pulse.
 LONGEST_PULSE = 500
-#: ASCOM's numbers of directions and of tracking rates, and these as multiples of sidereal.
+#: Direction, and name of a tracking rate -> ASCOM's number; the tracking rates in the order of these numbers, as
+#: multiples of the sidereal rate.
 DIRECTIONS = {"n": 0, "s": 1, "e": 2, "w": 3}
 RATES = {"sidereal": 0, "lunar": 1, "solar": 2}
 FACTORS = (1.0, 14.685 / 15.041067, 15.0 / 15.041067, 15.0369 / 15.041067)
-#: Rates whose factors differ by less count as the same.
+#: Tracking rates whose multiples of the sidereal rate differ by less than this count as the same.
 SAME_RATE = 0.0005
 
 
 def tube_side(mount: AlpacaDriver, axis: int) -> Steps:
-    """Return the side of the pier of the tube, if the sense of this axis depends on it; else empty.
+    """Return the tube's side of the pier if the direction of this axis depends on it, else an empty text.
 
-    If the server does not report the side, it follows from the last goto, unless that was stopped on its way.
+    If the server does not report the side, it follows from the target of the last goto, unless that was stopped.
     """
     if not mount.german or axis != 2:
         return ""
@@ -55,13 +57,13 @@ def tube_side(mount: AlpacaDriver, axis: int) -> Steps:
 
 
 def turned(mount: AlpacaDriver, axis: int, sense: int, side: str) -> int:
-    """Convert a sense on the sky to that of a motor, or back: +1 is west, or north (up in alt-az)."""
+    """Convert a sense on the sky (+1: west, north or up) to the sense of the motor, or back."""
     south = mount.equatorial and mount.southern and (axis == 1 or not mount.german)
     return -sense if south != (side == "W") else sense
 
 
 def move(mount: AlpacaDriver, operation: op.Move) -> Steps:
-    """Move in a sky direction. A tap at guide rate is a guide pulse, if the mount has them."""
+    """Move in a direction on the sky. A move for a fixed time is a guide pulse, if the mount has these."""
     if operation.ms is not None and mount.times_pulses:
         return (yield from pulse(mount, op.Pulse(operation.direction, operation.ms, sky=True)))
     side = yield from tube_side(mount, operation.axis)
@@ -70,14 +72,14 @@ def move(mount: AlpacaDriver, operation: op.Move) -> Steps:
 
 
 def move_axis(mount: AlpacaDriver, operation: op.MoveAxis) -> Steps:
-    """Move an axis by motor sense. A key adds to tracking, a variable rate is that of the motor."""
+    """Move an axis in a motor sense. The rate of a key is added to tracking; a variable rate replaces it."""
     side = yield from tube_side(mount, operation.axis)
     on_sky = operation.rate.key is not None or operation.rate.name is not None
     yield from _turn(mount, operation.axis, operation.sense, side, operation.rate, on_sky)
 
 
 def _turn(mount: AlpacaDriver, axis: int, sense: int, side: str, rate: op.Rate, on_sky: bool) -> Steps:
-    """Begin to move an axis at the nearest speed that it has."""
+    """Begin to move an axis at its speed nearest to ``rate``."""
     if not mount.ranges.get(axis):
         raise Unsupported(f"The server of this mount reports that axis {axis} cannot be moved by hand.")
     if mount.goto is not None:
@@ -103,8 +105,8 @@ def _turn(mount: AlpacaDriver, axis: int, sense: int, side: str, rate: op.Rate, 
 
 
 def _turn_slowly(mount: AlpacaDriver, axis: int, speed: float, side: str, on_sky: bool) -> Steps:
-    """Turn an axis at a speed on top of tracking (``on_sky``), or at exactly this motor speed, with tracking off; on an
-    alt-az mount the other axis follows the sky. Raises Refused if the axis has no such speed.
+    """Turn tracking off and move an axis at a slow speed, degrees a second. With ``on_sky`` the speed of
+    tracking is added, and the other axis of an alt-az mount follows the sky. Raises Refused if the axis lacks it.
     """
     rates = (yield from _following(mount, side)) if on_sky else {axis: 0.0}
     sent = {
@@ -133,14 +135,14 @@ def _turn_slowly(mount: AlpacaDriver, axis: int, speed: float, side: str, on_sky
 
 
 def _resume_hand_motion(mount: AlpacaDriver) -> Steps:
-    """Send the rates of the axes that are moved again: turning tracking on or off may have ended their motion."""
+    """Repeat the rates of the axes that move: turning tracking on or off may have ended their motion."""
     for axis in sorted(mount.moving.keys() - mount.pulsed.keys()):
         yield from _send_rate(mount, axis, mount.moving[axis])
 
 
 def _following(mount: AlpacaDriver, side: str) -> Steps:
-    """Return the speeds at which the axes follow the sky, degrees a second as the motors count; on an equatorial mount
-    only the first axis turns. Raises Unsupported if the server of an alt-az mount does not report its position.
+    """Return axis -> the speed at which it follows the sky, degrees a second in the motor's sense; on an equatorial
+    mount only the first axis. Raises Unsupported if the server of an alt-az mount does not report its position.
     """
     if mount.equatorial:
         return {1: turned(mount, 1, 1, side) * SIDEREAL}
@@ -154,7 +156,7 @@ def _following(mount: AlpacaDriver, side: str) -> Steps:
 
 
 def _send_rate(mount: AlpacaDriver, axis: int, rate: float) -> Steps:
-    """Send the rate of an axis, signed as MoveAxis counts it. If that is refused, nothing stays suspended for it."""
+    """Send the rate of an axis, signed as MoveAxis counts. If the server refuses it, turn tracking on again."""
     mount.moving[axis], mount.parked, mount.by_hand = rate, False, True
     try:
         yield Send("moveaxis", {"axis": axis - 1, "rate": rate}, patience=ORDER, at_once_or_never=True)
@@ -172,7 +174,7 @@ def _send_rate(mount: AlpacaDriver, axis: int, rate: float) -> Steps:
 
 
 def stop_axis(mount: AlpacaDriver, operation: op.StopAxis) -> Steps:
-    """End the motion of an axis."""
+    """End the motion of an axis. If the other moves slowly with tracking off, this axis goes on following the sky."""
     axis = operation.axis
     if not mount.may_move(axis):
         return
@@ -197,8 +199,8 @@ def stop_axis(mount: AlpacaDriver, operation: op.StopAxis) -> Steps:
 
 
 def abort_motion(mount: AlpacaDriver, _: op.AbortMotion) -> Steps:
-    """End everything. A parked mount stands still, whatever its server answers, and so may a mount that refuses the
-    stop: the driver then reads whether it slews. An axis moved by hand stops first: ``AbortSlew`` may take long.
+    """End every motion. Axes that are moved by hand stop first, because ``AbortSlew`` may take long. A parked mount
+    counts as stopped. If the server refuses the stop, the driver reads whether the mount slews.
     """
     slewed = mount.goto is not None
     mount.give_up_goto()
@@ -230,8 +232,8 @@ def _at_rest(axis: int) -> Send:
 
 
 def pulse(mount: AlpacaDriver, operation: op.Pulse) -> Steps:
-    """Send a guide pulse and return Pulsed. ASCOM's directions are those of the sky; a motor's are reversed with the
-    tube on the west side of the pier.
+    """Send a guide pulse and return Pulsed. ASCOM's directions are those on the sky. Those of the declination motor are
+    the opposite with the tube on the west side of the pier.
     """
     direction = operation.direction
     if direction.axis == 2 and not operation.sky and mount.german:
@@ -241,7 +243,7 @@ def pulse(mount: AlpacaDriver, operation: op.Pulse) -> Steps:
 
 
 def pulse_axis(mount: AlpacaDriver, operation: op.PulseAxis) -> Steps:
-    """Guide by a motor's sense. At another rate than the mount's, the pulse is shorter or longer."""
+    """Send a guide pulse in a motor sense. If its rate is not the mount's guide rate, its duration is adapted."""
     sense = turned(mount, operation.axis, operation.sense, (yield from tube_side(mount, operation.axis)))
     directions = {(1, 1): "w", (1, -1): "e", (2, 1): "n", (2, -1): "s"}
     default = mount.rates[operation.axis - 1]
@@ -262,13 +264,13 @@ def _pulse(mount: AlpacaDriver, direction: op.Direction, ms: int) -> Steps:
 
 
 class PulseOn(op.Operation, frozen=True):
-    """Internal: send the next guide pulse of an arrow that consists of pulses."""
+    """Internal: send the next guide pulse of a motion by hand that consists of pulses."""
 
     axis: int
 
 
 def pulse_on(mount: AlpacaDriver, operation: PulseOn) -> Steps:
-    """Send a guide pulse, and the next when it ends, until the arrow is released."""
+    """Send a guide pulse, and the next when it ends, until the motion by hand is stopped."""
     if (direction := mount.pulsed.get(operation.axis)) is not None:
         yield Schedule(LONGEST_PULSE / 1000.0, operation)
         yield from _pulse(mount, direction, LONGEST_PULSE)
@@ -291,7 +293,9 @@ def set_guide_rate(mount: AlpacaDriver, operation: op.SetGuideRate) -> Steps:
 
 
 def set_tracking(mount: AlpacaDriver, operation: op.SetTracking) -> Steps:
-    """Turn tracking on or off; unpark a parked mount first. Raises Refused if a ``heard`` order has no effect."""
+    """Turn tracking on or off. To turn it on, unpark a parked mount first. Raises Refused if ``operation.heard`` (the
+    client waits for the outcome) and the order has no effect.
+    """
     if mount.suspended:  # for slow motion, after which it is turned on if that is wanted
         mount.tracks = operation.on
         return
@@ -321,16 +325,17 @@ def unpark(mount: AlpacaDriver, _: op.Unpark) -> Steps:
 
 
 def rest(mount: AlpacaDriver, _: op.Hibernate) -> Steps:
-    """Turn tracking off, because no server can hibernate its mount."""
+    """Turn tracking off instead of hibernating: Alpaca has no request for that."""
     yield from set_tracking(mount, op.SetTracking(on=False))
 
 
 def rise(mount: AlpacaDriver, _: op.Wake) -> Steps:
+    """Turn tracking on instead of waking the mount: Alpaca has no request for that."""
     yield from set_tracking(mount, op.SetTracking(on=True))
 
 
 def track_rate(mount: AlpacaDriver, operation: op.TrackRate) -> Steps:
-    """Choose a tracking rate. Raises Unsupported for a rate that it does not have."""
+    """Choose a tracking rate. Raises Unsupported for a rate that the mount does not have."""
     factor = operation.factor or 1.0
     near = (name for name, number in RATES.items() if abs(FACTORS[number] - factor) < SAME_RATE)
     name = operation.name or next(near, "")

@@ -1,6 +1,4 @@
-"""Site and clock of the telescope. Some servers accept both without using them, so the driver reads back what it has
-set.
-"""
+"""Site and clock of the telescope. Some servers accept a site or time and ignore it, so the driver reads it back."""
 
 from __future__ import annotations
 
@@ -11,7 +9,8 @@ from gateway.protocols.alpaca.driver.pointing import order
 from gateway.protocols.alpaca.driver.state import AlpacaDriver
 from gateway.protocols.base.driver import Send, Steps, Wait
 
-#: Degrees and seconds by which what is read back may differ; how often it is read, and the seconds between.
+#: Degrees by which the site that is read back may differ, and seconds for the time; how many times the driver reads it,
+#: and the seconds between.
 SAME_PLACE, SAME_TIME = 0.02, 3.0
 LOOKS, LOOK_AGAIN = 3, 0.5
 
@@ -23,7 +22,7 @@ def get_site(mount: AlpacaDriver, _: GetSite) -> Steps:
 
 
 def set_site(mount: AlpacaDriver, operation: SetSite) -> Steps:
-    """Set latitude and longitude. Raises Refused if the server keeps another site, Unsupported."""
+    """Set latitude and longitude. Raises Refused if the server keeps its former site, and Unsupported."""
     if operation.latitude is None or operation.longitude is None:
         raise Unsupported("A site has a latitude and a longitude.")
     longitude = wrap180(operation.longitude)
@@ -39,12 +38,12 @@ def set_site(mount: AlpacaDriver, operation: SetSite) -> Steps:
 
 
 def get_clock(mount: AlpacaDriver, _: GetClock) -> Steps:
-    """Return the Moment; servers have no zone, so its offset is the last that was set."""
+    """Return the Moment. Servers have no time zone, so its UTC offset is the one that was set last."""
     return Moment((yield Send("utcdate"))["unix"], mount.zone)
 
 
 def set_clock(mount: AlpacaDriver, operation: SetClock) -> Steps:
-    """Set UTC. Raises Refused if the server keeps its own time, Unsupported."""
+    """Set UTC. Raises Refused if the server keeps its own time, and Unsupported."""
     began, mount.zone = mount.now(), operation.offset
     yield from order(mount, "set_utcdate", unix=operation.unix)
     for _look in range(LOOKS):

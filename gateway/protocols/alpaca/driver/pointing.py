@@ -1,8 +1,8 @@
 """Positions, gotos, syncs, park and home.
 
-A server reports a parked mount by an error number. For any other refusal the driver reads the possible reasons, and
-passes on the text of the server unchanged. If an order is not answered soon, the server may still have accepted it: old
-servers answer when the motion has ended. So the driver reads whether the mount slews.
+A server reports a parked mount by an error number. After any other refusal the driver reads what may be the reason, and
+adds the server's text. If a server does not answer an order soon, it may still have accepted the order: old servers
+answer when the motion has ended. So the driver then reads whether the mount slews.
 """
 
 from __future__ import annotations
@@ -21,19 +21,21 @@ from gateway.protocols.alpaca.driver.state import AlpacaDriver, device_state, re
 from gateway.protocols.alpaca.tables import Parked
 from gateway.protocols.base.driver import GotoUnderWay, Remark, Schedule, Send, Steps, Wait
 
-#: Seconds that the answer to an order may take before the mount is looked at instead: a stop waits behind it.
+#: Seconds that the driver waits for the answer to an order before it reads whether the mount slews: a stop could not be
+#: sent meanwhile.
 ORDER = 1.5
-#: Seconds after a goto has begun in which the server may still say that the mount does not slew.
+#: Seconds after the beginning of a goto in which the server may still report that the mount does not slew.
 START_GRACE = 2.0
-#: Seconds after a goto at which its equinox is compared, once.
+#: Seconds from the end of the first goto to the comparison of the declared equinox.
 COMPARE_AFTER = 3.0
-#: Seconds after a motion at which tracking is looked at, and within which it should have been.
+#: Seconds from the end of a motion until the driver reads whether the mount tracks; and until a report counts again at
+#: the latest.
 LOOK_AFTER, LOOKED_AT = 1.0, 3.0
-#: Seconds that a motion may take to end before a newer goto is sent all the same, and between two looks.
+#: Seconds that a goto waits for the end of an earlier motion, and between two checks of that.
 ENDS_WITHIN, LOOK_AGAIN = 10.0, 0.5
-#: Degrees from the meridian within which a German mount may use either side of the pier.
+#: Degrees from the meridian within which a German mount may go to either side of the pier.
 EITHER_SIDE = 10.0
-#: Orders that ASCOM allows only while the mount tracks; those whose refusal is not explained by a parked mount.
+#: Orders that ASCOM allows only while the mount tracks; those that it allows while the mount is parked.
 WHILE_TRACKING = ("slewtocoordinates", "slewtocoordinatesasync", "synctocoordinates")
 OF_PARKED = ("unpark", "set_tracking")
 #: The messages for a parked mount, and for a refusal without a known reason.
@@ -61,7 +63,7 @@ def position(mount: AlpacaDriver, _: op.Position) -> Steps:
 
 
 def _numbers(state: Mapping[str, Any], *names: str) -> tuple[float, ...] | None:
-    """Return these values; None if any is missing or no finite number."""
+    """Return the values of these names in a device state; None if any is missing or not a finite number."""
     try:
         values = tuple(float(state[name]) for name in names)
     except (KeyError, TypeError, ValueError):
@@ -70,12 +72,12 @@ def _numbers(state: Mapping[str, Any], *names: str) -> tuple[float, ...] | None:
 
 
 def horizontal_position(mount: AlpacaDriver, _: op.HorizontalPosition) -> Steps:
-    """Return None: it is calculated by the same site and clock as the limits."""
+    """Return None, so that the gateway calculates azimuth and altitude with the site and clock used for its limits."""
     yield from ()
 
 
 def pier_side(mount: AlpacaDriver, _: op.PierSide) -> Steps:
-    """Return the side of the tube of a German mount. Raises Unsupported if it is unknown, or there are no sides."""
+    """Return the tube's side of the pier, E or W. Raises Unsupported if it is unknown or the mount is not German."""
     ask = read_member if mount.side_untold else read_member_again
     side = (yield from ask(mount, "sideofpier")) if mount.german else None
     if side not in (0, 1):
@@ -84,7 +86,7 @@ def pier_side(mount: AlpacaDriver, _: op.PierSide) -> Steps:
 
 
 def slewing(mount: AlpacaDriver, _: op.Slewing) -> Steps:
-    """Return whether a goto is under way; during a motion by hand, the server's answer describes that motion."""
+    """Return whether a goto is under way. Servers also report Slewing during a motion by hand, which does not count."""
     slews = bool((yield Send("slewing"))["value"])
     state = mount.goto
     if state is None:
@@ -109,7 +111,9 @@ def slewing(mount: AlpacaDriver, _: op.Slewing) -> Steps:
 
 
 def _begin(mount: AlpacaDriver, steps: Steps, then_command: str | None = None, side: str = "") -> Steps:
-    """Begin a goto, to this side of the pier if known. If given up it is ended as well: it may begin after that."""
+    """Begin a goto with these steps; ``side`` is the tube's side of the pier at the goal, empty if unknown. If no
+    answer shows that it has begun, end it: the mount may begin it late.
+    """
     try:
         yield from mount.begin_goto(GotoUnderWay(then=then_command), steps, _slews)
     except NoAnswer:
@@ -127,7 +131,7 @@ def _slews(mount: AlpacaDriver) -> Steps:
 
 
 def order(mount: AlpacaDriver, command: str, goal: op.Equatorial | None = None, **values: object) -> Steps:
-    """Send an order that begins or ends something. Raises NoAnswer if it is not answered soon, and other Faults."""
+    """Send a command that changes the mount's state. Raises NoAnswer if no answer arrives soon, and other Faults."""
     try:
         yield Send(command, values, patience=ORDER)
     except Silence:
@@ -140,7 +144,7 @@ def order(mount: AlpacaDriver, command: str, goal: op.Equatorial | None = None, 
 
 
 def _reason(mount: AlpacaDriver, command: str, fault: Fault, goal: op.Equatorial | None) -> Steps:
-    """Return the refusal of an order with its reason, by the present reports of the mount."""
+    """Return the fault of a refused order with a text that explains it, from what the mount reports now."""
     if command not in OF_PARKED and (yield from read_member(mount, "atpark", False)):
         mount.parked = True
         return Parked(_with_text(PARKED, fault))
@@ -161,7 +165,7 @@ def _with_text(text: str, fault: Fault) -> str:
 
 
 def goto(mount: AlpacaDriver, operation: op.Goto) -> Steps:
-    """Slew, by a request that is answered at once if the server has it; tracking is turned on first if possible."""
+    """Slew to a position, with the asynchronous request if the server has it. Turn tracking on first if possible."""
     yield from stop_current_motion(mount)
     if mount.now() < mount.doubted_until:
         yield from keep_tracking(mount)
@@ -176,7 +180,9 @@ def goto(mount: AlpacaDriver, operation: op.Goto) -> Steps:
 
 
 def _side_of(mount: AlpacaDriver, goal: op.Equatorial) -> Steps:
-    """Return the future pier side of the tube, and forget the senses of arrows measured on an unknown side."""
+    """Return the tube's side of the pier after a goto to this goal; empty near the meridian, where it is uncertain.
+    Forget the direction of the second axis if it was observed on an unknown side.
+    """
     sidereal = yield from read_member(mount, "siderealtime")
     hour_angle = 0.0 if sidereal is None else wrap180(sidereal - goal.ra)
     if abs(hour_angle) < EITHER_SIDE:
@@ -187,8 +193,8 @@ def _side_of(mount: AlpacaDriver, goal: op.Equatorial) -> Steps:
 
 
 def goto_axes(mount: AlpacaDriver, operation: op.GotoAxes | op.GotoHorizontal) -> Steps:
-    """Slew over the horizon, for which ASCOM wants tracking off; it is turned on again on arrival, and at once if the
-    server refuses. Raises Unsupported for axes of an equatorial mount.
+    """Slew to an azimuth and altitude. ASCOM requires tracking to be off: it is turned on again on arrival, or at once
+    if the server refuses. Raises Unsupported for axis positions of an equatorial mount.
     """
     if mount.equatorial and isinstance(operation, op.GotoAxes):
         raise Unsupported("Only an alt-az mount can be sent to readings of its axes.")
@@ -207,7 +213,7 @@ def goto_axes(mount: AlpacaDriver, operation: op.GotoAxes | op.GotoHorizontal) -
 
 
 def stop_current_motion(mount: AlpacaDriver) -> Steps:
-    """End a goto or a motion by hand before a newer goto, and wait for the rest that some servers need for it."""
+    """End a goto or a motion by hand before a newer goto, and wait until the mount rests, as some servers require."""
     moves = bool(mount.moving) or mount.goto is not None
     for axis in sorted(mount.moving):
         yield Send("moveaxis", {"axis": axis - 1, "rate": 0.0})
@@ -221,7 +227,7 @@ def stop_current_motion(mount: AlpacaDriver) -> Steps:
 
 
 def abort_slew(mount: AlpacaDriver, _: op.AbortSlew) -> Steps:
-    """End the goto under way. An axis that is moved by hand stands still afterwards."""
+    """End the goto under way. This also ends motion by hand."""
     mount.give_up_goto()
     yield Send("abortslew")
     mount.moving.clear()
@@ -230,7 +236,7 @@ def abort_slew(mount: AlpacaDriver, _: op.AbortSlew) -> Steps:
 
 
 def resume_tracking(mount: AlpacaDriver) -> Steps:
-    """Turn on tracking that was turned off for slow motion. If that fails, ``look_at_tracking`` tries again."""
+    """Turn on tracking that was turned off for slow motion. If that fails, a later check tries again."""
     mount.slow.clear()
     mount.following.clear()
     mount.pulsed.clear()
@@ -248,13 +254,13 @@ class KeepTracking(op.Operation, frozen=True):
 
 
 def look_at_tracking(mount: AlpacaDriver, after: float = LOOK_AFTER) -> Steps:
-    """Look at tracking some seconds after a motion, which may have turned it off."""
+    """Schedule a check of tracking some seconds after a motion, which may have turned it off."""
     mount.doubted_until = mount.now() + LOOKED_AT
     yield Schedule(after, KeepTracking(), not_while_busy=True)
 
 
 def keep_tracking(mount: AlpacaDriver, _: KeepTracking | None = None) -> Steps:
-    """Turn tracking on again if it is off after a motion, unless the mount moves again."""
+    """Turn tracking on again if it is off after a motion; do nothing if the mount moves again."""
     if mount.moving or mount.goto is not None or mount.parked or not mount.tracks:
         return
     mount.doubted_until = mount.now()
@@ -289,7 +295,7 @@ def set_home(mount: AlpacaDriver, _: op.SetHome) -> Steps:
 
 
 def home_state(mount: AlpacaDriver, _: op.HomeState) -> Steps:
-    """Return 2 on the way home or to park, 1 at home or parked, else 0."""
+    """Return 2 on the way to the home or park position, 1 at that position, else 0."""
     yield from ()
     if mount.goto is not None and mount.goto.then in ("home", "park"):
         return 2

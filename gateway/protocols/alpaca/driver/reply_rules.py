@@ -1,7 +1,7 @@
-"""How requests to an Alpaca telescope look as lines, and what its answers mean.
+"""How requests to an Alpaca telescope look as text lines, and what the lines of its answers mean.
 
-HTTP shows which answer belongs to which request and that it is complete, so no answer is verified by a second request.
-If a telescope is no longer connected to its server, the line counts as lost until it is connected again.
+HTTP matches each answer to its request, so no answer is verified by a second request. If the server reports that the
+telescope is not connected, the line counts as lost until it is connected again.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load
 from gateway.protocols.wireformat.fields import CODECS
 
-#: Seconds that an answer may take, and that a stop waits for the answer to an order.
+#: Seconds that an answer may take; seconds that a stop waits for the answer to an earlier order.
 TIMEOUT, ORDER_GIVES_WAY = 5.0, 0.3
-#: What servers of other makers send for everything that went wrong, and for a value that they do not have.
+#: Error numbers that some servers send for any failure, and (ASCOM: invalid value) for a value that they do not have.
 ANYTHING, INVALID = 1, 0x401
 
 
 class AlpacaReplyRules(ReplyRules):
-    """The rules of an Alpaca telescope. They remember whether its last answer showed it connected."""
+    """Encodes the requests to an Alpaca telescope, parses its answers, and notes whether it is still connected."""
 
     protocol: CommandSet = load("alpaca")
-    #: Half a request never arrives: a blank line before an owed stop means nothing, and spares the wait for its end.
+    #: HTTP delivers no partial requests, so ``closing`` is a blank line, which has no meaning.
     closing, padding = b"\n", b""
 
     def __init__(self) -> None:
@@ -45,9 +45,9 @@ class AlpacaReplyRules(ReplyRules):
         return False
 
     def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
-        """Return the answer that begins the buffer and its length; None while it is incomplete.
+        """Return the answer that the buffer begins with and its length; None while it is incomplete.
 
-        Raises ValueError for a value of another kind than the member's.
+        Raises ValueError for a value that has not the type of the member.
         """
         line, end, _ = buffer.partition(b"\n")
         if not end:
@@ -67,7 +67,7 @@ class AlpacaReplyRules(ReplyRules):
         return kind(text or f"The server reports error 0x{number:X}, without a text.")
 
     def resync_commands(self, number: int) -> Iterator[Send]:
-        """Yield the exchanges that show that the telescope can be used again."""
+        """Yield the commands whose replies show that the telescope can be used again."""
         if self._dropped:
             yield Send("set_connected", {"on": True})
         yield Send("connected")
@@ -81,14 +81,14 @@ class AlpacaReplyRules(ReplyRules):
 
 @cache
 def _faults() -> dict[int, type[Fault]]:
-    """Return the faults that have an error number of their own; all other numbers are refusals."""
+    """Return ASCOM's error number -> class of fault; all other numbers are ``Refused``."""
     named: dict[str, type[Fault]] = {"NotConnected": NotConnected, "Parked": Parked}
     several = [Invalid.__name__, "NoTarget", "Unsupported", *named]
     return {numbers()[name]: named.get(name) or getattr(errors, name) for name in several}
 
 
 def _values(command: Command, value: Any) -> Values | Fault:
-    """Return the value of an answer under the name that it has in the table. Raises ValueError for another kind."""
+    """Return the value of an answer, with its field name of the table. Raises ValueError if it has another type."""
     if value is None and command.question:
         return Untold("The server gives no value.")
     for name, codec in command.replies[0][1].fields.items():

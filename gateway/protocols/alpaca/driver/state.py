@@ -1,6 +1,6 @@
-"""What the driver knows of a telescope behind an Alpaca server: what it can do, as reported, and its motions.
+"""What the driver knows of a telescope behind an Alpaca server: its reported abilities, and its motions.
 
-Nothing is assumed: the driver refuses, with a message, what the server lacks or reports as impossible.
+The driver refuses, with a message, any operation that the server lacks or reports as impossible.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from gateway.protocols.base.spec import DriverSettings
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model
 
-#: Request -> the member that tells whether the mount can carry it out.
+#: Request -> the member that reports whether the mount can carry it out.
 TOLD_BY = {
     "findhome": "canfindhome", "park": "canpark", "unpark": "canunpark", "pulseguide": "canpulseguide",
     "set_tracking": "cansettracking", "synctocoordinates": "cansync", "slewtocoordinates": "canslew",
     "slewtocoordinatesasync": "canslewasync", "slewtoaltaz": "canslewaltaz", "slewtoaltazasync": "canslewaltazasync",
     "set_guideraterightascension": "cansetguiderates", "set_guideratedeclination": "cansetguiderates",
 }  # fmt: skip
-#: Operation -> what is missing on a mount that cannot carry it out.
+#: Operation -> the reason in the message if the mount cannot carry it out.
 MISSING = {
     "Goto": "it has no gotos", "GotoAxes": "it has no gotos to an azimuth and altitude", "Sync": "it cannot be synced",
     "Park": "it cannot be parked", "Unpark": "it cannot be unparked", "Home": "it has no home position",
@@ -35,23 +35,23 @@ MISSING = {
 }  # fmt: skip
 #: The sidereal rate, degrees a second.
 SIDEREAL = SIDEREAL_ARCSECONDS / 3600.0
-#: Speeds of the named rates and of the hand control's keys, degrees a second, where a mount has them.
+#: Rate name -> speed, and the speeds of the nine rate keys of a hand control, degrees a second.
 NAMED = {"guide": SIDEREAL, "center": 16 * SIDEREAL, "find": 0.5, "max": math.inf}
 KEYS = (0.5 * SIDEREAL, SIDEREAL, 4 * SIDEREAL, 16 * SIDEREAL, 0.13, 0.25, 0.5, 1.5, math.inf)
-#: At this speed (degrees a second) and above, tracking makes no visible difference to the motion.
+#: From this speed on, degrees a second, tracking makes no visible difference to a motion by hand.
 SLOW = 0.1
 #: The greatest speed that is used, degrees a second: beyond it the gateway could not enforce limits.
 FASTEST = 8.0
-#: Words of ``reversed-axes`` -> axes.
+#: Value of ``reversed-axes`` -> axes.
 REVERSED = {"none": (), "first": (1,), "second": (2,), "both": (1, 2)}
-#: ASCOM's numbers of alignment modes -> models.
+#: The models in the order of ASCOM's numbers of alignment modes.
 MODELS = ("altaz", "polar", "german")
-#: How often a question is asked on whose answer much depends, and the seconds between.
+#: How many times an important member is read until that succeeds, and the seconds between.
 TIMES, AGAIN = 2, 0.5
 
 
 class AlpacaDriver(Driver):
-    """A telescope of an Alpaca server. ``now`` is a monotonic clock, seconds."""
+    """The driver of a telescope behind an Alpaca server. ``now`` is a monotonic clock, seconds."""
 
     protocol = load("alpaca")
     default_equinox = "auto"
@@ -66,55 +66,59 @@ class AlpacaDriver(Driver):
         self.now, self.settings = now, settings
         self.model: str | None = settings.model
         self.home_state = 0
-        #: Local time minus UTC, hours, as it was set last: no server has a zone.
+        #: Local time minus UTC, hours, as it was set last: servers have no time zone.
         self.zone = 0.0
-        #: Whether it tracks when nothing moves it, by the last report or order; None before. A report may be that of a
-        #: motion until its end was observed, or at the latest until this time.
+        #: Whether it tracks while nothing moves it, by the last report or order; None before that.
         self.tracks: bool | None = None
+        #: Until this time of ``now``, reports of tracking may still describe the last motion, and are ignored.
         self.doubted_until = -math.inf
-        #: Axis -> the rate at which it moves by hand, degrees a second, signed as it was sent.
+        #: Axis moved by hand -> the rate sent for it, degrees a second, signed as MoveAxis counts.
         self.moving: dict[int, float] = {}
-        #: Whether tracking is off for slow motion; the axes in slow motion and their speeds on the sky, as the motor
-        #: counts, those that only follow the sky meanwhile, and at what speeds all follow it; degrees a second.
+        #: Whether the driver has turned tracking off for slow motion by hand.
         self.suspended = False
+        #: Axis in slow motion -> its speed on the sky in the motor's sense, degrees a second.
         self.slow: dict[int, float] = {}
+        #: Axis that only follows the sky during slow motion of the other -> the rate sent for it, degrees a second.
         self.following: dict[int, float] = {}
-        #: The axes that are moved by guide pulses, and their directions.
+        #: Axis that is moved by hand in guide pulses -> their direction.
         self.pulsed: dict[int, op.Direction] = {}
-        #: Whether the last motion was by hand: the server may report it until the motors stand still.
+        #: Whether the last motion was by hand: the server may report Slewing until the motors stand still.
         self.by_hand = False
-        #: The axes whose MoveAxis counts the other way, as the user says; None: as motions show.
+        #: The axes whose MoveAxis counts the other way, as configured; None: observed motions decide.
         self.reversed = REVERSED.get(settings.reversed_axes or "")
         self.line_was_lost()
 
     def line_was_lost(self) -> None:
         """Forget the reports of the server: another server may listen at this address now."""
-        #: Members that the server does not have, and requests that the mount cannot carry out; members that it has.
+        #: Members that the server lacks, and requests that the mount cannot carry out.
         self.absent: set[str] = set()
+        #: Members whose value the server has sent.
         self.present: set[str] = set()
-        #: Axis -> the ranges of its speeds, degrees a second, up to FASTEST; whether it may be moved by hand at all.
+        #: Axis -> the ranges of its speeds, degrees a second, up to FASTEST; axis -> whether it can be moved by hand.
         self.ranges: dict[int, tuple[tuple[float, float], ...]] = {}
         self.movable: dict[int, bool] = {}
-        #: Whether a single answer lists everything that is read often.
+        #: Whether the server has DeviceState, a single answer with everything that is read often.
         self.lists_state = False
+        #: The guide rates of the two axes as fractions of sidereal.
         self.rates: tuple[float, float] = (0.5, 0.5)
-        #: Whether it is a German mount that does not tell the side of the pier; the side of the last goto's goal by its
-        #: hour angle, empty if that is not known either.
-        self.side_untold, self.goto_side = False, ""
-        #: (axis, side of the pier) -> -1 where a motion has shown that MoveAxis counts the other way; where one has
-        #: shown the sense at all; and axis -> the sense on the sky, the side, and the first position of the motion that
-        #: is compared now.
+        #: Whether it is a German mount that does not report the side of the pier.
+        self.side_untold = False
+        #: The side of the pier by the hour angle of the last goto's target; empty if unknown.
+        self.goto_side = ""
+        #: (axis, side of the pier) -> -1 where a motion has shown that MoveAxis counts the other way.
         self.senses: dict[tuple[int, str], int] = {}
+        #: (axis, side of the pier) where a motion has shown which way MoveAxis counts.
         self.proven: set[tuple[int, str]] = set()
+        #: Axis whose motion is being compared -> expected sense on the sky, side of the pier, first position.
         self.expected: dict[int, tuple[int, str, tuple[float, float] | None]] = {}
-        #: Whether the server declares an equinox, and whether that was compared with what it sends.
+        #: Whether the server declares an equinox; whether that was compared with its altitude and azimuth.
         self.declared = self.compared = False
-        #: Whether its altitudes may be raised by refraction.
+        #: Whether the altitudes that the server reports may include refraction.
         self.refracts = False
 
     @property
     def facts(self) -> Model:
-        """The row of its kind of mount; a mount of unknown kind counts as a German mount."""
+        """The row of ``models.toml`` for its kind of mount; an unknown kind counts as German."""
         return self.protocol.models[self.model or "german"]
 
     @property
@@ -134,27 +138,27 @@ class AlpacaDriver(Driver):
         return 1 if self.lists_state else 2
 
     def sign(self, axis: int, side: str) -> int:
-        """Return -1 if MoveAxis counts against the sense of the motor, else 1."""
+        """Return -1 if MoveAxis of this axis counts against the sense of the motor, else 1."""
         return self.senses.get((axis, side), 1) if self.reversed is None else -1 if axis in self.reversed else 1
 
     def may_move(self, axis: int) -> bool:
-        """Whether this axis is moved by hand, or may be by another program: a stop includes it."""
+        """Whether this axis may be in motion by hand, of any program, so that a stop must include it."""
         return axis in self.moving or self.movable.get(axis, True)
 
     def supports(self, name: str) -> bool:
-        """Whether the mount can carry out a request, as far as the server has reported."""
+        """Whether the mount can carry out a request, by what the server has reported."""
         if name == "moveaxis" and self.ranges:
             return any(self.ranges.values())
         return name not in self.absent and super().supports(name)
 
     def perform(self, operation: op.Operation[Any]) -> Generator[Step, Any, Any]:
-        """Carry out an operation. Raises Unsupported with what the mount lacks, and other Faults."""
+        """Carry out an operation. Raises Unsupported, with a text that says what the mount lacks, and other Faults."""
         if (missing := self._missing(operation)) is not None:
             raise missing
         return (yield from super().perform(operation))
 
     def give_up_goto(self) -> None:
-        """Forget the goto under way: nobody knows on which side of the pier it has ended."""
+        """Forget the goto under way; the side of the pier is then unknown."""
         self.goto_side = "" if self.goto is not None else self.goto_side
         self.goto = None
 
@@ -191,7 +195,7 @@ class AlpacaDriver(Driver):
         return self.rates[0] * SIDEREAL if self.by_pulses(rate) else max(self.fit(axis, rate) for axis in (1, 2))
 
     def by_pulses(self, rate: op.Rate) -> bool:
-        """Whether an arrow at this rate is a series of guide pulses: the first axis, tracking, has no speed near it."""
+        """Whether motion by hand at this rate consists of guide pulses: no speed is near tracking plus this rate."""
         wanted = self.wanted(rate)
         if wanted >= SLOW or not (self.equatorial and self.times_pulses and self.tracks):
             return False
@@ -199,20 +203,20 @@ class AlpacaDriver(Driver):
         return any(abs(self.nearest(1, total) - total) > wanted / 2.0 for total in sums)
 
     def wanted(self, rate: op.Rate) -> float:
-        """Return the speed that a hand rate means, degrees a second."""
+        """Return the speed that a rate of motion by hand stands for, degrees a second."""
         wanted = KEYS[(rate.key or 1) - 1] if rate.name is None else NAMED[rate.name]
         if rate.degrees is not None:
             wanted = min(wanted, rate.degrees) if rate.name == "max" else rate.degrees
         return abs(wanted)
 
     def fit(self, axis: int, rate: op.Rate) -> float:
-        """Return the speed nearest to a hand rate that this axis has, degrees a second."""
+        """Return the speed of this axis that is nearest to a rate of motion by hand, degrees a second."""
         wanted = max(1e-6, min(self.wanted(rate), self.fastest(axis)))
         near = [max(low, min(high, wanted)) for low, high in self.ranges.get(axis, ())]
         return min(near, key=lambda speed: abs(math.log(max(speed, 1e-6) / wanted)), default=wanted)
 
     def nearest(self, axis: int, rate: float) -> float:
-        """Return the signed rate of the axis that is nearest to a rate, or 0; degrees a second."""
+        """Return the rate of this axis that is nearest to ``rate``, with its sign, or 0; degrees a second."""
         low = [max(low, min(high, abs(rate))) for low, high in self.ranges.get(axis, ())]
         return math.copysign(min((*low, 0.0), key=lambda speed: abs(speed - abs(rate))), rate)
 
@@ -222,9 +226,9 @@ class AlpacaDriver(Driver):
 
 
 def read_member(mount: AlpacaDriver, member: str, default: Any = None, **values: object) -> Steps:
-    """Return the value of a member; ``default`` if the server does not have the member, or fails to read it.
+    """Return the value of a member; ``default`` if the server lacks the member, or fails to read it.
 
-    If the server reports that it lacks the member, and has never sent it, it is not requested again.
+    If the server reports that it lacks the member, and has never sent its value, the driver does not request it again.
     """
     if member in mount.absent:
         return default
@@ -242,7 +246,7 @@ def read_member(mount: AlpacaDriver, member: str, default: Any = None, **values:
 
 
 def read_member_again(mount: AlpacaDriver, member: str, default: Any = None, **values: object) -> Steps:
-    """Return the same as ``read_member``, but ask again after a failure: a server may fail for a moment."""
+    """Return the value of a member like ``read_member``, but read it again after a failure, which may be temporary."""
     for left in reversed(range(TIMES)):
         value = yield from read_member(mount, member, **values)
         if value is not None:
@@ -253,7 +257,7 @@ def read_member_again(mount: AlpacaDriver, member: str, default: Any = None, **v
 
 
 def device_state(mount: AlpacaDriver, ask: Callable[..., Steps] = read_member) -> Steps:
-    """Return all values that the server reports in one answer, by name; empty if it has no such request, or fails."""
+    """Return name -> value for the values in the answer to DeviceState; empty if the server lacks that, or fails."""
     listed = yield from ask(mount, "devicestate", [])
     if not isinstance(listed, list):
         return {}

@@ -1,7 +1,7 @@
-"""A telescope of an Alpaca server in HTTP: its lines as requests with their numbers, and JSON answers as lines.
+"""Converts the driver's request lines to HTTP requests of Alpaca, and JSON answers to reply lines.
 
-Names are written as ASCOM spells them and truth values as .NET does, because servers may refuse anything else. An error
-line has a number and the server's text; if HTTP itself refuses a member, the server does not have it.
+Parameters have ASCOM's spelling and truth values that of .NET, because servers may refuse anything else. A line that
+reports an error has its number and the server's text. If HTTP itself refuses a member, the server does not have it.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from urllib.parse import unquote, urlsplit
 from gateway.protocols.alpaca.http.chain import check
 from gateway.transport.http_wire import HttpRequest
 
-#: What HTTP answers if all is well, and for a member or a parameter that a server does not have.
+#: The HTTP status of success, and those for a member or a parameter that a server does not have.
 OK, NOT_THERE = 200, (400, 404, 405, 422, 501)
-#: Where every server describes itself.
+#: The path at which a server describes itself.
 DESCRIPTION = "/management/v1/description"
-#: ASCOM's numbers for "not implemented" and for everything else.
+#: ASCOM's error numbers for "not implemented" and for an unspecified error.
 NOT_IMPLEMENTED, UNSPECIFIED = 0x400, 0x500
-#: How the members begin that set the mount moving.
+#: The beginnings of the names of members that set the mount moving.
 BEGINS = ("slewto", "moveaxis", "park", "findhome")
-#: The longest text of an error, letters.
+#: The longest error text that is passed on, characters.
 LONGEST = 600
-#: How old ASCOM drivers number errors: 0x80040400 is 0x400.
+#: Old ASCOM drivers add this to error numbers: 0x80040400 is 0x400.
 COM = 0x80040000
 
 
@@ -41,7 +41,9 @@ class TelescopeHttp:
         self.first = (HttpRequest("GET", DESCRIPTION, {}), self.request(b"get connected\n"))
 
     def opened(self, request: HttpRequest, status: int, body: bytes) -> None:
-        """Check that the server has this telescope, and which gateways are on the way to it. Raises OSError."""
+        """Check the answer to one of the first requests: the server must have this telescope, and must not be this
+        gateway itself, directly or through another gateway. Raises OSError.
+        """
         answer: Any = None
         if status == OK:
             with suppress(ValueError):

@@ -1,6 +1,6 @@
-"""The gateways between a program and the mount: each adds its token to its server's description.
+"""Detects loops of gateways: each gateway adds its token, a random text, to the description of its Alpaca server.
 
-A gateway that finds its token in the description of its mount would drive itself; it refuses that mount.
+A gateway that finds its own token in the description of its mount's server would drive itself: it refuses that mount.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 #: The name of every gateway's server.
 SERVER = "mount-gateway"
-#: The member of the description that has the tokens. Programs ignore members that they do not know.
+#: The key of the description whose value is the list of tokens. Programs ignore unknown keys.
 MEMBER = "Gateways"
 #: Address of a mount's server -> the tokens of the gateways behind it.
 _behind: dict[str, list[str]] = {}
@@ -22,7 +22,7 @@ _behind: dict[str, list[str]] = {}
 
 @cache
 def own_token(process: int) -> str:
-    """Return the token of this process, which no process that it was forked from has."""
+    """Return the token of the process with this id. The parameter gives a forked process a token of its own."""
     return secrets.token_hex(8)
 
 
@@ -32,7 +32,7 @@ def tokens() -> list[str]:
 
 
 def check(where: str, description: Mapping[str, Any]) -> None:
-    """Note the gateways behind a mount's server. Raises OSError if this gateway is among them."""
+    """Store the tokens in the description of a mount's server. Raises OSError if this gateway's is among them."""
     listed = description.get(MEMBER)
     behind = [token for token in listed if isinstance(token, str)] if isinstance(listed, list) else []
     if own_token(os.getpid()) in behind:

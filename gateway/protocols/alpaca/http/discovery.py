@@ -1,6 +1,6 @@
-"""ASCOM's discovery: a program asks the whole network for Alpaca ports, and every port answers for itself.
+"""Answers ASCOM's discovery, in which a program asks all computers in the network for their Alpaca ports.
 
-The question is sent to UDP port 32227, by broadcast or to an IPv6 multicast group; the answer is one line of JSON. The
+The request is sent to UDP port 32227, by broadcast or to an IPv6 multicast group; the answer is one line of JSON. The
 servers of one computer share that UDP port. A loopback port is only reported to programs on this computer.
 """
 
@@ -20,7 +20,7 @@ from gateway.system.own_names import interface_addresses
 from gateway.transport.web_server import WebDevice
 
 PORT, GROUP = 32227, "ff12::a1:9aca"
-#: The beginning of a question; its last digit is the version.
+#: The beginning of a discovery request; its last digit is the version.
 QUESTION = b"alpacadiscovery1"
 
 #: The numeric address and the port that a server listens on.
@@ -41,7 +41,7 @@ class _Answering(asyncio.DatagramProtocol):
 
 
 def answers(question: bytes, places: Sequence[Place], asker: str) -> Iterable[bytes]:
-    """Yield the answer for each port that the asker can reach; nothing if ``question`` is not a discovery request."""
+    """Yield an answer for each port that ``asker`` can reach; nothing if ``question`` is no discovery request."""
     if not question.startswith(QUESTION):
         return
     theirs = ip_address(asker.partition("%")[0])
@@ -53,7 +53,7 @@ def answers(question: bytes, places: Sequence[Place], asker: str) -> Iterable[by
 
 
 async def answer_discovery(places: Sequence[Place], port: int = PORT) -> Callable[[], None]:
-    """Answer until the returned function is called. Raises OSError if the UDP port cannot be opened."""
+    """Answer discovery until the returned function is called. Raises OSError if the UDP port cannot be opened."""
     loop = asyncio.get_running_loop()
     sockets = [_ipv4(port)]
     if any(":" in host for host, _ in places):
@@ -108,14 +108,14 @@ def _ipv6(port: int) -> socket.socket:
 
 
 class AlpacaWeb:
-    """Alpaca for the registry. What serves the requests is imported when the first client connects."""
+    """Alpaca's part of the web server. The modules that serve requests are imported when the first client connects."""
 
     def load(self) -> None:
-        """Import the routes, and with them aiohttp."""
+        """Import the modules that serve requests, and with them aiohttp."""
         import_module("gateway.protocols.alpaca.http.server")
 
     def add_routes(self, app: Any, devices: Sequence[WebDevice]) -> None:
-        """Add the devices to the application."""
+        """Add the routes of these devices to the aiohttp application."""
         from gateway.protocols.alpaca.http.server import AlpacaServer
 
         AlpacaServer(devices).add_to(app)

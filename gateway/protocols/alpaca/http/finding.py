@@ -21,15 +21,15 @@ from gateway.transport.listening import in_brackets
 if TYPE_CHECKING:
     from aiohttp import ClientSession
 
-#: How often the question is sent, seconds between two times, seconds until no more answers are expected, and until a
-#: server must have answered.
+#: How many times the discovery request is sent, and the seconds between; seconds to wait for answers after the last
+#: time; seconds in which a server must answer an HTTP request.
 TIMES, BETWEEN, LAST, LONGEST = 3, 0.15, 1.0, 5.0
-#: The port of a server whose address names none.
+#: The port of a server whose address contains none.
 USUAL = 80
 
 
 async def find(urls: Sequence[str] | None, port: int = PORT) -> list[OfferedMount]:
-    """Return the telescopes of the servers at these addresses, or of all that answer; each once, by its identifier."""
+    """Return the telescopes of the servers at these addresses, or of all servers that answer; each once."""
     if urls is not None and not urls:
         return []
     from aiohttp import ClientSession, ClientTimeout
@@ -44,7 +44,7 @@ async def find(urls: Sequence[str] | None, port: int = PORT) -> list[OfferedMoun
 
 
 def _local_first(mount: OfferedMount) -> tuple[bool, str]:
-    """A loopback address does not change with the network."""
+    """Sort key: loopback addresses come first, because they do not change with the network."""
     host = urlsplit(mount.where).hostname or ""
     return not (host in ("localhost", "::1") or host.startswith("127.")), mount.where
 
@@ -68,7 +68,9 @@ class _Asking(asyncio.DatagramProtocol):
 
 
 async def _discover(port: int) -> list[Place]:
-    """Ask by a broadcast in each network, loopback included, because 255.255.255.255 goes to one network only."""
+    """Return the servers that answer a broadcast in each network of this computer, loopback included. A broadcast to
+    255.255.255.255 would reach one network only.
+    """
     places: set[Place] = set()
     loop, askers = asyncio.get_running_loop(), []
     for address, network in ipv4_networks():
@@ -117,7 +119,7 @@ async def _telescopes(session: ClientSession, host: str, port: int) -> list[Offe
 
 
 async def _value(session: ClientSession, url: str) -> Any:
-    """Return the value in a server's answer; None if it has none."""
+    """Request a URL and return the value in the server's answer; None if there is no valid answer."""
     from aiohttp import ClientError
 
     try:

@@ -1,9 +1,9 @@
-"""Alpaca programs: each is a client of the mount like the connection of any other program.
+"""Alpaca programs as clients of the mount.
 
-HTTP connections do not identify programs, so a program is a ClientID on one computer. Its requests are the lines of a
-separate connection and are answered in order; a slow request delays no other program. A program that is silent for long
-is forgotten; the dead man's switch has ended its motions long before. The answer to a request is JSON with the value or
-the error, and the numbers of the request, as ASCOM defines.
+HTTP connections do not identify programs, so a program is a ClientID on one computer. Each program has its own virtual
+connection to the gateway, so that a slow request delays no other program; its requests are answered in order. After a
+long silence the connection is closed; the dead man's switch has ended its motions long before. An answer is a JSON
+object with the value or the error, and the ids of the request, as ASCOM defines.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from gateway.protocols.alpaca.tables import member, refused
 from gateway.transport.handler import Accept, Connected, ConnectionRefused
 from gateway.transport.web_server import WebDevice
 
-#: Seconds until a request times out, and until a silent program is forgotten.
+#: Seconds until a request times out, and until the connection of a silent program is closed.
 TIMEOUT, FORGET = 5.0, 600.0
 #: The maximum number of programs of a mount, and of waiting requests of a program.
 MOST, WAITING = 64, 64
-#: The beginning of a line that only reads.
+#: The beginning of a request that only reads.
 READS = b"get "
-#: Seconds between two checks whether a goto has ended, and how long a goto may last.
+#: Seconds between two checks whether a goto has ended, and how long the gateway waits for its end.
 CHECK_EVERY, LONGEST = 0.25, 900.0
-#: The requests of these checks, and the reply when no goto is under way.
+#: The requests of these checks, and the reply to the second if no goto is under way.
 CONNECT, SLEWING, RESTS = b"put connect\n", b"get slewing\n", b"false"
-#: The request for the reason if the goto ended before its goal.
+#: The request for the reason why a goto ended before its goal.
 ENDED_SHORT = b'put action Action="GotoEndedShort" Parameters=""\n'
 #: The command that is never refused.
 STOP = "abortslew"
@@ -49,7 +49,7 @@ class AlpacaClient:
         self._partial_line = b""
         self.last = self._loop.time()
         self.gone = False
-        #: Whether it has ever sent more than reads, which a web page cannot.
+        #: Whether it has ever sent a request that is no read: it is then no web page, whose writes are refused.
         self.acts = False
         self._handler = accept(Connected(name, host, self._hear, lambda last: self.close()))
 
@@ -58,7 +58,7 @@ class AlpacaClient:
         return not self._waiting
 
     async def ask(self, line: bytes, stop: bool = False) -> bytes:
-        """Send a line and return its reply; a stop is sent even if too many wait. Raises NoAnswerInTime."""
+        """Send a line and return its reply; a ``stop`` is sent however many requests wait. Raises NoAnswerInTime."""
         if self.gone or (len(self._waiting) >= WAITING and not stop):
             raise NoAnswerInTime("Too many requests of this program wait for an answer.")
         self.last = self._loop.time()
@@ -101,7 +101,7 @@ class Programs:
         self._known: dict[tuple[str, int], AlpacaClient] = {}
 
     def of(self, host: str, client: int, stop: bool = False) -> AlpacaClient:
-        """Return the program of this ClientID on a host; a ``stop`` ignores the maximum. Raises ConnectionRefused."""
+        """Return the program of a ClientID on a host. Raises ConnectionRefused for too many, except for a ``stop``."""
         self._sweep()
         program = self._known.get((host, client))
         if program is None or program.gone:
@@ -111,11 +111,11 @@ class Programs:
         return program
 
     def extra_connection(self, host: str, client: int) -> AlpacaClient:
-        """Return another connection for a program; it shows no sign of life. Raises ConnectionRefused."""
+        """Return a second connection, on which the gateway polls for a program. Raises ConnectionRefused."""
         return AlpacaClient(self._accept, f"{_name(host, client)}-arrival", host)
 
     def _sweep(self) -> None:
-        """Forget closed and silent programs; if there are too many, also an idle one, preferably one that only read."""
+        """Forget closed and silent programs; of too many also an idle one, preferably one that has only read."""
         now = asyncio.get_running_loop().time()
         for key, program in list(self._known.items()):
             if program.gone or (program.idle and now - program.last > FORGET):
@@ -161,7 +161,7 @@ class Device:
 
 
 async def _arrival(extra: AlpacaClient) -> str:
-    """Wait for the end of a goto, answering its other requests; return the reason if it ended before its goal."""
+    """Wait for the end of a goto; return the reason if it ended before its goal, else an empty text."""
     loop = asyncio.get_running_loop()
     end = loop.time() + LONGEST
     try:
@@ -176,7 +176,7 @@ async def _arrival(extra: AlpacaClient) -> str:
 
 
 def _parsed(line: bytes) -> dict[str, Any]:
-    """Parse a reply of the surface, which is a value, null or an error."""
+    """Return the members of the JSON answer for a reply of the surface, which is a value, null or an error."""
     value = json.loads(line)
     if isinstance(value, dict) and "ErrorNumber" in value:
         return value
@@ -187,6 +187,6 @@ _transactions = count(1)
 
 
 def numbered(reply: dict[str, Any], transaction: int) -> dict[str, Any]:
-    """Return the reply with the program's number of the request, and the server's."""
+    """Add the transaction ids of the program and of the server to a reply."""
     server = next(_transactions) % 2**32
     return {**reply, "ClientTransactionID": transaction, "ServerTransactionID": server}

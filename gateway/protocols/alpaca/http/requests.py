@@ -1,8 +1,8 @@
-"""Converts an HTTP request to a line for the surface, with the numbers of the client and of the request.
+"""Converts an HTTP request to a line for the surface, and reads its ClientID and ClientTransactionID.
 
-As ASCOM defines: the path is in lower case; a GET has its parameters in the query, whose names may be in any case; a
-PUT has them in its body, with names in exact case. A missing or invalid parameter is an error (400); unknown parameters
-are ignored. A line ends with a line feed; a line that is too long or not finished is dropped.
+ASCOM defines that the path is in lower case. A GET has its parameters in the query, with names in any case; a PUT has
+them in its body, with names in exact case. A missing or invalid parameter is an error (400); unknown parameters are
+ignored. A line ends with a line feed; a line that is too long or not finished is dropped.
 """
 
 from __future__ import annotations
@@ -17,19 +17,20 @@ from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.numerals import quoted
 
-#: The greatest number of a client and of a request.
+#: The greatest ClientID and ClientTransactionID.
 MOST = 2**32 - 1
 #: Bytes of the longest line.
 LONGEST = 4096
-#: Why bytes are dropped, for the log.
+#: Why the bytes of a long line are dropped, for the log.
 TOO_LONG = "longer than any request"
 _PARAMETER = re.compile(r" (\w+)=\{(\w+):")
 _PLAIN_NUMBER = re.compile(r"[0-9]{1,10}")
+#: Names and values of parameters.
 Pairs = Sequence[tuple[str, str]]
 
 
 class BadRequest(Exception):
-    """The request is invalid; ``allowed_methods`` names the methods of this member if another method was used."""
+    """The request is invalid. ``allowed_methods``: the methods of this member if the request used another method."""
 
     def __init__(self, text: str, allowed_methods: str = "") -> None:
         super().__init__(text)
@@ -37,7 +38,7 @@ class BadRequest(Exception):
 
 
 class Asked(NamedTuple):
-    """A request for a member: its line and command, and the numbers of client and request, 0 if they are missing."""
+    """A request for a member: its line and command, ClientID and ClientTransactionID (0 if they are missing)."""
 
     line: bytes
     command: Command
@@ -46,7 +47,7 @@ class Asked(NamedTuple):
 
 
 class Signature(NamedTuple):
-    """A member with a method: its command, and the names of its parameters in order."""
+    """The command of a member and method, and the names of its parameters in order."""
 
     command: Command
     parameters: tuple[str, ...]
@@ -54,7 +55,7 @@ class Signature(NamedTuple):
 
 @cache
 def signatures() -> Mapping[tuple[str, str], Signature]:
-    """(method in lower case, member) -> signature."""
+    """Return (method in lower case, member) -> signature."""
     table = {}
     for command in load("alpaca").commands.values():
         source = str(command.request.source)

@@ -1,4 +1,4 @@
-"""Alpaca's part of the web server: its addresses, the check of requests, and the answers to invalid ones.
+"""Alpaca's part of the web server: its routes, the check of requests, and the answers to invalid requests.
 
 Alpaca has no passwords, and web pages in a browser can send requests to this server, too. Therefore requests from web
 pages are refused (``Origin``, ``Sec-Fetch-Site``). Importing this module imports aiohttp, which is slow: import it when
@@ -27,12 +27,12 @@ from gateway.transport.handler import ConnectionRefused
 from gateway.transport.http_requests import READ_ONLY, Handler, local_address
 from gateway.transport.web_server import WebDevice
 
-#: The UUID namespace of the devices' identifiers, which last as long as the endpoint of a mount on a computer.
+#: The UUID namespace of the devices' identifiers, which depend on the computer's name and the mount's title.
 _SPACE = uuid.UUID("6f3d2c1e-7c1b-5d0e-9a53-6d6f756e7467")
 
 
 class AlpacaServer:
-    """Serves the devices."""
+    """Serves the requests for Alpaca devices."""
 
     def __init__(self, devices: Sequence[WebDevice]) -> None:
         self._every = [Device(device) for device in devices]
@@ -86,13 +86,13 @@ class AlpacaServer:
         return web.json_response(numbered(reply, asked.transaction))
 
     def _devices(self, request: web.Request) -> list[Device]:
-        """Return the devices of the port at which a request has come."""
+        """Return the devices that are served at the port of a request."""
         port = local_address(request)[1]
         offered = [device for device in self._every if device.web.port == port]
         return offered or [device for device in self._every if not device.web.port]
 
     def _device(self, request: web.Request) -> Device:
-        """Return the device of the address. Raises BadRequest."""
+        """Return the device that the path of a request names. Raises BadRequest."""
         devices = self._devices(request)
         kind, number = request.match_info["kind"], request.match_info["number"]
         if kind != "telescope":
@@ -154,7 +154,7 @@ async def _parameters(request: web.Request) -> Pairs:
 
 
 def _form_data(body: bytes) -> Pairs:
-    """Return the parameters of a multipart/form-data body. Raises ValueError if it is not whole."""
+    """Return the parameters of a multipart/form-data body. Raises ValueError if it is incomplete."""
     boundary = body.partition(b"\n")[0].strip().removeprefix(b"--")
     form: Any = message_from_bytes(b'Content-Type: multipart/form-data; boundary="%s"\r\n\r\n' % boundary + body)
     if form.defects or not form.is_multipart():

@@ -1,9 +1,9 @@
 """The server of a simulated Alpaca telescope: HTTP requests in, JSON out, as ASCOM defines them.
 
-Requests that it does not understand get status 400 and a text: an unknown address, a capital letter in it, a missing or
-misspelt parameter, an invalid number. Everything else is answered with status 200, and errors with ASCOM's number in
-the JSON. In rehearsals there is no HTTP: the driver's code turns its lines into requests to this server. The
-parameters and conditions of the members are in ``mappings/alpaca/simulator.toml``.
+Invalid requests get HTTP status 400 and a text: an unknown path, a capital letter in it, a missing or misspelt
+parameter, an invalid number. Everything else is answered with status 200, and errors with ASCOM's number in the JSON.
+In rehearsals there is no HTTP: the driver's code converts request lines to calls of this server. The parameters and
+conditions of the members are in ``mappings/alpaca/simulator.toml``.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from gateway.protocols.alpaca.simulator.telescope import (
 from gateway.protocols.mechanics.axis_motor import LUNAR_RATE, SOLAR_RATE
 from gateway.protocols.mechanics.simulated import Later
 
-#: The longest request, bytes.
+#: The longest request in bytes, and the most digits of its Content-Length.
 LONGEST, LONGEST_NUMBER = 65536, 10
 DEVICE = "/api/v1/telescope/0/"
-#: The kinds of parameters.
+#: Kind of parameter -> function that parses its text.
 KINDS: dict[str, Callable[[str], Any]] = {
     "text": str, "whole": int, "number": float, "truth": lambda text: {"true": True, "false": False}[text.lower()]
 }  # fmt: skip
@@ -44,7 +44,7 @@ FORM = "application/x-www-form-urlencoded"
 
 
 class NotUnderstood(Exception):
-    """Status 400."""
+    """The request is invalid: it is answered with HTTP status 400."""
 
 
 class RequestFramer:
@@ -54,7 +54,7 @@ class RequestFramer:
         self._partial_request = b""
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
-        """Return the whole requests, in order."""
+        """Return the requests that these bytes complete, in order."""
         self._partial_request = (self._partial_request + data).lstrip(
             b"\r\n"
         )  # a gateway that begins anew ends what may have been begun
@@ -66,7 +66,7 @@ class RequestFramer:
         return frames
 
     def _end(self) -> int:
-        """Return how many bytes the first request has; 0 if it is not whole."""
+        """Return the length of the first request in bytes; 0 if it is incomplete."""
         if self._partial_request.startswith((b"get ", b"put ")):
             return self._partial_request.find(b"\n") + 1
         head = self._partial_request.find(b"\r\n\r\n") + 4
@@ -137,7 +137,7 @@ class SimulatedAlpaca(AlpacaTelescope):
             return 400, str(error)
 
     def respond(self, method: str, path: str, parameters: dict[str, str]) -> Any:
-        """Return the value, None for a PUT. Raises NotUnderstood, Refusal."""
+        """Return the value of a GET; None for a PUT. Raises NotUnderstood, AlpacaError."""
         if path.startswith("/management/") and method == "GET":
             return self._management(path)
         member, known, which = path.removeprefix(DEVICE), rows(), rows()["which"]
@@ -176,7 +176,7 @@ class SimulatedAlpaca(AlpacaTelescope):
 
 
 def _value(name: str, text: str, kind: str) -> Any:
-    """Return a parameter. Raises NotUnderstood."""
+    """Parse a parameter of this kind. Raises NotUnderstood."""
     try:
         value = KINDS[kind](text)
         if kind != "number" or math.isfinite(value):
@@ -193,7 +193,7 @@ DRIVES = (SIDEREAL_RATE, LUNAR_RATE, SOLAR_RATE)
 
 
 def read(sim: AlpacaTelescope, name: str, *values: Any) -> Any:
-    """Return the value of a member: the value forced by a test, else its real value. Raises Refusal."""
+    """Return the value of a member: the value forced by a test, else its real value. Raises AlpacaError."""
     if name in sim.tells:
         return sim.tells[name]
     if name in rows()["able"]:
@@ -210,7 +210,7 @@ def _when(unix: float) -> str:
 
 
 def _target(sim: AlpacaTelescope, ra: float | None = None, dec: float | None = None) -> tuple[float, float]:
-    """Return the target in degrees; a right ascension in hours and a declination replace it. Raises Refusal."""
+    """Return the target (RA, dec) in degrees, after setting it if RA in hours and dec are given. Raises AlpacaError."""
     if ra is not None and dec is not None:
         sim.target = [ranged(ra, 0.0, 24.0, "RightAscension") * 15.0, ranged(dec, -90.0, 90.0, "Declination")]
     return _set(sim.target[0]), _set(sim.target[1])
@@ -223,7 +223,7 @@ def _set(value: float | None) -> float:
 
 
 def _side(sim: AlpacaTelescope, flipped: bool) -> int:
-    """Return the side of the pier: 0 east, where the tube looks west, 1 west, -1 without a pier."""
+    """Return SideOfPier: 0 if the tube is east of the pier and points west, 1 if it is west, -1 without a pier."""
     return int(flipped == (sim.sky.latitude >= 0.0)) if sim.model == "german" else -1
 
 
@@ -290,7 +290,9 @@ def _track_rate(sim: AlpacaTelescope, rate: int) -> None:
 
 
 def _put(name: str, low: float, high: float, unit: float = 1.0, axis: int | None = None) -> Callable[..., None]:
-    """Return a function that stores a value within these limits in an attribute (``axis``: at this place of a list)."""
+    """Return a function that checks a value, multiplies it by ``unit``, and stores it in the attribute ``name``, or in
+    item ``axis`` of that list.
+    """
 
     def put(sim: AlpacaTelescope, value: float) -> None:
         value = ranged(value, low, high, name) * unit

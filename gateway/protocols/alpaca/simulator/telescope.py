@@ -1,10 +1,6 @@
 """The state and the mechanics of a simulated Alpaca telescope.
 
-It can lack members (``lacks``, by their names in addresses: its ``Can…`` follow), and report other values than it has
-(``tells``). Options imitate the differences between servers: ``platform`` 6 has no DeviceState and no ``connect``;
-``blocks`` answers a slew when it has ended; ``quiet_axes`` does not report Slewing while an axis is moved;
-``sends_j2000`` sends, takes and declares J2000; ``senses`` are the signs of MoveAxis; ``adds_tracking`` adds its rates
-to tracking instead of replacing it; ``keeps_clock`` accepts a time and ignores it.
+The parameters of ``AlpacaTelescope`` imitate the differences between real servers.
 """
 
 from __future__ import annotations
@@ -42,7 +38,7 @@ FASTEST = 4.0
 
 
 class AlpacaError(Exception):
-    """An error with a number, which the server sends with HTTP status 200."""
+    """An error with ASCOM's number, which the server sends in JSON with HTTP status 200."""
 
     def __init__(self, number: int, text: str) -> None:
         super().__init__(text)
@@ -50,12 +46,12 @@ class AlpacaError(Exception):
 
 
 class SimulatedKind(NamedTuple):
-    """A kind of mount: ASCOM's AlignmentMode, the position at power-on in the north, and its AxisRates."""
+    """The properties of a kind of simulated mount."""
 
     build: Build
-    mode: int
-    start: Pair
-    rates: tuple[Pair, ...]
+    mode: int  # ASCOM's AlignmentMode
+    start: Pair  # the positions of the axes at power-on on the northern hemisphere, degrees
+    rates: tuple[Pair, ...]  # AxisRates: least and greatest rate of each range, degrees a second
 
 
 KINDS = {
@@ -68,7 +64,7 @@ KINDS = {
 
 
 def ranged(value: float, low: float, high: float, name: str) -> float:
-    """Return the value. Raises Refusal if it is out of range."""
+    """Return the value. Raises AlpacaError if it is out of range."""
     if not low <= value <= high:
         raise AlpacaError(INVALID_VALUE, f"{name} {value:g} is out of range, {low:g} to {high:g}")
     return value
@@ -76,13 +72,13 @@ def ranged(value: float, low: float, high: float, name: str) -> float:
 
 @cache
 def rows() -> dict[str, Any]:
-    """Return the table of the telescope's members."""
+    """Return the tables of ``simulator.toml``: parameters and conditions of the telescope's members."""
     return load("alpaca").extra("simulator.toml")
 
 
 class AlpacaTelescope(Simulated):
-    """``site`` is latitude and longitude east, degrees; ``clock`` returns Unix seconds. ``aligned``: it tracks at the
-    start; ``lowest`` is the altitude below which it refuses a slew. Raises UserError for an unknown model.
+    """A simulated Alpaca telescope without its server. ``site`` is latitude and longitude east, degrees; ``clock``
+    returns Unix seconds. Raises UserError for an unknown model.
     """
 
     def __init__(
@@ -91,20 +87,20 @@ class AlpacaTelescope(Simulated):
         *,
         clock: Callable[[], float],
         site: Pair = (45.0, 10.0),
-        aligned: bool = True,
-        speed: float = 1.0,
-        ramps: bool = True,
-        platform: int = 7,
-        lacks: frozenset[str] = frozenset(),
-        answers: Mapping[str, Any] | None = None,
-        senses: tuple[int, int] = (1, 1),
-        adds_tracking: bool = False,
-        lowest: float = -90.0,
+        aligned: bool = True,  # it tracks at the start
+        speed: float = 1.0,  # how many times faster than a real mount it slews
+        ramps: bool = True,  # motors accelerate gradually
+        platform: int = 7,  # version of ASCOM's platform: 6 has no DeviceState and no ``connect``
+        lacks: frozenset[str] = frozenset(),  # missing members, by their names in paths; ``Can…`` report them missing
+        answers: Mapping[str, Any] | None = None,  # member -> value that it reports instead of the real one
+        senses: tuple[int, int] = (1, 1),  # the signs of MoveAxis for the two axes
+        adds_tracking: bool = False,  # rates of MoveAxis are added to tracking instead of replacing it
+        lowest: float = -90.0,  # it refuses slews below this altitude, degrees
         parked: bool = False,
-        blocks: bool = False,
-        quiet_axes: bool = False,
-        sends_j2000: bool = False,
-        keeps_clock: bool = False,
+        blocks: bool = False,  # a request to slew is answered when the slew has ended
+        quiet_axes: bool = False,  # Slewing is false while an axis is moved by MoveAxis
+        sends_j2000: bool = False,  # all coordinates are J2000, and it declares so
+        keeps_clock: bool = False,  # it accepts a time and ignores it
     ) -> None:
         if model not in KINDS:
             raise UserError(f"no simulated Alpaca telescope is called {model!r}; there are {', '.join(KINDS)}")
@@ -127,14 +123,15 @@ class AlpacaTelescope(Simulated):
         self.drive_rate, self.guides = 0, [SIDEREAL_RATE / 2.0, SIDEREAL_RATE / 2.0]
         self.adds_tracking = adds_tracking
         self.moved: set[int] = set()
-        #: The speeds at which the axes that are moved followed the sky before.
+        #: Axis moved by MoveAxis -> the speed at which it tracked before, degrees a second.
         self.follows: dict[int, float] = {}
+        #: The position that it slews to, and the one at which it rests: ``park``, ``home``, or empty for any other.
         self.going, self.at = "", "park" if parked else ""
         self.tracks = False
         self.track(aligned and not parked)
 
     def advance_to_now(self) -> None:
-        """Advance to the present time; a park or a search for home may have ended."""
+        """Advance the simulation to the present time, and note the arrival at the park or home position."""
         self.now = self.clock()
         self.mechanics.advance(self.now)
         if self.going and not self.mechanics.slewing(self.now):
@@ -148,12 +145,12 @@ class AlpacaTelescope(Simulated):
 
     @property
     def sky(self) -> Observer:
-        """The site and the clock by which it calculates."""
+        """The site and the clock with which the mount calculates."""
         return self.mechanics.sky
 
     @property
     def moves(self) -> bool:
-        """The value of Slewing: true in a slew, while an axis is moved, and until its motor has the ordered speed."""
+        """The value of Slewing: true during a slew or MoveAxis, and until the motors have reached the ordered speed."""
         if self.mechanics.slewing(self.now):
             return True
         return not self.quiet_axes and (bool(self.moved) or (self.mechanics.runs_on(self.now) and not self.pulses))
@@ -163,7 +160,7 @@ class AlpacaTelescope(Simulated):
         return any(self.mechanics.pulsing(self.now, axis) for axis in (1, 2))
 
     def place(self) -> Pair:
-        """Return right ascension and declination as it sends them, degrees."""
+        """Return right ascension and declination in the equinox that the server uses, degrees."""
         position = fold_declination(*self.mechanics.believed(self.now))
         return self._ephemeris.to_j2000(*position, self.utc()) if self.sends_j2000 else position
 
@@ -173,7 +170,7 @@ class AlpacaTelescope(Simulated):
         return hour_angle_to_horizon(wrap180(self.sky.sidereal(self.now) - ra), dec, self.sky.latitude)
 
     def utc(self) -> float:
-        """Return its own time, Unix seconds."""
+        """Return the time of the mount's clock, Unix seconds."""
         return self.now + self.sky.clock_ahead
 
     # --- what it does -------------------------------------------------------------------------------------------------
@@ -184,11 +181,11 @@ class AlpacaTelescope(Simulated):
         self.mechanics.track(self.now, on, self.mechanics.geometry.pole)
 
     def of_date(self, ra: float, dec: float) -> Pair:
-        """Return the position of date that a program means."""
+        """Convert coordinates of a program to the equinox of date."""
         return self._ephemeris.to_of_date(ra, dec, self.utc()) if self.sends_j2000 else (ra, dec)
 
     def slew(self, ra: float, dec: float) -> None:
-        """Slew to a position in degrees. Raises Refusal if it does not track, or below its lowest altitude."""
+        """Slew to a position in degrees. Raises AlpacaError while not tracking, and below the lowest altitude."""
         if not self.tracks:
             raise AlpacaError(INVALID_OPERATION, "SlewToCoordinates is not allowed when tracking is False")
         ra, dec = self.of_date(ra, dec)
@@ -197,7 +194,7 @@ class AlpacaTelescope(Simulated):
         self.mechanics.goto_sky(self.now, ra, dec)
 
     def slew_altaz(self, azimuth: float, altitude: float) -> None:
-        """Slew to a direction, and rest there. Raises Refusal if it tracks, or below its lowest altitude."""
+        """Slew to an azimuth and altitude and rest there. Raises AlpacaError while tracking, and for a low altitude."""
         if self.tracks:
             raise AlpacaError(INVALID_OPERATION, "SlewToAltAz is not allowed when tracking is True")
         ranged(azimuth, 0.0, 360.0, "Azimuth")
@@ -212,7 +209,7 @@ class AlpacaTelescope(Simulated):
             raise AlpacaError(INVALID_OPERATION, f"The target is below the limit of {self.lowest:g} degrees")
 
     def go(self, axes: Pair, target: str = "") -> None:
-        """Slew to axis positions; ``target`` is ``park`` or ``home``, where it does not track."""
+        """Slew to axis positions. ``target`` is ``park`` or ``home`` if they are that position; tracking then ends."""
         self.release()
         if target:
             self.track(False)
@@ -224,7 +221,7 @@ class AlpacaTelescope(Simulated):
             self.go(self.park_at, "park")
 
     def set_clock(self, text: str) -> None:
-        """Set its own clock. Raises Refusal."""
+        """Set the mount's clock to an ISO date and time. Raises AlpacaError if the text is no date."""
         try:
             unix = datetime.fromisoformat(text).replace(tzinfo=UTC).timestamp()
         except ValueError:
@@ -233,7 +230,7 @@ class AlpacaTelescope(Simulated):
             self.mechanics.relocate(self.now, self.sky._replace(clock_ahead=unix - self.now))
 
     def move_at_rate(self, axis: int, rate: float) -> None:
-        """MoveAxis: axis 0 or 1. Raises Refusal for a rate that AxisRates does not have."""
+        """Carry out MoveAxis for axis 0 or 1. Raises AlpacaError for a rate that AxisRates does not have."""
         if ranged(axis, 0, 2, "Axis") == 2:
             raise AlpacaError(NOT_IMPLEMENTED, "There is no third axis")
         if rate and not any(low <= abs(rate) <= high for low, high in self.kind.rates):
@@ -241,7 +238,7 @@ class AlpacaTelescope(Simulated):
         self.move_axis(axis + 1, rate)
 
     def move_axis(self, axis: int, rate: float) -> None:
-        """Move an axis, 1 or 2, in degrees a second, as a hand control does; at 0 it does again what it did before."""
+        """Move axis 1 or 2 by hand, at a rate in degrees a second; rate 0 ends this and resumes tracking."""
         self.mechanics.cancel(self.now)
         self.at = self.going = ""
         if rate:
@@ -258,18 +255,18 @@ class AlpacaTelescope(Simulated):
                 self.mechanics.resume(self.now)
 
     def release(self) -> None:
-        """End what moves an axis, and a way to park or home."""
+        """End motion by hand. The mount then counts as neither at nor on the way to its park or home position."""
         for axis in tuple(self.moved):
             self.move_axis(axis, 0.0)
         self.at = self.going = ""
 
     def abort(self) -> None:
-        """End every motion, also the way to park or home."""
+        """End every motion, including slews to the park and home positions."""
         self.release()
         self.mechanics.cancel(self.now)
 
     def pulse(self, direction: int, seconds: float) -> None:
-        """Guide: 0 raises the declination, 1 lowers it, 2 is east, 3 west, on both sides of the pier."""
+        """Send a guide pulse in an ASCOM direction: 0 raises the declination, 1 lowers it, 2 is east, 3 west."""
         axis = 2 if direction < 2 else 1
         sense = self.mechanics.geometry.pole * (1.0 if direction in (0, 3) else -1.0)
         if axis == 2 and self.mechanics.flipped:

@@ -1,6 +1,6 @@
-"""The properties of the mount: its type, the equinox of its coordinates, the side of the pier, and its abilities.
+"""Members that describe the mount: its type, the equinox of coordinates, the side of the pier, and its abilities.
 
-Its abilities are those that the tables have for the model and version that it has reported.
+The abilities are those of the reported model and version in the mapping tables.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def equatorial_system(session: AlpacaSession) -> int:
 
 
 def side_of_pier() -> Handling:
-    """East is ASCOM's normal pointing state: the tube is east of the pier and points west, counterweight down."""
+    """Return the side of the pier. East is ASCOM's normal pointing state: the tube is east of the pier, points west."""
     try:
         side = yield op.TubeSide()
     except Unsupported:
@@ -42,7 +42,7 @@ def side_of_pier() -> Handling:
 
 
 def destination_side(values: Values) -> Handling:
-    """Return the side of the pier after a goto to this position: a German mount then looks across its pier."""
+    """Return the side of the pier after a goto: east for a position west of the meridian, west for one east of it."""
     ra, _ = place(values)
     if not (yield op.GetAbilities()).german:
         return UNKNOWN
@@ -50,7 +50,7 @@ def destination_side(values: Values) -> Handling:
 
 
 def axis_rates(values: Values) -> Handling:
-    """Return the rates of an axis, degrees per second; a third axis has none."""
+    """Return the speed ranges of an axis, degrees per second; a third axis has none."""
     third = axis(values) == 2
     speeds = (yield op.GetAbilities()).speeds
     return {"value": [] if third else [{"Minimum": low, "Maximum": high} for low, high in speeds]}
@@ -62,7 +62,7 @@ def can_move_axis(values: Values) -> Handling:
 
 
 def _able(*operations: type[op.Operation]) -> Handler:
-    """Return the handler of a member that reports whether the mount can do all of these."""
+    """Return the handler of a member that reports whether the mount can carry out all of these operations."""
 
     def able(session: AlpacaSession, command: Command, values: Values) -> Handling:
         can = (yield op.GetAbilities()).can

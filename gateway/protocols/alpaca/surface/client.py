@@ -1,7 +1,7 @@
 """The session of an Alpaca program, the conditions of its requests, and the ranges of their parameters.
 
-Only a connected program may change anything; a program that has never connected may read. For some requests the
-mount must not be parked. Every request is answered, also a refused request.
+A program may change settings or move the mount only while it is connected; one that has never connected may read. Some
+requests are refused while the mount is parked. Every request has a reply, even if it is refused.
 """
 
 from __future__ import annotations
@@ -21,19 +21,17 @@ from gateway.protocols.wireformat.rows import SurfaceRow
 
 
 class AlpacaClientState(ClientState):
-    """The settings of a program. ``ra``, ``dec`` are the target, degrees, None if it was not set; ``elevation`` is in
-    metres. ``connected``: None until the program (dis)connects. ``no_tracking``: an order to track had no effect.
-    """
+    """The settings of a program."""
 
-    connected: bool | None = None
-    ra: float | None = None
-    dec: float | None = None
-    elevation: float = 0.0
-    no_tracking: bool = False
+    connected: bool | None = None  # None until the program connects or disconnects
+    ra: float | None = None  # of the target, degrees; None if it was not set
+    dec: float | None = None  # of the target, degrees; None if it was not set
+    elevation: float = 0.0  # of the site, metres
+    no_tracking: bool = False  # the program's last order to turn tracking on had no effect
 
 
 class AlpacaSession(Session):
-    """A client: a ClientID on one computer."""
+    """The session of a program, which is a ClientID on one computer."""
 
     inherits = False  # another ClientID on the same computer is another program
     state = AlpacaClientState
@@ -56,7 +54,7 @@ class AlpacaSurface(Surface):
 
 
 def _admitted(session: Session, command: Command) -> Handling:
-    """Check the conditions of a member. Raises Fault if any is not met."""
+    """Check the conditions of a member: a connected program, an unparked mount, tracking. Raises Fault if not met."""
     assert isinstance(session, AlpacaSession)
     needs, client = member(command.name), session.client
     if not (needs.always or client.connected or (client.connected is None and reads(command))):
@@ -83,7 +81,9 @@ def reads(command: Command) -> bool:
 
 
 def within(values: Values, field: str, name: str, low: float, high: float, per: float = 1.0) -> Any:
-    """Return a parameter. Raises Invalid if it is out of range, with a text in units of ``per``."""
+    """Return the parameter ``field``. Raises Invalid if it is out of range; the message shows the values divided by
+    ``per``, so that it has the client's unit.
+    """
     value = decoded(values)[field]
     if not low <= value <= high:
         raise Invalid(f"{name} is {value / per:.10g}; it must be from {low / per:.6g} to {high / per:.6g}.")

@@ -15,12 +15,12 @@ from gateway.protocols.base.wants import CheckPossible, Handling, decoded
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.numerals import moment
 
-#: The action that explains why the last goto ended before its goal, until the next order; else an empty text.
+#: The name of the action that returns why the last goto ended before its goal; an empty text if it did not.
 ENDED_SHORT = "GotoEndedShort"
 
 
 def action(values: Values) -> Handling:
-    """Carry out the only action: return why the last goto ended short. Raises Unsupported for any other."""
+    """Return why the last goto ended before its goal, the only action. Raises Unsupported for any other action."""
     if decoded(values)["action"].casefold() != ENDED_SHORT.casefold():
         raise Unsupported(f"The only action is {ENDED_SHORT}.")
     return {"value": (yield op.GetActivity()).short}
@@ -36,7 +36,7 @@ def not_here(command: Command) -> None:
 
 
 def connect(session: AlpacaSession) -> Handling:
-    """Connect. Raises NoAnswer if the mount is known not to answer."""
+    """Mark the program as connected. Raises NoAnswer if the mount does not answer at present."""
     yield CheckPossible(op.Position())
     session.client.connected = True
 
@@ -46,7 +46,7 @@ def connected(session: AlpacaSession) -> bool:
 
 
 def set_connected(session: AlpacaSession, values: Values) -> Handling:
-    """Connect or disconnect; this is completed before the reply."""
+    """Mark the program as connected or disconnected."""
     if decoded(values)["on"]:
         yield from connect(session)
     else:
@@ -58,7 +58,7 @@ def disconnect(session: AlpacaSession) -> None:
 
 
 def name() -> Handling:
-    """Return the mount's product name; a general name until the mount has answered."""
+    """Return the mount's product name, or a general name until the mount has answered."""
     try:
         return (yield op.GetIdentity()).product
     except Fault:

@@ -1,6 +1,7 @@
 """Gotos, motion by hand, guiding, parking, tracking and its rates.
 
-A request that begins a motion is answered when the motion has begun; programs poll other members to see it end.
+The reply to a request that begins a motion is sent when the motion has begun. Programs poll other members to notice its
+end.
 """
 
 from __future__ import annotations
@@ -19,11 +20,11 @@ from gateway.protocols.wireformat.command import Command
 #: The directions in the order of ASCOM's numbers.
 DIRECTIONS = (op.Direction.NORTH, op.Direction.SOUTH, op.Direction.EAST, op.Direction.WEST)
 NO_PARK = "This mount cannot be parked."
-#: A speed that differs from a speed of the mount by less than this fraction counts as that speed.
+#: A requested speed that differs by less than this fraction from a speed of the mount counts as that speed.
 NEAR = 0.01
 #: The sidereal rate, degrees per second.
 SIDEREAL = SIDEREAL_ARCSECONDS / 3600.0
-#: ASCOM's number of a drive rate -> its name in operations, and the multiple of sidereal.
+#: ASCOM's number of a drive rate -> its name in operations, and its multiple of the sidereal rate.
 RATES = {0: ("sidereal", 1.0), 1: ("lunar", 14.685 / SIDEREAL_ARCSECONDS), 2: ("solar", 15.0 / SIDEREAL_ARCSECONDS)}
 
 
@@ -41,7 +42,9 @@ def sync(session: AlpacaSession, values: Values) -> Handling:
 
 
 def _target(session: AlpacaSession, values: Values) -> tuple[float, float]:
-    """Return the target, which coordinates in the command replace. Raises NoTarget if none is set."""
+    """Return the program's target (RA, dec) in degrees, after setting it to coordinates in the command, if any. Raises
+    NoTarget if none is set.
+    """
     if values:
         session.client.ra, session.client.dec = place(values)
     if session.client.ra is None or session.client.dec is None:
@@ -54,8 +57,8 @@ def slewing() -> Handling:
 
 
 def _slews(activity: op.Activity) -> Handling:
-    """Return whether a motion was requested and the mount is not at rest yet, or it reports a goto of its hand control.
-    Raises NoAnswer if that is not known.
+    """Return whether a requested motion has not ended yet, or the mount reports a goto from its hand control. Raises
+    NoAnswer if that is not known.
     """
     if activity.unknown:
         raise NoAnswer(
@@ -69,7 +72,7 @@ def is_pulse_guiding() -> Handling:
 
 
 def at_park() -> Handling:
-    """Return whether it is parked and at rest: some mounts report the end of a park while they still move."""
+    """Return whether the mount is parked and at rest: some mounts report that they are parked while they still move."""
     moves: op.Activity = yield op.GetActivity()
     return moves.parked and not (yield from _slews(moves))
 
@@ -91,7 +94,7 @@ def park() -> Handling:
 
 
 def unpark() -> Handling:
-    """Unpark and turn tracking on if possible. Raises Unsupported for a mount that cannot be parked."""
+    """Unpark the mount, and turn tracking on if possible. Raises Unsupported for a mount that cannot be parked."""
     yield from _needs(op.Park, NO_PARK)
     if not (yield op.GetActivity()).parked:
         return
@@ -102,14 +105,14 @@ def unpark() -> Handling:
 
 
 def _needs(operation: type[op.Operation], reason: str) -> Handling:
-    """Raise Unsupported if the mount can never do this: at once, whatever it is busy with."""
+    """Raise Unsupported if the mount does not have this operation, at once even if the mount is busy."""
     if operation.__name__ not in (yield op.GetAbilities()).can:
         raise Unsupported(reason)
 
 
 def move_axis(values: Values) -> Handling:
-    """Move an axis at a rate of ``AxisRates``, positive or negative, or at the next slower of these rates; 0 ends the
-    motion. Raises Unsupported, and Invalid for a rate outside their range.
+    """Move an axis at a signed rate of ``AxisRates``, or at the next slower of these; rate 0 ends the motion. Raises
+    Unsupported, and Invalid for a rate outside ``AxisRates``.
     """
     number, rate = axis(values), decoded(values)["rate"]
     if number == 2:
@@ -174,12 +177,12 @@ def set_tracking_rate(values: Values) -> Handling:
 
 
 def _rates() -> Handling:
-    """Return the numbers of the mount's drive rates; if they cannot be set it is sidereal only."""
+    """Return ASCOM's numbers of the mount's drive rates; only sidereal if the rate cannot be set."""
     return list(RATES) if "TrackRate" in (yield op.GetAbilities()).can else [0]
 
 
 def guide_rate(command: Command) -> Handling:
-    """Return the guide rate, degrees per second."""
+    """Return the guide rate of the member's axis, degrees per second."""
     return (yield op.GetAbilities()).guides[_axis(command) - 1] * SIDEREAL
 
 

@@ -9,7 +9,8 @@ from gateway.protocols.alpaca.surface.client import AlpacaSession, within
 from gateway.protocols.base.wants import Handling, decoded
 from gateway.protocols.wireformat.command import Command
 
-#: The values that a program sets for itself: field, name in messages, range, and the size of the unit in messages.
+#: Member that only changes the program's own settings -> field of its settings, name in messages, range, and the
+#: divisor that converts a value to the unit of messages.
 OWN = {
     "siteelevation": ("elevation", "SiteElevation", -300.0, 10000.0, 1.0),
     "targetrightascension": ("ra", "TargetRightAscension", 0.0, 360.0, 15.0),
@@ -18,7 +19,7 @@ OWN = {
 
 
 def stored_value(session: AlpacaSession, command: Command) -> float:
-    """Return a value that the program has set. Raises NoTarget for a target that was not set."""
+    """Return the site elevation or target coordinate that the program has set. Raises NoTarget for an unset target."""
     field, name, *_ = OWN[command.name]
     value: float | None = getattr(session.client, field)
     if value is None:
@@ -27,6 +28,7 @@ def stored_value(session: AlpacaSession, command: Command) -> float:
 
 
 def keep(session: AlpacaSession, command: Command, values: Values) -> None:
+    """Store a site elevation or target coordinate for this program only."""
     field, name, *bounds = OWN[command.name.removeprefix("set_")]
     value = within(values, field, name, *bounds)
     setattr(session.client, field, value % 360.0 if field == "ra" else value)
@@ -42,7 +44,7 @@ def set_longitude(values: Values) -> Handling:
 
 
 def set_clock(values: Values) -> Handling:
-    """Set UTC and keep the UTC offset. Raises Refused if the mount refuses it."""
+    """Set UTC, with the UTC offset unchanged. Raises Refused if the mount refuses it."""
     unix = decoded(values)["unix"]
     before: op.Moment = yield op.GetClock()
     yield op.SetClock(unix, before.offset, before.dst, heard=True)
