@@ -12,6 +12,7 @@ from typing import NamedTuple
 from gateway.astro.ephemeris.closed_forms import sidereal_time
 from gateway.astro.spherical import fold_declination, horizon_to_hour_angle, hour_angle_to_horizon, wrap180
 
+#: Two angles in degrees: two axis positions, or an hour angle and a declination.
 Pair = tuple[float, float]
 
 
@@ -34,12 +35,12 @@ class Observer(NamedTuple):
 
 
 class Geometry(NamedTuple):
-    """Axis positions <-> hour angle and declination.
+    """Converts axis positions to hour angle and declination, and back.
 
-    A fork on a wedge is an alt-az mount whose zenith is the elevated pole. A German mount reads 90/90 with its
-    counterweight down and its tube at that pole. The motors turn the same way in both hemispheres: positive on axis 1
-    is west in the northern hemisphere and east in the southern one; positive on axis 2 is up, on a polar mount towards
-    the elevated pole. ``flipped`` is the second way to point in the same direction: through the pole or the zenith.
+    A fork on a wedge is an alt-az mount whose zenith is the elevated pole. Both axes of a German mount read 90 degrees
+    when its counterweight is down and its tube points at that pole. Positive on axis 1 is west in the northern
+    hemisphere and east in the southern one; positive on axis 2 is up, on a polar mount towards the elevated pole. Each
+    direction can be reached in two ways; ``flipped`` is the one through the pole or the zenith.
     """
 
     build: Build
@@ -78,9 +79,9 @@ class Geometry(NamedTuple):
         return (first + 180.0, 180.0 - second) if flipped else (first, second)
 
     def readings(self, position: Pair, reads: Pair, goal: Pair) -> Pair:
-        """Return the axis readings for a goal, counted from what the mount ``reads`` at its present ``position``,
-        because its count may begin elsewhere. Both positions are hour angles and declinations; a German mount keeps its
-        counterweight low.
+        """Return the axis readings at ``goal``, corrected by the offset that the mount's readings have at ``position``.
+
+        ``position`` (the present one) and ``goal`` are hour angles and declinations. The counterweight stays low.
         """
         ways = [self.axes(*position, flipped) for flipped in (False, True)]
         offsets = [(wrap180(reads[0] - first), wrap180(reads[1] - second)) for first, second in ways]
@@ -89,7 +90,7 @@ class Geometry(NamedTuple):
         return first + offset[0], second + offset[1]
 
     def other_side(self, hour_angle: float) -> bool:
-        """Whether a goto to this hour angle is flipped: the tube of a German mount is on the opposite side."""
+        """Whether a German mount reaches this hour angle with its tube on the other side of the pier (``flipped``)."""
         return self.build is Build.GERMAN and wrap180(self.pole * hour_angle) < 0.0
 
     def travel(self, axis: int, start: float, end: float) -> float:

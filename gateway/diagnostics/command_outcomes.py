@@ -1,4 +1,4 @@
-"""The outcome of a command on a kind of mount, from the mappings alone."""
+"""The outcome of a client's command on a kind of mount (translated, refused, …), found in the mapping tables alone."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gateway.protocols.wireformat.rows import (
     Version,
 )
 
-MISSING_OUTCOME = "missing"
+MISSING_OUTCOME = "missing"  # no table row applies
 #: What each outcome means.
 OUTCOME_MEANINGS = {
     "translated": "the mount carries it out, by commands of its own protocol",
@@ -37,13 +37,13 @@ class MountKind(NamedTuple):
     model: str
     version: Version | None = None
     aligned: bool = True
-    wedge: bool = False
+    wedge: bool = False  # a fork on a wedge
 
 
 def outcome(row: SurfaceRow | None, mount: CommandSet, kind: MountKind, face: frozenset[str] | None = None) -> str:
-    """Return the outcome of a command on such a mount; ``face`` are the traits of the presented model, if it matters.
+    """Return the outcome of a command on such a mount, and for a presented model with these traits (None: any model).
 
-    It is the ``outcome`` of the row; if *translated*, of the row by which the mount does the first operation.
+    For a *translated* command it is the outcome in the implementation of its first operation.
     """
     if row is None:
         return MISSING_OUTCOME
@@ -60,7 +60,7 @@ def _traits(mount: CommandSet, model: str, wedge: bool) -> frozenset[str]:
 
 
 def _fits(traits: str, mount: CommandSet, kind: MountKind, unable: bool, surface: frozenset[str] | None) -> bool:
-    """Whether all these traits are true of such a mount, and of the presented model."""
+    """Whether a condition holds: all its traits are true of such a mount and of the presented model."""
 
     def is_true(word: str) -> bool:
         if word in (ELSE, UNABLE, UNALIGNED):
@@ -76,7 +76,7 @@ def _fits(traits: str, mount: CommandSet, kind: MountKind, unable: bool, surface
 
 
 def taken(row: SurfaceRow | None, mount: CommandSet, kind: MountKind) -> list[Implementation]:
-    """Return how a mount carries out the operations of a row: for each the first implementation that it has."""
+    """Return how a mount carries out the operations of a row: the first possible implementation of each."""
     ways = [next(carried(name, mount, kind), None) for name in ([] if row is None else row.operations)]
     return [way for way in ways if way is not None]
 
@@ -94,7 +94,7 @@ def carried(operation: str, mount: CommandSet, kind: MountKind) -> Iterator[Impl
 
 
 def versions(protocol: CommandSet) -> Iterator[tuple[str, str, Version | None]]:
-    """Yield every model with each of its versions: name, version as written (empty if none), version as compared."""
+    """Yield every model with each of its versions: name, version text (empty if none), and its comparable form."""
     spec = PROTOCOLS[protocol.name]
     for model, facts in protocol.models.items():
         for version in spec.versions_of(facts) or [""]:

@@ -1,8 +1,8 @@
 """Decode a capture of a serial line as a conversation: every command named, every reply parsed, in order of time.
 
 Supported are our own recordings, and logs of pyserial's ``spy://`` and of ``socat -x`` (with or without ``-v``). They
-are read in pieces, so that memory use does not depend on their length. Commands are split as a surface does it, replies
-as a driver does it: according to the commands that they answer.
+are read in pieces, so that memory use does not depend on their length. Commands are split as a surface splits them, and
+each reply is parsed according to the command that it answers, as a driver does it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from gateway.diagnostics.log.conversation import Side
 from gateway.diagnostics.log.layout import Row, plain
 from gateway.diagnostics.log.printing import describe_event
 
-#: Bytes that are read from a file at once, and bytes of client data that suffice to recognise the protocol.
+#: How many bytes are read from a file at once; so many bytes of client data suffice to recognise the protocol.
 CHUNK_BYTES = 16_384
 _SPY = re.compile(rb"(\d+\.\d+) (TX|RX)\s+[0-9A-F]{4}  ([0-9A-F]{2}(?: {1,2}[0-9A-F]{2}){0,15})")
 _SOCAT = re.compile(rb"([<>]) (\d+/\d+/\d+) (\d+):(\d+):(\d+\.\d+)\s+length=\d+")
@@ -26,9 +26,9 @@ _HEX = re.compile(rb"((?: [0-9a-f]{2})+)")
 
 
 class Capture:
-    """A capture. ``recording`` is set if it is a recording of ours.
+    """A file with captured serial data. ``recording`` is set if ``run --record`` wrote it.
 
-    Raises UserError if the file cannot be read, or is none.
+    Raises UserError if the file cannot be read or is not a capture.
     """
 
     def __init__(self, path: Path) -> None:
@@ -41,7 +41,7 @@ class Capture:
             )
 
     def __iter__(self) -> Iterator[Event]:
-        """Yield everything in it, in order. Raises UserError for an invalid line of a recording."""
+        """Yield all events of the file, in order. Raises UserError for an invalid line of a recording."""
         if self.recording is not None:
             return iter(self.recording)
         return _spy(self._path) if self._format == "spy" else _socat(self._path)
@@ -95,7 +95,7 @@ def _socat(path: Path) -> Iterator[Event]:
 
 
 def decode(events: Iterable[Event], of: Callable[[str], Side], began: float) -> Iterator[str]:
-    """Yield lines of text. ``of`` takes a connection's name and returns its decoder; ``began`` is in Unix seconds."""
+    """Yield lines of text, with a new decoder for each connection name. The start is in Unix seconds."""
     talks: dict[str, Side] = {}
     for event in events:
         if event.side not in talks or event.arrow in "+~":

@@ -46,8 +46,8 @@ class Histogram:
 
 
 class Counts:
-    """Counts the events of a mount until it is closed. ``stop_count`` counts the stops requested; ``stop_times`` is the
-    time from a request until the mount has acknowledged the stop.
+    """Counts the events of a mount until it is closed. ``stop_count`` counts requested stops; ``stop_times`` are
+    the times from a request until the mount has acknowledged the stop.
     """
 
     def __init__(self, controller: MountController) -> None:

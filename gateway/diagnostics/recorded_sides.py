@@ -14,12 +14,12 @@ from gateway.protocols.registry import ANY, surface_protocols
 
 
 class RecordedSides:
-    """``surfaces`` are the protocols of the surfaces, in their order."""
+    """The protocols of the connections in a recording, by name; ``surfaces`` are those of the surfaces, in order."""
 
     def __init__(self, recording: Recording) -> None:
         config = recording.settings["config"]
         self.surfaces = [protocol_of(surface) for surface in config["surface"]]
-        #: The number of the surface of each connection.
+        #: The number of the surface, from 1, of each client connection.
         self.surface: dict[str, int] = {}
         self.protocols = {MOUNT_SIDE: protocol_of(config["mount"])}
 
@@ -31,8 +31,8 @@ class RecordedSides:
         return number
 
     def introduced(self, lines: Iterable[Event]) -> Iterator[Event]:
-        """Yield the same lines, each after the protocol of its connection is known: if the first bytes were needed to
-        recognise it, they are yielded after the line that names the protocol."""
+        """Yield all lines, but a connection's first bytes only after the line that names its protocol, if they were
+        needed to recognise it. So the protocol is always known."""
         held: dict[str, list[Event]] = {}
         for line in lines:
             side, waiting = line.side, held.get(line.side)
@@ -59,7 +59,7 @@ class RecordedSides:
             yield from waiting
 
     def protocol(self, side: str) -> str:
-        """Return a connection's protocol; the mount's if it was connected before the recording began."""
+        """Return a connection's protocol; that of the mount for one that is older than the recording."""
         return self.protocols.get(side, self.protocols[MOUNT_SIDE])
 
     def side(self, name: str) -> Side:

@@ -24,7 +24,7 @@ _T = TypeVar("_T")
 
 
 class _Due(list[Any]):
-    """A handle: time, number, callback, arguments, context. A list is created and compared without Python code."""
+    """A timer handle: time, number, callback, arguments, context. As a list it is created and compared faster."""
 
     __slots__ = ()
     __hash__ = object.__hash__  # type: ignore[assignment]  # handles are hashed by identity
@@ -46,7 +46,7 @@ def _run(handle: asyncio.Handle) -> None:
 
 
 class VirtualLoop(asyncio.SelectorEventLoop):
-    """``elapsed`` is the loop's time in seconds."""
+    """An event loop with virtual time; ``elapsed`` is its clock, seconds."""
 
     def __init__(self) -> None:
         self.elapsed = 1000.0
@@ -100,7 +100,7 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         self.call_soon(_run, handle)
 
     def _run_once(self) -> None:
-        """Run iterations until the loop is stopped: whatever is ready, or else the next timers."""
+        """Run all ready callbacks; if none is ready, advance the clock to the next timers. Repeat until stopped."""
         soon, timers = self._ready_timers, self._timers
         take, pop = soon.popleft, heapq.heappop
         while True:
@@ -125,7 +125,7 @@ class VirtualLoop(asyncio.SelectorEventLoop):
                 return
 
     def _wait(self) -> None:
-        """As nothing is ready, advance to the next timer, or without timers to what the system has ready."""
+        """Advance the clock to the next timer; without timers, handle file descriptors that are ready."""
         timers = self._timers
         if len(timers) > self._cleanup_threshold:
             timers[:] = [due for due in timers if due[2] is not None]
@@ -146,6 +146,6 @@ class VirtualLoop(asyncio.SelectorEventLoop):
 
 
 def run(program: Coroutine[object, object, _T], loop: Callable[[], VirtualLoop] = VirtualLoop) -> _T:
-    """Run a coroutine in virtual time."""
+    """Run a coroutine in virtual time, and return its result."""
     with asyncio.Runner(loop_factory=loop) as runner:
         return runner.run(program)

@@ -20,7 +20,7 @@ from typing import Any
 from gateway.astro.catalog.objects import FAINTEST, QUALITIES, CatalogObject, SearchLimits, data_file, quality
 from gateway.astro.spherical import separation, wrap360
 
-#: The kind letters of OpenNGC's types; nonexistent objects have none.
+#: The kind letters (see ``objects``) of each OpenNGC type; nonexistent objects have none.
 _KIND_LETTERS = {
     "G": "G", "GPair": "G", "GTrpl": "G", "GGroup": "G", "PN": "P", "Neb": "D", "HII": "D", "EmN": "D", "RfN": "D",
     "SNR": "D", "DrkN": "D", "Cl+N": "DO", "GCl": "C", "OCl": "O", "*Ass": "O", "*": "*", "**": "*", "Nova": "*",
@@ -39,7 +39,7 @@ _REPLACEMENTS = {102: ("NGC", 5866)}
 Candidate = tuple[int, float, float]
 #: Whether the mount may go to a J2000 position (degrees) now.
 Visible = Callable[[float, float], bool]
-_AFTER_ALL_ROWS = 1 << 60
+_AFTER_ALL_ROWS = 1 << 60  # greater than the number of every database row
 
 
 def look_up(catalog: str, number: int) -> CatalogObject | None:
@@ -120,19 +120,19 @@ def _matching(_: Path, limits: SearchLimits) -> list[Candidate]:
 
 
 def order(candidate: Candidate) -> tuple[int, float, int]:
-    """Return the sort key of a search: hour by hour of right ascension, in each from north to south."""
+    """Return the sort key of a search: by whole hours of right ascension, then from north to south."""
     row, ra, dec = candidate
     return int(ra / 15.0), -dec, row
 
 
 def first(candidates: Sequence[Candidate], visible: Visible, meridian: float) -> Candidate | None:
-    """Return the first candidate of a search; ``meridian`` is the right ascension on the meridian now."""
+    """Return the first candidate of a search that may be visited, for the right ascension on the meridian now."""
     west = int(wrap360(meridian + 180.0) / 15.0), -90.0, 0
     return _next_visible(candidates, bisect_left(candidates, west, key=order), 1, visible)
 
 
 def neighbour(candidates: Sequence[Candidate], visible: Visible, ra: float, dec: float, step: int) -> Candidate | None:
-    """Return the next candidate after a position (``step`` 1) or before it (-1), not a candidate exactly at it."""
+    """Return the candidate after a position (``step`` 1) or before it (-1), in search order."""
     after = bisect_left(candidates, order((_AFTER_ALL_ROWS, ra, dec)), key=order)
     before = bisect_left(candidates, order((0, ra, dec)), key=order) - 1
     return _next_visible(candidates, after if step > 0 else before, step, visible)

@@ -1,8 +1,8 @@
 """Common names of objects: Vega, alpha Lyr, 61 Cygni, Rigel Kent, Ring Nebula; spaces and punctuation do not count.
 
-The names of stars are this project's own list (``mappings/stars.toml``), each with a Hipparcos number. Letters, and the
-names of nebulae, clusters and galaxies, are those of ``supplied.py``, which every installation has. An unknown name
-gives None, and similar names are suggested.
+The names of stars are this project's own list (``mappings/stars.toml``), each with a Hipparcos number. Bayer letters,
+and the names of nebulae, clusters and galaxies, come from ``supplied.py``, which works in every installation. For an
+unknown name the result is None; similar names can be suggested.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ _STAR_TABLE = read_table("stars.toml")
 HIPPARCOS: dict[str, int] = _STAR_TABLE["numbers"]
 #: Other name or spelling -> name.
 OTHER_NAMES: dict[str, str] = _STAR_TABLE["also"]
-#: The similarity (0 to 1) from which a name is suggested, and how many are.
+#: The least similarity (0 to 1) of a suggested name, and the greatest number of suggestions.
 MIN_SIMILARITY, MAX_SUGGESTIONS = 0.72, 3
-#: The order of what has no magnitude.
+#: The magnitude by which objects without a magnitude are sorted: after all others.
 _NO_MAGNITUDE = 99.0
 
 _NORMALIZED_NUMBERS = {normalized(name): HIPPARCOS[OTHER_NAMES.get(name, name)] for name in (*HIPPARCOS, *OTHER_NAMES)}
@@ -41,7 +41,7 @@ def look_up(name: str, year: float) -> CatalogObject | None:
 
 
 def entry_of_star(number: int, year: float) -> CatalogObject:
-    """Return the entry of a star of ``supplied.stars``, by its Hipparcos number."""
+    """Return the catalogue entry of a star with this Hipparcos number, which ``supplied.stars`` must contain."""
     known = supplied.stars()[number]
     called = next((name for name, at in HIPPARCOS.items() if at == number), "")
     first, *others = filter(None, (called, *known.letters.split("|")))
@@ -67,7 +67,7 @@ def _rank(name: str) -> tuple[bool, float, int]:
 
 
 def suggestions(name: str, more: tuple[str, ...] = ()) -> list[str]:
-    """Return known names that begin with an unknown name or are similar to it; ``more`` are additional known names."""
+    """Return names that begin with an unknown name or are similar to it, from the catalogues and additional names."""
     spelled = _spelled() | {normalized(known): known for known in more}
     spelled = {supplied.shortened(spelling): known for spelling, known in spelled.items()} | spelled
     typed = normalized(name)
@@ -79,6 +79,6 @@ def suggestions(name: str, more: tuple[str, ...] = ()) -> list[str]:
 
 @cache
 def _spelled() -> dict[str, str]:
-    """Return all names by their normalized spellings, without the numbers of catalogues; the last of two counts."""
+    """Return the names by normalized spelling, without catalogue numbers; stars win if two are spelled alike."""
     names = [name for name in supplied.deep_sky() if not name[-1].isdecimal() or " " in name]
     return {normalized(name): name for name in (*names, *supplied.names_of_doubles(), *OTHER_NAMES, *HIPPARCOS)}

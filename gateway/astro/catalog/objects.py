@@ -44,25 +44,25 @@ def data_file(package: str, name: str) -> Path:
 class CatalogObject(Struct, frozen=True):
     """An object: J2000 position in degrees, length and width in arcminutes; None for values that were not measured.
 
-    ``also`` are its other numbers and names.
+    ``also``: its other catalogue numbers and names, separated by commas.
     """
 
     name: str
-    kinds: str
+    kinds: str  # kind letters
     ra: float
     dec: float
     magnitude: float | None = None
     size: float | None = None
     width: float | None = None
-    also: str = ""
+    also: str = ""  # other catalogue numbers and names
 
 
 class SearchLimits(Struct, frozen=True):
-    """The limits of a search: magnitudes, sizes in arcminutes, kinds, least quality."""
+    """The limits of a search: magnitudes, sizes in arcminutes, kind letters, and the worst quality."""
 
     brightest: float
     faintest: float
-    smallest: float
+    smallest: float  # arcminutes
     largest: float
     kinds: str
     quality: str
@@ -80,7 +80,7 @@ def quality(magnitude: float | None, size: float | None, width: float | None) ->
 
 
 def describe(entry: CatalogObject) -> str:
-    """Describe an object as in the Meade manual's example, ``M31 EX GAL MAG 3.5 SZ178.0'``, without unknown values."""
+    """Describe an object in the form of the Meade manual: ``M31 EX GAL MAG 3.5 SZ178.0'``; omit unknown values."""
     parts = [entry.name]
     star = entry.kinds == "*"
     if not star:

@@ -23,7 +23,7 @@ _COLOUR_RANGE = (-0.3, 2.0)
 
 
 class HipparcosRow(NamedTuple):
-    """A star of the catalogue: its place at 1991.25 (degrees), its proper motion (mas a year), V, and B-V."""
+    """A catalogue star: its position in 1991.25 (degrees), proper motion (mas a year), magnitude V, colour B-V."""
 
     number: int
     ra: float
@@ -53,7 +53,7 @@ def hipparcos(number: int, year: float) -> CatalogObject | None:
 
 
 def hipparcos_row(line: bytes) -> HipparcosRow:
-    """Read a line of the catalogue."""
+    """Parse a line of the catalogue."""
     # VizieR's own columns: HIP 1-6, RArad 16-28, DErad 30-42, pmRA 52-59, pmDE 61-68, Hpmag 130-136, B-V 153-158.
     ra, dec = (math.degrees(float(line[a:b])) for a, b in ((15, 28), (29, 42)))
     number, colour = int(line[:6]), float(line[152:158])
@@ -62,13 +62,13 @@ def hipparcos_row(line: bytes) -> HipparcosRow:
 
 
 def _visual(number: int, hp: float, colour: float) -> float:
-    """Return V of a star by its Hp and B-V (Harmanec 1998, A&A 335, 173; without the small term of U-B)."""
+    """Return the magnitude V of a star from Hp and B-V (Harmanec 1998, A&A 335, 173; without the small U-B term)."""
     bv = min(max(colour, _COLOUR_RANGE[0]), _COLOUR_RANGE[1])
     return _BRIGHT_STAR_MAGNITUDES.get(number, hp - 0.2964 * bv + 0.1110 * bv**2 + 0.0157 * bv**3 + 0.0072)
 
 
 def with_proper_motion(ra: float, dec: float, east: float, north: float, year: float) -> tuple[float, float]:
-    """Return a position of the catalogue's epoch moved to that year; degrees, and milliarcseconds a year."""
+    """Return the position in a year, from that at 1991.25 (degrees) and the proper motion (mas a year)."""
     # A linear motion is exact enough: Barnard's star leaves the great circle by 0.001" in a century.
     years = (year - _HIPPARCOS_EPOCH) * _DEGREES_PER_YEAR
     return (ra + east * years / math.cos(math.radians(dec))) % 360.0, dec + north * years

@@ -1,7 +1,7 @@
 """The objects that every installation knows, without any package: the files of ``mappings/sky/``.
 
-They hold a part of OpenNGC (2,800 nebulae, clusters and galaxies), the stars with a letter of Bayer's, a number of
-Flamsteed's or a name, and sixty doubles; a script in ``docs/tools`` writes them. Each is read when it is first
+They contain a part of OpenNGC (2,800 nebulae, clusters and galaxies), the stars with a Bayer letter, a Flamsteed
+number or a name, and sixty double stars; a script in ``docs/tools`` writes them. Each is read when it is first
 needed. Spellings are compared without case, spaces and punctuation (``normalized``).
 """
 
@@ -25,14 +25,17 @@ _GREEK = {
     "ι": "iota", "κ": "kappa", "λ": "lambda", "μ": "mu", "ν": "nu", "ξ": "xi", "ο": "omicron", "π": "pi", "ρ": "rho",
     "σ": "sigma", "τ": "tau", "υ": "upsilon", "φ": "phi", "χ": "chi", "ψ": "psi", "ω": "omega",
 }  # fmt: skip
-#: What is left out of the name of an object where nothing else has the rest for a name: the Lagoon is a nebula.
+#: Last words that users may omit if the rest is no other object's name: Lagoon finds the Lagoon Nebula.
 _KIND_SUFFIXES = ("nebula", "galaxy", "starcluster", "cluster")
 #: Every spelling of a Greek letter -> the letter: alpha, alf, alp and the letter itself.
 _LETTERS = {spelled: letter for letter, name in _GREEK.items() for spelled in (name, name[:3], letter)} | {"alf": "α"}
 
 
 class Star(msgspec.Struct, array_like=True, frozen=True):
-    """A star of Hipparcos: its place at the catalogue's epoch, its proper motion (mas a year)."""
+    """A Hipparcos star: its position in 1991.25 (degrees), its proper motion to the east and north (mas a year).
+
+    Its Bayer and Flamsteed designations are separated by ``|``.
+    """
 
     number: int
     letters: str
@@ -64,7 +67,7 @@ def _read(name: str) -> dict[str, Any]:
 
 @cache
 def deep_sky() -> dict[str, CatalogObject]:
-    """Return nebulae, clusters and galaxies by each of their numbers and names, as they are written in the file."""
+    """Return nebulae, clusters and galaxies by each of their catalogue numbers and names, spelled as in the file."""
     rows: list[Any] = _read("deepsky.json")["rows"]
     objects: dict[str, CatalogObject] = {}
     for names, *row in reversed(rows):  # if several have had the same name, it means the first
@@ -75,7 +78,7 @@ def deep_sky() -> dict[str, CatalogObject]:
 
 @cache
 def _spelled() -> dict[str, CatalogObject]:
-    """Return the same by normalized names, with the names that are clear without their last word."""
+    """Return the objects of `deep_sky` by normalized name, and by shortened name where only one object has it."""
     spelled = {normalized(name): entry for name, entry in deep_sky().items()}
     shorter: dict[str, set[str]] = {}
     for name in spelled:
@@ -102,9 +105,9 @@ def stars() -> dict[int, Star]:
 
 @cache
 def _by_letter() -> tuple[dict[str, int], dict[str, str]]:
-    """Return the numbers of stars by letter and constellation (``αOri``), and all spellings of constellations.
+    """Return the Hipparcos number by letter and constellation (``αOri``), and the abbreviation by constellation name.
 
-    If stars share a letter, it means the well-known double (ε1 Lyr), or else the brightest star.
+    A letter that several stars share means the well-known double (ε1 Lyr), or else the brightest star.
     """
     numbers: dict[str, int] = {}
     for star in sorted(stars().values(), key=lambda star: (star.number not in doubles(), star.magnitude)):
@@ -119,7 +122,7 @@ def _by_letter() -> tuple[dict[str, int], dict[str, str]]:
 
 
 def star_by_letter(name: str) -> int | None:
-    """Return the Hipparcos number of a star by its letter or number: alpha Ori, α Orionis, 61 Cygni; or None."""
+    """Return the Hipparcos number of a star by Bayer letter or Flamsteed number: alpha Ori, 61 Cygni; or None."""
     typed = normalized(name)
     parts = re.fullmatch(r"(\d+)()(\D+)", typed)
     if parts is not None:
@@ -136,7 +139,7 @@ def star_by_letter(name: str) -> int | None:
 
 @cache
 def doubles() -> dict[int, str]:
-    """Return a description of each double star, by Hipparcos number."""
+    """Return texts with the magnitudes and separation of the double stars, by Hipparcos number."""
     return {
         row[1]: f"magnitudes {row[4]:.1f} and {row[5]:.1f}, {row[6]:g}″ apart: {row[7]}"
         for row in _read("doubles.json")["rows"]
@@ -145,5 +148,5 @@ def doubles() -> dict[int, str]:
 
 @cache
 def names_of_doubles() -> dict[str, int]:
-    """Return the Hipparcos numbers of the doubles by their names: Double Double, Albireo."""
+    """Return the Hipparcos numbers of the double stars by their names: Double Double, Albireo."""
     return {row[0].split("|")[0]: row[1] for row in _read("doubles.json")["rows"]}

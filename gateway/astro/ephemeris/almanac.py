@@ -1,9 +1,9 @@
 """The almanac: the sky of many days in one file, which a separate process calculates and every gateway reads.
 
-A day has a row every three hours for each part of the sky. Between the rows `Almanac.at` is within 0.004" of astropy's
-result (for the Moon; far less for the rest), and takes microseconds. The file must have the name of the format and a
-right checksum, and no other user may be able to write it, because it says where the Sun is. `SHIPPED_FILE` is the
-almanac of the rehearsals, in the package.
+A day has a row every three hours for each part of the sky. Interpolation between the rows takes microseconds and is
+within 0.004" of astropy's result (for the Moon; far less for the rest). A file is accepted if its header and checksum
+are right and no other user can write it, because the Sun's position in it matters for safety. `SHIPPED_FILE` is an
+almanac in the package, for rehearsals.
 """
 
 from __future__ import annotations
@@ -22,28 +22,28 @@ from gateway.core.errors import UserError, explain_os_error
 from gateway.system.files import cache_folder, plain_file
 from gateway.system.runtime_folders import user
 
-DAY, ROW_STEP = 86400.0, 10800.0
+DAY, ROW_STEP = 86400.0, 10800.0  # seconds
 ROWS = 9  # from 0h to 24h inclusive: no row lies beyond a leap second at midnight
-#: The range of dates that tables can cover, Unix time: from 1973-01-02, when that of UT1 begins, to 2099.
+#: The range of dates that an almanac can cover, Unix time: from 1973-01-02, when the UT1 table begins, to 2099.
 FIRST_DATE, LAST_DATE = 94780800.0, 4102444800.0
-#: Parts of the sky. A row of ``frame`` has 10 numbers, a row of a body 3.
+#: Parts of the sky. A row of ``frame`` (sidereal time, rotation from J2000 to date) has 10 numbers, that of a body 3.
 PARTS = ("frame", "Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
 _FRAME, _BODY = struct.Struct("<10d"), struct.Struct("<3d")
-#: For each part the form of a row, and where in a day its rows begin; how long a day is, in bytes.
+#: For each part: the binary format of a row, and the offset of its first row in the bytes of a day.
 _LAYOUTS = {body: (_BODY, ROWS * (_FRAME.size + number * _BODY.size)) for number, body in enumerate(PARTS[1:])}
 _LAYOUTS["frame"] = (_FRAME, 0)
 _DAY_BYTES = ROWS * (_FRAME.size + len(PARTS[1:]) * _BODY.size)
-#: Names the format and its version.
+#: The first bytes of a file: the name and version of the format.
 FILE_HEADER = b"mount-gateway almanac 1\n"
-#: The longest file that is read: eight years. The number of days to keep, the newest.
+#: The size limit of a file that is read (eight years), and how many days, the newest, are stored.
 MAX_FILE_BYTES, MAX_DAYS = 8_000_000, 200
 SHIPPED_FILE = Path(__file__).with_name("rehearsal.almanac")
 
-Row = tuple[float, ...]
+Row = tuple[float, ...]  # the values of one part of the sky at one time
 
 
 class Almanac(msgspec.Struct, frozen=True):
-    """``days``: the rows of each day since the Unix epoch, part after part."""
+    """Tables of the sky. ``days``: the encoded rows of all parts, by the number of the day since the Unix epoch."""
 
     days: dict[int, bytes] = {}
 
@@ -65,25 +65,25 @@ class Almanac(msgspec.Struct, frozen=True):
         return tuple(sum(map(mul, weights, column)) for column in zip(*rows, strict=True))
 
     def days_from(self, first_day: int) -> int:
-        """Return the number of consecutive days in it from this day on."""
+        """Return how many consecutive days from ``first_day`` on the almanac contains."""
         return next(number for number in count() if first_day + number not in self.days)
 
     def joined(self, newer: Almanac) -> Almanac:
-        """Return this almanac joined with a newer almanac."""
+        """Return an almanac with the days of both; days that are in both are taken from ``newer``."""
         return Almanac({**self.days, **newer.days})
 
     def newest(self) -> Almanac:
-        """Return the almanac without its oldest days, if there are too many."""
+        """Return the almanac with at most `MAX_DAYS` days, the newest."""
         return Almanac(dict(list(self.days.items())[-MAX_DAYS:]))
 
     def encoded(self) -> bytes:
-        """Return the content of a file."""
+        """Return the almanac as the content of a file."""
         content = msgspec.msgpack.encode(self)
         return FILE_HEADER + zlib.crc32(content).to_bytes(4, "little") + content
 
 
 def decoded(data: bytes) -> Almanac:
-    """Return the almanac in the bytes of a file. Raises ValueError for none, another version, or a damaged one."""
+    """Return the almanac in the bytes of a file. Raises ValueError for another format or version, and for damage."""
     start = len(FILE_HEADER) + 4
     if not data.startswith(FILE_HEADER):
         raise ValueError("it is not an almanac of this version")
@@ -99,7 +99,7 @@ def decoded(data: bytes) -> Almanac:
 
 
 def read(path: Path) -> Almanac:
-    """Return the almanac of a file. Raises OSError, and ValueError if it cannot be used or trusted."""
+    """Read the almanac in a file. Raises OSError, and ValueError if it is invalid or other users can change it."""
     with open(plain_file(path), "rb") as file:
         status = os.fstat(file.fileno())
         if user() is not None and status.st_uid not in (0, user()):
@@ -110,7 +110,7 @@ def read(path: Path) -> Almanac:
 
 
 def stored(path: str | None = None) -> Almanac:
-    """Return the almanac of the cache folder (empty if that has none), joined with that of a ``path`` file.
+    """Return the almanac of the cache folder (empty if it has none), joined with the almanac in the file ``path``.
 
     Raises UserError if the named file cannot be used.
     """

@@ -1,10 +1,10 @@
-"""Days of the almanac, calculated by astropy. The import takes half a second and 45 MB: no
-process that serves does it, only ``mount-gateway almanac`` and tests.
+"""Calculates days of the almanac with astropy. The import takes half a second and 45 MB: only
+``mount-gateway almanac`` and tests do it, never a process that serves mounts.
 
 `Time` counts the leap seconds, ERFA's IAU 2006 precession and 2000A nutation lead from J2000 to the equinox of date,
 `get_sun` and `get_body_barycentric` give Sun, Moon and planets (ephemeris "builtin": nothing is downloaded). UT1-UTC is
-that of finals2000A.all of the IERS, which is installed with astropy and contains a year of predictions; after them its
-last value is used. astropy's own reader of this file takes 100 MB.
+that of finals2000A.all of the IERS, which is installed with astropy and contains predictions for a year; later dates
+use its last value. astropy's own reader of this file takes 100 MB.
 Errors, against Skyfield and JPL's DE421: sidereal time 5 ms, axes 1 mas, Sun 0.03", Moon 3" rms and 19" at worst.
 """
 
@@ -31,14 +31,14 @@ _LIGHT_SPEED = 299792.458  # km a second
 
 
 def almanac(days: Collection[int]) -> Almanac:
-    """Return the rows of these days since the Unix epoch."""
+    """Return the almanac of these days, given as days since the Unix epoch."""
     parts = [_rows(part, tuple(days)).astype("<f8") for part in PARTS] if days else []
     return Almanac({day: b"".join(part[number].tobytes() for part in parts) for number, day in enumerate(days)})
 
 
 @cache
 def earth_rotation() -> Any:
-    """Return the table of the IERS: days since the Unix epoch, and UT1-UTC at 0h in seconds.
+    """Return the IERS table of the Earth's rotation: days since the Unix epoch, and UT1-UTC at 0h in seconds.
 
     Fixed columns: MJD in 8-15, UT1-UTC in 59-68.
     """
@@ -48,14 +48,14 @@ def earth_rotation() -> Any:
 
 @lru_cache(4)
 def _moments(days: tuple[int, ...]) -> tuple[Any, Any]:
-    """Return the times of the rows, and at each the rotation from J2000 to the equinox of date."""
+    """Return the times of all rows of these days, and for each the rotation from J2000 to the equinox of date."""
     midnights = Time(np.repeat(days, ROWS) * DAY, format="unix").tt  # Unix time runs slow on a day with a leap second
     at = midnights + TimeDelta(np.tile(_SECONDS, len(days)), format="sec")
     return at, erfa.pnm06a(at.jd1, at.jd2)
 
 
 def _rows(part: str, days: tuple[int, ...]) -> Any:
-    """Return the rows of each day: sidereal time and rotation, or a vector of date."""
+    """Return the rows of a part of the sky: sidereal time and rotation, or a body's vector of date."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", erfa.ErfaWarning)  # future leap seconds are unknown
         at, matrices = _moments(days)
@@ -69,7 +69,7 @@ def _rows(part: str, days: tuple[int, ...]) -> Any:
 def _sidereal_times(days: tuple[int, ...]) -> Any:
     """Return Greenwich apparent sidereal time in degrees, less the increase of mean sidereal time since the first row.
 
-    UT1-UTC is that of 0h, because the table takes a step in the middle of a leap second.
+    UT1-UTC is taken at 0h of each day, because its table jumps at a leap second.
     """
     at, matrices = _moments(days)
     ut1 = np.add.outer(days + np.interp(days, *earth_rotation()) / DAY, _SECONDS / DAY).ravel()
@@ -79,7 +79,7 @@ def _sidereal_times(days: tuple[int, ...]) -> Any:
 
 
 def from_earth(name: str, at: Any) -> Any:
-    """Return the geocentric vector, J2000 in km, to the position of a body when its light left it.
+    """Return the geocentric vectors (J2000, km) of a body at these times, where it was when its light left it.
 
     Aberration is included for the Sun only: the Moon moves with the Earth, so light time is its only aberration.
     """

@@ -1,9 +1,9 @@
 """Closed formulas for the orientation of the Earth, Sun and Moon: `math` alone, at once and for any date.
 
-Results are in the true equator and equinox of date. The gateway uses them for days without a table, the simulated
-mounts always. There are no planets, because their formulas would be too long. The orientation of the Moon, with
-libration, always comes from this module. Greatest errors for 1900..2050, against ERFA and JPL's DE421: axes 0.4",
-sidereal time 0.03 s plus UT1-UTC (below 0.9 s), Sun 0.01 degrees, Moon 0.04 degrees and 150 km.
+Results refer to the true equator and equinox of date. The gateway uses these formulas for days that its almanac does
+not contain; simulated mounts always use them. There are no planets, because their formulas would be too long. The
+Moon's orientation, with libration, always comes from this module. Greatest errors for 1900..2050, against ERFA and
+JPL's DE421: axes 0.4", sidereal time 0.03 s plus UT1-UTC (below 0.9 s), Sun 0.01 degrees, Moon 0.04 degrees, 150 km.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ _ABERRATION = 20.4955 / 3600.0
 _MOON_RADIUS = 1737.4  # km, IAU
 _MOON_INCLINATION = 1.54242  # of the lunar equator to the ecliptic
 
+#: Greenwich apparent sidereal time in degrees, and the rotation from J2000 to equator and equinox of date.
 Frame = tuple[float, Matrix]
-"""Greenwich apparent sidereal time in degrees, and the rotation from J2000 to equator and equinox of date."""
 
 
 def centuries(unix: float) -> float:
     """Return the Julian centuries of Terrestrial Time since J2000, for a Unix time (UTC).
 
-    Limited to 50 centuries: beyond, the polynomials that use it mean nothing, and they must not overflow.
+    Limited to 50 centuries: the polynomials that use it are invalid beyond, and must not overflow.
     """
     return max(-50.0, min(50.0, (unix + _TT_MINUS_UTC - UNIX_AT_J2000) / _CENTURY_SECONDS))
 
@@ -87,7 +87,7 @@ def sidereal_time(unix: float, longitude_east: float) -> float:
 
 
 def frame(unix: float) -> Frame:
-    """Return the frame by IAU 2006 precession and the largest terms of nutation; sidereal time with UT1 = UTC."""
+    """Return sidereal time (UT1 = UTC) and rotation to date: IAU 2006 precession and the largest nutation terms."""
     return sidereal_time(unix, 0.0), _matrix_of_date(centuries(unix))
 
 
@@ -182,7 +182,7 @@ _MOON_LONGITUDE_AND_DISTANCE = (
     ((4, 0, -2, 0), 8548, -21636),      ((2, 1, -1, 0), -7888, 24208),      ((2, 1, 0, 0), -6766, 30824),
     ((1, 0, -1, 0), -5163, -8379),      ((1, 1, 0, 0), 4987, -16675),       ((2, -1, 1, 0), 4036, -12831),
 )  # fmt: skip
-# Likewise: 1e-6 degrees of latitude (sine).
+# Factors of the same angles; then 1e-6 degrees of latitude (sine).
 _MOON_LATITUDE = (
     ((0, 0, 0, 1), 5128122), ((0, 0, 1, 1), 280602),  ((0, 0, 1, -1), 277693),
     ((2, 0, 0, -1), 173237), ((2, 0, -1, 1), 55413),  ((2, 0, -1, -1), 46271),

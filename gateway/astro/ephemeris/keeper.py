@@ -1,8 +1,8 @@
 """Maintains the almanac: starts a process that calculates missing days, and stores them for the next start.
 
 The process that serves mounts imports neither astropy nor numpy. All gateways of a user share one file; the holder of
-its lock replaces it as a whole, and the next gateway reads it. An almanac that cannot be stored stays in memory. There
-is a minute between two attempts, and an hour after a failure.
+its lock replaces it as a whole, and the next gateway reads it. An almanac that cannot be stored stays in memory. The
+next attempt is after a minute, after a failure in an hour.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from gateway.system.files import cache_folder, replace_file
 from gateway.system.locks import LockHeld, PidLock
 from gateway.system.own_commands import gateway_argv
 
-#: The number of days per calculation, from the first missing day; and the days ahead that must always be available.
+#: How many days are calculated at once, and for how many days ahead the almanac must always last.
 DAYS_PER_CALCULATION, MIN_DAYS_LEFT = 30, 10
-#: Seconds: the time limit of the process, between two checks (also after a process), and after a failure.
+#: Seconds: the timeout of the calculating process, between two checks, and until the next attempt after a failure.
 TIMEOUT, CHECK_PERIOD, RETRY_PERIOD = 120.0, 60.0, 3600.0
-#: One thread, which gives way to everything else, and no modules from the folder it was started in.
+#: The environment of the calculating process: a single thread, and no imports from its current folder.
 ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "PYTHONSAFEPATH": "1"}
-#: The same on Windows, and no window.
+#: On Windows: lowest priority, and no console window.
 FLAGS = getattr(subprocess, "IDLE_PRIORITY_CLASS", 0) | getattr(subprocess, "CREATE_NO_WINDOW", 0)
 
 
 def renewed(days: Iterable[int]) -> tuple[Almanac, str]:
-    """Return an almanac with these days, and why it cannot be stored. Raises OSError, ValueError."""
+    """Return an almanac with these days, and why it cannot be stored (or an empty text). Raises OSError, ValueError."""
     path, almanac = cache_folder() / "almanac", stored()
     lacking = [day for day in days if day not in almanac.days]
     if not lacking:
@@ -57,9 +57,9 @@ def renewed(days: Iterable[int]) -> tuple[Almanac, str]:
 
 
 def calculated(days: Collection[int]) -> Almanac:
-    """Let a process calculate an almanac. Raises OSError, ValueError if it fails or takes too long.
+    """Start a process that calculates an almanac, and wait. Raises OSError, ValueError if it fails or takes too long.
 
-    It ends when this process does, however that ends: its input is a pipe that nobody writes to.
+    Its standard input is a pipe that closes when this process ends or crashes; then the calculation ends, too.
     """
     argv = [*gateway_argv(), "almanac", "-", "--dates", ",".join(map(str, days))]
     path = os.pathsep.join([str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
@@ -81,7 +81,7 @@ def calculated(days: Collection[int]) -> Almanac:
 
 
 async def _on_daemon(days: Collection[int]) -> tuple[Almanac, str]:
-    """Renew on a thread that ends with its program: for others Python waits before that can stop its mount."""
+    """Renew the almanac on a daemon thread: Python would wait for any other thread before it ends the program."""
     done: Future[tuple[Almanac, str]] = Future()
     done.set_running_or_notify_cancel()
 
@@ -96,9 +96,9 @@ async def _on_daemon(days: Collection[int]) -> tuple[Almanac, str]:
 
 
 class AlmanacKeeper:
-    """Keeps the almanac of a process that serves mounts: ``open`` it first, then run ``keep`` until the end.
+    """Keeps a serving process's almanac up to date: call ``open`` first, then run ``keep`` as a task.
 
-    ``is_quiet``: whether nothing moves.
+    ``is_quiet`` returns whether all mounts are at rest.
     """
 
     def __init__(
@@ -109,19 +109,19 @@ class AlmanacKeeper:
         clock: Callable[[], float] = time.time,
     ) -> None:
         self._sky, self._warn, self._is_quiet, self._clock = sky, warn, is_quiet, clock
-        #: The almanac of the start, that of this run, and both.
+        #: The almanac loaded at the start, the days calculated in this run, and both joined.
         self._named_almanac = self._calculated_almanac = self._almanac = Almanac()
         self._given_warnings: set[str] = set()
         self._calculation_requested = asyncio.Event()
 
     def open(self, named: str | None = None) -> None:
-        """Use the stored almanac, and that of a file that the user has ``named``. Raises UserError."""
+        """Load the stored almanac, and the file that the user has named, if any. Raises UserError."""
         self._named_almanac = stored(named)
         self._sky.request_almanac = self._calculation_requested.set
         self._use(Almanac())
 
     async def keep(self) -> None:
-        """Calculate what is missing or will soon be, until this is cancelled."""
+        """Calculate missing days, and days that will soon be needed, until this task is cancelled."""
         while True:
             self._calculation_requested.clear()
             if days := self._lacking():
@@ -150,7 +150,7 @@ class AlmanacKeeper:
         self._sky.use(self._almanac)
 
     def _lacking(self) -> list[int]:
-        """Return the days to calculate: today, a date that a clock of a mount shows, and, at rest, the next ones."""
+        """Return the days to calculate: today, the date of a mount's clock if it differs, and at rest those ahead."""
         today = int(self._clock() // DAY)
         starts = {today, self._sky.missing_day or today}
         if self._is_quiet():

@@ -4,11 +4,9 @@ Right ascension and declination are of the equinox of date (true equator) and ge
 unless a method says so. Degrees, longitude EAST positive, Unix time (UTC) in seconds. Results are interpolated in the
 tables of an almanac, which a separate process has calculated with astropy (``keeper.py``). For a day without a table,
 which is noted as missing, and before 1973 and after 2099, closed formulas are used. No call waits; no method raises for
-finite arguments.
-
-                      closed formulas     tables     sidereal time     0.02 s + UT1-UTC    0.005 s     of date / J2000
-0.4"                0.03"     Sun               0.01 deg            0.03"     Moon              0.04 deg            3"
-rms, 19" at worst     planets           none                1.5'
+finite arguments. Errors of the formulas and of the tables: sidereal time 0.02 s plus UT1-UTC, and 0.005 s; precession
+and nutation 0.4", and 0.03"; Sun 0.01 degrees, and 0.03"; Moon 0.04 degrees, and 3" rms, 19" at worst; planets only
+from tables, 1.5'.
 """
 
 from __future__ import annotations
@@ -38,12 +36,12 @@ _EARTH_FLATTENING = 1.0 / 298.257223563
 
 
 class Sky:
-    """Positions and times by astropy's tables if there are any, else by the closed formulas."""
+    """Positions and sidereal times, from the tables of an almanac if it has the day, else from closed formulas."""
 
     def __init__(self) -> None:
         self._almanac = Almanac()
         self._frames: dict[float, Frame] = {}
-        #: The last needed day without tables; ``ask`` is called when another day is needed.
+        #: The last day (since the Unix epoch) that was needed but missing; another one calls `request_almanac`.
         self.missing_day: int | None = None
         self.request_almanac: Callable[[], object] = lambda: None
 
@@ -55,11 +53,11 @@ class Sky:
 
     @property
     def ready(self) -> bool:
-        """Whether astropy's results are in use."""
+        """Whether there is an almanac, that is, at least one day with tables."""
         return bool(self._almanac.days)
 
     def _values(self, part: str, unix: float) -> Row | None:
-        """Return what the tables say, if they have the day; else note that it is missing."""
+        """Return the values of a part of the sky from the tables; if they lack the day, note that and return None."""
         if not FIRST_DATE <= unix < LAST_DATE:
             return None
         values = self._almanac.at(part, unix)
@@ -70,7 +68,7 @@ class Sky:
         return values
 
     def source(self, unix: float) -> str:
-        """Return the source of a result for this moment: the tables or the formulas."""
+        """Return how results for this time are calculated, as text: by an almanac or by closed formulas."""
         if self._values("frame", unix) is None:
             return "closed form"
         return time.strftime("almanac of %Y-%m-%d", time.gmtime(unix))
@@ -153,7 +151,7 @@ class Sky:
         )
 
     def _frame(self, unix: float) -> tuple[float, Frame]:
-        """Return the start of the minute (Unix seconds) and the Earth's frame at that time, which is cached.
+        """Return the start of the minute (Unix seconds), and then sidereal time and rotation to date, which are cached.
 
         Within the minute the axes move less than 0.0001"; sidereal time increases at the sidereal rate.
         """
@@ -173,5 +171,5 @@ class Sky:
 
 
 def _frame_of(unix: float, greenwich: float, *m: float) -> Frame:
-    """Return the Earth's frame from a row of a table."""
+    """Return Greenwich sidereal time and rotation to date from the values of a table row."""
     return greenwich + SIDEREAL_RATE * (unix % DAY), ((m[0], m[1], m[2]), (m[3], m[4], m[5]), (m[6], m[7], m[8]))

@@ -1,6 +1,6 @@
 """Identify a mount with the driver and the mount link that the gateway would use for it.
 
-The commands listed as answered were sent to this mount, and it answered; the tables list those of its model.
+Only commands that this mount has in fact answered are listed as answered, not all that the tables list for its model.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from gateway.protocols.base.driver import Driver, Send
 
 #: Timeout of the whole identification, seconds; a mount that answers needs less than two.
 IDENTIFY_TIMEOUT = 20.0
-#: The timeout of a query that some mounts do not answer: so many times the longest reply time so far, but at least so
-#: many seconds. A telescope that answers in 30 ms does not need the 1.5 s that an unknown device gets.
+#: The timeout of a query that some mounts do not answer: this factor times the longest reply time so far, but at least
+#: this many seconds. A telescope that answers in 30 ms does not need the 1.5 s that an unknown device gets.
 TIMEOUT_FACTOR, MIN_TIMEOUT = 4.0, 0.6
 SITE_QUESTION, STATUS_QUESTION = "site", "alignment and tracking"
-#: What a mount is asked once it is known, and what that is called; nothing that would move or change something.
+#: The queries to an identified mount: name in the report, operation. None of them moves or changes anything.
 QUESTIONS: tuple[tuple[str, op.Operation[object]], ...] = (
     ("coordinates", op.Position()),
     (STATUS_QUESTION, op.GetStatus()),
@@ -42,9 +42,9 @@ _T = TypeVar("_T")
 
 
 class FoundMount(Struct, frozen=True):
-    """A mount that was found. ``latency`` is its median reply time in seconds; ``equinox`` is ``jnow`` or ``j2000``
-    according to its version; ``aligned`` is None if it did not say. ``answers``: what it was asked for -> the commands
-    that it answered, empty if it answered none."""
+    """An identified mount. ``latency`` is its median reply time, seconds; ``equinox`` is ``jnow`` or ``j2000``, by its
+    version; ``aligned`` is None if it did not say. ``answers`` lists, by the name of each query, the commands that were
+    answered (empty if none)."""
 
     protocol: str
     product: str
@@ -57,11 +57,11 @@ class FoundMount(Struct, frozen=True):
     equatorial: bool | None
     tells_model: bool
     tells_place: bool
-    answers: dict[str, str]
+    answers: dict[str, str]  # query -> the commands that were answered
 
 
 class _Talk:
-    """Carries out a driver's exchanges on a mount link and records the reply times."""
+    """Carries out a driver's operations on a mount link; records reply times and the commands that were answered."""
 
     def __init__(self, driver: Driver, line: MountLink) -> None:
         self.driver, self.line = driver, line
@@ -132,6 +132,6 @@ async def _maybe(conversation: _Talk, operation: op.Operation[_T]) -> _T | None:
 
 
 def _written(driver: Driver, names: Iterable[str]) -> str:
-    """Return commands as the manual writes them, without their arguments; by name where that cannot be printed."""
+    """Format commands as in the manual, without arguments; a command that is not printable appears by its name."""
     written = {name: show(driver.protocol.commands[name].request.prefix) for name in names}
     return " ".join(dict.fromkeys(name if "\\" in text else text for name, text in written.items()))

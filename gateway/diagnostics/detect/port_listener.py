@@ -26,8 +26,8 @@ class Tunable(Transport, Protocol):
 
 
 class PortListener:
-    """Collects what an open port receives. It is itself a transport that ``MountLink`` may open and close as it likes:
-    the port stays open."""
+    """Collects the bytes that an open port receives. It is also a transport for a ``MountLink``, which may open and
+    close it: the port itself stays open."""
 
     def __init__(self, wire: Tunable) -> None:
         self.name, self._wire = wire.name, wire
@@ -38,7 +38,7 @@ class PortListener:
         self._on_lost: OnLost | None = None
 
     async def begin(self) -> None:
-        """Open the port. Raises OSError with a reason that users understand."""
+        """Open the port and begin to listen. Raises OSError with a reason that users understand."""
         await self._wire.open(self._arrived, self._vanished)
         self._last_byte_at = self.now()
 
@@ -49,12 +49,12 @@ class PortListener:
     # --- listening ------------------------------------------------------------------------------------------------
 
     def tune(self, baud: int) -> None:
-        """Change the baud rate and discard what was received at the old rate. Raises OSError."""
+        """Change the baud rate and discard the bytes received at the old rate. Raises OSError."""
         self._wire.set_baud(baud)
         self.forget()
 
     def forget(self) -> None:
-        """Discard what was received."""
+        """Discard all received bytes and restart the measurement of silence."""
         self.received = b""
         self._last_byte_at = self.now()
 
@@ -68,7 +68,7 @@ class PortListener:
         return self.now() - self._last_byte_at
 
     async def tick(self) -> None:
-        """Wait for a moment. Raises OSError if the port has disappeared."""
+        """Wait for `CHECK_PERIOD`. Raises OSError if the port has disappeared."""
         await asyncio.sleep(CHECK_PERIOD)
         if self.loss_reason:
             raise OSError(self.loss_reason)
@@ -76,7 +76,7 @@ class PortListener:
     # --- as a transport -------------------------------------------------------------------------------------------
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
-        """Pass received bytes to the borrower from now on. Raises OSError if the port has disappeared."""
+        """Pass received bytes to this caller from now on. Raises OSError if the port has disappeared."""
         if self.loss_reason:
             raise OSError(self.loss_reason)
         self._on_data, self._on_lost = on_data, on_lost
@@ -86,7 +86,7 @@ class PortListener:
         self._wire.write(data)
 
     async def close(self) -> None:
-        """End the loan; the port stays open."""
+        """Stop passing received bytes to the caller of ``open``; the port stays open."""
         self._on_data = self._on_lost = None
 
     def _arrived(self, data: bytes) -> None:

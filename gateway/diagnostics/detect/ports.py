@@ -18,24 +18,24 @@ from gateway.system.files import state_folder
 from gateway.system.processes import gateways, is_gateway, openers
 from gateway.system.runtime_folders import user_name
 
-#: The folder in which Linux keeps names of USB ports that do not depend on the socket.
+#: The folder in which Linux lists USB serial ports by names that stay the same in another USB socket.
 PERSISTENT_PORTS_FOLDER = Path("/dev/serial/by-id")
-#: The port of a simulated mount, of which every gateway has its own.
+#: The port name of a simulated mount; two gateways with this name do not share a mount.
 SIMULATED_PORT = "sim"
 
 
 class SerialPortInfo(Struct, frozen=True):
-    """A port to examine: ``url`` is opened, ``name`` belongs into a configuration, ``about`` is the system's
-    description. ``named`` is the endpoint that the user typed, with the protocol to expect."""
+    """A port to examine: ``url`` is opened, ``name`` is for the configuration, ``about`` is the system's description.
+    If the user has typed an endpoint, that is included, with the protocol to expect."""
 
     url: str
     name: str
-    about: str = ""
+    about: str = ""  # the system's description
     named: Endpoint | None = None
 
     @property
     def has_rates(self) -> bool:
-        """Whether the baud rate can be set here; an adapter behind a network address has its own setting."""
+        """Whether the gateway can set the baud rate; a network adapter has a setting of its own."""
         return "://" not in self.url or self.url.startswith(("hwgrep://", "spy://"))
 
 
@@ -51,7 +51,7 @@ def local_ports() -> list[SerialPortInfo]:
 
 
 def is_usb_or_named(url: str) -> bool:
-    """Whether a port is not built into a computer, or into a Raspberry Pi."""
+    """Whether a port is not one of those built into a PC or a Raspberry Pi."""
     return not re.match(r"/dev/tty(S|AMA)\d", url)
 
 
@@ -80,7 +80,7 @@ def lasting_name(device: str, folder: Path = PERSISTENT_PORTS_FOLDER) -> str:
 
 
 def serving_gateway(url: str) -> int | None:
-    """Return the process id of the gateway that has the mount on this port; None if none of this user's has it."""
+    """Return the process id of this user's gateway that drives the mount on this port, or None."""
     network = address(url)
     for _, gateway in search(Scope(state_folder(None))).gateways:
         where = gateway.mount.partition("@")[2]
@@ -91,13 +91,13 @@ def serving_gateway(url: str) -> int | None:
 
 
 def gateway_of_another() -> str:
-    """Return the gateway of another user, whose ports are hidden, that may have a port in use; empty if none."""
+    """Return a text about another user's gateway, which may be using a port; empty if there is none."""
     owner = next((process for process in gateways() if not reachable(process)), None)
     return f"perhaps by the gateway of {user_name(owner.user)} (process {owner.pid})" if owner else ""
 
 
 def unsupported_device(port: str) -> str:
-    """Return the name of the device that usually listens at a network address, if no gateway can use it; else empty."""
+    """Return advice about the unsupported device that usually listens at this network address; empty if none does."""
     try:
         url = urlsplit(port)
         names = (url.hostname, str(url.port)) if url.scheme == "socket" else ()
@@ -108,10 +108,10 @@ def unsupported_device(port: str) -> str:
 
 
 def port_holder(url: str) -> str:
-    """Return the program that has a port open, as ``name (process 123)``; empty if there is none or it cannot be known.
+    """Return the program that has a port open, as ``name (process 123)``; empty if none has, or it is hidden.
 
-    Opening the port checks locks as well; this finds programs that take no lock, before their port is touched. The
-    slave of a pseudo-terminal is always held by the program that created it, so it is not examined.
+    This also finds programs that have not locked the port, without opening it. A pseudo-terminal is always held by the
+    program that created it, so it is not examined.
     """
     real = os.path.realpath(url)
     if "://" in url or real.startswith("/dev/pts/"):

@@ -1,6 +1,6 @@
-"""Present findings as text, as values for programs, and as something to run: a command line and a ``gateway.toml``.
+"""Present examined ports as text, as values for JSON, and as the command line and ``gateway.toml`` of a gateway.
 
-If no mount was found, the suggested next steps depend on what was found on the ports instead.
+If no mount was found, the suggested next steps depend on the states of the ports.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from gateway.protocols.registry import ANY, ANY_PORT, PROTOCOLS, other_surface
 
 #: The warning for users who let other computers connect.
 NETWORK_WARNING = "anyone on your network can then move the mount"
-#: The version of a mount that does not report its version.
+#: The text that stands for the version of a mount that does not report it.
 UNREPORTED_VERSION = "?"
 WORDS = {
     "silent": "nothing here: no answer",
@@ -49,7 +49,7 @@ NO_ADAPTER = (
     "only ports that are built into this computer were looked at: if the mount is on a USB adapter, plug that in; "
     "dmesg | tail shows whether this computer noticed"
 )
-#: What may be wrong if nothing answers; the cables of each protocol's mounts are listed in between.
+#: Advice if nothing answers; between these two, the cables of each protocol's mounts are listed.
 SWITCH_ON_ADVICE = "switch the mount on, and wait until its hand control has started"
 SILENT = (
     "use the cable that is made for this hand control: others fit, but are wired differently",
@@ -74,7 +74,7 @@ def block(finding: PortFinding) -> str:
 
 
 def _nothing(finding: PortFinding) -> str:
-    """Say why no mount was found."""
+    """Describe the state of a port without an identified mount."""
     states = {state: text for spec in PROTOCOLS.values() for state, text in spec.states.items()}
     text = (WORDS | states)[finding.state]
     if finding.state == "silent" and finding.rates > 1:
@@ -107,7 +107,7 @@ def _mount_lines(finding: PortFinding) -> list[str]:
 
 
 def _starts(finding: PortFinding) -> list[str]:
-    """Return the lines that say how to start a gateway with a mount."""
+    """Return lines with the commands that start a gateway for a mount."""
     return [
         "start the gateway:",
         f"  {command(finding)}",
@@ -117,7 +117,7 @@ def _starts(finding: PortFinding) -> list[str]:
 
 
 def _by_model(mount: FoundMount) -> str:
-    """Return the key of ``EQUINOX`` for a model whose coordinates are of J2000 in every version; else nothing."""
+    """Return "always", a key of ``EQUINOX``, if all versions of a model report J2000 coordinates; else "" (none)."""
     return "always" if PROTOCOLS[mount.protocol].commands.models.get(mount.model, {}).get("equinox") else ""
 
 
@@ -134,7 +134,7 @@ def hints(mount: FoundMount) -> list[str]:
 
 
 def endpoint(finding: PortFinding) -> str:
-    """Return the mount's endpoint, with the model that the user named, or of a classic, which cannot be asked."""
+    """Return the mount's endpoint; it names the model if the user did, or if the mount cannot report its version."""
     mount, place = finding.mount, finding.place
     assert mount is not None
     if place.named is not None and place.named.protocol == mount.protocol:
@@ -144,7 +144,7 @@ def endpoint(finding: PortFinding) -> str:
 
 
 def surface(mount: FoundMount, network: bool) -> str:
-    """Return the surface's endpoint: for clients on this computer only, or on the network, too."""
+    """Return the endpoint of a suitable surface: for clients on this computer only, or also in the network."""
     spoken = other_surface(mount.protocol)
     return f"{spoken}@tcp://{'0.0.0.0' if network else '127.0.0.1'}:{PROTOCOLS[spoken].usual_port}"
 
@@ -159,7 +159,7 @@ def command(finding: PortFinding, network: bool = False) -> str:
 
 
 def toml(finding: PortFinding, network: bool = False) -> str:
-    """Return the equivalent ``gateway.toml``."""
+    """Return a ``gateway.toml`` that is equivalent to the command line."""
     mount = finding.mount
     assert mount is not None
     who = f"# {mount.product} {mount.version}".removesuffix(f" {UNREPORTED_VERSION}")
@@ -194,7 +194,7 @@ def toml(finding: PortFinding, network: bool = False) -> str:
 
 
 def values(finding: PortFinding, network: bool = False) -> dict[str, object]:
-    """Return the values of a port for programs; unknown values are None."""
+    """Return the JSON object of a port; unknown values are None."""
     mount = finding.mount
     known: dict[str, object] = {
         "port": finding.place.url, "name": finding.place.name, "about": finding.place.about,
@@ -214,7 +214,7 @@ def values(finding: PortFinding, network: bool = False) -> dict[str, object]:
 
 
 def next_steps(findings: Sequence[PortFinding]) -> list[str]:
-    """Return what to try next, most promising first; empty if a mount was found."""
+    """Return advice on what to try next, most promising first; empty if a mount was found."""
     if any(finding.mount for finding in findings):
         return []
     if not findings:

@@ -2,7 +2,8 @@
 
 9600 baud comes first. Other rates are tried only if nothing was received at 9600, or if the bytes may have been sent at
 another rate. An unknown device is queried in an order in which no query can do harm (``questions``). The first query
-waits for silence: half a command of another program must time out first, and what sends by itself is no mount.
+waits for silence: an unfinished command of another program must time out first, and a device that sends unasked is no
+mount.
 """
 
 from __future__ import annotations
@@ -31,19 +32,19 @@ _SENTENCE = re.compile(rb"\$([A-Z]{4,6},[^\r\n*$]*)\*([0-9A-F]{2})")
 
 
 class PortVerdict(StrEnum):
-    """The result for a port without a mount; with one, it is its protocol's name, or one of its states."""
+    """The result of the queries if no mount answered. If one did, the result is a protocol's name or state instead."""
 
     SILENT = "silent"
     ECHO = "echo"
     GPS = "gps"
-    TALKER = "talker"
-    STRANGER = "stranger"
-    GARBLED = "garbled"
+    TALKER = "talker"  # sends data unasked, but is no GPS receiver
+    STRANGER = "stranger"  # answers, but not like a mount
+    GARBLED = "garbled"  # answers with illegible bytes
 
 
 class Patience(Struct, frozen=True):
-    """Times in seconds: silence of ``quiet`` is required before the first query, for at most ``restless``; ``first``
-    passes between two queries, ``answer`` from the first query to the end.
+    """Times in seconds: how long the port must be silent before the first query, and how long to wait for that silence;
+    the interval between two queries; and the timeout of all answers, from the first query on.
     """
 
     quiet: float
@@ -53,7 +54,7 @@ class Patience(Struct, frozen=True):
 
 
 #: At 9600 baud: a hand control discards an incomplete command after a second, and may take 3.5 s to answer (NexStar
-#: protocol, Developer Notes). ACK is sent while that answer may still arrive; waiting for it continues.
+#: protocol, Developer Notes). ACK (0x06) is sent before that time is over, and its answer may arrive later.
 AT_9600 = Patience(quiet=1.05, restless=2.5, first=0.6, answer=3.5)
 #: At other rates only a Meade can be expected, which answers at once. The last query at one rate and the first at the
 #: next are a second apart, too.
@@ -102,7 +103,7 @@ async def probe(listener: PortListener, patience: Patience, protocol: str | None
 
 
 async def overhear(listener: PortListener, seconds: float) -> str:
-    """Listen to a device that sends by itself and tell whether it is a GPS receiver. Raises OSError."""
+    """Listen to a device that sends unasked; return the verdict GPS or TALKER. Raises OSError."""
     return (
         await _wait(listener, seconds, lambda: PortVerdict.GPS if sentence(listener.received) else None)
         or PortVerdict.TALKER
@@ -114,9 +115,9 @@ def _judge(listener: PortListener, question: Question) -> str | None:
 
 
 def judge(received: bytes, quiet_seconds: float, question: Question) -> str | None:
-    """Return the verdict of the bytes received after a query; None while they are ambiguous.
+    """Return the verdict on the bytes received after a query; None while they are ambiguous.
 
-    ``quiet_seconds`` is the time since the last byte in seconds. The answer to the query before may arrive late.
+    ``quiet_seconds`` is the time since the last byte. Late answers to earlier queries are recognised, too.
     """
     before = [asked for spec in PROTOCOLS.values() for asked in spec.questions if asked.rank < question.rank]
     if received.startswith((question.request, *(asked.request for asked in before if asked.late))):
@@ -135,7 +136,7 @@ def sentence(received: bytes) -> bool:
 
 
 async def _fell_quiet(listener: PortListener, patience: Patience) -> bool:
-    """Wait until nothing has arrived for a while. A single stray byte is ignored: opening a port often causes it."""
+    """Wait until the port has been silent for the required time; return False if that takes too long."""
     end = listener.now() + patience.restless
     while listener.still < patience.quiet:
         if sentence(listener.received) or listener.now() > end:
@@ -160,20 +161,20 @@ DEFAULT_BAUD = 9600
 #: the likeliest first. At 4800 and 2400 baud a query could harm a hand control that was only slow to start: at its 9600
 #: it would read ACK, or Kx, as ``x``, hibernate. These rates come last, and 9600 is tried again before them.
 OTHER_BAUD_RATES = (19200, 38400, 57600, 115200, 1200, 14400, 28800, DEFAULT_BAUD, 4800, 2400)
-#: Seconds to listen at each rate to a device that sends by itself: a GPS receiver sends every second.
+#: Seconds to listen at each baud rate to a device that sends unasked: a GPS receiver sends every second.
 LISTENING_TIME = 1.6
 #: Verdicts after which other rates are tried.
 UNDECIDED_VERDICTS = (PortVerdict.SILENT, PortVerdict.GARBLED, PortVerdict.TALKER)
-#: Another program has the port; and that program is a gateway; or may be the gateway of another user. A gateway in the
-#: network offers the mount.
+#: A port in use: by a program, by this user's gateway, perhaps by another user's; and a gateway in the network.
 BUSY, SERVED, FOREIGN, OFFERED = "busy", "served", "foreign", "offered"
+#: The port could not be opened; it disappeared during the search; a mount answered but could not be identified.
 UNOPENED, VANISHED, MUTE = "unopened", "vanished", "mute"
 
 
 class PortFinding(Struct, frozen=True):
-    """The result for a port. ``state`` is a verdict, or the reason for its absence: ``served``, ``busy``,
-    ``foreign``, ``unopened``, ``vanished``, or ``mute`` (it speaks a mount's protocol but could not be identified).
-    ``reason`` says more; the search took ``seconds``.
+    """The result for a port. ``state`` is a verdict, a mount's protocol, or why there is no verdict (``BUSY`` and the
+    constants after it). ``reason`` explains it; ``rates`` is the number of baud rates tried; the search took
+    ``seconds``.
     """
 
     place: SerialPortInfo
@@ -181,7 +182,7 @@ class PortFinding(Struct, frozen=True):
     baud: int | None = None
     reason: str = ""
     mount: FoundMount | None = None
-    rates: int = 0
+    rates: int = 0  # how many baud rates were tried
     seconds: float = 0.0
 
 
@@ -191,7 +192,7 @@ async def look_at_all(places: Iterable[SerialPortInfo]) -> list[PortFinding]:
 
 
 async def ask_servers(urls: Sequence[str] | None) -> list[PortFinding]:
-    """Return the mounts that servers at these addresses offer; None asks the whole network."""
+    """Return the mounts that network servers at these addresses offer; None asks the whole network."""
     mounts = []
     for spec in PROTOCOLS.values():
         for answer in await spec.find_mounts(urls) if spec.find_mounts is not None else []:
@@ -210,7 +211,7 @@ async def ask_servers(urls: Sequence[str] | None) -> list[PortFinding]:
 async def look(
     port: SerialPortInfo, wire: Tunable | None = None, first: Patience = AT_9600, others: Patience = AT_OTHERS
 ) -> PortFinding:
-    """Examine a port; problems with it are part of the result. ``wire`` replaces the port of a pyserial URL."""
+    """Examine a port; the result reports any problem with it. A given transport is used instead of the port's URL."""
     if wire is None and (process := serving_gateway(port.url)):
         return PortFinding(port, SERVED, reason=f"mount-gateway, process {process}")
     who = port_holder(port.url) if wire is None else ""
@@ -273,7 +274,7 @@ async def _at_every_rate(
 
 
 async def who_answers(url: str, baud: int) -> str | None:
-    """Return the protocol of the mount that answers at this rate, or None if none does."""
+    """Return the protocol of the mount that answers at this baud rate, or None."""
     listener = PortListener(SerialTransport(url, baud))
     try:
         await listener.begin()

@@ -1,4 +1,4 @@
-"""The checks: each examines an aspect of the facts, and says what it means and what to do about it.
+"""The checks of ``doctor``: each examines some of the facts, says what they mean, and what to do about a problem.
 
 A new check is a function and a row of ``CHECKS``. It also reports good results, so that the reader sees what was
 examined. ``bad`` is reserved for problems that keep a gateway from working as it should: they make ``doctor`` fail.
@@ -21,7 +21,7 @@ MISSING_EXTRA_EFFECTS = {
     "mqtt": "the mounts cannot be shown on an MQTT broker",
 }
 DAY_SECONDS = 86400.0
-#: What only astropy needs, and a computer with an almanac does not; when its last days are told.
+#: Packages that are not needed if there is an almanac; a note appears if the almanac ends within so many days.
 ASTROPY_PACKAGES, MIN_ALMANAC_DAYS = {"astropy", "astropy-iers-data", "numpy", "pyerfa"}, 10.0
 #: The udev rule that makes ModemManager ignore all USB serial ports.
 UDEV_RULE = 'SUBSYSTEM=="tty", ENV{ID_BUS}=="usb", ENV{ID_MM_PORT_IGNORE}="1"'
@@ -33,7 +33,7 @@ MODEM_MANAGER_ADVICE = (
 
 
 def python(facts: Facts) -> Iterator[Said]:
-    """Check that this version of Python is tested; also describe this computer for a report."""
+    """Check that mount-gateway is tested with this version of Python; also describe the computer."""
     version = ".".join(map(str, facts.python))
     summary = f"Python {version} on {facts.system}; mount-gateway {facts.version}"
     tried = "{}.{} to {}.{}".format(*OLDEST_PYTHON, *NEWEST_PYTHON)
@@ -78,7 +78,7 @@ def extras(facts: Facts) -> Iterator[Said]:
 
 
 def clock(facts: Facts) -> Iterator[Said]:
-    """Check that the clock is not before this software's release, and that a time source keeps it right."""
+    """Check that the clock is not earlier than this software's release, and that a time source keeps it right."""
     now = _day(facts.now, "%Y-%m-%d %H:%M:%S UTC")
     set_it = "sudo timedatectl set-ntp true with a network; without one sudo date -u -s 'YYYY-MM-DD HH:MM:SS'"
     least = max(RELEASE_TIME, facts.published or 0.0)
@@ -105,7 +105,7 @@ def clock(facts: Facts) -> Iterator[Said]:
 
 
 def astronomy(facts: Facts) -> Iterator[Said]:
-    """Check that the sky can be calculated: by astropy, or by the almanac of another computer."""
+    """Check that positions in the sky can be calculated: by astropy, or from an almanac of another computer."""
     yield _almanac(facts) if facts.without_astropy else (GOOD, "the sky is calculated by astropy", "")
 
 
@@ -164,7 +164,7 @@ def _permission(facts: Facts, port: Port) -> str:
 
 
 def meddlers(facts: Facts) -> Iterator[Said]:
-    """Check that no program is running that writes to serial ports unasked, or takes them away."""
+    """Check that no program is running that is known to disturb serial ports."""
     usb = [port for port in facts.ports if port.usb]
     said = False
     if process := facts.meddlers.get("ModemManager"):
@@ -250,5 +250,5 @@ CHECKS: dict[str, Callable[[Facts], Iterator[Said]]] = {
 
 
 def examine(facts: Facts) -> list[CheckResult]:
-    """Return the results of all checks, in their order."""
+    """Run all checks and return their results, in the order of `CHECKS`."""
     return [CheckResult(name, *said) for name, look in CHECKS.items() for said in look(facts)]

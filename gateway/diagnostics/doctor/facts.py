@@ -1,6 +1,6 @@
-"""The facts about this computer, before the checks judge them, and the result of a check.
+"""The facts about this computer, which the checks of ``doctor`` judge, and the result of a check.
 
-None means that this system does not say. Times are Unix seconds.
+None means that this system does not provide the value. Times are Unix seconds.
 """
 
 from __future__ import annotations
@@ -13,45 +13,44 @@ from msgspec import Struct
 GOOD: Final = "good"
 NOTE: Final = "note"
 BAD: Final = "bad"
-State = Literal["good", "note", "bad"]
-#: What a check yields: the state, what was found, and what to do about it.
+State = Literal["good", "note", "bad"]  # of a check
+#: What a check yields: the state, a description of what was found, and advice (or an empty text).
 Said = tuple[State, str, str]
 
 
 class CheckResult(Struct, frozen=True):
-    """One line of the report: the check, its state, what was found, and what to do about it."""
+    """One line of the report: name of the check, its state, a description of what was found, and advice."""
 
     check: str
     state: State
-    found: str
-    do: str = ""
+    found: str  # a description of what the check has found
+    do: str = ""  # advice
 
 
 class Package(Struct, frozen=True):
-    """A required package: the versions that are suitable, and the installed version, empty if there is none."""
+    """A required package: the versions that suit, the installed one (empty if none), and whether that ``fits``."""
 
     name: str
-    needed: str
+    needed: str  # the versions that suit, as in ``>=2.0``
     version: str
-    fits: bool = True
+    fits: bool = True  # whether the installed version suits
 
 
 class Port(Struct, frozen=True):
-    """A serial port. Members of ``group`` may use it; the program ``holder`` has it open."""
+    """A serial port. Members of ``group`` may open it; ``permitted``: this user may; ``holder`` has it open now."""
 
     name: str
     about: str = ""
     usb: bool = True
-    permitted: bool = True
+    permitted: bool = True  # whether this user may open it
     group: str = "dialout"
-    holder: str = ""
+    holder: str = ""  # the program that has it open
     modem_manager_ignores: bool = False
 
 
 class Running(Struct, frozen=True):
-    """A running gateway and its mount; ``mount`` is empty if the gateway does not answer this user.
-
-    ``foreign``: another user's. ``served``: its present addresses for programs; ``folder``: its state folder.
+    """A running gateway: process id, mount (empty if the gateway does not answer this user), user, whether that is
+    another user, the addresses where clients connect now, and its state folder.
     """
 
     process: int
@@ -60,20 +59,20 @@ class Running(Struct, frozen=True):
     foreign: bool = False
     served: tuple[str, ...] = ()
     folder: str = ""
-    #: What its sky is calculated from.
+    #: How its sky is calculated: by which almanac, or by closed formulas.
     sky: str = ""
 
 
 class Facts(Struct, frozen=True):
-    """One computer at one moment."""
+    """Everything that the checks need to know about this computer at one moment."""
 
     version: str
     python: tuple[int, int, int]
-    system: str
+    system: str  # the operating system and machine
     now: float
     #: When the astronomy data were published.
     published: float | None
-    #: When the days end that the almanac has from today on; None if it does not have today.
+    #: The last day that the almanac covers from today on without a gap; None if it does not have today.
     almanac_until: float | None
     packages: list[Package]
     #: The missing packages of each extra that is not installed completely.
@@ -86,12 +85,12 @@ class Facts(Struct, frozen=True):
     #: Running programs that are known to disturb serial ports, with their process ids.
     meddlers: dict[str, int]
     state_folder: str
-    state_problem: str
+    state_problem: str  # why the state folder cannot be written to, or empty
     gateways: list[Running]
     #: The pip command of this environment, for the user to type.
     pip: str = "pip"
 
     @property
     def without_astropy(self) -> bool:
-        """Whether astropy was left out, which is permitted: an almanac from another computer takes its place."""
+        """Whether astropy is not installed; an almanac from another computer can replace it."""
         return any(package.name == "astropy" and not package.version for package in self.packages)

@@ -1,7 +1,7 @@
 """Collect the facts about this computer; nothing is changed, sent to a port or downloaded.
 
 Some facts are only available on Linux, from ``/proc``, ``/run/udev`` and ``/etc/group``. What cannot be read is left
-out: other users' processes, or udev data on a system without udev. A test describes its own computer by the folders.
+out: other users' processes, or udev data on a system without udev. Tests pass other folders to imitate a computer.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def needed(product: str = PRODUCT_NAME, extra: str = "") -> Iterator[Package]:
 
 
 def missing_extras(product: str = PRODUCT_NAME) -> dict[str, list[str]]:
-    """Return the packages that are not installed, by extra."""
+    """Return the missing packages of each extra that is not completely installed."""
     try:
         extras = importlib.metadata.metadata(product).get_all("Provides-Extra") or []
     except importlib.metadata.PackageNotFoundError:
@@ -84,7 +84,7 @@ def missing_extras(product: str = PRODUCT_NAME) -> dict[str, list[str]]:
 
 
 def release_date(release: str) -> float | None:
-    """Return the date of a release of the astronomy data, Unix seconds; its version is ``0.2026.11.2.0.34.55``."""
+    """Return the date in a version of the astronomy data (``0.2026.11.2.0.34.55``), Unix seconds; None without one."""
     match = re.match(r"\d+\.(\d{4})\.(\d+)\.(\d+)", release)
     if match is None:
         return None
@@ -100,7 +100,7 @@ UDEV_FOLDER = Path("/run/udev/data")
 
 
 def gather(state: str | None = None, almanac: str | None = None) -> Facts:
-    """Collect everything that the checks need; ``state`` and ``almanac`` are what the user named. Raises UserError."""
+    """Collect the facts for the checks; the user may have named a state folder and an almanac. Raises UserError."""
     folder = state_folder(state)
     granted, active = groups()
     return Facts(
@@ -157,7 +157,7 @@ def unwritable(folder: Path) -> str:
 
 
 def running(scope: Scope) -> Iterator[Running]:
-    """List the gateways that can be queried, and those that are only visible as processes."""
+    """Yield the gateways that can be queried, then those of which only the process is visible."""
     endpoints = [endpoint for _, endpoint in search(scope).gateways if is_listening(endpoint)]
     for endpoint, (places, sky) in zip(endpoints, asyncio.run(_all_served(endpoints)), strict=True):
         yield Running(endpoint.pid, endpoint.title, served=places, folder=endpoint.state, sky=sky)
@@ -170,7 +170,7 @@ async def _all_served(endpoints: Sequence[ControlEndpoint]) -> list[tuple[tuple[
 
 
 async def _served(endpoint: ControlEndpoint) -> tuple[tuple[str, ...], str]:
-    """Return where programs connect to a gateway now, and what its sky is from; nothing if it does not answer."""
+    """Return where clients connect to a gateway, and how it calculates the sky; both empty if it does not answer."""
     state = await ask_state(endpoint, fresh=False, seconds=ANSWER_TIMEOUT)
     return (tuple(map(str, state.served)), state.sky) if isinstance(state, State) else ((), "")
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 #: The value of ``log`` that selects this format; a hyphen and a filter may follow, as in ``json-changes``.
 FORM = "json"
-#: The name of each arrow of a row.
+#: The name of each event kind, by the arrow of its log row.
 EVENT_KINDS = {
     ">": "command",
     "<": "reply",
@@ -37,12 +37,12 @@ DIRECTIONS = {">": "to mount", "<": "from mount"}
 
 
 def is_json(log: bool | str) -> bool:
-    """Return whether a value of ``log`` asks for this format."""
+    """Whether a value of the setting ``log`` selects the JSON format."""
     return isinstance(log, str) and log.partition("-")[0] == FORM
 
 
 def filter_of(log: bool | str) -> str:
-    """Return the filter that a value of ``log`` names, whatever the format: "normal" for true, "all" for none."""
+    """Return the filter that a value of the setting ``log`` names: "normal" for true, "all" if it names none."""
     if log is True:
         return "normal"
     return (log.removeprefix(FORM).removeprefix("-") if isinstance(log, str) else "") or "all"
@@ -82,7 +82,7 @@ def _line(
 
 
 def json_printer(rows: Rows, stream: TextIO, mount: str) -> Callable[[Entry], None]:
-    """Return a sink for wire log entries that writes these lines to a stream."""
+    """Return a sink for wire log entries, which writes them as JSON lines to a stream."""
     notice, info = (streams.level(number, stream) for number in (streams.NOTICE, streams.INFO))
 
     def put(entry: Entry) -> None:

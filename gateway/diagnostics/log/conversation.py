@@ -1,6 +1,6 @@
 """Describe the commands and replies of a connection in sentences, whose parts come from the command tables.
 
-A live gateway passes frames that it has already split; a raw capture is split with the framer of the surface. A reply
+A live gateway passes complete frames; a raw capture is split into frames here, with the framer of the surface. A reply
 is parsed as a driver parses it: according to the command that it answers.
 """
 
@@ -19,16 +19,16 @@ from gateway.protocols.base.driver import Send
 from gateway.protocols.base.frames import Unterminated
 from gateway.protocols.wireformat.command_set import load
 
-#: How many commands may wait for their replies, and how many bytes may wait to become a complete reply.
+#: The greatest number of unanswered commands, and of bytes that are not a complete reply yet.
 MAX_UNANSWERED, MAX_UNPARSED_BYTES = 256, 4096
 
 
 class Heard(NamedTuple):
-    """A command or a reply. ``command`` is the name of its row in the command table, empty if no table has it.
+    """A decoded command or reply, its description, and the command's name in the command table (empty if unknown).
 
-    ``asks``: it is a query that changes nothing, or the reply to a query. ``fails``: it is a refusal, or it cannot be
-    understood. ``values`` are the fields that stay the same as long as nothing happens, ``fields`` are all fields of a
-    reply by name. ``pushed``: it was sent without being asked for.
+    ``asks``: a query that changes nothing, or the reply to one. ``fails``: a refusal, or not understood. ``fields`` are
+    all fields of a reply by name; ``values`` are those that stay constant while nothing happens (no positions, no
+    times). ``pushed``: a message that answers no request.
     """
 
     data: bytes
@@ -47,14 +47,14 @@ def _briefly(meaning: str) -> str:
 
 
 class Side:
-    """One connection (a client's or the mount's), and the commands that still wait for their replies."""
+    """Decodes one connection (a client's or the mount's), and remembers commands that are still unanswered."""
 
     def __init__(self, protocol: str, model: str | None = None) -> None:
         framing, self._reply_rules = framer_and_replies(protocol, model)
         self.protocol, self._framer = protocol, framing()
         self._due: deque[Send] = deque(maxlen=MAX_UNANSWERED)
         self._partial_reply = b""
-        #: Messages that are sent without being asked for.
+        #: The messages of this protocol that are sent without a request.
         self._pushed = [Send(name) for name, command in load(protocol).commands.items() if command.pushed is not None]
 
     # --- commands ---------------------------------------------------------------------------------------------------
@@ -65,7 +65,7 @@ class Side:
             yield self.command(frame)
 
     def command(self, frame: bytes) -> Heard:
-        """Describe a complete command; from now on its reply is due."""
+        """Describe a complete command; the next matching reply is its answer."""
         if isinstance(frame, Unterminated):
             self._due += [Send(name) for name in frame.names[:1] if name and not frame.late]
             return Heard(frame, "its end (#) is missing: refused", frame.names[0] if frame.names else "", fails=True)
@@ -88,7 +88,7 @@ class Side:
     # --- replies ----------------------------------------------------------------------------------------------------
 
     def replies(self, data: bytes) -> Iterator[Heard]:
-        """Yield the replies that these bytes complete, each matched to the oldest command that it fits."""
+        """Yield the replies that these bytes complete, each matched to the oldest command that it can answer."""
         self._partial_reply += data
         while self._partial_reply:
             taken = self._take()
@@ -101,7 +101,7 @@ class Side:
             self._partial_reply = self._partial_reply[length:]
 
     def _take(self) -> tuple[Heard, int] | None:
-        """Match the bytes to the oldest command that they can answer; older commands were never answered."""
+        """Match the received bytes to the oldest command that they can answer; forget commands before it."""
         for skipped, ask in enumerate(self._due):
             taken = self._answer(ask, self._partial_reply)
             if taken is not None and taken[1]:
@@ -115,7 +115,7 @@ class Side:
     def reply(self, data: bytes) -> Heard:
         """Describe a complete reply on a connection with one request at a time: it answers the last command.
 
-        The description is empty if it does not fit that command.
+        The text is empty if the reply does not match that command.
         """
         if (message := self._unasked(data)) is not None:
             return message[0]._replace(data=data)
@@ -127,7 +127,7 @@ class Side:
         return self._reply(ask, *taken)[0]._replace(data=data)
 
     def _unasked(self, data: bytes) -> tuple[Heard, int] | None:
-        """Describe the bytes if they are a message that is sent without being asked for."""
+        """Describe the bytes if they are a message that is sent without a request; else return None."""
         for pushed in self._pushed:
             taken = self._answer(pushed, data)
             if taken is not None:

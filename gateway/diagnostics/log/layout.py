@@ -18,9 +18,9 @@ from gateway.core.wire_log import show
 
 #: The number of columns if no terminal reports it, and the smallest number that lines are formatted for.
 DEFAULT_COLUMNS, MIN_COLUMNS = 80, 40
-#: Columns for the connection and for the bytes; longer text moves the rest to the right, or to the next line.
+#: Column widths for the connection and for the bytes; longer content moves the text to the right or to the next line.
 NAME_COLUMNS, BYTES_COLUMNS = 15, 18
-#: The words move below the bytes if fewer columns than this are left beside them.
+#: The text moves below the bytes if fewer columns than this are left beside them.
 MIN_WORDS_COLUMNS = 24
 #: The indentation of a continued line.
 INDENTATION = "    "
@@ -30,14 +30,14 @@ NIGHT_COLOURS = {"program": "31", "mount": "31", "note": "1;31", "no": "1;31", "
 
 
 class Row(Struct, frozen=True):
-    """The content of a line. ``kind`` is a key of ``DAY_COLOURS``; ``name`` is the mount's if there are several."""
+    """The content of a log line. ``kind`` is a key of ``DAY_COLOURS``; the mount's name is set if there are several."""
 
     time: float
-    side: str
-    arrow: str
+    side: str  # the connection
+    arrow: str  # the kind of event: > command, < reply, + connected, …
     data: bytes = b""
     text: str = ""
-    kind: str = "event"
+    kind: str = "event"  # a key of the colours
     name: str = ""
 
 
@@ -110,7 +110,7 @@ def _split_text(text: str, room: int) -> list[str]:
 
 
 def columns_of(stream: TextIO) -> Callable[[], int]:
-    """Return a function for the current number of columns; it is called for every line, as a window may be resized."""
+    """Return a function that returns the stream's present number of columns: its window may be resized."""
 
     def columns() -> int:
         try:

@@ -1,4 +1,4 @@
-"""The sink that prints the log: entries of the wire log become rows, and some of the rows become lines of a stream.
+"""The sink that prints the log: wire log entries become rows, and the rows that pass a filter become lines.
 
 A query that repeats is shown once, then counted. Only queries are ever left out, and only while their replies bring
 nothing new: positions and clocks may change, any other change is shown. Commands that move or set something, failures
@@ -22,18 +22,18 @@ from gateway.system import streams
 
 #: Seconds after which the log shows how often a query has been repeated.
 REPEAT_REPORT_PERIOD = 10.0
-#: A host that reconnects within so many seconds continues the folding of its last connection.
+#: If a host reconnects within so many seconds, the counts of repeated queries continue.
 RECONNECT_WINDOW = 60.0
 #: How many lines of a connection are held back, at most, until it is clear whether they are worth showing.
 MAX_HELD_LINES = 32
-#: The key of messages that answer no query.
+#: The key under which messages without a request are counted.
 UNPROMPTED_KEY = b""
 #: How many disconnected hosts are remembered.
 MAX_HOSTS = 64
 
 
 class LogLine(Struct, frozen=True):
-    """A line that may be shown, with its host and its description; ``asked`` is the command that a reply answers."""
+    """A line that may be shown: row, host, decoded message, and for a reply the query that it answers."""
 
     row: Row
     host: str
@@ -46,7 +46,7 @@ CONNECTION_ARROWS = "+~"
 
 
 class _Run:
-    """A query that was last shown at ``since``, and how often it has been answered since then."""
+    """A repeated query: when it was last shown, how often it was answered since then, and its latest reply."""
 
     def __init__(self, since: float) -> None:
         self.since, self.count = since, 0
@@ -55,7 +55,7 @@ class _Run:
 
 
 class _Party:
-    """One connection, or several of one host in succession."""
+    """The filter's state for a connection; a host that reconnects soon continues with the same."""
 
     def __init__(self) -> None:
         self.runs: dict[bytes, _Run] = {}
@@ -66,8 +66,8 @@ class _Party:
 class Folding:
     """Decides which lines are shown, in their order.
 
-    ``kept`` is the user's choice: "all"; "normal", without the counts of repeated queries; "changes", without queries
-    that are answered; "refusals", without everything that succeeds.
+    The user selects "all"; "normal", without the counts of repeated queries; "changes", without answered queries; or
+    "refusals", without anything that succeeds.
     """
 
     def __init__(self, shown: str = "all") -> None:
@@ -107,7 +107,7 @@ class Folding:
         return []
 
     def _protocol_recognised(self, line: LogLine) -> list[Row]:
-        """The protocol of a connection was recognised; it is shown together with the connection."""
+        """Handle the recognition of a connection's protocol, which is shown together with the connection."""
         party = self._party(line)
         if not party.held_rows and self._filter != "refusals":
             return self._shown(party, line)
@@ -171,7 +171,7 @@ class Folding:
         return self._count(key, run, line.row) if line.row.time - run.since >= REPEAT_REPORT_PERIOD else []
 
     def _unanswered(self, party: _Party) -> list[Row]:
-        """Show a request that was held back and is still unanswered when the next request arrives."""
+        """Return the held rows if they contain an unanswered request, as the next request has arrived."""
         if all(row.arrow in CONNECTION_ARROWS for row in party.held_rows):
             return []
         if self._filter == "refusals":
@@ -180,7 +180,7 @@ class Folding:
         return self._show_held(party)
 
     def _shown(self, party: _Party, line: LogLine) -> list[Row]:
-        """Show a line that is not a query, together with the lines that led to it, and end the folding."""
+        """Return a line to show, after the counts of repeated queries and the held lines; restart the counts."""
         rows = [*self._counts_line(party, line.row), *self._show_held(party), line.row]
         party.runs.clear()
         return rows
@@ -190,7 +190,7 @@ class Folding:
         return rows
 
     def _counts_line(self, party: _Party, row: Row) -> list[Row]:
-        """Return one line, at the end of a fold, with all counts that were not shown yet."""
+        """Return one row with all counts of repeated queries that were not shown yet; none if there are none."""
         counts = {show(asked) or "line unasked": run.count for asked, run in party.runs.items() if run.count}
         for run in party.runs.values():
             run.count, run.since = 0, row.time
@@ -200,7 +200,7 @@ class Folding:
         return [Row(row.time, row.side, "=", b"", text, "again", row.name)]
 
     def _count(self, query: bytes, run: _Run, row: Row) -> list[Row]:
-        """Return a line with how often a query was repeated since it was shown, and its latest reply."""
+        """Return a row that says how often a query was repeated since it was last shown, with its latest reply."""
         if not run.count:
             return []
         text = f"{_times(run.count)} more in {row.time - run.since:.0f} s, now {run.last_reply}"
@@ -219,7 +219,7 @@ EVENT_WORDS = {"+": "connected", "-": "gone", "~": "speaks", "^": "port opened",
 
 
 class Rows:
-    """Turns entries into rows. ``surfaces`` are the endpoints of the surfaces in their order, or only the protocols."""
+    """Turns wire log entries into rows. ``surfaces`` are the surfaces' endpoints (or protocols) in their order."""
 
     def __init__(self, mount: str, surfaces: Sequence[str], shown: str = "all", name: str = "") -> None:
         self._mount, self._surfaces, self._mount_name = mount, surfaces, name
@@ -258,7 +258,7 @@ class Rows:
         self._sides_by_name[side] = Side(protocol)
 
     def _surface(self, entry: Entry) -> str:
-        """Return the surface to which a client has connected; the entry contains its number. Empty if it is unknown."""
+        """Return the surface whose number a connection's entry contains; empty if it is unknown."""
         number = entry.note.partition(",")[0].rpartition(" ")[2]
         return self._surfaces[int(number) - 1] if number.isdecimal() and 0 < int(number) <= len(self._surfaces) else ""
 
@@ -269,7 +269,7 @@ class Rows:
                 self._sides_by_name[entry.side] = Side(protocol)
 
     def _heard(self, entry: Entry) -> Heard:
-        """Describe an entry as text."""
+        """Decode and describe an entry."""
         if entry.arrow not in "<>x":
             note = entry.note
             if entry.arrow == "+" and "@" in (surface := self._surface(entry)):

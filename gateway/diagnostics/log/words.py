@@ -1,6 +1,6 @@
 """Format the fields of a command or a reply for people.
 
-Formats and words are data: each protocol's ``words.toml`` has a row per field, or per command and field. A field
+Each protocol's ``words.toml`` defines the texts and formats, with a row per field, or per command and field. A field
 without a row is shown with its name and value. Nothing here raises for any value that a mount may send.
 """
 
@@ -18,25 +18,25 @@ from gateway.protocols.wireformat.command_set import load
 
 
 class Word(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How to show a field: a label, and a format or words for its values (``*`` for any other value).
+    """How to show a field: a label, and a format (``form``) or a text for each value (``*`` for any other value).
 
-    A number is multiplied by ``scale`` and followed by ``unit``. A field with ``runs`` changes by itself from a reply
-    to the next, as positions and clocks do.
+    A number is multiplied by ``scale`` and followed by ``unit``. ``runs``: the field changes by itself from one
+    reply to the next, as positions and clocks do.
     """
 
     label: str | None = None
-    form: str | None = None
-    words: dict[str, str] = {}
+    form: str | None = None  # a key of FORMATS, or "model"
+    words: dict[str, str] = {}  # the text for each value
     scale: float = 1.0
     unit: str = ""
-    runs: bool = False
+    runs: bool = False  # changes by itself, as positions and clocks do
 
 
 class Words(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A protocol's ``words.toml``: rows by ``field`` or ``command.field``, and sentences for whole commands."""
 
     fields: dict[str, Word] = {}
-    commands: dict[str, str] = {}
+    commands: dict[str, str] = {}  # sentences for whole commands
 
 
 @cache
@@ -63,7 +63,7 @@ def format_fields(protocol: str, command: str, values: Mapping[str, object]) -> 
 
 
 def constant_values(protocol: str, command: str, values: Mapping[str, object]) -> tuple[object, ...]:
-    """Return the values that stay the same as long as nothing happens: all but positions and clocks."""
+    """Return the values that stay constant while nothing happens: all but positions and clocks."""
     return tuple(value for name, value in values.items() if not _word(protocol, command, name).runs)
 
 

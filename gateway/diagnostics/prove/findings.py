@@ -1,7 +1,7 @@
-"""What the check has found: a finding for each assumption of the gateway about the mount, with its verdict.
+"""The findings of ``prove``: one for each assumption of the gateway about the mount, with a verdict.
 
 A finding contains the measured and the assumed value, sentences for the owner, and the keys of gateway.toml that
-adapt the gateway to a difference. They are saved in a file from one session to the next. Another file is for the
+adapt the gateway to a difference. Findings are saved in a file from one session to the next. Another file is for the
 maintainers of the gateway: it has verdicts and measured values, and nothing that reveals a place or a time.
 """
 
@@ -17,53 +17,54 @@ from msgspec.structs import replace
 
 from gateway.core.about import version
 
-#: The verdicts.
+#: The verdicts of a finding.
 SAME, DIFFERS, NOT_TRIED, NOT_MEASURABLE = "same", "differs", "not tried", "not measurable"
 
 
 class MeasuredRate(Struct, frozen=True):
-    """The assumed and the real rate of an axis, negative if reversed; and the run-on after each stop, degrees, empty if
-    the axis hardly moved. The rate is exact only if the mount moved ``evenly``.
+    """The assumed and the real rate of an axis, degrees a second (negative if reversed), and the run-on in degrees
+    after each stop (empty if it hardly moved). The rate is exact only if the mount moved ``evenly``, at constant speed.
     """
 
     axis: int
     assumed: float
-    real: float
-    run_ons: tuple[float, ...]
-    evenly: bool
+    real: float  # the measured rate
+    run_ons: tuple[float, ...]  # motion after each stop, degrees
+    evenly: bool  # at constant speed, so that the rate is exact
 
     @property
     def rounded(self) -> MeasuredRate:
-        """The same rounded to 0.04"/s and 0.01°: more digits might reveal where the mount pointed."""
+        """This rate rounded to 0.04"/s and 0.01°: more digits might reveal where the mount pointed."""
         run_ons = tuple(round(way, 2) for way in self.run_ons)
         return MeasuredRate(self.axis, round(self.assumed, 5), round(self.real, 5), run_ons, self.evenly)
 
 
 class Finding(Struct, frozen=True, omit_defaults=True):
-    """One comparison. ``means``: what a difference means for the owner; ``keys``: the settings that adapt to it."""
+    """A comparison of something (``what``) with the gateway's assumption, and its verdict. If they differ, it has a
+    sentence about the effect (``means``) and keys of gateway.toml that adapt the gateway."""
 
-    what: str
+    what: str  # what was compared with the assumption
     verdict: str
     measured: str = ""
     assumed: str = ""
-    means: str = ""
-    keys: dict[str, object] = {}
+    means: str = ""  # the effect of a difference, for the owner
+    keys: dict[str, object] = {}  # keys of gateway.toml that adapt the gateway
     rate: MeasuredRate | None = None
 
     @property
     def line(self) -> str:
-        """The finding in one line, without its consequence."""
+        """The finding in one line, without the sentence about its effect."""
         beside = f": {self.measured}" if self.measured else ""
         return f"{self.verdict}  {self.what}{beside}{f' (assumed: {self.assumed})' if self.assumed else ''}"
 
 
 def rest_of(stage: str) -> str:
-    """Return the name of the untried rest of a stage that ended early."""
+    """Return the title of the finding that stands for the untried rest of a stage that ended early."""
     return f"the rest of {stage}"
 
 
 class StageReporter(Protocol):
-    """Takes the findings and the progress of a stage; ``before`` are its findings of an earlier, unfinished run."""
+    """Receives the findings and the progress of a stage; ``before`` are findings of its earlier, unfinished run."""
 
     before: list[Finding]
 
@@ -72,7 +73,7 @@ class StageReporter(Protocol):
 
 
 class Findings(Struct):
-    """All findings by stage. ``mount`` is its identity; its ``model`` and ``version`` name the output file."""
+    """All findings, by stage. ``mount`` is the mount's identity; model and version become part of a file name."""
 
     mount: str = ""
     model: str = ""
@@ -81,7 +82,7 @@ class Findings(Struct):
     stages: dict[str, list[Finding]] = {}
 
     def whole(self, stage: str) -> bool:
-        """Whether a stage is complete."""
+        """Whether a stage was carried out to its end."""
         return stage in self.stages and all(finding.what != rest_of(stage) for finding in self.stages[stage])
 
     def of(self, verdict: str) -> list[Finding]:
@@ -89,7 +90,7 @@ class Findings(Struct):
 
     @property
     def keys(self) -> dict[str, object]:
-        """The keys of [mount] that adapt the gateway to what differs."""
+        """The keys of [mount] in gateway.toml that adapt the gateway to all differences."""
         return {key: value for finding in self.of(DIFFERS) for key, value in finding.keys.items()}
 
 
@@ -102,15 +103,15 @@ def load(path: Path) -> Findings:
 
 
 def save(path: Path, findings: Findings) -> None:
-    """Write the findings. Raises OSError."""
+    """Save the findings for the next session. Raises OSError."""
     path.touch(0o600)  # it tells the mount's site
     path.write_bytes(msgspec.json.format(msgspec.json.encode(findings), indent=1))
 
 
 class ProofFile(Struct, frozen=True):
-    """The file that a check makes: the mount's identity, the version of the gateway, and the findings by stage.
+    """The content of the file for the maintainers: mount, version of the gateway, and findings by stage.
 
-    It omits texts that may reveal a place, a time or a name: the sky stage, and reasons for untried parts.
+    It omits texts that may reveal a place, a time or a name: those of the sky stage, and reasons for untried parts.
     """
 
     mount: str
@@ -122,7 +123,7 @@ class ProofFile(Struct, frozen=True):
 
 
 def result(findings: Findings, simulated: bool) -> ProofFile:
-    """Return the part of the findings that others may read."""
+    """Return the findings without anything private."""
 
     def shown(stage: str, finding: Finding) -> Finding:
         if stage == "sky" or finding.verdict == NOT_TRIED:

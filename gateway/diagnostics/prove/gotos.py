@@ -1,6 +1,6 @@
-"""The gotos: to a place with room for small motions, if need be; then 5° and back, and one that is cancelled.
+"""The goto stages: first, if necessary, to a position with room for small motions; then 5° and back, and one cancelled.
 
-The gateway's limits must allow each goto. By day the goals here are at least 40° from the Sun.
+The gateway's limits must allow each goto. By day the goals chosen here are at least 40° from the Sun.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, SAME, Finding
 from gateway.diagnostics.prove.telescope import CheckedMount, Ended
 from gateway.mount.motion.run_on import TimedPosition
 
-#: Seconds that a goto may take, and after which the last goto is cancelled.
+#: Seconds: the timeout of a goto, and the time after which the goto that is to be cancelled is cancelled.
 GOTO_TIMEOUT, CANCEL_DELAY = 300.0, 2.0
-#: Degrees: how far the goto goes, how near to its goal it must end, what is at rest; so far from it nothing goes on.
+#: Degrees: length of the goto, allowed error, allowed motion at rest, and the error from which on the stage ends.
 GOTO_DISTANCE, GOAL_TOLERANCE, REST_TOLERANCE, MIN_DISTANCE_FROM_GOAL = 5.0, 0.1, 0.1, 1.0
-#: Degrees from the horizon, the zenith and the pole at which the small motions have room, and from the Sun beyond
-#: those that are always kept.
+#: Degrees, for enough room: least distance from lowest and highest altitude, greatest declination, and the least
+#: distance from the Sun beyond the gateway's limit.
 MARGIN, MAX_DECLINATION, SUN_ROOM = 20.0, 75.0, 7.0
-#: Degrees from the meridian at which a German mount has room, and within which none of its gotos here leads.
+#: A German mount's least distance from the meridian, degrees: for small motions, and for the goal of a goto.
 MERIDIAN_ROOM, MIN_MERIDIAN_DISTANCE = 15.0, 3.0
-#: Hour angles that are tried for a better place, and the part of the latitude that its declination is.
+#: Where to look for a better position: these hour angles, degrees, and a declination of this part of the latitude.
 HOUR_ANGLES, LATITUDE_FACTOR = (30.0, -30.0, 50.0, -50.0, 10.0, -10.0), 0.5
-#: The gotos of the stage: there, back, a goto that is cancelled, and back again.
+#: How many gotos the stage has: there, back, a goto that is cancelled, and back again.
 GOTO_COUNT = 4
 
 
 def why_no_room(telescope: CheckedMount, sky: op.Equatorial | None = None) -> str:
-    """Return why the small motions have no room at ``sky``, by default where the mount points; empty if they have."""
+    """Return why there is no room for small motions at a position (by default the present one); empty if there is."""
     if sky is None and telescope.latest is not None:
         sky = telescope.latest.sky
     if sky is None:
@@ -50,7 +50,7 @@ def why_no_room(telescope: CheckedMount, sky: op.Equatorial | None = None) -> st
 
 
 async def to_place(telescope: CheckedMount, report: StageReporter) -> None:
-    """Go to a place with room. Raises Ended."""
+    """Go to a position with room for small motions. Raises StageEnded."""
     why = why_no_room(telescope)
     site = telescope.controller.sources.site()
     if site is None:
@@ -74,7 +74,7 @@ async def to_place(telescope: CheckedMount, report: StageReporter) -> None:
 
 
 async def _allowed(telescope: CheckedMount, goals: Iterable[op.Equatorial]) -> tuple[op.Equatorial | None, str]:
-    """Return the first goal that the rules allow, or None and why the last was refused."""
+    """Return the first goal that the gateway allows, or None and why the last goal was refused."""
     refusal: Fault | None = None
     for goal in goals:
         refusal = await telescope.controller.preview(goal)
@@ -90,7 +90,7 @@ async def nearby_goal(telescope: CheckedMount, position: op.Equatorial) -> tuple
     west = telescope.controller.astrometry.overhead(position)[1] if telescope.driver.german else None
 
     def stays(goal: op.Equatorial) -> bool:
-        """Whether a German mount goes to a goal without changing the side of its pier."""
+        """Whether a German mount can go to a goal without changing the side of its pier (others always can)."""
         before = 90.0 if west is None else wrap180(west)
         after = 90.0 if west is None else wrap180(before + position.ra - goal.ra)
         return abs(goal.dec) < 89.0 and before * after > 0.0 and abs(after) > MIN_MERIDIAN_DISTANCE
@@ -100,7 +100,7 @@ async def nearby_goal(telescope: CheckedMount, position: op.Equatorial) -> tuple
 
 
 async def run(telescope: CheckedMount, report: StageReporter) -> None:
-    """Go 5° and back, and go again and cancel it. Raises Ended."""
+    """Go 5° and back, then cancel a second goto on its way. Raises StageEnded."""
     places = await _there_and_back(telescope, report)
     if places is None:
         return
@@ -122,7 +122,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
 
 
 async def _there_and_back(telescope: CheckedMount, report: StageReporter) -> tuple[op.Equatorial, op.Equatorial] | None:
-    """Go 5° and back, and return both places, the start first; None if that was refused. Raises Ended."""
+    """Go 5° and back, and return the start and the goal; None if a goto was refused. Raises StageEnded."""
     start = (await telescope.rest()).sky
     goal, refused = await nearby_goal(telescope, start)
     if goal is None:
@@ -152,11 +152,11 @@ async def _there_and_back(telescope: CheckedMount, report: StageReporter) -> tup
 
 
 def check_arrival(end_position: TimedPosition, goal: op.Equatorial) -> None:
-    """Raise Ended if a goto has ended far from its goal."""
+    """Raise StageEnded if a goto has ended far from its goal."""
     if (off := sky_distance(end_position.sky, goal)) > MIN_DISTANCE_FROM_GOAL:
         raise Ended(f"the goto ended {off:.0f}° from its goal: somebody used its keys, or it cannot go there")
 
 
 def sky_distance(place: op.Equatorial, other: op.Equatorial) -> float:
-    """Return the degrees between two positions."""
+    """Return the angle between two positions, degrees."""
     return separation(place.ra, place.dec, other.ra, other.dec)

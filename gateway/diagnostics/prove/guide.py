@@ -1,8 +1,8 @@
-"""Leads through the stages: asks before each, stops at once if the person wants it, and leaves the mount as it was.
+"""Leads a person through the stages of ``prove``: asks before each, and stops the mount as soon as the person wants.
 
-A stage that ends early keeps its findings; the rest is ``not tried``. Another session asks for that stage again, and
-its motions begin after the last measured rate. At an early end, the motion that the stage began is stopped, and nothing
-moves any more; tracking that it had turned on is turned off. Findings are saved after every stage.
+A stage that ends early keeps its findings; the rest is ``not tried``. The next session offers that stage again, and
+continues after the last measured rate. At an early end the stage's motion is stopped, and tracking is turned off if the
+stage turned it on. Findings are saved after every stage.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from gateway.diagnostics.prove import gotos, guiding, reads, sky, small_motions
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, Finding, Findings, StageReporter, rest_of
 from gateway.diagnostics.prove.telescope import CLIENT, CheckedMount, Ended, StoppedByOthers
 
-#: What is asked after the space bar.
+#: The question after the person has stopped a stage with the space bar.
 KEYS_AFTER_STOP = "y: next stage  a: this one again  q: leave"
 
 
 class Stage(NamedTuple):
-    """A part of the check. ``plan`` announces it in one sentence; ``moves``: whether it moves the mount; ``points``:
-    whether the mount must know where it points, which every stage that moves it requires.
+    """A stage of ``prove``. ``plan`` announces it in one sentence; ``moves``: whether it moves the mount; ``points``:
+    whether a stage without motion needs an aligned mount, as every stage with motion does.
 
-    ``run`` raises Ended. ``reason_needed`` is the reason why it is needed; empty if it is not.
+    ``run`` raises StageEnded. ``reason_needed`` returns why the stage is necessary; empty if it is not.
     """
 
     name: str
@@ -50,17 +50,17 @@ STAGES: tuple[Stage, ...] = (
 
 
 class Person(Protocol):
-    """The person at the terminal. ``stop`` is set when the space bar is pressed, also as the answer to a question."""
+    """The person at the terminal. ``stop`` is set when the space bar is pressed; ``key`` asks, and returns a key."""
 
-    stop: asyncio.Event
+    stop: asyncio.Event  # set when the space bar is pressed
 
     def say(self, text: str) -> None: ...
     def progress(self, part: float, title: str) -> None: ...
-    async def key(self, question: str, keys: str) -> str: ...
+    async def key(self, question: str, keys: str) -> str: ...  # asks, returns the pressed key
 
 
 class GuidedCheck:
-    """One session. ``save`` is called with the findings after every stage."""
+    """One session of ``prove``. ``save`` is called with all findings after every stage."""
 
     def __init__(
         self,
@@ -76,9 +76,9 @@ class GuidedCheck:
         self.before: list[Finding] = []
 
     async def run(self) -> Findings:
-        """Lead through all stages that have no findings yet, as far as the person wants.
+        """Lead through all unfinished stages, as far as the person wants, and return the findings.
 
-        Raises UserError if the findings are those of another mount.
+        Raises UserError if the saved findings belong to another mount.
         """
         person, telescope = self._person, self._telescope
         identity: op.Identity | None = telescope.controller.cache.value(op.GetIdentity)
@@ -129,7 +129,7 @@ class GuidedCheck:
         return self._findings
 
     def _where(self) -> str:
-        """Return the mount's position as text; empty if it is not known."""
+        """Return a sentence with the mount's altitude and azimuth; empty if they are unknown."""
         if (latest := self._telescope.latest) is None:
             return ""
         try:
@@ -197,7 +197,7 @@ class GuidedCheck:
         return await self._answer(KEYS_AFTER_STOP, "yaq") if stopped else "y"
 
     def _ends_early(self, stage: Stage, reason: str) -> None:
-        """Add the findings of an earlier run to those of this run, and the reason why the rest is missing."""
+        """Add what an earlier run of the stage found, and a finding with the reason why the rest is missing."""
         again = {rest_of(stage.name), *(finding.what for finding in self._stage_findings)}
         self._stage_findings += [finding for finding in self.before if finding.what not in again]
         self._stage_findings.append(Finding(rest_of(stage.name), NOT_TRIED, reason))
@@ -208,7 +208,7 @@ class GuidedCheck:
         self._keep(self._findings)
 
     async def _answer(self, question: str, keys: str) -> str:
-        """Return the key that the person presses. The space bar stops the mount, also if it was pressed just before."""
+        """Ask until the person presses one of the keys, and return it. The space bar stops the mount."""
         while (key := await self._person.key(question, keys)) == " ":
             self._person.stop.clear()
             await self._stop()
@@ -222,8 +222,8 @@ class GuidedCheck:
         self._person.say(f"Not stopped: {trouble}" if trouble else "STOPPED.")
 
     async def _restore(self, tracking: op.Tracking, ours: bool) -> None:
-        """Turn off tracking that was off before the stage, if it was turned on by the check: ``ours``. What is off now
-        was turned off by others, or at a limit."""
+        """Turn tracking off if it was off before the stage and the stage has turned it on. Report any other change of
+        tracking: somebody else made it, or the gateway at a limit."""
         telescope = self._telescope
         telescope.begin()
         with contextlib.suppress(Ended):
@@ -249,6 +249,6 @@ class GuidedCheck:
             self._person.say(f"  {finding.means}")
 
     def progress(self, done_count: int, total: int, title: str) -> None:
-        """Show how far the stage has come, and on the page and in ``status`` that a check is under way."""
+        """Show the progress of the stage to the person; show others (page, ``status``) that ``prove`` is running."""
         self._telescope.controller.wire_log.remember(CLIENT, "checks this mount")
         self._person.progress(done_count / max(1, total), title)

@@ -1,4 +1,4 @@
-"""Guiding: short pulses, summed, as a guiding program sends them."""
+"""The guiding stage: sends series of short pulses, as a guiding program does, and measures the guide rates."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIE
 from gateway.diagnostics.prove.small_motions import DIRECTION_PAIRS, MIN_READING_STEPS, rate_text
 from gateway.diagnostics.prove.telescope import MAX_CROSS_MOTION, CheckedMount, Ended
 
-#: Pulses in each direction, seconds of each, and seconds between two.
+#: Pulses in each direction, the length of a pulse, and the interval between two, seconds.
 PULSE_COUNT, PULSE_SECONDS, PULSE_PERIOD = 20, 0.2, 0.5
-#: Exchanges that a pulse takes on an alt-az mount at most; seconds of an exchange that times pulses well.
+#: The most exchanges that a pulse takes (on an alt-az mount); the longest exchange that allows pulses, seconds.
 EXCHANGES_PER_PULSE, QUICK_TIME = 16, 0.15
-#: Seconds by which this computer may be late: the pulses that it times are as much too long or too short.
+#: The greatest average delay of this computer, seconds: it changes the length of pulses by as much.
 MAX_DELAY = PULSE_SECONDS / 8.0
-#: The part of the guide rate by which it may be off.
+#: The tolerance of the guide rate, as a part of it.
 RATE_TOLERANCE = 0.25
 
 
 async def run(telescope: CheckedMount, report: StageReporter) -> None:
-    """Raises Ended."""
+    """Carry out the stage and report a finding for each axis. Raises StageEnded."""
     abilities = telescope.driver.can_do(telescope.status.equatorial)
     if not {"Pulse", "PulseAxis"} & abilities.can or telescope.status.tracking is op.Tracking.OFF:
         report.add(Finding("guiding", NOT_TRIED, "it is not guided while it does not track, or not at all"))
@@ -62,8 +62,8 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
 
 
 def guide_rate_finding(title: str, rate: float, assumed: float, exchange: float, reading_step: float) -> Finding:
-    """Return the finding on the guide rate of an axis. It is accurate to two steps of the reading (``reading_step``,
-    degrees) for all pulses together, and to half an exchange (seconds) for each pulse, which the gateway may time.
+    """Return the finding on the guide rate of an axis. The measurement is uncertain by two steps of the reading
+    (``reading_step``, degrees) for all pulses together, and by half an exchange (seconds) for each pulse.
     """
     rates = rate_text(rate), rate_text(assumed)
     if max(abs(rate), assumed) * PULSE_COUNT * PULSE_SECONDS < MIN_READING_STEPS * reading_step:

@@ -1,4 +1,4 @@
-"""The reads: the mount's identity, whether it answers every question of its protocol in the right form, and how soon.
+"""The reads stage: the mount's identity, and whether and how fast it answers all questions of its protocol.
 
 Every question goes to the mount itself, even if the gateway has the answer in its cache or answers programs itself.
 """
@@ -16,24 +16,24 @@ from gateway.diagnostics.prove.telescope import CheckedMount
 from gateway.protocols.base.driver import Driver
 from gateway.protocols.registry import streams
 
-#: Questions that are not asked: names that people have given to sites, lists that a question leafs through, and the
-#: target of a server, which there is after a goto.
+#: Questions that are not asked: names of sites (private), lists that each question advances, and the target of a
+#: server, which is only defined after a goto.
 UNASKED_QUESTIONS = frozenset(("GM", "GN", "GO", "GP", "Lf", "LI", "??", "?+", "?-", "targetdeclination",
                         "targetrightascension"))  # fmt: skip
-#: Seconds after which a line continues if an answer was missing.
+#: Seconds to wait after a missing answer before the next question.
 RECOVERY_TIME = 3.0
-#: Questions for the mount's name, which those do not answer whose version is unknown.
+#: Questions about product and version, which old mounts do not answer; the text for the unknown version of those.
 NAME_QUESTIONS, UNKNOWN_VERSION = frozenset(("GVP", "GVN", "GVD", "GVT")), "?"
-#: In the text for a reply that has no form of its command; a refusal has a form.
+#: This word is in the description of a reply whose form is wrong.
 GARBLED_WORD = "garbled"
-#: Seconds: a usual line answers sooner; a line that takes this much longer than usual is busy.
+#: Seconds: an ordinary connection answers sooner; one that takes this much longer than usual is busy.
 USUAL_REPLY_TIME, BUSY_EXTRA_TIME = 0.3, 1.0
-#: Exchanges that a question may take, which is asked again if its answer is doubtful.
+#: The most exchanges that a question takes: if the answer is doubtful, the gateway asks again.
 MAX_EXCHANGES = 6.0
 
 
 async def ask_mount(telescope: CheckedMount, name: str) -> Heard:
-    """Ask the mount itself, even if the gateway has the answer in its cache. Raises Fault."""
+    """Send a query to the mount even if the gateway has the answer in its cache; decode the reply. Raises Fault."""
     driver = telescope.driver
     side = Side(driver.protocol.name, driver.model)
     side.command(driver.protocol.commands[name].request.encode({}))
@@ -42,7 +42,7 @@ async def ask_mount(telescope: CheckedMount, name: str) -> Heard:
 
 
 def _readable(driver: Driver) -> Iterator[str]:
-    """Yield the commands of the mount's protocol that only read something, and that this mount has."""
+    """Yield the names of commands without arguments that only read something, if this mount has them."""
     for name, command in driver.protocol.commands.items():
         asks = command.question and command.answer != "stream" and not command.request.fields and command.asked
         if asks and not command.beyond and name not in UNASKED_QUESTIONS and driver.supports(name):
@@ -50,7 +50,7 @@ def _readable(driver: Driver) -> Iterator[str]:
 
 
 async def run(telescope: CheckedMount, report: StageReporter) -> None:
-    """Raises Ended."""
+    """Ask all questions and report findings on identity, form of replies and reply times. Raises StageEnded."""
     identity: op.Identity | None = telescope.controller.cache.value(op.GetIdentity)
     report.add(_identity(identity, telescope.driver))
     #: Seconds until the replies, by command; the commands without a reply, and those whose reply has not their form.
@@ -82,7 +82,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
 
 
 def named(identity: op.Identity, driver: Driver) -> tuple[str, str]:
-    """Return the name of a mount, and its version; a server's texts are left out, because they may name its owner."""
+    """Return a mount's name and version, without the texts of a network server: they may contain its owner's name."""
     if driver.protocol.name not in streams():
         return f"{driver.protocol.name} {identity.model}", ""
     return " ".join(f"{identity.product} {identity.model} {identity.version}".split()), identity.version
@@ -111,7 +111,7 @@ def _forms(matching_count: int, silent_commands: list[str], strange_replies: lis
 
 
 def _times(reply_times: dict[str, float], usual_time: float) -> Finding:
-    """Return the finding on the reply times; ``usual_time`` is that of an exchange; a question may take several."""
+    """Return the finding on the reply times, seconds by command; ``usual_time`` is that of a single exchange."""
     if not reply_times:
         return Finding("reply times", DIFFERS, "no reply", "", "Nothing was answered.")
     longest = max(reply_times.values())

@@ -1,4 +1,4 @@
-"""The sky: whether altitude and azimuth, right ascension and declination, site and clocks agree with each other.
+"""The sky stage: whether altitude and azimuth, right ascension and declination, site and clocks agree.
 
 A difference is reported as a contradiction between two sources: this check cannot know which of them is wrong.
 """
@@ -17,14 +17,14 @@ from gateway.diagnostics.prove.telescope import CheckedMount
 from gateway.mount.safety.admission.contradictions import contradictions
 from gateway.mount.site.site_clock import COMPUTER, MOUNT, Site
 
-#: Degrees by which altitude and azimuth may differ from those calculated; in both the motion during the reads is less.
+#: Degrees by which reported altitude and azimuth may differ from calculated ones; the sky's motion meanwhile is less.
 DIRECTION_TOLERANCE = 0.5
-#: Seconds by which the clocks may differ; degrees by which a longitude may differ from that of the mount's zone.
+#: Seconds by which clocks may differ; degrees by which a longitude may differ from the middle of the time zone.
 CLOCK_TOLERANCE, ZONE_TOLERANCE = 120.0, 45.0
 
 
 async def run(telescope: CheckedMount, report: StageReporter) -> None:
-    """Raises Ended."""
+    """Report all contradictions, and what agrees. Raises StageEnded."""
     sources = telescope.controller.sources
     sites, times = sources.sites(), sources.times()
     report.progress(0, 2, "site and clocks")
@@ -46,7 +46,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
 
 
 def _site(telescope: CheckedMount, sites: Sequence[Site]) -> Finding:
-    """Return the finding on a site that no other source contradicts: its longitude against the zone of its clock."""
+    """Return the finding on an undisputed site: whether its longitude suits the time zone of the mount's clock."""
     clock = telescope.controller.site_clock.mount_clock
     if not sites:
         return Finding("site", NOT_MEASURABLE, "no source has it; --site LATITUDE,LONGITUDE sets it")
@@ -61,7 +61,7 @@ def _site(telescope: CheckedMount, sites: Sequence[Site]) -> Finding:
 
 
 async def _overhead(telescope: CheckedMount) -> Finding:
-    """Compare altitude and azimuth, as the mount tells them, with those of its right ascension and declination."""
+    """Compare reported altitude and azimuth with those calculated from reported RA and Dec. Raises StageEnded."""
     what, driver = "altitude and azimuth against RA and Dec", telescope.driver
     overhead = driver.protocol.extra("prove.toml")["overhead"]
     if telescope.status.equatorial and "axes_of" in overhead:

@@ -1,8 +1,8 @@
-"""The small motions: every direction at every rate, by which real rates, directions and run-on are measured.
+"""The stage of small motions: moves the mount in all directions at all rates; measures rate, direction and run-on.
 
 The two directions of an axis are judged together: half of the difference of their velocities over the ground is the
-rate, whatever the sky, tracking and a suspended drive add to both. A motion of a few seconds is hardly longer than the
-run-up of the motors, so it shows a rate only roughly. Angles are degrees, rates degrees a second.
+rate, whatever tracking adds to both. A motion of a few seconds is hardly longer than the run-up of the motors, so it
+shows a rate only roughly. Run-on is motion after a stop. Angles are degrees, rates degrees a second.
 """
 
 from __future__ import annotations
@@ -28,27 +28,27 @@ from gateway.diagnostics.prove.findings import (
 from gateway.diagnostics.prove.telescope import FAST, MAX_DEGREES, MAX_SECONDS, CheckedMount, Motion
 from gateway.mount.safety.allow import RUN_ON, RUN_UP_SECONDS
 
-#: The keys of the hand control, by whose numbers programs name the rates; the last of the same speed is tried.
+#: The rate keys of the hand control, fastest first: if several have the same speed, the slowest number is tried.
 KEYS: Sequence[int] = range(9, 0, -1)
-#: The parts of a rate by which it may be off: measured between readings, of small gotos one after the other, and by
-#: the whole way of a short motion.
+#: Tolerances of a rate, as parts of it: if measured between readings, if the motion is a series of small gotos, and if
+#: measured by the whole distance of a short motion.
 STEADINESS_TOLERANCE, STEPPED_TOLERANCE, SHORT_TOLERANCE = 0.08, 0.25, 0.35
-#: Seconds between readings that show a rate at least; and for which tracking is watched.
+#: Seconds: the least time between two readings that show a rate, and how long tracking is observed.
 MIN_RATE_SPAN, TRACKING_TIME = 1.5, 10.0
-#: A way of fewer steps of the mount's reading shows nothing.
+#: A distance of fewer steps of the mount's reading is no measurement.
 MIN_READING_STEPS = 10.0
-#: Degrees by which the run-on may be more than assumed.
+#: Degrees by which the run-on may exceed the assumed one.
 RUN_ON_TOLERANCE = 0.3
-#: Degrees a second by which tracking may be off.
+#: The tolerance of tracking, degrees a second.
 TRACKING_TOLERANCE = 3.0 / 3600.0
-#: A measured rate outside 1/4 to 4 times the assumed rate is a measurement error; the longest configurable run-on, s.
+#: The greatest believable ratio of measured and assumed rate, or inverse; the range of the run-on setting, seconds.
 MAX_RATE_RATIO, RUN_ON_RANGE = 4.0, (0.5, 10.0)
 RATE_EFFECT = "Arrows of programs move your mount at another speed than they show; rates in gateway.toml corrects that."
 DIRECTION_PAIRS = ((Direction.WEST, Direction.EAST), (Direction.NORTH, Direction.SOUTH))
 
 
 class Velocity(NamedTuple):
-    """How fast an axis turned, the error of that value, how far it turned, and how far the tube ran on."""
+    """How fast an axis turned, the error of that rate, how far it turned and ran on, and if the motion was short."""
 
     rate: float
     error: float
@@ -58,7 +58,7 @@ class Velocity(NamedTuple):
 
 
 def velocity(telescope: CheckedMount, motion: Motion, axis: int, speed: float) -> Velocity | None:
-    """Return how an axis moved that was ordered to turn at ``speed``; None without positions before and after."""
+    """Return how an axis moved that was to turn at ``speed``; None if the start or end position is unknown."""
     if motion.start_position is None or motion.end_position is None:
         return None
     number, tick, lasted = axis - 1, telescope.ticks[axis - 1], motion.ended_at - motion.began_at
@@ -84,7 +84,7 @@ def velocity(telescope: CheckedMount, motion: Motion, axis: int, speed: float) -
 
 
 async def run(telescope: CheckedMount, report: StageReporter) -> None:
-    """Raises Ended."""
+    """Carry out all motions and report the findings. Raises StageEnded."""
     telescope.axes(await telescope.rest())  # before anything moves: without a site nothing could be measured
     speeds = {telescope.speed(key): key for key in KEYS}
     tried = [(speed, key, pair) for speed, key in sorted(speeds.items()) for pair in DIRECTION_PAIRS]
@@ -114,7 +114,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
 
 
 async def _measured(telescope: CheckedMount, what: str, speed: float, key: int, pair: tuple[Direction, ...]) -> Finding:
-    """Turn an axis both ways at a rate, and return the finding on it. Raises Ended."""
+    """Turn an axis both ways at a rate, and return the finding on that rate. Raises StageEnded."""
     axis = pair[0].axis
     motions = [await telescope.press(direction, key, min(MAX_SECONDS, MAX_DEGREES / speed)) for direction in pair]
     onwards, back = (velocity(telescope, motion, axis, speed) for motion in motions)
@@ -130,7 +130,7 @@ async def _measured(telescope: CheckedMount, what: str, speed: float, key: int, 
 def rate_finding(
     title: str, rate: float, error: float, speed: float, measured_velocity: Velocity, distance: float, least: float
 ) -> Finding:
-    """Return the finding on a rate; ``distance`` is how far the axis turned, which shows nothing below ``least``."""
+    """Return the finding on a rate; an axis that turned no farther than the least distance has no measured rate."""
     measured, assumed = rate_text(rate), rate_text(speed)
     if distance <= least:
         if speed * MAX_SECONDS > 2.0 * least:
@@ -162,7 +162,7 @@ def direction_finding(pair: tuple[Direction, Direction], reversals: list[bool]) 
 
 
 def run_on_finding(run_ons: list[tuple[float, float]], exchange: float, run_on_time: float) -> Finding:
-    """Return the finding on the run-on after a stop, by rates and degrees; ``run_on_time`` seconds are assumed."""
+    """Return the finding on the run-on, from pairs of rate and run-on; ``run_on_time`` is the assumed time, seconds."""
     what = "run-on after a stop"
     if not run_ons:
         return Finding(what, NOT_TRIED)
@@ -178,7 +178,7 @@ def run_on_finding(run_ons: list[tuple[float, float]], exchange: float, run_on_t
 
 
 async def tracking(telescope: CheckedMount) -> Finding:
-    """Check whether the mount tracks when it reports that it does. Raises Ended."""
+    """Check that the mount tracks if it reports tracking, and rests if it does not. Raises StageEnded."""
     tracks = telescope.status.tracking is not op.Tracking.OFF
     before = await telescope.rest()
     sky, least = abs(SIDEREAL_RATE) * cos(radians(before.sky.dec)), 2.0 * max(telescope.ticks)

@@ -1,8 +1,8 @@
-"""The mount as ``prove`` sees and moves it: requests to the gateway, and the positions that the mount reports.
+"""Moves and observes the mount for ``prove``: sends requests to the gateway, and evaluates reported positions.
 
-Every order is a request like those of the command line, under the same rules. While ``prove`` waits, it checks whether
-somebody else has stopped or moved the mount, or the cable is out: then the stage ends (``Ended``), and nothing moves
-any more. Angles are degrees, times seconds of the event loop's clock.
+Every motion is a request like those of the command line, under the same rules. While ``prove`` waits, it checks whether
+somebody else has stopped or moved the mount, or the connection is lost: then the stage ends (``Ended``) and ``prove``
+moves nothing any more. Angles are degrees, times seconds of the event loop's clock.
 """
 
 from __future__ import annotations
@@ -30,36 +30,36 @@ from gateway.mount.presence import HostActivity
 from gateway.mount.safety.unattended import SWITCHED_OFF_MESSAGE
 from gateway.protocols.registry import streams
 
-#: Who asks, in the log and on the page.
+#: The client name of ``prove`` in the log and on the page.
 CLIENT = "mount-gateway prove"
-#: Seconds between two looks at what the mount does; for it to come to rest; between positions that show it at rest.
+#: Seconds: between two checks of the mount's state; the timeout for rest; between two positions that prove rest.
 LOOK_PERIOD, REST_TIMEOUT, POSITION_SPACING = 0.1, 15.0, 0.8
-#: A motion ends when its reading has changed so often, or after so many seconds, or degrees at the rate asked for; the
-#: other axis may turn by so many degrees meanwhile.
+#: A motion ends after so many changed readings, or so many seconds, or the time for so many degrees at its rate; the
+#: other axis may turn by no more than the last value, degrees.
 ENOUGH_CHANGES, MAX_SECONDS, MAX_DEGREES, MAX_CROSS_MOTION = 20, 10.0, 5.0, 0.5
-#: From this rate on (degrees a second) a reading must change within so many seconds.
+#: At this rate (degrees a second) or faster, a reading must change within so many seconds.
 FAST, MAX_UNCHANGED_TIME = 0.5, 2.0
-#: Degrees: the finest step of a server's angles that is believed, and a change that may result from its calculation.
+#: Degrees: the finest step of a server's angles that is believed; smaller changes than the second are rounding errors.
 FINEST_STEP, CALCULATED_CHANGE = 1.0 / 3600.0, 0.5 / 3600.0
 
-Pair = tuple[float, float]
+Pair = tuple[float, float]  # of the two axes, degrees
 
 
 class Ended(Exception):
-    """A stage ends early. The text is the reason, without a full stop: it may end with a refusal that has one."""
+    """A stage must end early. The text is the reason, without a full stop at its end."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(reason.removesuffix("."))
 
 
 class StoppedByOthers(Ended):
-    """Somebody else has stopped the mount, and now decides what it does."""
+    """Somebody else has stopped the mount, so ``prove`` must not move it any more."""
 
 
 class Motion(NamedTuple):
-    """A motion by hand: when the mount had acknowledged its beginning and its end, and the positions.
+    """A motion as by a key: when the mount had acknowledged its start and its stop, and the positions on the way.
 
-    ``start_position`` and ``end_position`` are at rest. ``refusal``: why it did not move.
+    ``start_position`` and ``end_position`` are at rest. ``refusal`` is the reason if the motion was refused.
     """
 
     began_at: float = 0.0
@@ -71,7 +71,7 @@ class Motion(NamedTuple):
 
 
 class CheckedMount:
-    """The mount of a gateway, after it was identified."""
+    """The identified mount of a gateway, as the stages of ``prove`` move and observe it."""
 
     def __init__(self, gateway: Gateway) -> None:
         self.gateway, self.controller = gateway, gateway.controller
@@ -85,18 +85,18 @@ class CheckedMount:
         self._steps = list(self.driver.ticks)
         self.controller.reader.position.connect(lambda _: self._add_position())
         self.controller.wanted.changed.connect(self._ordered)
-        #: What the gateway has said when it switched tracking off; empty if it has not.
+        #: The gateway's message when it switched tracking off; empty if it has not.
         self.switched_off = ""
         self.controller.wire_log.sinks.append(self._noted)
 
     @property
     def latest(self) -> TimedPosition | None:
-        """The last position that the mount has reported."""
+        """The last position that the mount has reported; None if there is none."""
         return self.controller.reader.latest()
 
     @property
     def status(self) -> op.Status:
-        """The last status. Raises Ended if the mount has not reported it."""
+        """The last status. Raises StageEnded if the mount has not reported one."""
         status: op.Status | None = self.controller.cache.value(op.GetStatus)
         if status is None:
             raise Ended("the mount has not reported its status")
@@ -105,11 +105,11 @@ class CheckedMount:
     # --- who else acts ------------------------------------------------------------------------------------------------
 
     def begin(self) -> None:
-        """Begin a stage, and forget earlier stops."""
+        """Begin a stage: stops and tracking orders before this moment do not count."""
         self._stop_count, self.tracking_by_others = self.controller.stops, False
 
     def check(self) -> None:
-        """Raise Ended if the stage cannot go on."""
+        """Raise StageEnded if somebody else stops or moves the mount, or if it does not answer."""
         controller = self.controller
         if controller.stops != self._stop_count:
             said = [entry.text for entry in controller.wire_log.recent if entry.side != CLIENT]
@@ -126,7 +126,7 @@ class CheckedMount:
 
     @property
     def moved_by_others(self) -> str:
-        """Who else moves the mount; empty if nobody does."""
+        """The name of another client that moves the mount; empty if none does."""
         return next((by.who for by in self._movers() if by is not None and by.who != CLIENT), "")
 
     def _movers(self) -> Iterator[HostActivity | None]:
@@ -146,7 +146,7 @@ class CheckedMount:
         self.tracking_by_others |= any(order.by is not None and order.by.who != CLIENT for order in orders)
 
     async def until(self, is_done: Callable[[], bool], seconds: float) -> bool:
-        """Wait for a condition; return whether it became true. Raises Ended."""
+        """Wait for a condition; return False after so many seconds. Raises StageEnded."""
         end = self.now() + seconds
         while not is_done():
             if self.now() >= end:
@@ -161,7 +161,7 @@ class CheckedMount:
         return await self.gateway.carry_out(request)
 
     async def look(self) -> TimedPosition:
-        """Ask the mount for its position and status. Raises Ended."""
+        """Read the mount's position and status anew, and return the position. Raises StageEnded."""
         await self.ask(requests.StateRequest())
         self.check()
         if self.latest is None:
@@ -169,12 +169,12 @@ class CheckedMount:
         return self.latest
 
     async def stop(self) -> str:
-        """Stop everything, before all other orders; return an empty text, or why the mount may still move."""
+        """Stop all motion at once; return an empty text, or why the mount may still move."""
         answer = await stopped(self.controller)
         return "" if answer.done else answer.text
 
     async def rest(self) -> TimedPosition:
-        """Wait until the mount rests, and return its position. Raises Ended."""
+        """Wait until the mount is at rest, and return its position. Raises StageEnded."""
         controller = self.controller
 
         def rests() -> bool:
@@ -194,7 +194,7 @@ class CheckedMount:
         raise Ended("the mount does not come to rest")
 
     async def press(self, direction: op.Direction, key: int, longest: float) -> Motion:
-        """Move by hand, and wait until it rests. Raises Ended."""
+        """Move as with a key of the hand control, and wait until the mount is at rest. Raises StageEnded."""
         before = await self.rest()
         speed, number = self.speed(key), requests.new_number()
         self._positions.clear()
@@ -225,11 +225,11 @@ class CheckedMount:
         return Motion(began, ended, before, places, after)
 
     def _changed(self, before: TimedPosition, after: TimedPosition, fast: bool) -> bool:
-        """Whether a reading has changed; during a fast motion, by more than the sidereal rate explains."""
+        """Whether a position has changed; in a fast motion only if tracking does not explain the change."""
         return self.drift(before, after) > max(self.ticks) if fast else before.sky != after.sky
 
     async def goto(self, goal: op.Equatorial, seconds: float) -> str:
-        """Go to a position, and cancel the goto after ``seconds``. Return the reason if it is refused. Raises Ended."""
+        """Go to a position; cancel that after ``seconds``. Return the reason if it is refused. Raises StageEnded."""
         number = requests.new_number()
         where = requests.Spot(goal.ra % 360.0, goal.dec)
         self.mine, controller, over = True, self.controller, False
@@ -244,11 +244,11 @@ class CheckedMount:
         return ""
 
     async def pulse(self, direction: op.Direction, ms: int) -> None:
-        """Send a guide pulse, as a guiding program does; one that is refused moves nothing."""
+        """Send a guide pulse, as a guiding program does; a refusal is ignored."""
         await self.ask(replace(packed(op.Pulse(direction, ms), requests.new_number()), who=CLIENT))
 
     def _refused(self, answer: requests.Answer) -> str:
-        """Return why an order was refused; empty if it was not. Raises Ended."""
+        """Return why a request was refused; empty if it was not. Raises StageEnded."""
         if answer.done:
             return ""
         self.check()
@@ -258,18 +258,18 @@ class CheckedMount:
         return answer.text
 
     def speed(self, key: int) -> float:
-        """Return the speed of a rate on this model. The limits assume the fastest rate of all."""
+        """Return the speed of a rate key on this model, degrees a second."""
         return min(self.driver.speed(op.Rate(key=key)), float(getattr(self.driver, "facts", {}).get("max_rate", inf)))
 
     # --- what a position means ----------------------------------------------------------------------------------------
 
     @property
     def ticks(self) -> Pair:
-        """The resolution of the two angles that the mount reports; of a server, the smallest observed step."""
+        """The steps of the two angles that the mount reports; for a network server, the smallest observed changes."""
         return self.driver.ticks if self.driver.protocol.name in streams() else (self._steps[0], self._steps[1])
 
     def _add_position(self) -> None:
-        """Take a new position."""
+        """Record the latest position and the smallest observed step."""
         if (place := self.latest) is None:
             return
         self._positions.append(place)
@@ -279,7 +279,7 @@ class CheckedMount:
                 self._steps[number] = min(self._steps[number], max(FINEST_STEP, abs(change)))
 
     def axes(self, position: TimedPosition) -> Pair:
-        """Return hour angle and declination, or on an alt-az mount with motors azimuth and altitude. Raises Ended."""
+        """Return the angles of the axes: hour angle and declination, or azimuth and altitude. Raises StageEnded."""
         if self._epoch is None:
             try:
                 self._epoch = self.now(), self.controller.astrometry.sidereal_time()
@@ -293,7 +293,7 @@ class CheckedMount:
         return hour_angle_to_horizon(hour_angle, position.sky.dec, self.controller.astrometry.place().latitude)
 
     def turned(self, before: TimedPosition, after: TimedPosition) -> Pair:
-        """Return by how much both axes have turned over the ground."""
+        """Return how far both axes have turned relative to the ground."""
         (first, second), (then, second_end) = self.axes(before), self.axes(after)
         return wrap180(then - first), second_end - second
 
@@ -302,6 +302,6 @@ class CheckedMount:
         return unexplained_motion(before.sky, after.sky, after.at - before.at)
 
     def moved(self, before: TimedPosition, after: TimedPosition, tracks: bool) -> float:
-        """Return the motion between two positions over the sky, or over the ground if it does not track."""
+        """Return the distance of two positions in the sky, or relative to the ground if the mount does not track."""
         passed = 0.0 if tracks else SIDEREAL_RATE * (after.at - before.at)
         return separation(before.sky.ra + passed, before.sky.dec, after.sky.ra, after.sky.dec)

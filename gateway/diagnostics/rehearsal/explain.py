@@ -1,6 +1,6 @@
-"""Explain a command: its meaning and the bytes on both sides, found by playing it through a complete gateway.
+"""Explain a command: its meaning and the bytes on both sides, found by sending it through a complete gateway.
 
-The mount is a simulated one, aligned and tracking, in virtual time.
+The mount is simulated, aligned and tracking, in virtual time.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from gateway.protocols.wireformat.rows import KEEPS, Model, SurfaceRow, Version
 
 #: How long the gateway is idle before the command, seconds.
 IDLE_TIME = 3.0
-#: The outcome of an order that changes nothing.
+#: The outcome of a command if the mount is already in the wanted state.
 NOTHING_TO_DO_OUTCOME = "nothing to do (the mount is as the command wants it)"
 TABLES_HINT = "; mappings/README.md lists them all"
 #: How many equal commands in a row are shown.
@@ -49,7 +49,7 @@ MAX_EQUAL_COMMANDS = 3
 
 
 class Explained(NamedTuple):
-    """Lines of text, and whether the command can be carried out."""
+    """The explanation of a command as text, and whether the command can be carried out."""
 
     text: str
     valid: bool
@@ -113,28 +113,28 @@ def explain(surface: str, mount: str, typed_words: str) -> Explained:
 
 @cache
 def rehearsal_sky() -> Sky:
-    """Return the exact sky of the days of all rehearsals. It is in the package, so that no rehearsal loads astropy."""
+    """Return a sky with the almanac of the rehearsals' days, which is in the package: astropy is not needed."""
     exact = Sky()
     exact.use(decoded(SHIPPED_FILE.read_bytes()))
     return exact
 
 
 def with_defaults(mount: Endpoint) -> Endpoint:
-    """Complete a mount's model and version with the simulator's defaults."""
+    """Return the mount with the default model and version of its simulator where none is given."""
     model = mount.model or PROTOCOLS[mount.protocol].default_model or ""
     versions = load(mount.protocol).models[model].get("versions", [None])
     return replace(mount, model=model, version=mount.version or versions[-1])
 
 
 def counted_version(mount: Endpoint) -> Version | None:
-    """Return the version by which a complete mount's commands are determined."""
+    """Return the comparable version that decides which commands a mount knows; None without a version."""
     return PROTOCOLS[mount.protocol].counts_as(mount.version) if mount.version else None
 
 
 def traits(surface: Endpoint, command: Command, facts: Model | None = None) -> frozenset[str]:
-    """Return the traits of a presented model for a command; empty if its version does not have the command.
+    """Return the traits of a presented model, as the tables name them; none if its version lacks the command.
 
-    ``facts`` are those of the presented model, if it was chosen to fit the mount, which may lack a part.
+    The facts are those of a model that the gateway chose to fit the mount, which may lack a part.
     """
     spec = PROTOCOLS[surface.protocol]
     protocol, model = spec.commands, facts["name"] if facts else surface.model or spec.default_model or ""
@@ -143,7 +143,7 @@ def traits(surface: Endpoint, command: Command, facts: Model | None = None) -> f
 
 
 def commands_before(surface: Endpoint, row: SurfaceRow) -> Before:
-    """Return the commands that a program sends before this command, and immediately before it."""
+    """Return the commands that a program sends before this command: those to complete first, and those to begin."""
     spec = PROTOCOLS[surface.protocol]
     after = (*spec.required_requests, *spec.target, *row.after)
     return Before(tuple(map(unescape, after)), tuple(map(unescape, row.during)))
@@ -152,9 +152,9 @@ def commands_before(surface: Endpoint, row: SurfaceRow) -> Before:
 def play_one(
     face: Endpoint, mount: Endpoint, frame: bytes, *, aligned: bool = True, wedge: bool = False, missing: str = ""
 ) -> tuple[Play, str, str]:
-    """Play a frame on a new stage, whose model fits the mount if none is named.
+    """Send a frame through a new gateway, whose presented model fits the mount if none is named.
 
-    Return the play, its outcome, and that by the tables: the same, unless it is refused or changes nothing.
+    Return the play, its outcome, and the outcome by the tables: another one if it is refused or changes nothing.
     """
     protocol, driven = load(face.protocol), load(mount.protocol).of(mount.model)
     match = protocol.find(frame)
@@ -187,7 +187,7 @@ def play_one(
 
 
 def _circumstances(mount: Endpoint) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield circumstances of a mount other than those of the examples: as text, and as settings of a stage."""
+    """Yield other circumstances (not aligned, on a wedge, without a part): as text, and as settings to try."""
     driven, spec = load(mount.protocol).of(mount.model), PROTOCOLS[mount.protocol]
     yield "before the alignment", {"aligned": False}
     if driven.traits(mount.model or "") != driven.traits(mount.model or "", wedge=True):
@@ -202,7 +202,7 @@ def _name(endpoint: Endpoint) -> str:
 
 
 def _means(outcome: str, reply: bytes) -> str:
-    """Return the meaning of an outcome; for a refusal, who gets the message."""
+    """Return an outcome with its meaning; for a refusal, whether the client or only the log is told."""
     if outcome != "refused":
         return f"{outcome} ({OUTCOME_MEANINGS[outcome]})" if outcome in OUTCOME_MEANINGS else outcome
     if not reply:
@@ -213,7 +213,7 @@ def _means(outcome: str, reply: bytes) -> str:
 
 
 def _own(protocol: CommandSet, name: str) -> list[str]:
-    """Return what the tables say of a command on a surface that speaks the mount's own protocol."""
+    """Return lines on who answers a command if client and mount speak the same protocol."""
     row = protocol.own.get(name)
     who = f"the mount itself, {KEEPS[row.keep]}" if row is not None and row.keep else "the gateway"
     return [f"answered by {who}", *([f"  {row.why}"] if row is not None and row.why else [])]
@@ -231,7 +231,7 @@ def _hint(client: str, mount: str, frame: bytes) -> str:
 
 
 def in_lines(play: Play, surface: str, mount: Endpoint) -> list[str]:
-    """Format a play: its meaning, what is sent to the mount up to the reply, and what changes the mount after it."""
+    """Format a play: its meaning, the commands to the mount up to the reply, and later ones that change the mount."""
     program, driven = Side(surface), Side(mount.protocol, mount.model)
     lines: list[str] = []
     answered, last, again = False, "", 0

@@ -10,7 +10,7 @@ from gateway.core import operations as op
 from gateway.core.operations import Operation
 from gateway.diagnostics.log.words import FORMATS
 
-#: The names that hand controls have for speeds.
+#: The names of the speeds, by the names that the protocols use.
 _RATE_NAMES = {"guide": "guiding speed", "center": "centring speed", "find": "finding speed", "max": "full speed"}
 _MODE_NAMES = {
     "off": "off",
@@ -27,7 +27,7 @@ def meaning(operation: Operation) -> str:
 
 
 def _by_name(operation: Operation) -> str:
-    """Describe an operation that has no description of its own by its name and values."""
+    """Describe an operation that is not in `_DESCRIBERS`, by its name and values."""
     name = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(operation).__name__).lower()
     values = [
         f"{field.replace('_', ' ')} {_value(value)}"

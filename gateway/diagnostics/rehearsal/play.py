@@ -1,7 +1,7 @@
-"""Play a command and note its meaning, what is sent to the mount, what is logged, and the reply.
+"""Send a command through a rehearsal gateway and record its meaning, commands to the mount, log notes and the reply.
 
-A play is a value. Queries that the gateway sends for itself (it polls the position) are part of it only if they come
-before the reply; commands that change the mount are always part of it.
+The record is called a play. Queries that the gateway sends for itself (it polls the position) are part of a play only
+if they come before the reply; commands that change the mount are always part of it.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ from gateway.protocols.wireformat.command_set import CommandSet
 
 #: Timeout of a reply, seconds.
 REPLY_TIMEOUT = 30.0
-#: How long a command that may change the mount is observed after its reply, seconds; a setting may wait for another.
+#: Seconds after the reply for which a command that may change the mount is observed; settings may be delayed.
 OBSERVATION_TIME, SETTING_OBSERVATION_TIME = 2.0, 8.0
 #: How long a command without a reply may take to reach the mount, seconds.
 BACKGROUND_TIMEOUT = 1.0
-#: By what factor rehearsed slews are faster than real ones.
+#: The factor by which rehearsed slews are faster than real ones.
 SLEW_SPEEDUP = 10.0
 #: How long a slew before the command may take, seconds.
 SLEW_TIMEOUT = 300.0
@@ -52,7 +52,8 @@ _STEP = 0.05
 
 
 class PlayedStep(NamedTuple):
-    """``kind`` is means, baud, act (changes the mount), look (queries it), answer (the mount's), note or reply."""
+    """An event of a play. ``kind``: means (the operation), baud (a new rate), act (a command that changes the mount),
+    look (a query to the mount), answer (the mount's), note (a log entry) or reply (to the client)."""
 
     kind: str
     text: str
@@ -60,15 +61,15 @@ class PlayedStep(NamedTuple):
 
 
 class Before(NamedTuple):
-    """What a program sends first: after each of ``after`` the mount comes to rest, ``during`` is still in progress."""
+    """The commands that a program sends first: ``after`` are completed before the next one, ``during`` only begun."""
 
     after: tuple[bytes, ...] = ()
     during: tuple[bytes, ...] = ()
 
 
 class Play(NamedTuple):
-    """Everything that a frame caused, in order; ``wire`` are the commands that reached the mount and change it;
-    ``refused``: whether the log counts a refusal.
+    """All events that a frame caused, in order; ``wire`` are the commands that reached the mount and change it;
+    ``refused``: whether the log has counted a refusal.
     """
 
     frame: bytes
@@ -93,7 +94,7 @@ def may_change_mount(name: str) -> bool:
 
 
 def is_refused(play: Play, command: Command, surface: Surface) -> bool:
-    """Whether a command was refused: by its reply, or by the log if the reply shows nothing."""
+    """Whether a command was refused: by its reply, or if that is empty or a mere acknowledgement, by the log."""
     return is_refusal(command, play.reply, surface, play.frame) or (play.refused and play.reply in (b"", ACKNOWLEDGED))
 
 
@@ -114,7 +115,7 @@ def refusal_form(surface: Surface, frame: bytes) -> bytes:
 
 @cache
 def query_commands(protocol: CommandSet) -> frozenset[str]:
-    """Return the commands of a mount that are only queries: those that carry out reads."""
+    """Return the names of the protocol's commands that only query the mount: they carry out reads and have replies."""
     reads: set[str] = set()
     for name, ways in protocol.driver.items():
         kind = named(name)
@@ -131,10 +132,10 @@ def is_look(protocol: CommandSet, data: bytes) -> bool:
 def stage(
     surface: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True, wedge: bool = False, missing: str = ""
 ) -> RehearsalMount:
-    """Return a gateway between a presented model and a simulated mount, each with its version, at the time ``START``.
+    """Return a gateway between a presented model and a simulated mount, each with its version, at ``START_TIME``.
 
-    ``missing`` is a part that this simulated mount does not have. What old mounts do not report is in the settings:
-    name, site, and on a wedge the tracking mode.
+    ``missing`` names a part that the simulated mount lacks. What old mounts do not report is in the settings: model,
+    site, and on a wedge the tracking mode.
     """
     spec = PROTOCOLS[mount.protocol]
     return RehearsalMount(
@@ -163,7 +164,7 @@ async def _until(condition: Callable[[], bool], seconds: float) -> None:
 
 
 class Player:
-    """Plays frames on one stage, each frame on a new connection."""
+    """Sends frames through one rehearsal gateway, each on a new connection, and returns the plays."""
 
     def __init__(self, stage: RehearsalMount) -> None:
         self.stage = stage
@@ -177,7 +178,7 @@ class Player:
         stage.wire_log.sinks.append(self._note)
 
     async def play(self, frame: bytes, before: Before = Before(), watching: float = SETTING_OBSERVATION_TIME) -> Play:
-        """Send the commands of ``before``, then the frame, and observe for ``watching`` seconds after its reply."""
+        """Send the commands of ``before``, then the frame; observe for some seconds after its reply."""
         self._visitors += 1
         visitor = self.stage.client(f"rehearsal{self._visitors}")
         for said in before.after:
@@ -202,19 +203,19 @@ class Player:
         return Play(frame, tuple(self._events), reply, acts, refusals != self.stage.wire_log.refusals)
 
     def begin(self) -> None:
-        """Note that the play begins now, after the commands that a program sends first."""
+        """Called when the play begins, after the preceding commands; for subclasses."""
 
     async def _settled(self, visitor: Visitor, min_wait: float) -> None:
-        """Wait until everything sent was answered, at most as long as a program waits."""
+        """Wait until all commands that have a reply are answered, for `REPLY_TIMEOUT` at most."""
         await asyncio.sleep(min_wait)
         await _until(lambda: visitor.answered, REPLY_TIMEOUT)
 
     async def _at_rest(self) -> None:
-        """Wait until the mount has arrived and its position shows that to the gateway."""
+        """Wait until the mount is at rest and the gateway has noticed that."""
         await _until(lambda: not (self.stage.sim.slewing or self.stage.controller.reconciler.busy), SLEW_TIMEOUT)
 
     def _ask(self, request: SurfaceStep) -> bool:
-        """Note a request; return False, as it is carried out as well."""
+        """Record a request of the surface; return False, so that it is also carried out."""
         if isinstance(request, ChangeBaudRate):
             self._events.append(PlayedStep("baud", str(request.baud)))
         elif not isinstance(request, Defer | CheckPossible | Note):
@@ -223,7 +224,7 @@ class Player:
         return False
 
     def _note(self, entry: Entry) -> None:
-        """Note the entries of the wire log that belong to a command."""
+        """Record the wire log entries that belong to a play: notes, and commands and replies of the mount."""
         if entry.arrow == "!":
             self._events.append(PlayedStep("note", entry.note))
         elif entry.side == "mount" and entry.arrow == ">":

@@ -1,7 +1,7 @@
 """An example of every command, with ordinary values for the time and site of a rehearsal.
 
-The value of a field comes from a list by command, else from a list by name, else it is the first value that the format
-accepts. So a new row has an example without an entry in this file.
+The value of a field comes from the list by command and field, else from the list by field name; else it is the first
+fallback value that the format accepts. So a new command needs no entry in this file.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ START_TIME = 1769634000.0
 _NOW = datetime.fromtimestamp(START_TIME + 60.0, UTC)
 #: The Crab nebula.
 TARGET_POSITION = (83.633, 22.0145)
-#: Values by the name of a field, for any command.
+#: Values of fields by name, for any command.
 _FIELD_VALUES: dict[str, object] = {
     "ra": TARGET_POSITION[0], "dec": TARGET_POSITION[1], "az": 200.0, "alt": 50.0, "latitude": 44.5, "longitude": 11.0,
     "date": _NOW.date(), "time": _NOW.hour * 3600.0 + _NOW.minute * 60.0, "offset": -1.0, "hertz": 60.0, "limit": 20.0,
@@ -50,7 +50,7 @@ def example(command: Command) -> bytes:
 
 
 def value(command: Command, name: str, field: Codec) -> object:
-    """Return a value that the field can encode and decode."""
+    """Return an example value of a field, which it can encode and decode."""
     choices = field.pattern.decode("latin-1").replace("\\", "").removeprefix("(?:").removesuffix(")").split("|")
     wanted = (_COMMAND_FIELD_VALUES.get((command.name, name)), _FIELD_VALUES.get(name), *_FALLBACK_VALUES, *choices)
     for value in (value for value in wanted if value is not None):

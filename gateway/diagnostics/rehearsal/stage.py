@@ -1,7 +1,7 @@
 """A complete gateway in one process on virtual time, with clients at one end and a simulated mount at the other.
 
-The gateway is real: it is set up but not opened: it has no ports, no files and no watchdog. ``wire`` is what
-the mount received, taken at its end of the line and not from the gateway's log.
+The gateway is real, but it has no ports, no files and no watchdog. The bytes that the simulated mount receives are
+recorded at the mount, independently of the gateway's log.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ DEFAULT_SURFACE, DEFAULT_MOUNT = pairs()[0]
 
 
 class RehearsalMount:
-    """``sim`` is the simulated mount, ``controller`` the gateway's, ``client()`` a new connection. In an event loop.
+    """A gateway with a simulated mount ``sim``; ``client()`` opens a connection. It must be made in an event loop.
 
-    ``start`` is Unix time. With ``ramps`` False the motors change their speed at once. ``on`` is an ended stage whose
-    mount is used again. ``simulated`` are further settings of the simulator. The driver identifies the mount, unless a
-    model is ``named``, as on the command line.
+    ``start`` is Unix time. With ``ramps`` False the motors change their speed at once. ``on`` is an earlier rehearsal
+    whose simulated mount is used again. With ``named`` the gateway knows the mount's model and version, as from the
+    command line; else its driver identifies the mount.
     """
 
     def __init__(
@@ -42,27 +42,27 @@ class RehearsalMount:
         version: str | None = None,
         *,
         start: float,
-        driven: str = DEFAULT_MOUNT,
-        presented: str = DEFAULT_SURFACE,
-        surface: str | None = None,
+        driven: str = DEFAULT_MOUNT,  # the protocol of the mount
+        presented: str = DEFAULT_SURFACE,  # the protocol of the surface
+        surface: str | None = None,  # the model that the surface presents
         surface_version: str | None = None,
         site: tuple[float, float] = DEFAULT_SITE,
         latency: float = 0.05,
         aligned: bool = True,
-        speed: float = 1.0,
-        config: dict[str, Any] | None = None,
-        host_ahead: float = 0.0,
-        on: RehearsalMount | None = None,
+        speed: float = 1.0,  # a factor: how much faster than real the mount slews
+        config: dict[str, Any] | None = None,  # keys of [mount] in gateway.toml
+        host_ahead: float = 0.0,  # seconds by which the computer's clock is ahead
+        on: RehearsalMount | None = None,  # a former rehearsal, to use its mount again
         access: AccessRules = AccessRules(),
         ramps: bool = True,
         sky: Sky | None = None,
-        named: bool = False,
-        simulated: dict[str, Any] | None = None,
+        named: bool = False,  # whether the gateway is given model and version
+        simulated: dict[str, Any] | None = None,  # further settings of the simulator
     ) -> None:
         loop = asyncio.get_running_loop()
         self._start_time: float = loop.time() if on is None else on._start_time
         self.clock: Callable[[], float] = lambda: start + loop.time() - self._start_time
-        self.host: Callable[[], float] = lambda: self.clock() + host_ahead
+        self.host: Callable[[], float] = lambda: self.clock() + host_ahead  # the computer's clock
         endpoint = Endpoint(driven, "sim", mount, version)
         settings = {"site": site, "aligned": aligned, "speed": speed, "ramps": ramps, **(simulated or {})}
         self.sim: Simulated = on.sim if on else make_simulator(endpoint, clock=self.clock, **settings)
@@ -73,7 +73,7 @@ class RehearsalMount:
         shown = SurfaceConfig(at=str(Endpoint(presented, "-", surface, surface_version)))
         self.gateway = Gateway(known, [shown], self.wire_log, sky, self.host)
         self.open_store()
-        self.wire: list[bytes] = []
+        self.wire: list[bytes] = []  # what the mount has received
         wire = SimulatedTransport("sim", self._listening(self.sim.connection), latency)
         self.gateway.prepare(lambda reply_rules, wire_log: MountLink(wire, reply_rules, wire_log))
         self.controller = self.gateway.controller
@@ -84,10 +84,10 @@ class RehearsalMount:
         self.acceptor = ConnectionAcceptor(self.controller, self.face, self.shared, self.clock, access=access)
 
     def open_store(self) -> None:
-        """Do nothing: a stage has no saved state of an earlier run."""
+        """Do nothing: a rehearsal has no saved state. Subclasses may open a state store."""
 
     def _listening(self, connect: Connection) -> Connection:
-        """Wrap a connection to the mount and record the bytes sent to it."""
+        """Return a connection to the mount that records the bytes sent to the mount."""
 
         def connection(send_later: Callable[[float, bytes], None]) -> Callable[[bytes], bytes]:
             feed = connect(send_later)
@@ -113,7 +113,7 @@ class RehearsalMount:
         return Visitor(self, host)
 
     def sent(self) -> list[bytes]:
-        """Return every request sent to the mount so far."""
+        """Return every request that the gateway has sent to the mount, by its log."""
         return [entry.data for entry in self.entries if entry.side == "mount" and entry.arrow == ">"]
 
 
@@ -129,11 +129,11 @@ class Visitor:
 
     @property
     def answered(self) -> bool:
-        """Whether everything sent so far that has a reply was answered."""
+        """Whether all commands that have a reply were answered."""
         return bool(self.connection.answered)
 
     async def ask(self, data: bytes, seconds: float = 10.0, *, until: bytes = b"") -> bytes:
-        """Send bytes and return the reply: up to ``until``, else whatever comes first; b"" after ``seconds``."""
+        """Send bytes; return the reply as soon as it ends with ``until``, or what was received after ``seconds``."""
         self.received = b""
         self.connection.feed(data)
         loop = asyncio.get_running_loop()

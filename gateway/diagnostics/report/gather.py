@@ -1,6 +1,6 @@
 """Read a recording once and collect what the report shows.
 
-Bytes are decoded as ``decode`` does it. The protocol tells the commands for a position, a site and a goto.
+Bytes are decoded as by ``mount-gateway decode``. Each protocol names its commands for a position, a site and a goto.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from gateway.diagnostics.recorded_sides import RecordedSides
 from gateway.diagnostics.report.night import Incident, Night, Pointing, ProgramConnections, SiteOfNight
 from gateway.protocols.registry import PROTOCOLS
 
-#: Positions are kept every so many seconds, or when the tube has moved by more than so many degrees.
+#: A position is stored if the last one is so many seconds old, or if the tube has moved by so many degrees since.
 PERIOD, STEP = 10.0, 0.3
 #: Right ascension and declination reported within so many seconds of each other belong together.
 COORDINATE_PAIR_WINDOW = 3.0
-#: How many requests may wait for their replies.
+#: The greatest number of unanswered requests that are remembered.
 MAX_UNANSWERED = 64
-#: How many remarks of each kind are kept.
+#: The greatest number of remarks, and of refusals, that are stored.
 MAX_REMARKS = 10_000
 
 
 def gather(recording: Recording) -> Night:
-    """Collect a whole recording. Raises UserError if the file is damaged."""
+    """Collect the data of a whole recording. Raises UserError if the file is damaged or empty."""
     gathering = _Gathering(recording)
     for event in gathering.sides.introduced(recording):
         gathering.take(event)
@@ -102,7 +102,7 @@ class _Gathering:
                 self._answered(heard, event.at)
 
     def _answered(self, message: Heard, time: float) -> None:
-        """Match a reply to the newest request of its command; older requests were not answered."""
+        """Match a reply to the newest request of its command; count older requests as unanswered."""
         waiting = [place for place, (_, name) in enumerate(self._unanswered) if name == message.command]
         if waiting:
             self._given_up(waiting[-1])
@@ -115,7 +115,7 @@ class _Gathering:
             self._site(message.fields, self._start_time + time)
 
     def _given_up(self, number: int) -> None:
-        """Count so many of the oldest requests as unanswered."""
+        """Count this many of the oldest requests as unanswered."""
         for _ in range(number):
             self._unanswered.popleft()
         self.night.unanswered += number

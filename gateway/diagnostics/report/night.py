@@ -1,4 +1,4 @@
-"""The data of a report. Times are Unix seconds, angles degrees, reply times seconds."""
+"""The data of a report on a recorded night. Times are Unix seconds, angles degrees, reply times seconds."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 
 class SiteOfNight(NamedTuple):
-    """Longitude is positive to the east. ``source`` says who reported the site."""
+    """The observing site; longitude is positive east. ``source`` says where it comes from: mount or settings."""
 
     latitude: float
     longitude: float
@@ -25,7 +25,7 @@ class Pointing(NamedTuple):
 
 
 class Incident(NamedTuple):
-    """A problem or a refusal: whom it concerned, and a description."""
+    """A problem or a refusal: when, which client (or the mount) it concerned, and a description."""
 
     time: float
     client_name: str
@@ -51,7 +51,7 @@ class ProgramConnections:
 
 @dataclass
 class Night:
-    """``cut`` says why the recording is incomplete; ``equinox`` is the equinox of the mount's positions."""
+    """The content of a recording. ``equinox`` is that of the positions; ``cut_reason``: why it is incomplete."""
 
     mount: str
     surfaces: list[str]

@@ -16,12 +16,12 @@ from gateway.diagnostics.report.night import Incident, Night
 from gateway.diagnostics.report.plots import TrackPoint, at, light, track
 from gateway.diagnostics.report.svg import clock
 
-#: How many commands of each program are named, and how many rows of refusals and notes are shown.
+#: The greatest number of commands named for each program, and of rows in the tables of refusals and notes.
 MAX_COMMANDS, MAX_ROWS = 8, 200
 
 
 def page(night: Night, source: str) -> str:
-    """Return the HTML; ``source`` is the recording's name."""
+    """Return the report as HTML; ``source`` is the name of the recording."""
     sky = Sky()  # its closed forms are good to a second of arc
     points = track(night, sky)
     said = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in sentences(night, points))
@@ -83,7 +83,7 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def table_of_programs(night: Night) -> str:
-    """Return the table of programs, the busiest first."""
+    """Return an HTML table of the programs, the one with most commands first."""
     rows = []
     busiest = max((program.sent for program in night.programs.values()), default=1) or 1
     for program in sorted(night.programs.values(), key=lambda listed: -listed.sent):
@@ -102,7 +102,7 @@ def table_of_programs(night: Night) -> str:
 
 
 def table_of_remarks(remarks: Sequence[Incident], empty_text: str, of_programs: bool) -> str:
-    """Return a table with each remark once: how often it occurred, first and last time; sorted by frequency."""
+    """Return an HTML table of different remarks, the most frequent first: count, first and last time, text."""
     same: dict[tuple[str, str], list[float]] = {}
     for remark in remarks:
         same.setdefault((remark.text, remark.client_name), []).append(remark.time)
@@ -119,12 +119,12 @@ def table_of_remarks(remarks: Sequence[Incident], empty_text: str, of_programs: 
 
 
 def title(night: Night) -> str:
-    """Return the title: the day on which the recording began, UTC."""
+    """Return the title of the report, with the date on which the recording began, UTC."""
     return f"The night of {datetime.fromtimestamp(night.began, UTC):%d %B %Y}".replace(" 0", " ")
 
 
 def sentences(night: Night, points: list[TrackPoint]) -> list[str]:
-    """Describe what happened, the most important first."""
+    """Return sentences that summarise the night, the most important first."""
     return [
         f"From {clock(night.began)} to {clock(night.ended)} UTC, {_lasting(night.ended - night.began)}, with the mount "
         f"{night.mount}.",

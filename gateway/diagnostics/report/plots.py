@@ -11,9 +11,9 @@ from gateway.astro.spherical import separation
 from gateway.diagnostics.report.night import Night
 from gateway.diagnostics.report.svg import TOP, PlotFrame, Point, clock, path, picture, tag, text
 
-#: The number of intervals of the night.
+#: The number of intervals into which the night is divided.
 INTERVAL_COUNT = 240
-#: The vertical scale shows this part of the reply times, times a margin.
+#: The vertical scale ends at this quantile of the reply times, multiplied by a margin.
 SHOWN_FRACTION, SCALE_MARGIN = 0.99, 1.3
 
 
@@ -28,12 +28,12 @@ class Spread(NamedTuple):
 
 
 def at(part: float, sorted_values: Sequence[float]) -> float:
-    """Return the quantile ``part`` of sorted values."""
+    """Return a quantile (0 to 1) of sorted values."""
     return sorted_values[min(len(sorted_values) - 1, int(part * len(sorted_values)))]
 
 
 def spreads(night: Night) -> list[Spread]:
-    """Return the spread of every interval in which the mount answered."""
+    """Return the distribution of reply times in every interval in which the mount answered."""
     width = max((night.ended - night.began) / INTERVAL_COUNT, 1e-3)
     parts: dict[int, list[float]] = {}
     for time, took in zip(night.request_times, night.reply_times, strict=True):
@@ -47,12 +47,12 @@ def spreads(night: Night) -> list[Spread]:
 
 
 def _longest(night: Night) -> float:
-    """Return the longest reply time that is shown, milliseconds."""
+    """Return the end of the scale of reply times, milliseconds."""
     return max(at(SHOWN_FRACTION, sorted(night.reply_times)) * 1000.0 * SCALE_MARGIN, 1.0)
 
 
 def _round(value: float) -> float:
-    """Return a round number of about a quarter of a scale."""
+    """Return the distance of ticks, a round number of about a quarter of the scale."""
     step = 1.0
     while True:
         for factor in (1.0, 2.0, 5.0):
@@ -62,7 +62,7 @@ def _round(value: float) -> float:
 
 
 def over_time(night: Night) -> str:
-    """Plot the median as a line, nine of ten as a band, the maxima as dots, and problems as red lines."""
+    """Plot reply times: medians as a line, 5 % to 95 % as a band, outliers as dots; problems as red lines."""
     reach = _longest(night)
     frame = PlotFrame(night.began, night.ended, 0.0, reach, height=220.0)
     step = _round(reach)
@@ -85,7 +85,7 @@ def over_time(night: Night) -> str:
 
 
 def _unbroken(spreads: list[Spread], night: Night) -> list[list[Spread]]:
-    """Split into stretches without a gap."""
+    """Split a series where the mount did not answer for several intervals."""
     gap = 3.5 * (night.ended - night.began) / INTERVAL_COUNT
     parts: list[list[Spread]] = []
     for spread in spreads:
@@ -119,7 +119,7 @@ class TrackPoint(NamedTuple):
 
 
 def track(night: Night, sky: Sky) -> list[TrackPoint]:
-    """Return the positions in altitude and azimuth; empty if no site is known."""
+    """Return the recorded positions as altitude and azimuth; empty if no site is known."""
     if night.site is None:
         return []
     latitude, longitude, _ = night.site
@@ -135,7 +135,7 @@ def track(night: Night, sky: Sky) -> list[TrackPoint]:
 
 
 def pieces(points: list[TrackPoint]) -> Iterator[list[TrackPoint]]:
-    """Split into stretches of one kind, each beginning at the end of the previous."""
+    """Split a track where slewing begins or ends, and at gaps; pieces without a gap share an end point."""
     piece: list[TrackPoint] = []
     for place in points:
         if piece and (not place.continues_track or (len(piece) > 1 and place.slewing != piece[-1].slewing)):
@@ -147,7 +147,7 @@ def pieces(points: list[TrackPoint]) -> Iterator[list[TrackPoint]]:
 
 
 class Light(NamedTuple):
-    """An interval of ``day``, ``twilight`` or ``dark``."""
+    """A time interval; its kind is ``day``, ``twilight`` or ``dark``."""
 
     began: float
     ended: float
@@ -155,7 +155,7 @@ class Light(NamedTuple):
 
 
 def light(night: Night, sky: Sky) -> list[Light]:
-    """Divide the whole time into day, twilight and dark; empty if no site is known."""
+    """Divide the time of the recording into day, twilight and dark; empty if no site is known."""
     if night.site is None or night.ended <= night.began:
         return []
     step = max(SUN_STEP, (night.ended - night.began) / MAX_SUN_ALTITUDES)
@@ -178,7 +178,7 @@ def _daylight(night: Night, sky: Sky, time: float) -> str:
 
 
 def all_sky(points: list[TrackPoint], night: Night) -> str:
-    """Draw the sky in stereographic projection: zenith in the middle, north up, east to the left."""
+    """Plot the track on the whole sky, in stereographic projection: zenith in the middle, north up, east left."""
     middle = CHART_SIZE / 2
     drawn = [tag("circle", cx=middle, cy=middle, r=CHART_RADIUS, class_="sky")]
     for altitude in (30.0, 60.0):
@@ -214,7 +214,7 @@ def _kind(piece: list[TrackPoint]) -> str:
 
 
 def _times(points: Iterable[TrackPoint]) -> list[str]:
-    """Draw a dot and the time where the tube tracks or rests, if there is room."""
+    """Draw dots with the time along the track, where the tube does not slew, as far as there is room."""
     drawn: list[str] = []
     taken: list[Point] = []
     for place in points:

@@ -1,4 +1,4 @@
-"""SVG as text: elements, paths, and a plot's frame with its two scales. All text and attributes are escaped."""
+"""SVG as text: elements, paths, and the frame of a plot with its two scales. All text and attributes are escaped."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 
 #: Margins of a plot for its labels, pixels.
 LEFT, RIGHT, TOP, BOTTOM = 58.0, 14.0, 12.0, 26.0
-#: Possible steps of a time axis, seconds; how many ticks fit side by side.
+#: Possible intervals between the ticks of a time axis, seconds; the greatest number of ticks.
 STEPS = (10, 30, 60, 300, 600, 1800, 3600, 7200, 10800, 21600, 86400)
 MAX_TICKS = 9
 
@@ -17,7 +17,7 @@ Point = tuple[float, float]
 
 
 def tag(name: str, content: str = "", /, **attributes: object) -> str:
-    """Return an element, as in ``tag("line", x1=1, class_="axis")``; the content is SVG already."""
+    """Return an SVG element, as in ``tag("line", x1=1, class_="axis")``; the content must be SVG already."""
     written = "".join(
         f' {key.rstrip("_").replace("_", "-")}="{_attribute(value)}"' for key, value in attributes.items()
     )
@@ -34,13 +34,13 @@ def text(content: str, x: float, y: float, class_: str = "", anchor: str = "midd
 
 
 def path(points: Iterable[Point], class_: str, closed: bool = False) -> str:
-    """Return a line through points."""
+    """Return a path of straight lines through points, as an SVG element."""
     drawn = "L".join(f"{x:.1f} {y:.1f}" for x, y in points)
     return tag("path", d=f"M{drawn}{'Z' * closed}", class_=class_) if drawn else ""
 
 
 def picture(width: float, height: float, content: str, label: str) -> str:
-    """Return a complete picture; ``label`` describes it for screen readers."""
+    """Return a complete SVG picture; ``label`` describes it for screen readers."""
     return tag("svg", content, viewBox=f"0 0 {width:g} {height:g}", role="img", aria_label=label)
 
 
