@@ -17,9 +17,9 @@ from gateway.system import garbage, streams
 
 #: Flags that may be given without a command.
 INFORMATION_FLAGS = ("-h", "--help", "--version")
-#: Flags that may have no value -> the values that may follow as a word; their meaning without a value.
 _LOG_FILTERS = ("program", "mount", "changes", "refusals")
 LOG_VALUES = ("all", "true", "false", *_LOG_FILTERS, "json", *(f"json-{side}" for side in _LOG_FILTERS))
+#: Flags that may have no value -> the values that may follow as a separate word; and the value meant without one.
 CHOICES_OF_BARE_FLAGS = {"--log": LOG_VALUES, "--read-only": ("all", "true")}
 VALUES_OF_BARE_FLAGS = {"--log": "true", "--read-only": "all"}
 #: Commands that take a position on the sky.
@@ -78,7 +78,7 @@ def _parsed(typed_words: list[str]) -> argparse.Namespace:
 
 
 def _stdout_failed(error: Exception, code: int) -> int:
-    """Return the exit code if stdout could not be written."""
+    """Report that stdout could not be written, and return the exit code: ``code`` if its reader closed the pipe."""
     if isinstance(error, BrokenPipeError):
         return code
     why = explain_os_error(error) if isinstance(error, OSError) else str(error)

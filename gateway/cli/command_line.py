@@ -53,7 +53,7 @@ _EPILOG_ROW = r"( +\S.*?)( {2,})(\S.*)"
 
 
 def _row(line: str, width: int) -> list[str]:
-    """Wrap a line that begins with a blank: its second column stays one column, and a command can be copied."""
+    """Wrap a row of an epilog: its second column stays aligned, and a wrapped command can be pasted into a shell."""
     if len(line) <= width:
         return [line]
     indent, row = " " * (len(line) - len(line.lstrip())), re.fullmatch(_EPILOG_ROW, line)
@@ -93,7 +93,7 @@ class Layout(argparse.HelpFormatter):
 
 
 class _Help(argparse.Action):
-    """Prints the help, or all of it behind ``--help all``."""
+    """The action of ``--help``: prints the short help, or with ``--help all`` the whole help."""
 
     def __call__(self, parser: argparse.ArgumentParser, _: object, word: Any, __: str | None = None) -> None:
         assert isinstance(parser, Parser)
@@ -105,9 +105,9 @@ class _Help(argparse.Action):
 class Parser(argparse.ArgumentParser):
     """A parser that reports a mistake in one line.
 
-    When the user asks for help, ``late_epilog`` makes the text below the flags, and ``more`` what ``--help all`` adds
-    to it. Only ``--help all`` shows the ``hidden_actions``; those ``elsewhere`` are in the help of another
-    command.
+    When the user asks for help, ``late_epilog`` makes the text below the flags, and ``more`` the text that ``--help
+    all`` adds. Flags in ``hidden_actions`` are shown only by ``--help all``. Flags in ``elsewhere`` are never shown,
+    because the help of another command explains them.
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class Parser(argparse.ArgumentParser):
         self.add_argument(*HELP_FLAGS, action=_Help, nargs="?", help=argparse.SUPPRESS)
 
     def format_help(self) -> str:
-        """Return the help, with all flags and the rest of the text if it ``shows_all``."""
+        """Return the help; if ``shows_all``, with the hidden flags and the additional text."""
         more = self._more_help() if self.shows_all and self._more_help is not None else ""
         self.epilog, self._width = f"{self._text_below()}\n{more}", None
         left_out = [*self.elsewhere, *([] if self.shows_all else self.hidden_actions)]
@@ -136,7 +136,7 @@ class Parser(argparse.ArgumentParser):
                 action.help = help_text
 
     def _get_formatter(self) -> argparse.HelpFormatter:
-        """Return what lays out help: as wide as the terminal, which takes modules of 4 ms to find out."""
+        """Return the formatter of help. Only help that is shown looks for the terminal's width, which takes 4 ms."""
         return Layout(self.prog, width=self._width)
 
     def error(self, message: str) -> NoReturn:
@@ -151,7 +151,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def endpoints() -> str:
-    """Return the help on endpoints, with the list of all models."""
+    """Return the help on endpoints (``PROTOCOL@WHERE``), with the list of all models."""
     from gateway.core.tables import mappings_folder, read_table
 
     lines = [FILES_HELP + "models:"]
@@ -161,7 +161,7 @@ def endpoints() -> str:
     return "\n".join(lines)
 
 
-#: Every command by group, its module and what ``--help`` says of it, in the order of ``--help``.
+#: Group -> command -> its module and its line in ``--help``, in the order of ``--help``.
 COMMAND_GROUPS = {
     "Commands:": {
         "demo": ("serve.demo", "try it without a mount, in a browser"),
@@ -212,7 +212,7 @@ def listed(group: str) -> str:
 
 
 class _Version(argparse.Action):
-    """Prints the version, which is looked up only then."""
+    """The action of ``--version``: looks up the version and prints it."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         print(f"mount-gateway {full_version()}")
@@ -220,14 +220,14 @@ class _Version(argparse.Action):
 
 
 class _Commands(argparse._SubParsersAction):  # type: ignore[type-arg]
-    """Commands, each with its help for the menus of shells."""
+    """The commands of the parser. Each gets its line of ``COMMAND_GROUPS`` as its help, for the menus of shells."""
 
     def add_parser(self, name: str, **others: Any) -> Any:
         return super().add_parser(name, help=COMMANDS[name][1], **others)
 
 
 def parser(argv: Sequence[str] = ()) -> Parser:
-    """Return the parser of the whole command line, or of the commands in ``argv``; for help without their flags."""
+    """Make the parser of all commands, or of those in ``argv``. If that begins with ``--help``, they get no flags."""
     *shown, rest = COMMAND_GROUPS
     whole = Parser(
         prog="mount-gateway",

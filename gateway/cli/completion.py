@@ -1,7 +1,7 @@
 """``completion``: a script that lets a shell complete the commands and flags.
 
-The package shtab makes it from the parser itself, and knows the syntax of the shells. The script is static: pressing
-TAB does not start Python, which takes a second on a small computer.
+The package shtab makes the script from the parser. The script is static: pressing TAB does not start Python, which
+takes a second on a small computer.
 """
 
 from __future__ import annotations

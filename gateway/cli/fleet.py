@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from gateway.fleet.client import BrokerAccess
 
 PORT = 4090
-#: The keys of ``[mqtt]`` that are flags here.
+#: The keys of ``[mqtt]`` in gateway.toml that are flags of this command.
 MQTT_KEYS = ("prefix", "password-file", "ca")
 EXAMPLES = """\
 Examples:

@@ -25,7 +25,7 @@ _PLAIN_MESSAGES = (
     (r"the following arguments are required: (.*)", r"missing: {0}"),
 )
 
-#: Other names for commands: what a user may type, and the command or flag that does it.
+#: What a user may type instead of a command -> the command, with a flag if it needs one.
 _SYNONYMS = {
     word: command
     for command, mistyped in {
@@ -100,7 +100,7 @@ def example(text: str, prog: str) -> str:
 def unexpected_words(
     arguments: Sequence[str], parser: argparse.ArgumentParser, other_parsers: Iterable[argparse.ArgumentParser]
 ) -> UserError:
-    """Return the error for words that a command does not take: unknown flags, and superfluous arguments."""
+    """Return the error for the first argument that a command does not take: an unknown flag or a superfluous word."""
     word = arguments[0].partition("=")[0]
     name = parser.prog.rpartition(" ")[2]
     if not word.startswith("-"):
@@ -123,7 +123,7 @@ def _flags(parser: argparse.ArgumentParser) -> set[str]:
 
 
 def _key(flag: str) -> str:
-    """Return what to write in gateway.toml for a key that has no flag; empty if there is no such key."""
+    """Return the hint that a mistyped flag is a key of gateway.toml; empty if there is no such key."""
     from gateway.app.config.describing import find_key, title
 
     table = next((table for table in ("mount", "surface", "console") if find_key(table, flag[2:])), "")

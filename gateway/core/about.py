@@ -1,7 +1,7 @@
 """The version of this program, the commit that it was built from, its date, and the folder of its package.
 
 pyproject.toml defines the version: a checkout reads it in that file, an installation in its metadata. The commit comes
-from the checkout, from pip, or from a file that the build put into the wheel. Nothing depends on it.
+from the checkout, from pip, or from a file that the build put into the wheel. It is only shown to the user.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import functools
 import re
 from pathlib import Path
 
-#: Unix seconds, 2026-01-01: it is later than that wherever this version runs.
+#: 2026-01-01 in Unix seconds: a clock that shows an earlier time is wrong, because this version did not exist then.
 RELEASE_TIME = 1767225600.0
 #: The folder ``gateway/``, in a checkout or as installed.
 PACKAGE_FOLDER = Path(__file__).resolve().parents[1]
@@ -41,7 +41,7 @@ def commit() -> str:
 
 
 def full_version(number: str | None = None, commit_id: str = "") -> str:
-    """Return a version with its commit, if that is known: ``0.2.0 (commit 55d337efa1b2)``. Without arguments: this."""
+    """Return a version with its commit, if known: ``0.2.0 (commit 55d337efa1b2)``. Default: that of this program."""
     if number is None:
         number, commit_id = version(), commit()
     return f"{number} (commit {commit_id})" if commit_id else number
@@ -61,7 +61,7 @@ def checked_out(git: Path) -> str:
 
 
 def _installed_from() -> str:
-    """Return what pip wrote of the place that it installed from; empty if that was an index."""
+    """Return the part of pip's record that holds the commit; empty if the package came from an index."""
     from importlib import metadata
 
     try:

@@ -1,8 +1,8 @@
 """The exceptions that the gateway raises on purpose, in two families.
 
 A ``UserError`` is a mistake in what a person typed (one line on stderr, exit code 2). A ``Fault`` is an operation that
-was not carried out: a reply variant in ``commands.toml`` names its class with ``fault = "…"``, and the client's user
-reads its text.
+was not carried out; the client's user reads its text. In ``commands.toml``, a reply that reports a fault names
+its class with ``fault = "…"``.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class UserError(GatewayError):
 
 
 class SunIsNoGoal(UserError):
-    """The Sun was named as a goal. The input is valid, so the goal is refused like any other."""
+    """The user named the Sun as a target. The input is valid, so the exit code is that of a refusal."""
 
     exit_code = 1
 
@@ -80,7 +80,7 @@ class Fault(GatewayError):
     """An operation that was not carried out; ``str(fault)`` is the text for the client's user."""
 
     default_text = "Not possible."
-    #: An explanation for a terminal or a page; {sun} and {sync} are the limits.
+    #: A longer explanation for a terminal or a page; {sun} and {sync} stand for the limits in degrees.
     explanation = ""
     #: Seconds that the mount took to reply, if the refusal is the mount's.
     took = 0.0
@@ -110,7 +110,7 @@ class Invalid(Fault):
 
 
 class Disturbed(Fault):
-    """A motion command that arrived together with a truncated command: more bytes may have been lost."""
+    """A motion command was refused because the command before it was truncated: more bytes may have been lost."""
 
     default_text = "A command before this one was damaged."
 
@@ -134,9 +134,9 @@ class TooHigh(Fault):
 
 
 class WayBlocked(TooHigh):
-    """Every way to the target leads beyond an altitude limit; the text names a place to go to first, or the arrows.
+    """Every path to the target leads beyond an altitude limit. The text says what to do: first slew elsewhere.
 
-    The target itself is allowed: a protocol with separate replies answers as for a target above the horizon.
+    The target itself is allowed. A protocol that distinguishes too low from too high replies that it is too high.
     """
 
     default_text = "The way there leaves the limits."
@@ -150,7 +150,7 @@ class NearSun(Fault):
 
 
 class Contradicted(Fault):
-    """The altitude of the target is allowed by a source of site or time and forbidden by another."""
+    """The sources of site and time disagree: one puts the target within the altitude limits, another beyond them."""
 
     default_text = "Site or time is doubtful."
 
@@ -184,7 +184,7 @@ class Stopped(Fault):
 
 
 class Unsupported(Fault):
-    """This mount, or this version of its hand control, cannot do it."""
+    """This mount, or this version of its hand control, does not support the operation."""
 
     default_text = "Not possible on this mount."
 
@@ -244,7 +244,7 @@ class ReadOnly(Fault):
 
 
 class NotFromNetwork(Fault):
-    """A network client sent a command that clients there may send only if the operator allows it."""
+    """A network client sent a command that network clients may send only if the operator allows it."""
 
     default_text = "Not allowed over a network."
 

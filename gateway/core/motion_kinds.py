@@ -1,4 +1,4 @@
-"""Operations grouped by their effect on the motion of a mount: which begin, end or survive it, for every protocol."""
+"""Operations grouped by their effect on a mount's motion: those that begin or end it, and those that a stop leaves."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from gateway.core import operations as op
 GOTOS = (op.Goto, op.GotoHorizontal, op.GotoAxes, op.Park, op.Home)
 #: Motions that last as long as a key is pressed, or less. They are never begun late: the user has released the key.
 HAND_MOTIONS = (op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
-#: What sets the mount moving, even if the gateway is killed then. An LX200GPS that stores its home searches for it.
+#: Operations whose motion continues if the gateway is killed. (To store its home, an LX200GPS searches for it.)
 MOVERS = (*GOTOS, op.Move, op.MoveAxis, op.Pulse, op.PulseAxis, op.SetHome)
+#: Operations that the reconciler carries out one after the other, because they share the motors or the target.
 MOTIONS = (
     *GOTOS, op.AbortSlew, op.Sync, op.Move, op.MoveAxis, op.StopAxis, op.Pulse, op.PulseAxis, op.SetTracking,
     op.TrackRate, op.SetHome, op.Unpark, op.Hibernate, op.Wake, op.Focus, op.Choose,
 )  # fmt: skip
-#: What ends a motion before any other order is carried out, and what such an end interrupts and is then begun again.
+#: Orders that end a motion, and are carried out before others; orders that they interrupt, to be begun again.
 END_ORDERS = (op.StopAxis, op.AbortSlew)
 RESUMABLE_ORDERS = (op.Move, op.MoveAxis, op.SetTracking, op.TrackRate)
 
@@ -24,12 +25,12 @@ def axis_moved(operation: op.Operation) -> int | None:
 
 
 def ends_focus(operation: object) -> bool:
-    """Whether the operation halts the focuser, which a stop of the mount leaves moving."""
+    """Whether the operation halts the focuser. (A stop of the mount does not.)"""
     return isinstance(operation, op.Focus) and operation.direction == 0
 
 
 def survives_abort(operation: op.Operation) -> bool:
-    """Whether a stop of the mount leaves the operation alone: it is no motion, or halts the focuser."""
+    """Whether a stop of the mount does not cancel the operation: it is no motion, or halts the focuser."""
     return operation.survives_abort or ends_focus(operation)
 
 

@@ -2,7 +2,7 @@
 
 Every source (the page's socket, MQTT, the control endpoint) decodes its messages once, and inside the gateway a request
 is one of these values. Recordings and the control endpoint hold it as one line of plain ASCII JSON. Angles are in
-degrees, north and east positive. The number of a request, drawn at random, serves to follow or cancel it.
+degrees, north and east positive. Every request has a random number, by which it can be followed or cancelled.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class Spot(Struct, frozen=True, tag="spot"):
 
     ra: float
     dec: float
-    j2000: bool = False
+    j2000: bool = False  # else of date
 
 
 class Body(Struct, frozen=True, tag="body"):
@@ -32,25 +32,25 @@ class Body(Struct, frozen=True, tag="body"):
 
 
 class Named(Struct, frozen=True, tag="named"):
-    """An object by the name that somebody has typed; it becomes a position before the request is carried out."""
+    """An object by the name that the user typed; it is looked up before the request is carried out."""
 
     name: Annotated[str, Meta(max_length=200)]
 
 
-Where = Spot | Body
+Where = Spot | Body  # a target that needs no look-up
 Target = Where | Named
 
 
 def new_number() -> str:
-    """Return a random number for a request, which is unique."""
+    """Return a unique random number for a request, as text."""
     return os.urandom(8).hex()
 
 
 class Base(Struct, frozen=True, kw_only=True):
-    """A request that changes something; ``who`` makes it, empty for the command line."""
+    """Base of the requests that change something. ``who`` is the client that makes it; empty for the command line."""
 
     number: str = msgspec.field(default_factory=new_number)
-    who: str = ""
+    who: str = ""  # the client
 
 
 class GotoRequest(Base, frozen=True, tag="goto"):
@@ -78,10 +78,10 @@ class UnparkRequest(Base, frozen=True, tag="unpark"):
 
 
 class MoveRequest(Base, frozen=True, tag="move"):
-    """Move by hand for some seconds, at the rate of the hand control's key 1 to 9."""
+    """Move by hand for some seconds, at the rate of a ``key`` of the hand control."""
 
     direction: Direction
-    key: int
+    key: int  # of the hand control, 1 (slowest) to 9
     seconds: float
 
 
@@ -89,16 +89,16 @@ class PressRequest(Base, frozen=True, tag="press"):
     """Move by hand until ``ReleaseKeyRequest``. Repeating the request keeps the motion alive (dead man's switch)."""
 
     direction: Direction
-    key: int
+    key: int  # of the hand control, 1 (slowest) to 9
 
 
 class ReleaseKeyRequest(Base, frozen=True, tag="let go"):
     """End the motion that ``PressRequest`` began under this number.
 
-    If the motion has not begun, the press becomes a tap; with ``lost``, it is dropped.
+    If the motion has not begun yet, it becomes a short tap. With ``lost`` (nobody holds the key now) it is dropped.
     """
 
-    lost: bool = False
+    lost: bool = False  # a motion not yet begun is dropped
 
 
 class TrackRequest(Base, frozen=True, tag="track"):
@@ -136,62 +136,62 @@ class SetGuideRateRequest(Base, frozen=True, tag="guide rate"):
 
 
 class NarrowLimitsRequest(Base, frozen=True, tag="narrow"):
-    """Narrow the limits of altitude, nearness to the Sun and hour angle past the meridian until the gateway ends.
+    """Narrow the limits of altitude, distance from the Sun and hour angle past the meridian until the gateway ends.
 
-    None: as the configuration has it.
+    A field that is None keeps the limit of the configuration. All are degrees.
     """
 
     lowest: Annotated[float, Meta(ge=-90.0, le=90.0)] | None = None
     highest: Annotated[float, Meta(ge=-90.0, le=90.0)] | None = None
-    sun: Annotated[float, Meta(ge=0.0, le=90.0)] | None = None
-    hour_angle: Annotated[float, Meta(gt=0.0, le=180.0)] | None = None
+    sun: Annotated[float, Meta(ge=0.0, le=90.0)] | None = None  # distance from the Sun
+    hour_angle: Annotated[float, Meta(gt=0.0, le=180.0)] | None = None  # past the meridian
 
 
 class OperationRequest(Base, frozen=True, tag="perform"):
     """Carry out an operation of ``core/operations``, by its name and fields; the text of the answer is JSON."""
 
-    operation: str
+    operation: str  # name of its class
     fields: dict[str, Any] = {}
 
 
 class ReadSlowRequest(Struct, frozen=True, tag="look"):
-    """Ask the mount for values that no task polls: its pier side and its drive rate, a multiple of sidereal."""
+    """Read from the mount the values that the gateway does not poll: the pier side and the drive rate."""
 
 
 class ProgressRequest(Struct, frozen=True, tag="follow"):
     """Ask for the progress of the request with this number."""
 
-    number: str
+    number: str  # of the request to follow
 
 
 class CancelRequest(Struct, frozen=True, tag="end"):
     """Cancel the request with this number: end the motion that it began, and no other."""
 
-    number: str
+    number: str  # of the request to cancel
 
 
 class StateRequest(Struct, frozen=True, tag="see"):
-    """Ask for everything that is known of the mount (a ``State``); unless ``fresh`` without asking the mount."""
+    """Ask for the ``State`` of the mount. Without ``fresh`` it is made from cached readings only."""
 
-    fresh: bool = True
+    fresh: bool = True  # ask the mount
 
 
 class StopRequest(Struct, frozen=True, tag="stop"):
-    """End every motion; done when the mount is seen at rest. ``who`` asks for it, empty for the command."""
+    """End every motion; it is done when the positions show the mount at rest. ``who`` is empty for the command line."""
 
-    who: str = ""
+    who: str = ""  # the client
 
 
 class HoldRequest(Struct, frozen=True, tag="hold"):
-    """Stop, and let nothing move the mount until ``ReleaseHoldRequest``, over restarts too."""
+    """Stop, and refuse every motion until ``ReleaseHoldRequest``, also after a restart of the gateway."""
 
-    who: str = ""
+    who: str = ""  # the client
 
 
 class ReleaseHoldRequest(Struct, frozen=True, tag="release"):
-    """End the hold."""
+    """Let clients move the mount again after ``HoldRequest``."""
 
-    who: str = ""
+    who: str = ""  # the client
 
 
 StopOrHold = StopRequest | HoldRequest | ReleaseHoldRequest
@@ -212,9 +212,9 @@ class Answer(NamedTuple):
     ``fault`` is the class of the error, if the request failed with an error of ``core/errors.py``.
     """
 
-    outcome: str
+    outcome: str  # DONE, UNDER_WAY or FAILED
     text: str
-    fault: str = ""
+    fault: str = ""  # class of the error
 
     @property
     def done(self) -> bool:
@@ -225,12 +225,12 @@ class Answer(NamedTuple):
 
 
 def encode(request: Request) -> str:
-    """Encode a request as a line."""
+    """Encode a request as one line of JSON."""
     return json.dumps(msgspec.to_builtins(request), separators=(",", ":"))
 
 
 def decode(line: str) -> Request:
-    """Decode a line. Raises ValueError if it is no request."""
+    """Decode a line that `encode` has made. Raises ValueError if it is no request."""
     if not (line.isascii() and line.isprintable()):
         raise ValueError("a request is plain text")
     request: Request = msgspec.json.decode(line, type=Request)

@@ -23,7 +23,7 @@ class Signal(Generic[T]):
         self.count = 0
 
     def connect(self, listener: Callable[[T], object]) -> None:
-        """Call the listener, with the value, at every ``emit`` from now on."""
+        """Call ``listener`` with the value at every ``emit`` from now on."""
         self._listeners = (*self._listeners, listener)
 
     def disconnect(self, listener: Callable[[T], object]) -> None:

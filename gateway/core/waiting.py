@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 from gateway.core.errors import NoAnswer
 
 _T = TypeVar("_T")
-Outcome = asyncio.Future[Any]
+Outcome = asyncio.Future[Any]  # the result of an order
 
 
 class TimedEvent(asyncio.Event):
@@ -25,7 +25,7 @@ class TimedEvent(asyncio.Event):
     """
 
     async def within(self, seconds: float) -> bool:
-        """Wait until the event is set, for so many seconds at most; return whether it was."""
+        """Wait until the event is set, at most ``seconds``; return whether it was set."""
         if self.is_set():
             return True
         loop = asyncio.get_running_loop()
@@ -55,7 +55,7 @@ async def result_of(work: asyncio.Future[_T]) -> _T:
 
 
 async def shared_result(work: asyncio.Future[_T]) -> _T:
-    """Like `result_of`, but raises NoAnswer if the work was cancelled; CancelledError means that the caller was."""
+    """Like `result_of`, but raises NoAnswer if the work was cancelled. CancelledError: the caller was cancelled."""
     await _done(work)
     if work.cancelled():
         raise NoAnswer
@@ -72,7 +72,7 @@ async def _done(work: asyncio.Future[_T]) -> None:
 
 
 async def in_thread(function: Callable[..., Any], *arguments: object) -> Any:
-    """Call a function on a thread; at the end of Python, which begins no work on threads any more, call it here."""
+    """Run a function on another thread. While Python shuts down, threads take no more work: run it on this one."""
     working = functools.partial(function, *arguments)
     try:
         future = asyncio.get_running_loop().run_in_executor(None, working)

@@ -11,11 +11,11 @@ from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
-#: How many different notes are logged once; more of them mean that a client sends noise, and are dropped.
+#: How many different notes `note_once` logs; further ones are dropped, because only a client that sends noise has more.
 MAX_NOTES_ONCE = 1000
 #: How many refusals and notes on the mount are remembered, for clients that ask for recent events.
 MAX_REMEMBERED_NOTES = 64
-#: What the refusals of a program that tries many values differ by.
+#: Numbers in a refusal: if a program tries many values, its refusals differ only in them, and are logged once.
 _NUMBERS = re.compile(r"[\d.]+")
 
 
@@ -28,9 +28,9 @@ class Entry(NamedTuple):
     opened and lost, ``x`` for bytes of a client that are dropped, with the reason.
     """
 
-    time: float
-    side: str
-    arrow: str
+    time: float  # Unix seconds
+    side: str  # `MOUNT_SIDE`, or the client's name
+    arrow: str  # the kind of event, as listed above
     data: bytes
     note: str = ""
 
@@ -38,7 +38,7 @@ class Entry(NamedTuple):
 class Notice(NamedTuple):
     """A refusal or a note on the mount: its time in Unix seconds, its side, and its text."""
 
-    time: float
+    time: float  # Unix seconds
     side: str
     text: str
 
@@ -114,12 +114,12 @@ class WireLog:
             self.note_once(side, text, once_key, kind=_NUMBERS.sub("", text))
 
     def turned_away(self, side: str, text: str, host: str) -> None:
-        """Record a refused connection, logged once."""
+        """Record a refused connection; it is logged once for each host."""
         self.remember(host, text)
         self.note_once(side, text, host)
 
     def remember(self, host: str, text: str) -> None:
-        """Remember a recent event without logging it. Repeated events of a host do not displace those of others."""
+        """Add a notice to ``recent`` without logging it. It replaces an earlier notice with the same text."""
         if same := next((old for old in self.recent if old.text == text), None):
             self.recent.remove(same)
         self.recent.append(Notice(self.clock(), host, text))
@@ -134,7 +134,7 @@ class ClientLog:
     def __init__(self, name: str, wire_log: WireLog) -> None:
         self.name, self.wire_log, self.sinks = name, wire_log, wire_log.sinks
         self._host = name.rpartition(":")[0]
-        #: Like that of the wire log, for this client.
+        #: `WireLog.put` with this client as the side.
         self.put = partial(wire_log.put, name)
 
     def note(self, text: str) -> None:

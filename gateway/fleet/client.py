@@ -47,7 +47,7 @@ class BrokerAccess(Struct, frozen=True):
     broker: Broker
     user: str | None = None
     password: str | None = None
-    ca: str | None = None
+    ca: str | None = None  # file of trusted certificates
 
     def tls(self) -> ssl.SSLContext | None:
         """Return the TLS settings with the trusted certificates; None without TLS. Raises OSError."""
@@ -90,7 +90,7 @@ class Client(Protocol):
 
 
 class _Subscriber:
-    """Wraps aiomqtt's client so that orders arrive with the retain flag with which they were published (MQTT 5)."""
+    """Wraps aiomqtt's client. With MQTT 5 its subscriptions deliver orders with the retain flag of their publisher."""
 
     def __init__(self, client: Any, uses_mqtt_5: bool) -> None:
         self._client, self._v5 = client, uses_mqtt_5
@@ -163,7 +163,7 @@ def connector(access: BrokerAccess) -> Connect:
 
 
 def _limit(paho: Any) -> None:
-    """Keep only the beginning of a packet that is too long: it is acknowledged and dropped, and the link stays."""
+    """Let paho store only the beginning of a packet that is too long. It is then acknowledged and dropped."""
     read = paho.loop_read
 
     def loop_read(*arguments: Any) -> Any:

@@ -2,7 +2,8 @@
 
 Messages are taken from the outbox in groups of a few; the next group is sent when the broker has acknowledged the last
 message of the group before. No other message needs an acknowledgement, because a broker takes messages in order; after
-a reconnect all states are sent again. A slow broker gets the newest states; one that floods is left for a while.
+a reconnect all states are sent again. A slow broker gets only the newest states. From a broker that sends too many
+messages, the gateway disconnects for a while.
 """
 
 from __future__ import annotations
@@ -24,16 +25,16 @@ _Arguments = TypeVarTuple("_Arguments")
 
 #: Seconds before the first, second and later attempts to reconnect.
 DELAYS = (0.25, 0.5, 1.0)
-#: After so many failed attempts, or if the broker refuses or floods, the pause is ``LONG_PAUSE`` seconds.
+#: After so many failed attempts, or if the broker refuses or sends too much, the pause is ``LONG_PAUSE`` seconds.
 MANY_FAILURES, LONG_PAUSE = 300, 5.0
-#: Messages that are in flight at a time, and the maximum that a broker may send in a second.
+#: Maximum number of messages that are sent before an acknowledgement, and that a broker may send in a second.
 MAX_IN_FLIGHT, MAX_FLOOD = 50, 500
 #: Timeout in seconds for the last messages at the end.
 CLOSE_TIMEOUT = 1.0
 
 
 class _Loop(asyncio.SelectorEventLoop):
-    """An event loop that has its thread to itself: blocking calls may block it, so it needs no further threads."""
+    """An event loop on a thread of its own: it may block, so it runs blocking calls itself, without more threads."""
 
     def run_in_executor(
         self, executor: Executor | None, func: Callable[[*_Arguments], _T], *args: *_Arguments
@@ -50,7 +51,7 @@ class _Loop(asyncio.SelectorEventLoop):
 class BrokerLink:
     """Keeps the connection to a broker. ``first_messages`` are sent on every connection, ``last_messages`` at the end.
 
-    The first of the last messages is also the will. ``on_message`` and ``on_connection`` (whether the broker is
+    The first of the last messages is also the last will. ``on_message`` and ``on_connection`` (whether the broker is
     connected now, and why not) are called on the loop on which the link was started.
     """
 
@@ -86,7 +87,7 @@ class BrokerLink:
         self._outbox.put(message)
 
     def send(self) -> None:
-        """Send the queued messages as soon as the broker takes them; this wakes the thread once for all."""
+        """Send the queued messages as soon as the broker takes them; the thread is woken only once for all of them."""
         if self._outbox.is_waiting:
             self._on_thread(self._wake_event.set)
 
@@ -188,7 +189,7 @@ async def _send(client: Client, message: MqttMessage, qos: int = 1) -> None:
 
 
 async def _first_of(*works: Coroutine[Any, Any, object]) -> None:
-    """Run all until the first of them ends, and cancel the others. Raises what the first raises."""
+    """Run coroutines until the first of them ends, and cancel the others. Raises what the first raises."""
     tasks = [asyncio.ensure_future(work) for work in works]
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)

@@ -21,7 +21,7 @@ from gateway.core.about import version
 from gateway.core.wire_log import MOUNT_SIDE, Entry, show
 from gateway.fleet.topics import MqttMessage, Topics
 
-#: Arrows of the wire log that are published, and the kinds of their events.
+#: ``Entry.arrow`` of the wire log -> kind of the published event. Other entries are not published.
 EVENT_KINDS = {"+": "connected", "-": "disconnected", "^": "port opened", "v": "port lost", "!": "refused"}
 #: The maximum number of events at once, and per second after that; the maximum length of an event in characters.
 EVENT_BURST, EVENT_RATE, MAX_TEXT_LENGTH = 20.0, 5.0, 500
@@ -33,14 +33,14 @@ NUMBER_SENSORS = {
     "azimuth_degrees": ("Azimuth", "°", 2),
     "programs": ("Programs", None, 0),
 }
-#: Key of the state -> name, class.
+#: Key of the state -> name, device class of Home Assistant.
 BINARY_SENSORS = {
     "online": ("Mount answers", "connectivity"),
     "moving": ("Moving", "moving"),
     "tracking": ("Tracking", None),
     "aligned": ("Aligned", None),
 }
-#: Order -> name, icon.
+#: Order -> name and icon of its button.
 BUTTONS = {"stop": ("Stop", "mdi:stop-circle"), "park": ("Park", "mdi:parking"), "wake": ("Wake", "mdi:weather-night"),
            "home": ("Home", "mdi:home")}  # fmt: skip
 
@@ -72,14 +72,14 @@ def state(gateway: Gateway) -> dict[str, Any]:
 
 
 class Events:
-    """Publishes events, rate-limited. ``publish`` takes an event as JSON; ``put`` is a sink of the wire log."""
+    """Publishes events, rate-limited: ``publish`` is called with each as JSON. ``put`` is a sink of the wire log."""
 
     def __init__(self, publish: Callable[[bytes], None], clock: Callable[[], float]) -> None:
         self._publish, self._clock = publish, clock
         self._events_left, self._refilled_at, self._dropped_count = EVENT_BURST, clock(), 0
 
     def put(self, entry: Entry) -> None:
-        """Publish an entry of the wire log, if its kind is published."""
+        """Publish an entry of the wire log, if `EVENT_KINDS` lists it."""
         kind = EVENT_KINDS.get(entry.arrow)
         if kind is None:
             return

@@ -1,6 +1,6 @@
 """Publishes the mounts of one gateway on a broker, once a second if something has changed, and takes orders from it.
 
-This costs the mounts no exchange. Programs are served between two mounts; all changes of a round are sent together.
+This costs the mounts no exchange. After each mount the event loop serves programs; all changes are sent together.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from gateway.fleet.link import BrokerLink
 from gateway.fleet.mount_messages import Events, discovery, state
 from gateway.fleet.topics import DEFAULT_NAME, OFFLINE, ONLINE, MqttMessage, Received, Topics, own_id
 
-CLIENT = "mqtt"
+CLIENT = "mqtt"  # of the broker's orders, in the log
 #: Maximum length of an order in characters; minimum seconds between two stops that are sent to the mount.
 MAX_ORDER_LENGTH, STOP_PERIOD = 100, 0.25
 #: The orders without arguments, except stop.
@@ -43,10 +43,10 @@ Report = Callable[[str, str], None]
 
 
 class Orders:
-    """The orders for one mount, of the ``allowed`` kinds, under the same limits and rules as those of any user.
+    """Carries out the broker's orders for one mount, if they are ``allowed``. The limits of the gateway apply.
 
     A stop does not wait for other orders. An order with the retain flag is refused: the broker stores it, and it would
-    be carried out again at every connection. ``doubt`` returns why only stops are obeyed now; empty if all orders are.
+    be carried out again at every connection. ``doubt`` returns why only stops are carried out now; empty if all are.
     """
 
     def __init__(self, gateway: Gateway, allowed: Collection[str], doubt: Callable[[], str], report: Report) -> None:
@@ -84,7 +84,7 @@ class Orders:
             self._tasks.spawn(self._carry_out(text, word, rest))
 
     def close(self) -> None:
-        """Cancel the orders in progress; later ones must not be passed to ``take``."""
+        """Cancel the orders in progress; ``take`` must not be called after that."""
         if self._stop_timer is not None:
             self._stop_timer.cancel()
         self._tasks.cancel()
@@ -93,7 +93,7 @@ class Orders:
         self._gateway.wire_log.refused(CLIENT, f"{text}: {reason}", once_key)
 
     def _stop(self) -> None:
-        """Stop at once, or, after a recent stop, once more when ``STOP_PERIOD`` seconds have passed since that."""
+        """Stop at once; after a stop less than ``STOP_PERIOD`` seconds ago, stop again when that time has passed."""
         left = self._last_stop + STOP_PERIOD - self._loop.time()
         if left <= 0:
             self._stop_now()
@@ -118,7 +118,7 @@ class Orders:
         self._report(answer.outcome, f"{text}: {answer.text}")
 
 
-#: The maximum number of other gateways that are answered.
+#: The maximum number of other gateways with the same ID whose messages are answered.
 MAX_GATEWAYS = 100
 
 
@@ -150,7 +150,7 @@ class BrokerPresence:
         return [MqttMessage(self._topics.availability, OFFLINE, retain=True)]
 
     def receive(self, received: Received) -> bool:
-        """Take a message of the broker; return whether it was about presence."""
+        """Handle a message from the broker; return whether it was about presence."""
         if received.topic == self._topics.availability:
             if received.payload == OFFLINE:  # of another gateway with this ID, or the will of a lost connection
                 self.conflict = ""
@@ -176,7 +176,7 @@ class BrokerPresence:
 
 
 def _about(payload: bytes) -> tuple[str, str]:
-    """Return a gateway's instance, and a description of its host and process; both empty for an invalid message."""
+    """Return the sender's instance ID, and its host and process as text; both empty for an invalid message."""
     try:
         owner = json.loads(payload)
         return str(owner["instance"])[:64], show(f"{owner['host']}, process {owner['process']}".encode())[:100]
@@ -226,7 +226,7 @@ class _PublishedMount:
 
 
 class Station:
-    """All mounts of this process on the broker. ``print_line`` and ``warn`` show messages at the terminal."""
+    """Publishes all mounts of this process on the broker. ``print_line`` and ``warn`` show messages at the terminal."""
 
     def __init__(
         self,

@@ -24,7 +24,7 @@ MAX_EVENTS = 200
 
 
 class MqttMessage(Struct, frozen=True):
-    """A message to publish. ``newest``: only the newest of its topic matters, and a reconnect publishes it again."""
+    """A message to publish. ``newest``: it replaces a waiting one of its topic, and a reconnect publishes it again."""
 
     topic: str
     payload: bytes
@@ -33,7 +33,7 @@ class MqttMessage(Struct, frozen=True):
 
 
 class Received(Struct, frozen=True):
-    """A message from the broker. ``retained``: it has the retain flag; it may be old."""
+    """A message from the broker. If ``retained``, it has the retain flag, and may be old."""
 
     topic: str
     payload: bytes
@@ -44,7 +44,7 @@ class Topics(Struct, frozen=True):
     """The topics of a gateway; ``id`` may be ``+``, the wildcard for all gateways."""
 
     prefix: str
-    id: str
+    id: str  # of the gateway
 
     @property
     def availability(self) -> str:
@@ -61,7 +61,7 @@ class Topics(Struct, frozen=True):
         return f"{self.prefix}/{ALL_GATEWAYS}/command"
 
     def of(self, mount: str, kind: str) -> str:
-        """Return a topic of a mount: ``state``, ``event`` or ``command``."""
+        """Return the topic of a mount for a ``kind`` of message: ``state``, ``event`` or ``command``."""
         return f"{self.prefix}/{self.id}/{mount}/{kind}"
 
     def parts(self, topic: str) -> list[str]:
@@ -70,7 +70,7 @@ class Topics(Struct, frozen=True):
 
 
 def own_id() -> str:
-    """Return the name of this computer, reduced to characters that are allowed in a topic."""
+    """Return the default ID of a gateway: the computer's name, reduced to characters that a topic may contain."""
     name = "-".join(re.findall(NAME_PATTERN, socket.gethostname())) or "gateway"
     return f"{name}-computer" if name == ALL_GATEWAYS else name
 

@@ -1,6 +1,6 @@
-"""``almanac``: calculates the tables of the sky with astropy, for a file, or for the gateway that has started this.
+"""``almanac``: calculates tables of the sky with astropy, for a file or for the gateway that started this process.
 
-It gives way to everything else on this computer, and ends with the gateway that has started it, however that ends.
+For a gateway it runs at low priority, and ends when that gateway ends or is killed.
 """
 
 from __future__ import annotations
@@ -64,6 +64,6 @@ def _almanac(arguments: argparse.Namespace) -> int:
 
 
 def _end_with_gateway() -> None:
-    """End this process at the end of its input: the gateway that started it, and would use its tables, has ended."""
+    """Wait for the end of stdin, then exit: the gateway that started this process for itself has ended."""
     os.read(0, 1)
     os._exit(1)

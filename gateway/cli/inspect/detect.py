@@ -100,21 +100,21 @@ def _detect(arguments: argparse.Namespace) -> int:
 
 
 def _looking(ports: int, network: bool, servers: bool) -> str:
-    """Return what is being looked at."""
+    """Return the message that says what is being scanned, and how long that may take."""
     at = [f"{ports} ports" if ports > 1 else "1 port"] if ports else []
     at += ["the servers in the network"] if network else ["what the server offers"] if servers else []
     return f"looking at {' and '.join(at)}, up to {25 if ports else 5} s …"
 
 
 def _advise(steps: list[str], json: bool) -> None:
-    """Print what to try next, unless the output is for programs."""
+    """Print what the user can try next, unless the output is JSON."""
     if steps and not json:
         sys.stdout.flush()
         print("What to try next:", *(f"  - {step}" for step in steps), sep="\n", file=sys.stderr)
 
 
 def _write(path: Path, mounts: list[PortFinding], force: bool, network: bool) -> None:
-    """Write a gateway.toml for the only mount that was found. Raises UserError."""
+    """Write a gateway.toml for the mount that was found. Raises UserError if several were found."""
     from gateway.diagnostics.detect.report import toml
 
     if len(mounts) > 1:

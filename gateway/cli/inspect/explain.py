@@ -1,4 +1,4 @@
-"""``explain``: what the gateway makes of one command, in sentences and bytes."""
+"""``explain``: shows how the gateway translates one command, in sentences and bytes."""
 
 from __future__ import annotations
 

@@ -31,19 +31,19 @@ from gateway.cli.serve.live import Screen
 
 #: Columns of a line, and of the progress bar in it.
 LINE_COLUMNS, BAR_COLUMNS = 60, 14
-#: Seconds between two looks at the keyboard, where the event loop cannot wait for it.
+#: Seconds between two checks for a pressed key on Windows, where the event loop cannot wait for the keyboard.
 KEYBOARD_PERIOD = 0.05
 
 
 class Terminal(Screen):
-    """The person at the terminal: prints narrow lines, also those of the gateway, and reads one key at a time."""
+    """The terminal of the check: prints narrow lines, also those of the gateway, and reads one key at a time."""
 
     def __init__(self) -> None:
         super().__init__(None)
         self.stop = asyncio.Event()
         self._keys: asyncio.Queue[str] = asyncio.Queue()
         self._bar, self._is_asking = 0, False
-        #: Whether q was pressed in a stage, or left the last questions.
+        #: Whether q was pressed while no question was open: the next question is then answered with q.
         self._wants_to_leave = False
 
     @contextlib.contextmanager
@@ -113,15 +113,15 @@ class Terminal(Screen):
         self._bar = len(line)
 
     def _print(self, text: str) -> None:
-        """Print below a question, or over a progress bar; a terminal that is gone must not keep a mount moving."""
+        """Print below a question, or over a bar. Ignore errors: a closed terminal must not keep a mount moving."""
         before = " " * self._bar + "\r" if self._bar else "\n" * self._is_asking
         self._bar, self._is_asking = 0, False
         with contextlib.suppress(OSError, ValueError):
             print(before + text, end="", flush=True)
 
     async def key(self, question: str, keys: str) -> str:
-        """Return one of these keys, or the space bar. Any other key repeats the question. Of the keys pressed before
-        the question, only the space bar, and a q after it, count.
+        """Repeat the question until one of ``keys`` is pressed, and return it. Return a blank if the space bar has
+        stopped the mount, and q if q was pressed before the question; other earlier keys are ignored.
         """
         while not self._keys.empty():
             self._keys.get_nowait()
@@ -138,7 +138,7 @@ class Terminal(Screen):
         return " "
 
 
-#: Degrees from the Sun that the check keeps by day.
+#: How far the check keeps the tube from the Sun by day, degrees, unless the user has set more.
 SUN_DISTANCE = 40.0
 #: How many findings are shown at the end.
 MAX_SHOWN_FINDINGS = 8
@@ -217,7 +217,7 @@ def _prove(arguments: argparse.Namespace) -> int:
 
 
 def checked(config: Config) -> Config:
-    """Return the configuration of the check: one mount, far from the Sun, with surfaces for the programs of the check.
+    """Return the configuration for the check: far from the Sun, without status line, log and waiting for a mount.
 
     Raises UserError if there are several mounts.
     """
@@ -230,7 +230,7 @@ def checked(config: Config) -> Config:
 
 
 def summary(findings: Findings) -> Iterator[str]:
-    """Yield the number of things that are the same, then the things that differ, as many as fit a screen."""
+    """Yield a line with the number of findings for each verdict, then lines for the findings that are not the same."""
     from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME
     from gateway.diagnostics.prove.guide import STAGES
 

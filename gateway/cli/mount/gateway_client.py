@@ -1,4 +1,4 @@
-"""The common part of commands that ask a running gateway: choosing the gateway, sending the request, exit codes.
+"""The common part of commands that send a request to a running gateway: choosing the gateway, and the exit code.
 
 The exit code is 0 if the request was carried out, 1 if it was refused or no gateway runs, 2 for a typing mistake.
 """
@@ -35,14 +35,14 @@ def add_which(command: argparse.ArgumentParser, verb: str = "which mount, if the
 
 
 def chosen_gateways(arguments: argparse.Namespace, all_of_them: bool = False) -> list[ControlEndpoint]:
-    """Return the running gateways that the flags choose, or ``all_of_them`` whatever ``--mount`` says."""
+    """Return the running gateways that the flags choose; with ``all_of_them`` the flag ``--mount`` does not count."""
     from gateway.app.control.reach import running_gateways
 
     return running_gateways(None if all_of_them else arguments.mount, arguments.state)
 
 
 def chosen_gateway(arguments: argparse.Namespace) -> ControlEndpoint | None:
-    """Return the chosen gateway; None, with a message, if none runs. Raises UserError if it could be several."""
+    """Return the chosen gateway. If none runs, report it and return None. Raises UserError if the flags fit several."""
     endpoints = chosen_gateways(arguments)
     if len(endpoints) > 1:
         title, times = Counter(endpoint.title for endpoint in endpoints).most_common(1)[0]
@@ -66,7 +66,7 @@ def _flags(names: Iterable[str]) -> str:
 
 
 def no_such_mount(mount: str, mount_names: Iterable[str]) -> str:
-    """Return the message for a mount that no gateway on this computer has, when gateways with other mounts run."""
+    """Return the message for a mount that no gateway on this computer has; it names the mounts of those that run."""
     return f"no gateway runs here for {mount}; write {_flags(mount_names)}"
 
 

@@ -1,7 +1,7 @@
 """``goto``, ``sync``, ``move``, ``park``, ``unpark``: the user's requests to the mount, through the running gateway.
 
 Each is one request to that gateway, whose limits apply; a refusal is explained, with exit code 1. Ctrl-C cancels the
-request: the motion that it began is stopped. A place is two angles or the name of an object; angles are of the equinox
+request: the motion that it began is stopped. A target is two angles or the name of an object; angles are of the equinox
 of date, as the mount and ``status`` show them, or with ``--j2000`` of J2000.
 """
 
@@ -22,7 +22,7 @@ from gateway.core.errors import UserError
 from gateway.core.operations import Direction
 from gateway.protocols.wireformat import sexagesimal
 
-#: Makes a request from the arguments. Raises UserError.
+#: A function that makes a request from the arguments of the command line. It raises UserError.
 Make: TypeAlias = Callable[
     [argparse.Namespace],
     "requests.GotoRequest | requests.SyncRequest | requests.ParkRequest | requests.UnparkRequest"
@@ -177,13 +177,13 @@ async def _follow(endpoint: ControlEndpoint, number: str, done: asyncio.Event) -
 
 
 def add_place(command: argparse.ArgumentParser) -> None:
-    """Add the arguments for a place on the sky."""
+    """Add the arguments for a target on the sky."""
     command.add_argument("place", nargs="+", metavar="PLACE", help="RA DEC, or the name of an object: see below")
     command.add_argument("--j2000", action="store_true", help="RA and DEC are J2000, as in catalogues")
 
 
 def place(arguments: argparse.Namespace) -> requests.Where:
-    """Return the target that the user typed. Raises UserError that says what would be right."""
+    """Return the target that the user typed. Raises UserError with the correct form if it is mistyped."""
     parts = [word.strip() for word in arguments.place]
     if len(parts) != 2 or not parts[0][:1].isdecimal() or parts[1][:1].isalpha():
         from gateway.app.control import objects  # loads the catalogues, which only names of objects need

@@ -95,7 +95,7 @@ async def _watch(endpoint: ControlEndpoint, done: asyncio.Event) -> int:
 
 
 def blocks(states: Sequence[State]) -> Iterator[list[str]]:
-    """Yield the lines of every mount; if there are several state folders, grouped below the folder's name."""
+    """Yield the lines of each mount. With several state folders, a heading names the folder of the mounts below it."""
     folders = {state.folder for state in states}
     above = None
     for state in states:

@@ -1,7 +1,7 @@
 """``stop``: stops every mount of this computer, with or without a running gateway; holds and releases mounts.
 
-It prints one line for each mount. Exit code 0: the positions show every mount at rest, or there is none; 1: a mount
-could not be stopped, its position is missing, or a gateway cannot be asked. It is fit for systemd's ``ExecStopPost``.
+It prints one line for each mount. Exit code 0: every mount is at rest by its positions, or there is no mount; 1: a
+mount could not be stopped, its position is missing, or a gateway does not answer. Fit for systemd's ``ExecStopPost``.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ NOTHING_DONE_MESSAGES = {
 
 
 def _on_disk(folder: Path, word: str) -> tuple[str, str]:
-    """Hold or release gateways that are started later with a state folder; return the texts (done, failed)."""
+    """Write or delete the hold file of a state folder, for later gateways; return the messages (done, failed)."""
     from gateway.app.state.file import HOLD_FILE, hold_folder, release_folder
 
     try:

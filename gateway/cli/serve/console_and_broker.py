@@ -53,7 +53,7 @@ async def open_console(page: ConsoleConfig, web: WebServer, screen: Screen, phon
 
 
 async def load_console(page: ConsoleConfig | None, gateways: Sequence[Gateway]) -> object:
-    """Load what the web server shows: the console if there is one, and the mounts to programs that speak HTTP."""
+    """Load the routes of the web server: those of the console, if it is configured, and those of the HTTP protocols."""
     from gateway.app.site import load_site
 
     if page is None:
@@ -70,9 +70,9 @@ async def load_console(page: ConsoleConfig | None, gateways: Sequence[Gateway]) 
 
 
 def http_surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
-    """Return the surfaces of the HTTP protocols, which the console's server serves by the console's rules.
+    """Return the surfaces of the HTTP protocols (Alpaca). The console's web server serves them by its access rules.
 
-    Without a console they are served at the mount's ports for every protocol, which have admitted the client already.
+    Without a console they are served on the mount's ``any`` ports, which have checked the client's access already.
     """
     page = config.page
     if page is None and not any(parse_endpoint(surface.at).protocol == ANY for surface in config.of(mount)):
@@ -86,7 +86,7 @@ def http_surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
 
 
 def http_offers(web: WebServer) -> list[Offer]:
-    """Return the console's server as offers of the HTTP protocols, for their own discovery."""
+    """Return the console's address once for each HTTP protocol, for the discovery of that protocol (as Alpaca has)."""
     from gateway.app.discovery.offer import Offer
 
     speaking = [name for name, spec in PROTOCOLS.items() if spec.web is not None]
@@ -94,7 +94,7 @@ def http_offers(web: WebServer) -> list[Offer]:
 
 
 def console_offers(web: WebServer) -> list[Offer]:
-    """Return the offers to announce for a console: none if only this computer reaches it."""
+    """Return the console's address to announce in the network; nothing if only this computer can reach it."""
     from gateway.app.discovery.offer import HTTP, Offer
 
     offers = [Offer(HTTP, "tcp", *split_address(web.address))] if web.address else []
@@ -119,7 +119,7 @@ def qr_code(line: str) -> list[str]:
 
 
 def broker_access(config: Config) -> brokers.BrokerAccess | None:
-    """Return the credentials for the broker; None if none is configured. Raises UserError for a missing part."""
+    """Return the credentials for the broker; None without a broker. Raises UserError for a missing setting."""
     mqtt = config.mqtt
     if mqtt is None:
         return None
@@ -131,7 +131,7 @@ def broker_access(config: Config) -> brokers.BrokerAccess | None:
 def open_broker(
     config: Config, access: brokers.BrokerAccess | None, gateways: Sequence[Gateway], screen: Screen
 ) -> Station | None:
-    """Publish the mounts on the broker, as long as the gateway runs; return None if none is configured."""
+    """Start to publish the mounts on the broker; return None if no broker is configured."""
     if access is None or config.mqtt is None:
         return None
     from gateway.fleet.station import Station

@@ -19,11 +19,11 @@ from gateway.system.own_commands import own_command
 from gateway.transport.device_link import is_free
 
 DEMO_PORT = 4030
-#: The number of the port for any program is so much higher.
+#: How much higher the number of the port for programs of any protocol is than that of the demo's own port.
 ANY_PORT_OFFSET = ANY_PORT - DEMO_PORT
-#: So many ports and names are tried.
+#: How many ports, and names of virtual serial ports, are tried until one is free.
 PORTS_TRIED = 50
-#: The keys of the configuration that are flags of the demo, too.
+#: The keys of gateway.toml that are flags of the demo, too.
 DEMO_KEYS = ("log", "night")
 EXAMPLES = """\
 Examples:
@@ -119,6 +119,6 @@ def free_port(first_port: int) -> int:
 
 
 def free_name(path: str) -> str:
-    """Return this name, or the first free name with a number appended; the name itself if all are in use."""
+    """Return ``path``, or the first free path with a number appended; ``path`` itself if all of them are in use."""
     names = [path, *(f"{path}-{number}" for number in range(2, PORTS_TRIED))]
     return next((name for name in names if is_free(name)), path)

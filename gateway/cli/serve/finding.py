@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 REPLY_WAIT, VALID_WAIT, MODEL_WAIT = 4.0, 10.0, 20.0
 #: Seconds from the start until a silent port is given up: some hand controls take 25 s to start.
 SEARCH_TIMEOUT = 40.0
-#: Seconds after which a mount that has reported its position is served though it is not identified yet: one whose model
-#: the user has named, and any other.
+#: Seconds after which programs are served by a mount that reports its position but is not identified yet: if the user
+#: has named its model, and if not.
 NAMED_PORT_WAIT, UNNAMED_PORT_WAIT = 3.0, 4.5
 #: The default rate of every mount, baud.
 BAUD = 9600
@@ -41,9 +41,9 @@ async def serve(
     on_ready: Callable[[Gateway], Awaitable[None]],
     warn: Callable[[str], None],
 ) -> None:
-    """Wait for a mount and report that it is ready. Raises UserError if it does not answer, unless ``waits_for_port``.
+    """Wait for a mount, then call ``on_ready``. Raises UserError if no mount answers within ``longest`` seconds.
 
-    A silent port is given up after ``longest`` seconds, and not before a few.
+    With ``waits_for_port`` it calls ``on_ready`` almost at once, and only warns of a mount that does not answer.
     """
     if not waits_for_port:
         await find(gateway, warn, longest)
@@ -56,7 +56,7 @@ async def serve(
 
 
 async def _found(gateway: Gateway, warn: Callable[[str], None], retry_wait: float | None = None) -> bool:
-    """Wait for the mount and return whether it answers; give up early if there is little hope.
+    """Wait for the mount and return whether it answers; give up if the first bytes or replies do not come in time.
 
     A port may be silent for `REPLY_WAIT` seconds, or for ``retry_wait`` seconds when the wait is repeated.
     """
@@ -84,7 +84,7 @@ async def _found(gateway: Gateway, warn: Callable[[str], None], retry_wait: floa
 
 
 async def find(gateway: Gateway, warn: Callable[[str], None], longest: float = SEARCH_TIMEOUT) -> None:
-    """Wait for the mount. Raises UserError, which describes the device found instead.
+    """Wait for the mount. Raises UserError if it does not answer; the text describes any other device that does.
 
     If no byte comes, the user gets a message, the gateway looks once for another kind of mount, and then asks the port
     again until ``longest`` seconds after the start.
@@ -113,7 +113,7 @@ async def find(gateway: Gateway, warn: Callable[[str], None], longest: float = S
 
 
 async def _check_for_another(gateway: Gateway) -> None:
-    """Look for a mount of another protocol or baud rate on the closed port. Raises UserError if it finds one."""
+    """Look for a mount of another protocol or baud rate on the closed port. Raises UserError if one answers."""
     from gateway.diagnostics.detect.scan_port import who_answers
 
     protocol = await who_answers(gateway.mount.where, gateway.config.baud)
@@ -139,14 +139,14 @@ async def _answers_at(where: str, baud: int) -> bool:
 
 
 def _other_gateway(gateway: Gateway, reason: str) -> int | None:
-    """Return the process of the gateway that has this mount's port; None if no gateway has it."""
+    """Return the process ID of another gateway that uses this mount's port; None if no gateway does."""
     if "in use" not in reason or gateway.store is None or gateway.store.held:
         return None
     return read_pid(gateway.store.lock_path)
 
 
 def _port_advice(gateway: Gateway, reason: str, other: int | None) -> str:
-    """Return what to do about a mount's port that cannot be opened; ``other`` is the gateway's process that has it."""
+    """Return what to do about a port that cannot be opened; ``other`` is the process ID of the gateway that uses it."""
     if "in use" not in reason:
         return port_advice(gateway.mount.where)
     if other:
@@ -174,7 +174,7 @@ def waiting_message(gateway: Gateway) -> str:
 def not_found_message(gateway: Gateway, longest: float = 0.0) -> str:
     """Return why no mount was found, and what to do; suspect the cable only if no byte was received.
 
-    With ``longest`` the gateway continues to ask until that many seconds after its start.
+    With ``longest``, the message says that the gateway continues to ask until that many seconds after its start.
     """
     transaction, where = gateway.controller.line.transaction, gateway.mount.where
     look = f"mount-gateway detect {where} looks closer" if "://" in where else "mount-gateway detect tries every port"

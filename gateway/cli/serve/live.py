@@ -101,7 +101,7 @@ def _in_foreground(terminal: TextIO) -> bool:
 
 
 class StatusLines:
-    """Makes the status line of gateways, with their rates of exchanges."""
+    """Makes one status line for all gateways, with the exchanges per second of each mount."""
 
     def __init__(self, gateways: Sequence[Gateway]) -> None:
         self._gateways = [(gateway, AverageRate()) for gateway in gateways]
@@ -120,7 +120,7 @@ class StatusLines:
 
 
 def status_line(gateway: Gateway, rate: AverageRate) -> StatusLine:
-    """Return what the status line shows of a mount."""
+    """Return the values of a mount that the status line shows; ``rate`` averages its exchanges per second."""
     state = gateway.state()
     return replace(state.look, rate=rate.per_second(state.now, state.answers))
 

@@ -71,7 +71,7 @@ def unit(program: list[str], config: str, user: str, group: str, folder: str) ->
 
 
 def word(text: str) -> str:
-    """Escape a word of a line as systemd.service(5) requires."""
+    """Escape a word of a command line in a unit, as systemd.service(5) requires."""
     text = text.replace("\\", "\\\\").replace('"', '\\"').replace("%", "%%").replace("$", "$$")
     return f'"{text}"' if set(text) & set(" \t'\"\\;") else text
 

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from gateway.app.recording.recorder import Recorder
     from gateway.app.watchdog.client import Watchdog
 
-    #: Somebody inside this process who uses the mount of a gateway for a while.
+    #: A coroutine function of this process that uses a gateway's mount for a while, such as the check of ``prove``.
     Guest: TypeAlias = Callable[[Gateway], Coroutine[object, object, None]]
 
 #: How long the ready lines wait for site and clock of a mount that was found, seconds.
@@ -88,8 +88,8 @@ async def serve_mounts(
 ) -> int:
     """Serve every mount until a signal comes; return the exit code. ``banner`` is printed once the ports are open.
 
-    A ``guest`` is a program such as ``prove``: it uses the first mount once it is ready, has a ``screen`` of its own,
-    and its end ends everything. Raises UserError if a port cannot be opened, or if no mount is found.
+    ``guest`` (the check of ``prove``) runs with the first mount once that is ready, and all gateways end with it; it
+    prints on ``screen``. Raises UserError if a port cannot be opened, or if no mount is found.
     """
     from gateway.app.discovery.answering import DiscoveryAnswers
     from gateway.app.discovery.offer import network_offers
@@ -210,7 +210,7 @@ async def serve_mounts(
 
 
 async def _say_new_addresses(phone: PhoneLines, reached: Callable[[], list[Offer]], say: Callable[[str], None]) -> None:
-    """Say what to type on a phone whenever that changes, as after a start before the Wi-Fi."""
+    """Print the addresses for a phone whenever they change, for example when the Wi-Fi connects after the start."""
     while True:
         await asyncio.sleep(ADDRESS_CHECK_PERIOD)
         for line in phone.new_lines(reached()):
@@ -241,7 +241,7 @@ def _surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
 
 
 def _log(config: Config, mount: MountConfig) -> Sink:
-    """Return the sink that shows the conversation with one mount, or the part of it that the user chose."""
+    """Return the sink of the wire log that prints the exchanges with one mount, or the part chosen by ``--log``."""
     from gateway.diagnostics.log.printing import Rows, printer
 
     surfaces = [str(parse_endpoint(surface.at)) for surface in _surfaces(config, mount)]

@@ -42,12 +42,12 @@ FLAG_GROUPS = {
 }
 MOUNT_GROUP = "about the mount"
 SURFACE_GROUP = "about the surface, where programs connect (if there are several: in the file)"
-#: Keys that only apply to some surfaces: what their addresses begin with, and these surfaces in words.
 _NETWORK = (r".*@(tcp|rfc2217)://", "on a network (tcp:// or rfc2217://)")
+#: Key that applies to some surfaces only -> pattern of the addresses of these surfaces, and their description.
 KEY_SURFACES = {"allow": _NETWORK, "max-clients": _NETWORK, "names": (r"(alpaca|any)@", "for HTTP (alpaca@ or any@)")}
 #: The value that means true for a flag that may be true or a list.
 ALL = "all"
-#: Tables with flags of their own: the title of the group, and the key of each flag. Other keys are in the file only.
+#: Table of gateway.toml -> title of its group of flags, and flag -> key. Its other keys have no flag.
 TABLE_FLAGS = {
     "console": ("the console, a page in the browser", {"console": "at"}),
     "mqtt": (
@@ -117,7 +117,7 @@ def add_table_flags(parser: argparse.ArgumentParser, table: str) -> None:
 
 
 def put_table_flags(arguments: argparse.Namespace, table: str, tables: dict[str, object], source: Source) -> None:
-    """Put the values of the flags of a table of ``TABLE_FLAGS`` into the tables."""
+    """Put the values of the flags of a table of ``TABLE_FLAGS`` into ``tables``, the content of gateway.toml."""
     for flag, name in TABLE_FLAGS[table][1].items():
         value, table_values = getattr(arguments, flag.replace("-", "_")), tables.get(table, {})
         if value is not None and isinstance(table_values, dict):
@@ -140,7 +140,7 @@ def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
 
 
 def _word(text: str) -> bool | str:
-    """Return the value of a flag for true, false or a choice of words, as the file has it."""
+    """Convert ``true`` and ``false`` to booleans, as in gateway.toml; return any other word unchanged."""
     return {"true": True, "false": False}.get(text, text)
 
 
@@ -173,8 +173,8 @@ class Once(argparse.Action):
 
 
 def settings(arguments: argparse.Namespace, must_serve: bool = True) -> tuple[Config, Source]:
-    """Return the merged configuration, and the source of its values; it needs surfaces if it
-    ``must_serve``. Raises UserError.
+    """Return the configuration, merged from gateway.toml and flags, and the source of its values. Raises UserError,
+    also for a configuration without surfaces if ``must_serve``.
     """
     tables: dict[str, object] = {}
     source = Source("command line")
@@ -247,7 +247,7 @@ def _put_flags(arguments: argparse.Namespace, tables: dict[str, object], source:
 
 
 def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, object], source: Source) -> None:
-    """Put the flags of a surface into the only table they can be meant for. Raises UserError if there are several."""
+    """Put the flags of a surface into the only ``[[surface]]`` that they fit. Raises UserError if they fit several."""
     given = _given(arguments, surface_keys())
     surfaces = tables.get("surface", [])
     if not isinstance(surfaces, list) or not all(isinstance(surface, dict) for surface in surfaces):
@@ -272,7 +272,7 @@ def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, object],
 
 
 def _value(key: Key, text: Any) -> Any:
-    """Convert a flag's text to the value that the file would have. Raises UserError."""
+    """Convert a flag's text to the type that its key has in gateway.toml. Raises UserError."""
     if key.name == "site":
         with naming_flag("--site"):
             return list(parse_site(text))

@@ -19,11 +19,11 @@ from typing import TypeVar
 _T = TypeVar("_T")
 #: Two SIGINTs within this time (seconds) count as one: a wrapper that passes Ctrl-C on delivers it twice.
 DOUBLE_PRESS_TIME = 0.1
-#: What Windows reports: the terminal's window is closed, the user logs off, the computer shuts down.
+#: Windows' numbers of events: the terminal's window is closed, the user logs off, the computer shuts down.
 WINDOWS_CLOSE_EVENTS = (2, 5, 6)
 #: Seconds that the handler waits for the process to end: longer than the 5 s after which Windows ends it.
 WINDOWS_EXIT_TIMEOUT = 10.0
-#: The handlers that Windows calls, which ctypes does not keep alive.
+#: References to the handlers that Windows calls: ctypes does not keep them alive.
 _HANDLERS: list[object] = []
 
 
@@ -59,13 +59,13 @@ def until_signal() -> asyncio.Event:
 def _when_the_window_closes(end: Callable[[], object]) -> None:
     """On Windows, call ``end`` when the terminal's window closes, and let the process end by itself after that.
 
-    Call it after the signals were set up: Windows asks the handler that was added last first, and Python's C library
-    would take a closed window for Ctrl-Break, return at once, and so end the process.
+    Call it after the signals were set up: Windows calls the newest handler first. The handler of Python's C library
+    takes a closed window for Ctrl-Break and returns at once, which would end the process.
     """
     import ctypes
 
     def asked(event: int) -> bool:
-        """Called on a thread of Windows' own, which ends the process as soon as this returns True."""
+        """Handle a console event. Windows calls this on a thread, and ends the process when it returns True."""
         if event not in WINDOWS_CLOSE_EVENTS:
             return False  # Ctrl-C and Ctrl-Break, which are signals
         with contextlib.suppress(RuntimeError):  # the loop is closed: the process is ending already

@@ -92,7 +92,7 @@ def _switches(arguments: argparse.Namespace, protocol: str) -> dict[str, bool]:
 
 
 def models() -> str:
-    """Return the list of all models of all protocols, and the versions that they were made with."""
+    """Return the help text that lists all models of all protocols, and their hand control versions."""
     lines = [
         "models, and versions of the hand control (the last number is the default; others are possible, and",
         "nexstar:starsense is a StarSense hand control on the default model, nexstar:synscan a SynScan of Sky-Watcher,",
@@ -164,7 +164,7 @@ async def _serve(
 
 
 async def _answer_discovery(offers: list[Offer]) -> Callable[[], None]:
-    """Let programs discover a mount that is reached over HTTP, as real servers do; return the function that ends it."""
+    """Let programs discover a mount that is reached over HTTP, as real servers do; return a function that ends this."""
     web = PROTOCOLS[offers[0].protocol].web if offers else None
     try:
         return await web().answer_discovery([(offer.host, offer.port) for offer in offers]) if web else lambda: None
@@ -182,7 +182,7 @@ def _open(path: str) -> TextIO:
 
 
 async def _tell_truth(simulator: Simulated, file: TextIO, done: asyncio.Event) -> None:
-    """Write the truth file until a signal comes. Raises UserError on a write error: a part could pass for the whole."""
+    """Write the true state of the mount to the file of ``--truth`` until ``done`` is set. Raises UserError."""
     from gateway.protocols.mechanics.truth import sample
 
     try:

@@ -8,16 +8,16 @@ from gateway.core.operations.values import Chosen, Direction, Fields, Operation,
 class Goto(Operation[None], frozen=True):
     """Slew to a position of date and track there. Raises BelowHorizon, TooHigh, NearSun, NotAligned, NoAnswer.
 
-    ``lowest`` and ``highest`` narrow the altitude limits; without ``track`` a drive that is off stays off. ``fastest``
-    is the speed in degrees a second, for mounts that let the client choose it.
+    ``lowest`` and ``highest`` narrow the altitude limits. Without ``track``, tracking that is off stays off.
+    ``fastest`` is the slew speed in degrees a second, for mounts that let the client choose it.
     """
 
     ra: float
     dec: float
-    lowest: float | None = None
-    highest: float | None = None
-    track: bool = True
-    fastest: float | None = None
+    lowest: float | None = None  # altitude limit for this goto, degrees
+    highest: float | None = None  # altitude limit for this goto, degrees
+    track: bool = True  # turn tracking on
+    fastest: float | None = None  # slew speed, degrees a second
 
 
 class GotoHorizontal(Operation[None], frozen=True):
@@ -28,19 +28,19 @@ class GotoHorizontal(Operation[None], frozen=True):
 
     az: float
     alt: float
-    lowest: float | None = None
-    highest: float | None = None
-    fastest: float | None = None
+    lowest: float | None = None  # altitude limit for this goto, degrees
+    highest: float | None = None  # altitude limit for this goto, degrees
+    fastest: float | None = None  # slew speed, degrees a second
 
 
 class GotoAxes(Operation[None], frozen=True):
-    """Slew both motor axes to these readings, degrees (azimuth, altitude only on a fork). ``fastest`` as in Goto."""
+    """Slew both motor axes to these axis angles, degrees; only on a fork they are azimuth and altitude."""
 
     called = "Goto"
 
-    az: float
-    alt: float
-    fastest: float | None = None
+    az: float  # reading of axis 1
+    alt: float  # reading of axis 2
+    fastest: float | None = None  # slew speed, degrees a second
 
 
 class Sync(Operation[None], frozen=True):
@@ -53,17 +53,17 @@ class Sync(Operation[None], frozen=True):
 class Move(Operation[None], frozen=True):
     """Start moving in a sky direction at a hand rate, until halted.
 
-    ``lowest`` and ``highest`` narrow the altitude limits during the motion. ``ms``: a tap of this many milliseconds at
-    guide rate; a mount that times guide pulses is sent a pulse -> Pulsed.
+    ``lowest`` and ``highest`` narrow the altitude limits during the motion. With ``ms`` it is a tap of so many
+    milliseconds at guide rate, sent as a guide pulse if the mount times pulses itself (the answer is then Pulsed).
     """
 
     called = "Arrow"
 
     direction: Direction
     rate: Rate
-    lowest: float | None = None
-    highest: float | None = None
-    ms: int | None = None
+    lowest: float | None = None  # altitude limit during the motion, degrees
+    highest: float | None = None  # altitude limit during the motion, degrees
+    ms: int | None = None  # length of a tap
 
     @property
     def axis(self) -> int:
@@ -79,8 +79,8 @@ class MoveAxis(Operation[None], frozen=True):
 
     called = "Arrow"
 
-    axis: int
-    sense: int
+    axis: int  # 1 or 2
+    sense: int  # of the motor, +1 or -1
     rate: Rate
 
 
@@ -101,13 +101,13 @@ class AbortMotion(Operation[None], frozen=True):
 class Pulse(Operation[Pulsed | None], frozen=True):
     """Guide in a direction for some milliseconds.
 
-    ``sky``: the direction is that on the sky: north is north on both sides of the pier, and on an alt-az mount both
-    axes turn. Otherwise it is a motor's direction.
+    With ``sky`` it is the direction on the sky: north is north on both sides of the pier, and on an alt-az mount both
+    axes turn. Without ``sky`` it is the direction of one motor.
     """
 
     direction: Direction
     ms: int
-    sky: bool = False
+    sky: bool = False  # the direction is one on the sky, not a motor's
 
 
 class PulseAxis(Operation[Pulsed | None], frozen=True):
@@ -115,10 +115,10 @@ class PulseAxis(Operation[Pulsed | None], frozen=True):
 
     called = "Pulse"
 
-    axis: int
-    sense: int
+    axis: int  # 1 or 2
+    sense: int  # of the motor, +1 or -1
     ms: int
-    rate: float | None = None
+    rate: float | None = None  # fraction of sidereal
 
 
 class AbortSlew(Operation[None], frozen=True):
@@ -130,8 +130,8 @@ class AbortSlew(Operation[None], frozen=True):
 class SetTracking(Operation[None], frozen=True):
     """Turn tracking off, or on in ``mode``, by default the mount's own mode.
 
-    ``heard``: wait for what the mount reports afterwards; raises Refused if it has not changed. ``code`` is the number
-    of the mode in the mount's own protocol, from a program to which the mount itself is presented.
+    With ``heard`` it waits for the mode that the mount reports then, and raises Refused if the mode has not changed.
+    ``code`` is the mode's number in the mount's own protocol, if the client speaks that protocol.
     """
 
     called = "Tracking"
@@ -140,8 +140,8 @@ class SetTracking(Operation[None], frozen=True):
 
     on: bool
     mode: Tracking | None = None
-    heard: bool = False
-    code: int | None = None
+    heard: bool = False  # check the reported mode afterwards
+    code: int | None = None  # number of the mode in the mount's protocol
 
 
 class TrackRate(Operation[None], frozen=True):
@@ -152,7 +152,7 @@ class TrackRate(Operation[None], frozen=True):
     survives_abort = True
 
     name: str | None = None
-    factor: float | None = None
+    factor: float | None = None  # multiple of sidereal
 
 
 class Park(Operation[None], frozen=True):
@@ -164,7 +164,7 @@ class Home(Operation[None], frozen=True):
 
 
 class SetHome(Operation[None], frozen=True):
-    """Store the present position as home; a mount with marks on its axes may turn to search for them."""
+    """Store the present position as home; a mount with index marks on its axes may turn to search for them."""
 
     called = "Home position"
 
@@ -188,28 +188,28 @@ class Wake(Operation[None], frozen=True):
 
 
 class PassThrough(Operation[Values | None], frozen=True):
-    """Pass on a command that the gateway does not interpret -> the reply's fields.
+    """Pass a command to the mount unchanged -> the fields of its reply.
 
-    Only if client and mount speak the same protocol. ``fields`` are the request's field values, in order.
+    Client and mount must speak the same protocol. ``fields`` are the values of the command's fields, in order.
     """
 
     called = "Command of the mount's own"
 
-    command: str
+    command: str  # its name in commands.toml
     fields: Fields = ()
 
 
 class Choose(Operation[Chosen], frozen=True):
-    """Select an object of the mount's library -> Chosen. ``first`` are the commands on which its number depends.
+    """Select an object of the mount's library -> Chosen. ``first``: commands to send before, as to select a catalogue.
 
-    This is no motion but takes its turn among motions: the mount has one target, which gotos and syncs set as well.
-    ``ra`` and ``dec`` are the present target, which stays if no object is found.
+    It waits for its turn among gotos and syncs, because they set the mount's only target, too. ``ra`` and ``dec`` are
+    the client's present target, which stays set if no object is found.
     """
 
     survives_abort = True
 
-    command: str
+    command: str  # its name in commands.toml
     fields: Fields = ()
-    first: tuple[tuple[str, Fields], ...] = ()
-    ra: float = 0.0
-    dec: float = 0.0
+    first: tuple[tuple[str, Fields], ...] = ()  # commands to send before, with their fields
+    ra: float = 0.0  # of the present target
+    dec: float = 0.0  # of the present target

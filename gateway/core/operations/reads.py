@@ -1,4 +1,4 @@
-"""Operations that read something and change nothing. The arrow names the type of the answer."""
+"""Operations that read something and change nothing. In their docstrings ``->`` precedes the type of the answer."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from gateway.core.operations.values import (
 
 
 class Position(Read[Equatorial], frozen=True):
-    """-> Equatorial."""
+    """-> Equatorial: the position of date that the mount points at."""
 
 
 class HorizontalPosition(Read[Horizontal], frozen=True):
-    """-> Horizontal, as a fork reports it, or calculated from right ascension, declination, site and clock."""
+    """-> Horizontal: where the tube points, as a fork reports it, or computed from position, site and clock."""
 
 
 class AxisPosition(Read[Horizontal], frozen=True):
@@ -34,15 +34,15 @@ class Slewing(Read[bool], frozen=True):
 
 
 class GetStatus(Read[Status], frozen=True):
-    """-> Status."""
+    """-> Status: the mount's tracking mode and alignment."""
 
 
 class GetActivity(Read[Activity], frozen=True):
-    """-> Activity, which needs no request to the mount."""
+    """-> Activity: the motions that this gateway has ordered. The mount is not asked."""
 
 
 class GetAbilities(Read[Abilities], frozen=True):
-    """-> Abilities, after the mount was identified."""
+    """-> Abilities of the mount, by its model and version."""
 
 
 class TubeSide(Read[str], frozen=True):
@@ -52,15 +52,15 @@ class TubeSide(Read[str], frozen=True):
 
 
 class GetIdentity(Read[Identity], frozen=True):
-    """-> Identity."""
+    """-> Identity: product, model and versions of the mount."""
 
 
 class GetSite(Read[Place], frozen=True):
-    """-> Place."""
+    """-> Place: the site."""
 
 
 class GetClock(Read[Moment], frozen=True):
-    """-> Moment."""
+    """-> Moment: the time and UTC offset of the mount's clock."""
 
 
 class GetGps(Read[Gps], frozen=True):
@@ -129,12 +129,12 @@ class HomeState(Read[int], frozen=True):
 class NativeRequest(Read[bytes], frozen=True):
     """A request in the client's own protocol -> bytes: the mount's reply, unchanged.
 
-    Only if client and mount speak the same protocol. ``fields`` are those of the request. ``keep`` says how long all
-    clients share a reply, and which setting overrides it (``KEEPS``, ``wireformat/rows.py``), or ``dialect`` for a
-    command of the mount's dialect. Raises Unsupported if a client has set another value that the mount did not take,
-    Silence if the mount does not reply.
+    Client and mount must speak the same protocol. ``keep`` says how long the reply is cached for all clients, and
+    which setting makes it obsolete (a key of ``KEEPS`` in ``wireformat/rows.py``), or is ``dialect`` for a command of
+    the mount's dialect. Raises Unsupported if the mount did not accept a value that a client has set, Silence if it
+    does not reply.
     """
 
-    command: str
+    command: str  # its name in commands.toml
     fields: Fields = ()
-    keep: str = "state"
+    keep: str = "state"  # how long the reply is cached

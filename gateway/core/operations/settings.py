@@ -1,4 +1,4 @@
-"""Operations that set values of a mount or a device of it, or move the focuser."""
+"""Operations that set values of the mount or of its devices, or move the focuser."""
 
 from __future__ import annotations
 
@@ -8,31 +8,31 @@ from gateway.core.operations.values import Operation
 class SetSite(Operation[None], frozen=True):
     """Set latitude and/or longitude (east positive) in degrees; None keeps the present value.
 
-    With ``others``, the mount's own site is in force again, whatever clients have set. The mount is then sent the given
-    site only if it reports none, or one of ``others``, the sites that the gateway had sent it.
+    ``others`` are sites that the gateway has sent to the mount for clients. With them, the mount's own site applies
+    again: the given site is sent only if the mount reports no site, or one of ``others``.
     """
 
     latitude: float | None = None
     longitude: float | None = None
-    others: tuple[SetSite, ...] | None = None
+    others: tuple[SetSite, ...] | None = None  # sent earlier by the gateway
 
 
 class SetClock(Operation[None], frozen=True):
     """Set UTC (Unix seconds) and the offset, local minus UTC in hours, of which ``dst`` hours are daylight saving.
 
-    ``heard``: wait for the mount's own answer, if it comes soon. Raises Refused then if the mount refuses it.
+    With ``heard`` it waits a short time for the mount's reply, and raises Refused if the mount refuses the value.
     """
 
-    unix: float
-    offset: float
+    unix: float  # UTC, Unix seconds
+    offset: float  # local minus UTC, hours
     dst: int | None = None
-    heard: bool = False
+    heard: bool = False  # wait for the mount's reply
 
 
 class SetZone(Operation[None], frozen=True):
-    """Set the zone in which this program reads the time, and nothing else: local minus UTC in hours. UTC stays."""
+    """Set the UTC offset with which this client reads the time (local minus UTC, hours). The mount's clock stays."""
 
-    offset: float
+    offset: float  # local minus UTC, hours
 
 
 class ClockFromGps(Operation[None], frozen=True):
@@ -43,26 +43,26 @@ class SetGuideRate(Operation[None], frozen=True):
     """Set the autoguide rate of an axis as a fraction of sidereal."""
 
     axis: int
-    rate: float
+    rate: float  # fraction of sidereal
 
 
 class Backlash(Operation[None], frozen=True):
-    """Set the antibacklash of an axis, 0-99: in one sense of its motor (1, -1), or in both (0)."""
+    """Set the backlash compensation of an axis, 0-99: for one sense of its motor (1, -1), or for both (0)."""
 
     axis: int
-    value: int
-    sense: int = 0
+    value: int  # 0-99
+    sense: int = 0  # of the motor, 0: both
 
 
 class PeriodicError(Operation[None], frozen=True):
     """Turn periodic error correction on or off, or toggle it (None), on one axis or both (None)."""
 
-    axis: int | None = None
-    on: bool | None = None
+    axis: int | None = None  # None: both
+    on: bool | None = None  # None: toggle
 
 
 class Focus(Operation[None], frozen=True):
     """Move the focuser: +1 in, -1 out, 0 halt; speed 1-4."""
 
-    direction: int
-    speed: int = 2
+    direction: int  # 1 in, -1 out, 0 halt
+    speed: int = 2  # 1-4

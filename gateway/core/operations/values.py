@@ -1,7 +1,6 @@
 """The base classes of operations, and the values in them and in their answers: positions, times, rates, status.
 
-An operation is a frozen value, generic in the type of its answer: for an ``Operation[T]`` ``perform`` returns a T; for
-a plain ``Operation`` the type is not known.
+An operation is a frozen value, generic in the type of its answer: ``perform`` returns a T for an ``Operation[T]``.
 """
 
 from __future__ import annotations
@@ -32,20 +31,21 @@ Values = dict[str, Any]
 Fields = tuple[tuple[str, object], ...]
 
 
-#: Fields of operations that are numbers -> what they are called; and those that end at a pole.
+#: Fields of operations that are numbers -> their name in messages.
 NUMBER_FIELDS = {
     "ra": "right ascension", "dec": "declination", "az": "azimuth", "alt": "altitude", "latitude": "latitude",
     "longitude": "longitude", "lowest": "lowest altitude", "highest": "highest altitude", "fastest": "fastest speed",
     "unix": "time", "offset": "UTC offset", "rate": "rate", "factor": "factor", "ms": "duration",
 }  # fmt: skip
+#: Fields of operations in degrees, and those of them that are limited to -90 to 90.
 DEGREE_FIELDS = ("ra", "dec", "az", "alt", "latitude", "longitude", "lowest", "highest")
 POLAR_FIELDS = ("dec", "latitude")
-#: Fields that have a few values only: the axis of a motor, and the sense in which it turns.
+#: Field with few possible values -> these values: the axis of a motor, and the sense in which it turns.
 FIELD_CHOICES: dict[str, tuple[object, ...]] = {"axis": (1, 2), "sense": (1, -1)}
 
 
 def _is_number(value: object, maximum: float) -> bool:
-    """Whether this is a finite number, at most so large without its sign."""
+    """Whether this is a finite number with an absolute value of at most ``maximum``."""
     try:
         number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else inf
     except (OverflowError, TypeError, ValueError):  # a whole number of a thousand digits, a masked value
@@ -54,10 +54,10 @@ def _is_number(value: object, maximum: float) -> bool:
 
 
 class Operation(Struct, Generic[AnswerT], frozen=True):
-    """Base of all operations. An operation that ``survives_abort`` is no motion: a stop leaves it alone.
+    """Base of all operations. A stop does not cancel an operation that ``survives_abort``, because it is no motion.
 
-    ``called`` is its name for people, if that is not the words of the class name. Raises Invalid for a number that is
-    missing, not finite, or beyond a pole (``polar`` fields): nobody can order a motion to an impossible place.
+    ``called`` is its name in messages, if it differs from the words of the class name. Raises Invalid for a number that
+    is missing or not finite, and for a ``polar`` field (declination, latitude) beyond a pole.
     """
 
     polar: ClassVar[tuple[str, ...]] = POLAR_FIELDS
@@ -80,7 +80,7 @@ class Operation(Struct, Generic[AnswerT], frozen=True):
 
     @classmethod
     def title(cls) -> str:
-        """Return the kind of the operation as text, to begin a line of the log: ``Goto``, ``Release of an arrow``."""
+        """Return the name of the operation in messages and in the log: ``Goto``, ``Release of an arrow``."""
         return cls.called or re.sub("(?<=[a-z])(?=[A-Z])", " ", cls.__name__).capitalize()
 
 
@@ -90,7 +90,7 @@ def _defaults(kind: type[Operation]) -> dict[str, object]:
 
 @cache
 def _numbers(kind: type[Operation]) -> tuple[tuple[str, float, bool], ...]:
-    """Return the numbers among the fields of an operation: name, largest value, and whether None may stand for it."""
+    """Return the number fields of an operation: name, maximum of the absolute value, and whether None is allowed."""
     without = _defaults(kind)
     return tuple(
         (name, 90.0 if name in kind.polar else inf, without.get(name, 0.0) is None)
@@ -101,7 +101,7 @@ def _numbers(kind: type[Operation]) -> tuple[tuple[str, float, bool], ...]:
 
 @cache
 def _choices(kind: type[Operation]) -> tuple[tuple[str, tuple[object, ...]], ...]:
-    """Return the fields of an operation that have only a few values, and these values; a default is one of them."""
+    """Return the fields of an operation that have only a few possible values, with these values and the default."""
     without = _defaults(kind)
     return tuple(
         (name, (*FIELD_CHOICES[name], without[name]) if name in without else FIELD_CHOICES[name])
@@ -111,7 +111,7 @@ def _choices(kind: type[Operation]) -> tuple[tuple[str, tuple[object, ...]], ...
 
 
 class Read(Operation[AnswerT], frozen=True):
-    """Base of the operations that change nothing."""
+    """Base of the operations that read something and change nothing."""
 
 
 class Direction(Enum):
@@ -124,17 +124,17 @@ class Direction(Enum):
 
     @property
     def word(self) -> str:
-        """The name for sentences: ``north`` and so on."""
+        """The name in messages: ``north``, ``south``, ``east`` or ``west``."""
         return self.name.lower()
 
     @property
     def axis(self) -> int:
-        """1 = right ascension / azimuth, 2 = declination / altitude."""
+        """The axis that the arrow turns: 1 = right ascension or azimuth, 2 = declination or altitude."""
         return 2 if self in (Direction.NORTH, Direction.SOUTH) else 1
 
     @property
     def sense(self) -> int:
-        """+1 = west or north, -1 = east or south."""
+        """The sense in which the arrow turns its axis: +1 = west or north, -1 = east or south."""
         return 1 if self in (Direction.NORTH, Direction.WEST) else -1
 
 
@@ -158,8 +158,8 @@ class Rate(Struct, frozen=True):
     """
 
     name: str | None = None
-    key: int | None = None
-    degrees: float | None = None
+    key: int | None = None  # of the hand control, 1 (slowest) to 9
+    degrees: float | None = None  # degrees a second
 
     def __post_init__(self) -> None:
         if self.name not in (None, "guide", "center", "find", "max"):
@@ -195,15 +195,15 @@ class Moment(Struct, frozen=True):
     ``dst`` are the hours of daylight saving in the offset, 0 or 1; None if unknown.
     """
 
-    unix: float
-    offset: float
-    dst: int | None = None
+    unix: float  # UTC, Unix seconds
+    offset: float  # local minus UTC, hours
+    dst: int | None = None  # hours of daylight saving in the offset
 
 
 class Gps(Struct, frozen=True):
     """The report of a GPS receiver: whether it has a fix (``linked``), and if so its site and UTC as Unix seconds."""
 
-    linked: bool
+    linked: bool  # has a fix
     place: Place | None = None
     unix: float = 0.0
 
@@ -211,45 +211,45 @@ class Gps(Struct, frozen=True):
 class Status(Struct, frozen=True):
     """The state of the mount: its tracking mode, whether it is aligned, whether it is ``equatorial``.
 
-    ``wedge``: it is a fork on a wedge, its first axis reads from north; in other equatorial mounts, the hour angle.
-    ``code``: the number that the mount itself gives to the mode in which it tracks, if it gives any.
+    ``wedge``: it is a fork on a wedge, whose first axis reads from north; that of other equatorial mounts reads the
+    hour angle. ``code``: the number of the tracking mode in the mount's protocol, if it reports one.
     """
 
     tracking: Tracking
     aligned: bool
     equatorial: bool
-    wedge: bool = False
-    code: int | None = None
+    wedge: bool = False  # a fork on a wedge
+    code: int | None = None  # the mount's number of its tracking mode
 
 
 class Activity(Struct, frozen=True):
-    """The motion of a mount by orders of this gateway: a goto, an axis by hand, a guide pulse; whether it is parked,
-    and whether it was sent home last and not moved since. ``short`` is why the last goto ended before its goal.
+    """The motions of a mount that this gateway has ordered: a goto, an axis by hand, a guide pulse; whether the mount
+    is parked, and whether it is still at the home position to which it was sent (``homed``).
 
-    A pending order counts, so that no client sees the mount at rest between an order and its motion. ``ends``: a motion
-    has ended, and the position does not show the mount at rest yet. ``unknown``: the mount has reported no position for
-    so long that nobody knows whether it moves.
+    A pending order counts as a motion. ``ends``: a motion was stopped, and the positions do not show the mount at rest
+    yet. ``unknown``: the mount has reported no position for so long that its motion is not known. ``short``: why the
+    last goto ended before its target.
     """
 
     goto: bool = False
     by_hand: bool = False
-    pulse: bool = False
-    ends: bool = False
-    unknown: bool = False
+    pulse: bool = False  # a guide pulse
+    ends: bool = False  # stopped, not at rest yet
+    unknown: bool = False  # no position for too long
     parked: bool = False
     homed: bool = False
-    short: str = ""
+    short: str = ""  # why the last goto ended before its target
 
 
 class Abilities(Struct, frozen=True):
     """The abilities of a mount: the names of the operations that it ``can`` carry out; the ``speeds`` of its axes as
-    ranges (from, to) in degrees a second; guide rates as fractions of sidereal; if German, None if unknown.
+    ranges (from, to) in degrees a second; its guide rates as fractions of sidereal; whether it is a German mount.
     """
 
-    can: frozenset[str] = frozenset()
-    speeds: tuple[tuple[float, float], ...] = ()
-    guides: tuple[float, float] = (0.0, 0.0)
-    german: bool | None = None
+    can: frozenset[str] = frozenset()  # names of operations
+    speeds: tuple[tuple[float, float], ...] = ()  # of an axis: (from, to), degrees a second
+    guides: tuple[float, float] = (0.0, 0.0)  # guide rates of axis 1 and 2, fractions of sidereal
+    german: bool | None = None  # None: unknown
 
 
 class Identity(Struct, frozen=True):
@@ -258,7 +258,7 @@ class Identity(Struct, frozen=True):
     product: str
     version: str
     model: str
-    motors: tuple[str, ...] = ()
+    motors: tuple[str, ...] = ()  # versions of the motor controllers
 
 
 class Chosen(Struct, frozen=True):
@@ -267,18 +267,18 @@ class Chosen(Struct, frozen=True):
     ``place`` is None if no object was found.
     """
 
-    place: Equatorial | None
+    place: Equatorial | None  # its position
     text: str = ""
     reply: bytes = b""
 
 
 class Pulsed(Struct, frozen=True):
-    """A guide pulse began: seconds until its end, whether the motor ``ends`` it, milliseconds ``left`` to send.
+    """A guide pulse began: it lasts ``seconds`` from ``since``, a time of the event loop (None: from now).
 
-    ``since`` is the loop time from which the seconds count; None is now.
+    ``ends``: the motor ends the pulse by itself. ``left``: the milliseconds for which further pulses must be sent.
     """
 
     seconds: float
-    ends: bool
-    left: int = 0
-    since: float | None = None
+    ends: bool  # by itself
+    left: int = 0  # milliseconds still to be sent
+    since: float | None = None  # time of the event loop

@@ -22,7 +22,7 @@ from gateway.fleet.link import BrokerLink
 from gateway.fleet.topics import ONLINE, MqttMessage, Received, Topics
 from gateway.transport.web_server import WebServer
 
-#: Gateway and mount.
+#: The ID of a gateway, and the name of one of its mounts.
 _Name = tuple[str, str]
 #: The maximum number of mounts; the maximum length of a text that is shown.
 MAX_MOUNTS, MAX_TEXT_LENGTH = 5000, 200
@@ -31,27 +31,27 @@ RESULT_KINDS = ("done", "failed", "refused")
 
 
 class ShownState(Struct, frozen=True):
-    """The shown part of a mount's state."""
+    """The values of a mount's published state that the page shows."""
 
     online: bool = False
-    does: str = ""
+    does: str = ""  # activity in words
     ra_hours: float | None = None
     dec_degrees: float | None = None
     altitude_degrees: float | None = None
     azimuth_degrees: float | None = None
     moving: bool = False
-    held: bool = False
+    held: bool = False  # no client may move it
     model: str | None = None
-    programs: int = 0
-    time: float = 0.0
+    programs: int = 0  # connected
+    time: float = 0.0  # Unix seconds
 
 
 class ShownEvent(Struct, frozen=True):
-    """The shown part of an event."""
+    """The values of a published event that the page shows."""
 
     kind: str
-    who: str = ""
-    words: str = ""
+    who: str = ""  # the client, or the mount
+    words: str = ""  # the message
 
 
 class Roster:
@@ -73,7 +73,7 @@ class Roster:
         return [topics.availability, topics.of("+", "state"), topics.of("+", "event")]
 
     def receive(self, received: Received) -> None:
-        """Take a message of the broker."""
+        """Store a message from the broker, if it has an expected topic and form."""
         match self._topics.parts(received.topic):
             case [gateway, "availability"] if gateway in self._available or len(self._available) < MAX_MOUNTS:
                 self._available[gateway] = received.payload == ONLINE
@@ -117,14 +117,14 @@ PAGE_FOLDER = Path(__file__).parent / "page"
 #: Files of the console's page that this server serves as well.
 CONSOLE_FILES = ("css/tokens.css", "css/base.css", "css/forced.css", "js/first.js", "js/core/dom.js",
                  "js/core/format.js", "icon.svg")  # fmt: skip
-#: Seconds within which a broker passes a message on; messages per second, more than 1,000 mounts send.
+#: Timeout in seconds for the broker to send a stop back to this server; the most messages a second that are accepted.
 ECHO_TIMEOUT, MAX_MESSAGE_RATE = 3.0, 5000
 #: The message if a stop was not passed on.
 STOP_FAILED = "STOP WAS NOT SENT: {why}. Use mount-gateway stop at the mount's computer, its keys, or its power switch."
 
 
 class StopForm(Struct, frozen=True, forbid_unknown_fields=True):
-    """A request to stop a mount; both fields empty: all mounts."""
+    """A request of the page to stop a mount, or all mounts if both fields are empty."""
 
     gateway: str = ""
     mount: str = ""
