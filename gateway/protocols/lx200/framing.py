@@ -27,7 +27,7 @@ _BEGINNERS = frozenset(b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz$?"
 
 
 def setter(begun: bytes) -> str | None:
-    """Return the command with an argument that these bytes begin, "" for an unknown ``:S`` command, else None."""
+    """Return the name of the command with an argument that ``begun`` begins, "" for an unknown ``:S``, else None."""
     command = load("lx200").begun(begun)
     if command is not None:
         return command.name if command.request.fields else None
@@ -42,7 +42,7 @@ def stops() -> tuple[bytes, ...]:
 
 
 class Lx200Framer:
-    """Cuts a byte stream into whole commands, ``b":GR#"``, ``b"$Q#"`` or ``b"\x06"``."""
+    """Cuts a byte stream into whole commands, such as ``b":GR#"``, ``b"$Q#"`` or the single byte 0x06 (ACK)."""
 
     #: Nothing is held back until the line is quiet.
     held = False

@@ -94,9 +94,9 @@ _TURN = 360 * 60
 
 
 class Notation:
-    """The notation of a telescope: separators, the seconds of a site, the sign of a longitude or a rate.
+    """How a telescope writes its numbers: separators, the seconds of a site, the sign of a longitude or a rate.
 
-    ``learn`` takes the telescope's answers, ``write`` converts a reply of the manual's form.
+    ``learn`` notes it from the telescope's replies, ``write`` converts a reply in the manual's form into it.
     """
 
     def __init__(self) -> None:
@@ -128,10 +128,10 @@ class Notation:
 
 
 class Lx200ReplyRules:
-    """The ``ReplyRules`` of a Meade. They own the notation that was learnt from its answers.
+    """The ``ReplyRules`` of a Meade, with the notation learnt from its replies.
 
-    ``protocol`` is the dialect of the ``speaker``, which asks the mount for its name. Without a speaker it is the
-    dialect of the ``model`` that the user has named, or whose name the mount replies.
+    ``protocol`` is the dialect of ``speaker``, the driver that asks the mount for its name. Without a driver it is the
+    dialect of ``model``, or of the name that the mount replies.
     """
 
     closing, padding = b"#", PADDING
@@ -168,7 +168,7 @@ class Lx200ReplyRules:
     def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
         """Return the reply at the start of the buffer and its length, or None while it is incomplete.
 
-        The values include ``length``, which tells low precision from high. Raises ValueError for one out of range.
+        The values include its ``length``, which shows the precision. Raises ValueError for a value out of range.
         """
         replies = self.protocol.commands[ask.command].replies
         if buffer[:1] == bytes((NAK,)):

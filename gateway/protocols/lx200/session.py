@@ -20,7 +20,7 @@ class Draft(Struct):
     """The parts of a clock that a client has set and that are not sent to the mount yet.
 
     ``time`` is seconds of the day, and the host's time when it was set; ``touched`` is when the last part was set.
-    ``stamped``: a single command has set date and time. ``carried``: parts (``time``, ``day``) of an earlier clock.
+    ``stamped``: one command has set date and time. ``carried``: parts taken over from the clock sent before.
     """
 
     time: tuple[float, float] | None = None
@@ -42,7 +42,7 @@ class Draft(Struct):
 
 
 class LibraryLimits(Struct, frozen=True):
-    """The limits of ``browse`` and ``identify``: magnitudes, sizes and field diameter in arcminutes, types, quality."""
+    """Limits of a library search: magnitudes, sizes and field diameter in arcminutes, types, lowest quality."""
 
     brighter: float = -5.5
     fainter: float = 20.0
@@ -84,8 +84,8 @@ class LxClientState(ClientState):
     land: bool = False
     #: The site that this client has selected, from 0.
     site: int | None = None
-    #: ``offset``: hours, local minus UTC. ``dated``: the date that was set, and the host's time then.
-    #: ``local``: the date and time sent last, the host's time then, and the offset.
+    #: Local time minus UTC, hours; the clock being set; the date set last, and the host's time then; the date and
+    #: seconds of the day sent last, the host's time then, and the offset in hours.
     offset: float | None = None
     draft: Draft | None = None
     dated: tuple[date, float] | None = None

@@ -1,9 +1,9 @@
-"""Framing of NexStar requests: the first byte gives the length; neither ``#`` nor the boundaries of a read count.
+"""Framing of NexStar requests: the first byte gives the length; ``#`` and the boundaries of reads mean nothing.
 
-The table holds the length of every opcode of any hand control, so that data bytes are never read as commands. A byte
-that begins no command drops all after it until 0.1 s of quiet. A partial command is dropped after one second of quiet.
+The table holds the length of every opcode of any hand control, so that data bytes are never read as commands. After a
+byte that begins no command all is dropped until 0.1 s of quiet. A partial command is dropped after one second of quiet.
 Its end may arrive within another three seconds and must move nothing, so bytes that are exactly the missing ones are
-ignored then. Any other whole command is carried out: stops and echo requests at once, the rest when it is quiet.
+ignored then. Other whole commands are carried out: stops and echo requests at once, the rest when it is quiet.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def is_question(frame: bytes) -> bool:
 class Interrupted:
     """An incomplete command that was dropped, how many bytes it lacks, and the ``burst`` of bytes since the last pause.
 
-    ``expires_at`` is the time after which its end is no longer expected, ``lengths`` those of all commands.
+    After ``expires_at`` its end is no longer expected. ``lengths`` are the lengths of all commands, by first byte.
     """
 
     def __init__(self, half: bytes, expires_at: float, lengths: dict[int, int]) -> None:

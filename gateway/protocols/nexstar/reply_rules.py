@@ -22,8 +22,8 @@ from gateway.protocols.wireformat.command_set import CommandSet, load
 EXTRA = {"t": 4}
 #: Printable bytes for echo requests. None is ``#``; consecutive resynchronisations use different ones.
 ECHOES = range(0x40, 0x7E)
-#: Seconds that a hand control may take to answer (Developer Notes, Timeouts). It takes them all for a command that it
-#: passes to a device that is not there, so that the line needs some more.
+#: Seconds that a hand control may take to answer (Developer Notes, Timeouts). It takes all of them if it passes a
+#: command to a missing device, so the line is given some more.
 TIMEOUT, LINE = 3.5, 0.5
 
 
@@ -90,7 +90,7 @@ class NexStarReplyRules(ReplyRules):
         return template.decode(buffer[: width - 1] + b"#"), end + 1
 
     def resync_commands(self, number: int) -> Iterator[Send]:
-        """Yield the exchanges that prove the line to be in step: two echoes of bytes that were not used recently."""
+        """Yield the requests that show whether replies are in step: two echoes of bytes that were not used recently."""
         for step in (2 * number, 2 * number + 1):
             yield Send("K", {"echo": ECHOES[step % len(ECHOES)]})
 

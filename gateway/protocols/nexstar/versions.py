@@ -26,8 +26,8 @@ GT_FIRST, GT_SECOND = 100, (104, 0)
 #: Up to this version the letters of the pier side are swapped in the southern hemisphere.
 LETTERS_SWAPPED = (5, 24)
 GT_OLD, GT_NEW = (1, 2), (4, 3)
-#: The first versions of a SynScan with sync and pier side, 3 and 4 (SynScan protocol, Sync Commands), the one that the
-#: first counts as, and the one that earlier ones of 4 count as.
+#: The first SynScan versions with sync and pier side, of series 3 and 4 (SynScan protocol, Sync Commands); the version
+#: that the former counts as, and the version that earlier ones of series 4 count as.
 SYNSCAN_THIRD, SYNSCAN_FOURTH, SYNSCAN_COUNTS_AS, SYNSCAN_OLD = (3, 37), (4, 37, 3), (4, 21), (4, 3)
 #: Tracking modes by their code in ``t`` and ``T``; ``SHIFTED_MODES`` on German mounts of a few versions.
 MODES = {0: Tracking.OFF, 1: Tracking.ALTAZ, 2: Tracking.EQ_NORTH, 3: Tracking.EQ_SOUTH}
@@ -108,7 +108,7 @@ def code_of(mode: Tracking, row: Model, version: Version | None) -> int:
 
 
 def letters_swapped(row: Model, version: Version | None) -> bool:
-    """Whether the letters of the pier side are those of the north in the southern hemisphere, too."""
+    """Whether the letters E and W of the pier side are swapped in the southern hemisphere."""
     return "dialect" not in row and version is not None and version <= LETTERS_SWAPPED
 
 

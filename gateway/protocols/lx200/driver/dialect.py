@@ -1,7 +1,7 @@
-"""What the controller of another maker reports of itself, by the facts of its dialect's file.
+"""Reads what another maker's controller, such as an OnStep, reports, as the table of its dialect describes it.
 
-Its state comes in one reply, which is shared by all reads at about the same time; an order makes it stale. Some of its
-speeds are read. If its clock has ended an arrow that nobody has released, the arrow is pressed again.
+A status report serves all reads for some seconds, unless an order is sent. Speeds are read if they depend on the setup.
+If the controller's own timer ends an arrow that nobody has released, the arrow is pressed again.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from gateway.protocols.base.driver import Remark, Schedule, Send, Steps
 from gateway.protocols.lx200.driver.speeds import SPEEDS
 from gateway.protocols.lx200.driver.state import OWN_PATIENCE, ControllerReport, Lx200Driver, ask
 
-#: Seconds for which a reply serves further questions; an order makes it stale at once.
+#: Seconds for which a status report is reused; an order makes it stale at once.
 SHARED = 2.5
-#: Seconds from an arrow to the look whether it moves the mount, and between two further looks.
+#: Seconds from pressing an arrow to the first check whether it moves the mount, and between two further checks.
 LOOK_FIRST, LOOK_AGAIN = 1.25, 2.0
-#: Seconds that such a look may take, on a quick line.
+#: Shortest timeout of such a check, seconds.
 GLANCE = 0.5
 
 
 def read_report(mount: Lx200Driver, status_request: Send | None = None) -> Steps:
-    """Return the report by ``status_request``, :GU or :GW; a recent one if nothing was ordered since it came."""
+    """Return the status report: the last one if it is recent and nothing was ordered since, else a new one."""
     if mount.reported is None or mount.now() - mount.reported[0] > SHARED:
         form = mount.dialect["status"]
         answer = (yield status_request) if status_request is not None else (yield from ask(mount, form["command"]))
@@ -109,7 +109,7 @@ def _number(mount: Lx200Driver, command: str) -> Steps:
 
 
 class KeepOn(Operation, frozen=True):
-    """Internal: check whether the arrow of this axis, pressed at this time, still moves the mount, as last observed."""
+    """Internal: check whether an arrow still moves the mount; ``observed_at`` is when it was last seen to do so."""
 
     axis: int
     pressed_at: float
@@ -123,10 +123,10 @@ def watch_arrow(mount: Lx200Driver, axis: int) -> Steps:
 
 
 def keep_on(mount: Lx200Driver, operation: KeepOn) -> Steps:
-    """Press an arrow again that nobody has released and that the controller's clock has ended.
+    """Press an arrow again if the controller's timer has ended it and nobody has released it.
 
-    An arrow that ends at another time has met a limit, or somebody at the keypad has ended it: it is not begun again.
-    Its release waits for this check: a reply that shows the motion counts at once, and a lost reply is not waited for.
+    An arrow that ended at any other time met a limit or was stopped at the keypad: it is not pressed again. A release
+    has to wait for this check, so an unverified reply is accepted if it shows motion, and the timeout is short.
     """
     axis, letter = operation.axis, mount.moving.get(operation.axis)
     if not letter:

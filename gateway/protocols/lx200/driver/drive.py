@@ -19,9 +19,9 @@ from gateway.protocols.lx200.driver.speeds import SIDEREAL_SHOWN as _SIDEREAL
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 
 _DRIVES = {"sidereal": "TQ", "solar": "TS", "lunar": "TL"}
-#: A displayed frequency below the first is the lunar rate, from the second on it is the sidereal one, hertz.
+#: Hertz: a displayed frequency below the first is the lunar rate, from the second on it is the sidereal rate.
 _LUNAR_BELOW, _LOOKS_SIDEREAL = 59.0, 60.0
-#: The frequency of the lunar rate, and twice the last digit of what is displayed.
+#: Hertz: the lunar rate, and how far a displayed frequency may be from the rate that it means.
 _LUNAR, _DIGIT = 57.9, 0.2
 #: Seconds until a drive rate is read again before a motion replaces it.
 _DRIVE_AGE = 60.0
@@ -36,9 +36,9 @@ def set_tracking(mount: Lx200Driver, operation: op.SetTracking) -> Steps:
     """:AL off, :AA or :AP on, only on models that report :GW, because on others these commands destroy the alignment.
     Mounts of other makers have commands without side effects.
 
-    Nothing is sent if the telescope reports now that it is in the wanted state already: the user may have changed it on
-    the hand control. In land mode that report is not trusted, because it may be T during a slew. Raises Refused if an
-    order that is to be ``heard`` does not change what the telescope reports.
+    Nothing is sent if the telescope already reports the requested state: the user may have changed it on the hand
+    control. In land mode that report is not trusted, because it may be T during a slew. Raises Refused if the operation
+    asks for confirmation (``heard``) and the telescope's report does not change.
     """
     if (native_mode(mount) if operation.on else op.Tracking.OFF) is mount.tracking:
         yield from read_status(mount)
@@ -93,7 +93,7 @@ def _drive(mount: Lx200Driver, operation: op.TrackRate) -> Steps:
 
 
 def drive_at(mount: Lx200Driver, hertz: float) -> Steps:
-    """:TM :ST - a classic accepts :ST only in manual mode. Another maker's mount begins to track by it."""
+    """Set the drive rate by :ST, on a Meade after :TM (manual mode). Tracking stays off if it was off."""
     if not mount.dialect:
         yield from ask(mount, "TM")
     yield from ask(mount, "ST", hertz=hertz)
@@ -152,12 +152,12 @@ def _named(mount: Lx200Driver, name: str) -> Steps:
 
 
 def backlash(mount: Lx200Driver, operation: op.Backlash) -> Steps:
-    """:$BA :$BZ on an LX200GPS."""
+    """Set the backlash compensation of an axis by :$BA or :$BZ, which an LX200GPS has."""
     yield from ask(mount, "$BZ" if operation.axis == 1 else "$BA", value=operation.value)
 
 
 def periodic_error(mount: Lx200Driver, operation: op.PeriodicError) -> Steps:
-    """:$QZ :$QA on an LX200GPS. A classic has one toggle (:$Q) for both axes, so its state is counted from power-on."""
+    """Turn PEC on or off: :$QZ :$QA. A classic only toggles it (:$Q), so its state is counted from power-on."""
     wanted = not mount.corrects if operation.on is None else operation.on
     axes = (1, 2) if operation.axis is None or not mount.supports("$QZ+") else (operation.axis,)
     if mount.supports("$QZ+"):
@@ -169,7 +169,7 @@ def periodic_error(mount: Lx200Driver, operation: op.PeriodicError) -> Steps:
 
 
 def focus(mount: Lx200Driver, operation: op.Focus) -> Steps:
-    """:F+ :F- :FQ, after the command for the speed: :F, or on a classic :FF or :FS."""
+    """Move or stop the focuser by :F+ :F- :FQ, after the command for its speed: :F, or on a classic :FF or :FS."""
     if operation.direction and mount.supports("F"):
         yield from ask(mount, "F", speed=operation.speed)
     elif operation.direction:

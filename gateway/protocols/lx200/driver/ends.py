@@ -28,7 +28,7 @@ SAME = 0.003
 
 
 class EndAgain(Operation, frozen=True):
-    """Internal: repeat this command unless a newer motion has begun. It has a stop's priority and survives a stop."""
+    """Internal: send an end command again unless a newer motion has begun. It is as urgent as a stop."""
 
     survives_abort = True
 
@@ -62,7 +62,7 @@ def repeat_end(mount: Lx200Driver, operation: EndAgain) -> Steps:
 
 
 class PutBack(Operation, frozen=True):
-    """Internal: restore the rates, unless something moves again."""
+    """Internal: restore the rates that a motion has changed, unless something moves again."""
 
     survives_abort = True
 
@@ -108,7 +108,7 @@ def set_fastest(mount: Lx200Driver, degrees: float | None) -> Steps:
 
 
 def use_guide_rate(mount: Lx200Driver, fraction: float) -> Steps:
-    """:Rg - set the guide rate, if the model has it and the last value sent was different; it cannot be read."""
+    """:Rg - set the guide rate if the model has :Rg and the last value sent was different; it cannot be read."""
     if _guide_rate_differs(mount, fraction):
         yield from ask(mount, "Rg", rate=min(1.0, fraction) * SIDEREAL_ARCSECONDS)
         mount.guide_rate_sent = fraction

@@ -18,6 +18,7 @@ from gateway.protocols.lx200.driver.identify import ask_repeatedly, read_status
 from gateway.protocols.lx200.driver.pointing import begin, still_seeking, stop_current_motion
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 
+#: Seconds from ending other motion to the search for home, and between two checks whether the search has ended.
 SETTLE, SEEK_EVERY = 0.5, 2.0
 
 
@@ -26,15 +27,15 @@ class SeekOn(op.Operation, frozen=True):
 
 
 def park(mount: Lx200Driver, _: op.Park) -> Steps:
-    """:hP - the telescope turns its drives off when it has arrived."""
+    """:hP - park; the telescope turns its drives off when it has arrived."""
     yield from stop_current_motion(mount)
     yield from begin(mount, "hP", then_command="park")
 
 
 def seek(mount: Lx200Driver, operation: op.Home | op.SetHome) -> Steps:
-    """:hF, or :hS, which stores the positions of the home switches.
+    """Search for home by :hF, or by :hS, which also stores the positions of the home switches.
 
-    A nameless mount is first asked for its name again: an OnStep takes :hF as "this is home".
+    A mount that reported no name is asked for it again first, because an OnStep takes :hF as "this is home".
     """
     nameless = not mount.product and mount.named_model is None
     if nameless and (yield from ask_repeatedly(mount, "GVP", 2)) is not None:
@@ -53,7 +54,7 @@ def seek(mount: Lx200Driver, operation: op.Home | op.SetHome) -> Steps:
 
 
 def check_home_search(mount: Lx200Driver, _: SeekOn) -> Steps:
-    """Check repeatedly whether the search has ended: all other commands wait for it, and no client may be asking."""
+    """Check regularly whether the search for home has ended: other commands wait for it even if no client asks."""
     if not mount.seeking:
         return
     with contextlib.suppress(Busy, NoAnswer):
@@ -106,7 +107,7 @@ def unpark(mount: Lx200Driver, _: op.Unpark) -> Steps:
 
 
 def sleep(mount: Lx200Driver, _: op.Hibernate) -> Steps:
-    """:hN - afterwards no motion is sent: a sleeping telescope would accept it and not move."""
+    """:hN - sleep; no motion is sent afterwards, because a sleeping telescope would accept it and not move."""
     yield from ask(mount, "hN")
     mount.powerless = True
 

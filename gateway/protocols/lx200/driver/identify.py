@@ -17,20 +17,20 @@ from gateway.protocols.lx200.driver.dialect import learn_speeds, read_report
 from gateway.protocols.lx200.driver.state import OWN_PATIENCE, PUSHED, Lx200Driver, ask, ask_unless
 from gateway.protocols.wireformat.command_set import load
 
-#: The timeout of a question that may stay unanswered: TIMES the usual reply time, and at least so many seconds.
+#: Timeout of a question that may stay unanswered: a multiple of the usual reply time, and its minimum in seconds.
 TIMES, AT_LEAST = 2.0, 0.6
 #: Questions to an unknown controller, and what remains unknown without an answer.
 UNKNOWN = {"GVN": "its version", "ACK": "how it is mounted", "GW": "whether it tracks"}
 #: How many positions, so many seconds apart, show whether a mount with bars moves.
 LOOKS, STILL = 3, 1.5
-#: How often another maker's mount is asked for its state: without it, it would be taken for another kind of mount.
+#: How often another maker's mount is asked for its status: without an answer it counts as an unknown controller.
 ASKED_FOR_STATE = 3
 #: The length of a right ascension in high precision.
 HIGH = len("HH:MM:SS#")
 
 
 def contact(mount: Lx200Driver, _: object = None) -> Steps:
-    """ACK, :GR and :GD in high precision -> Equatorial: enough to report the position to clients."""
+    """Read the position by ACK, :GR and :GD in high precision, so that clients can be served before identification."""
     corrects = mount.corrects
     mount.power_on()
     mount.corrects, mount.pushed = corrects, False
@@ -46,7 +46,7 @@ def contact(mount: Lx200Driver, _: object = None) -> Steps:
 
 
 def identity(mount: Lx200Driver, _: Operation) -> Steps:
-    """ACK, :GVP, :GVN, :GW -> Identity."""
+    """Identify the mount by ACK, :GVP, :GVN and :GW; return Identity."""
     if not mount.contacted:
         yield from contact(mount)
     mount.contacted = False
@@ -106,7 +106,7 @@ def _see_whether_pushed(mount: Lx200Driver) -> Steps:
 
 
 def ask_repeatedly(mount: Lx200Driver, command: str, times: int) -> Steps:
-    """Send a question, on whose answer everything depends, several times, because replies may be lost."""
+    """Send an important question so many times at most, because replies may be lost; return its fields or None."""
     answer = None
     for _ in range(times):
         if answer is None:
@@ -151,8 +151,8 @@ def _is_low(answer: Mapping[str, object]) -> bool:
 def high_precision(mount: Lx200Driver) -> Steps:
     """Switch to high precision: read :GR, toggle (:U) if the reply is short, read again; return the last reply.
 
-    A mount of another maker is not switched: it has questions that it answers in high precision in any mode. If it does
-    not answer these, such as a TeenAstro before 1.5, it counts as unknown.
+    Another maker's mount is not switched, because it has questions that it answers in high precision in any mode. If it
+    does not answer those, such as a TeenAstro before 1.5, it counts as an unknown controller.
     """
     mount.low, began = False, mount.now()
     for attempt in range(3):
@@ -183,8 +183,8 @@ def _learn_letter(mount: Lx200Driver, letter: str) -> None:
 def read_status(mount: Lx200Driver) -> Steps:
     """Read :GW, or ACK if the telescope lacks it; without both it is assumed to be aligned and to track.
 
-    In motion a Meade reports what its motors do: no tracking while a key is pressed, tracking for a moment of a goto.
-    So during a motion, its last report at rest counts. A mount of another maker is asked also during a motion.
+    In motion a Meade reports what its motors do: not tracking while a key is pressed, tracking briefly during a goto.
+    So its last report at rest counts during a motion. Another maker's mount is asked during a motion too.
     """
     command = mount.status_command
     if mount.product and not mount.tells_status and command not in mount.mute:  # it was too busy when it was identified
@@ -240,7 +240,7 @@ def native_mode(mount: Lx200Driver) -> Tracking:
 
 
 def status(mount: Lx200Driver, _: GetStatus) -> Steps:
-    """:GW, :GU or ACK -> Status. No bars by :D now: a mount that seemed to move only by hand was slewing then."""
+    """Return Status by :GW, :GU or ACK. If :D shows no bars now, the mount no longer counts as one pushed by hand."""
     try:
         mount.pushed = mount.pushed and bool((yield from ask(mount, "D"))["bars"].strip())
         yield from read_status(mount)

@@ -1,9 +1,9 @@
 """Motion by hand, its rates, and guiding.
 
-The sense of the motors is preserved: positive is west on the first axis (east in the southern hemisphere); on the
-second axis it lifts the tube of a fork, on a wedge towards the elevated pole. On a German Meade the sense of the second
-axis is reversed on one side of the pier, like that of the motors of a German hand control. A variable rate of the right
-ascension motor replaces tracking; a motion in a sky direction is added to it.
+Motor directions: positive is west on the first axis (east in the southern hemisphere) and up on the second axis of a
+fork, on a wedge towards the elevated pole. On a German mount the second axis is reversed on one side of the pier, as on
+a Celestron. A variable rate of the right ascension motor replaces tracking; a motion in a sky direction is added to
+tracking.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def _letter(mount: Lx200Driver, axis: int, sense: int) -> Steps:
 
 
 def move(mount: Lx200Driver, operation: op.Move) -> Steps:
-    """:M… in a sky direction. A tap at guide rate becomes a guide pulse, if the model has them."""
+    """Move in a sky direction by :Mn :Ms :Me :Mw. A tap at guide rate becomes a guide pulse if the model has them."""
     if operation.ms is not None and mount.times_pulses:
         rate = None if mount.supports("Rg") else 1.0
         return (yield from _pulse(mount, operation.axis, operation.direction.value, operation.ms, rate))
@@ -59,7 +59,7 @@ def move(mount: Lx200Driver, operation: op.Move) -> Steps:
 
 
 def move_axis(mount: Lx200Driver, operation: op.MoveAxis) -> Steps:
-    """:M… by motor sense. If the mount tracks, a variable rate in right ascension is relative to a motor at rest."""
+    """Move in a motor direction. A variable rate in right ascension is the total speed, tracking included."""
     axis, rate = operation.axis, operation.rate
     letter = yield from _letter(mount, axis, operation.sense)
     tracks = mount.equatorial and not mount.land and mount.tracking is not op.Tracking.OFF
@@ -164,7 +164,7 @@ def set_guide_rate(mount: Lx200Driver, operation: op.SetGuideRate) -> Steps:
 
 
 def stop_axis(mount: Lx200Driver, operation: op.StopAxis) -> Steps:
-    """:Q… in the direction of the motion; in both directions of the axis if none is known."""
+    """End the motion of an axis by :Qn :Qs :Qe or :Qw; if its direction is unknown, by both commands of the axis."""
     pulsed, moved = mount.pulsing.pop(operation.axis, None), mount.moving.pop(operation.axis, None)
     letter = moved or pulsed
     if moved != "" or pulsed:
@@ -193,7 +193,7 @@ def abort_motion(mount: Lx200Driver, _: op.AbortMotion) -> Steps:
 
 
 def pulse(mount: Lx200Driver, operation: op.Pulse) -> Steps:
-    """:Mg -> Pulsed, at most four digits; without :Mg a motion at guide rate, which the gateway must end."""
+    """Send a guide pulse by :Mg, at most 9999 ms; without :Mg begin a motion that the caller ends. Return Pulsed."""
     if operation.sky and not mount.equatorial and operation.ms > 0:
         return (yield from _pulse_by_both(mount, operation.direction, operation.ms))
     return (yield from _pulse(mount, operation.direction.axis, operation.direction.value, operation.ms, None))
@@ -222,7 +222,7 @@ def _pulse_by_both(mount: Lx200Driver, direction: op.Direction, ms: int) -> Step
 
 
 def pulse_axis(mount: Lx200Driver, operation: op.PulseAxis) -> Steps:
-    """Like ``pulse``, by motor sense and at the rate of the operation."""
+    """Like ``pulse``, in a motor direction and at the rate of the operation."""
     letter = yield from _letter(mount, operation.axis, operation.sense)
     return (yield from _pulse(mount, operation.axis, letter, operation.ms, operation.rate))
 

@@ -40,7 +40,7 @@ def _twice(attempt: Callable[[], Steps]) -> Steps:
 
 
 def set_site(mount: Lx200Driver, operation: SetSite) -> Steps:
-    """:St :Sg - the site is read back, as some reply 0 to a valid site. Raises Refused (it differs), Unsupported."""
+    """:St :Sg - the site is read back, as some reply 0 to a valid one. Raises Refused if it differs, Unsupported."""
     yield from _twice(lambda: _send_site(mount, operation))
 
 
@@ -102,7 +102,7 @@ def _set_zone(mount: Lx200Driver, wanted: float) -> Steps:
 
 def set_clock(mount: Lx200Driver, operation: SetClock) -> Steps:
     """:SG :SL :SC - an offset of a quarter hour is rounded down to the half hour. If the telescope refuses the offset,
-    whole hours are sent, and then none. The local time is set to match, so that UTC is right.
+    whole hours are tried, then an offset of 0. The local time is set to match, so that UTC is right.
     """
     ahead = operation.unix - mount.now()
     yield from _twice(lambda: _send_clock(mount, ahead, operation.offset * 2 // 1 / 2))

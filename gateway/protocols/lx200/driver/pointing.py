@@ -19,14 +19,14 @@ from gateway.protocols.lx200.driver.ends import MOUNT, count_motion, end, restor
 from gateway.protocols.lx200.driver.identify import HIGH, high_precision
 from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Lx200Driver, Lx200GotoState, ask
 
-#: A goto counts as under way for at least START_GRACE seconds, and until :D# has replied QUIET times with no bars.
+#: A goto counts as under way for at least so many seconds, and until so many replies to :D# have had no bars.
 START_GRACE = 0.8
 QUIET = 2
-#: A goto is over, whatever :D# shows, if both coordinates have stayed within so many degrees for so many seconds: one
-#: that is pushed by hand may always show bars. An untracked sky turns by less in this time.
+#: A goto is over, whatever :D# shows, if both coordinates have stayed within so many degrees for so many seconds: a
+#: telescope pushed by hand may always show bars. Without tracking the right ascension changes by less in that time.
 STANDS_WITHIN, STANDS = 0.1, 15.0
-#: How often, and how many seconds apart, the driver asks another maker's mount whether it stands still before a newer
-#: goto (SETTLES), or whether it has taken a sync (LOOKS).
+#: How often another maker's mount is asked whether it stands still before a new goto, how often whether it has taken a
+#: sync, and the seconds between two questions.
 SETTLES, LOOKS, SETTLE_WAIT = 20, 3, 0.5
 #: Seconds allowed between the two reads of a position, and how often both are repeated until they are close enough.
 INSTANT, PAIR_TRIES, HORIZONTAL_TRIES = 0.5, 5, 2
@@ -54,7 +54,7 @@ def position(mount: Lx200Driver, _: op.Position) -> Steps:
 def horizontal_position(mount: Lx200Driver, _: op.HorizontalPosition) -> Steps:
     """:GZ :GA -> Horizontal; None if the telescope does not answer them, or the line is too busy to read both together.
 
-    The controller then computes it. A reply may have been lost: only after GIVEN_UP of them it is not asked again.
+    The controller then computes it. Single replies may be lost, so the driver stops asking only after several.
     """
     if mount.mute.intersection(("GZ", "GA")):
         return None
@@ -90,7 +90,7 @@ def _read_pair(mount: Lx200Driver, first: str, second: str, tries: int) -> Steps
 def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
     """:D -> whether a goto is under way, true until the telescope has settled; motion by hand does not count.
 
-    Without a pending goto, the driver asks only while the telescope moves: a key may move it.
+    Without a goto of the gateway, :D is sent only while something else, such as the hand control, moves the mount.
     """
     if mount.seeking:
         return (yield from still_seeking(mount))
@@ -137,7 +137,7 @@ def still_seeking(mount: Lx200Driver) -> Steps:
 
 
 def goto(mount: Lx200Driver, operation: op.Goto) -> Steps:
-    """:Sr :Sd :MS - a refusal has the telescope's own text."""
+    """:Sr :Sd :MS - slew to a position; a refusal carries the telescope's own text."""
     yield from stop_current_motion(mount)
     yield from set_fastest(mount, operation.fastest)
     yield from aim(mount, operation.ra, operation.dec)
@@ -202,7 +202,7 @@ def stop_current_motion(mount: Lx200Driver) -> Steps:
 
 
 def abort_slew(mount: Lx200Driver, _: op.AbortSlew) -> Steps:
-    """:Q, unless a motion by hand is under way, which :Q would end too; the goto may have begun at the hand control."""
+    """:Q, also for a goto begun at the hand control; but not during a motion by hand alone, which :Q would end."""
     known = mount.goto is not None or mount.seeking
     by_hand = mount.moving or mount.pulsing or mount.now() < mount.pulses_until
     if known or not by_hand:
@@ -212,7 +212,7 @@ def abort_slew(mount: Lx200Driver, _: op.AbortSlew) -> Steps:
 
 
 def sync(mount: Lx200Driver, operation: op.Sync) -> Steps:
-    """:Sr :Sd :CM - an empty text is a refusal. Without a text the position shows whether the sync was taken."""
+    """:Sr :Sd :CM - sync. An empty text is a refusal; if no words are replied, the position is read back."""
     mount.must_move()
     yield from aim(mount, operation.ra, operation.dec)
     said = ""
@@ -242,7 +242,7 @@ def note_chosen_side(mount: Lx200Driver, ra: float) -> None:
 
 
 def beyond_pole(mount: Lx200Driver) -> Steps:
-    """Return whether the second axis is turned beyond the pole, by :GS and the last goto, or :GR. False for a fork."""
+    """Return whether the second axis is turned beyond the pole, by report or by the last goto. False for a fork."""
     if not mount.german:
         return False
     if (side := (yield from reported_side(mount))) is not None:

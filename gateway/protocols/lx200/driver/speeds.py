@@ -47,9 +47,9 @@ class Speed(Struct, frozen=True):
 
 
 class ModelSpeeds(Struct, frozen=True):
-    """The rate commands of a model (:Rg, :RA and :RE, :Sw), its fastest rates, and its drive rates, hertz.
-
-    ``keys`` are the speeds of another maker's rate commands, degrees per second; they are added to tracking.
+    """The speeds of a model: whether it has :Rg, :RA with :RE, and :Sw; its usual and its settable fastest rates,
+    degrees per second; its drive rates, hertz. ``keys`` are another maker's rate commands with their speeds, degrees
+    per second, which are added to tracking.
     """
 
     guides: bool
@@ -62,7 +62,7 @@ class ModelSpeeds(Struct, frozen=True):
 
 
 def ratio_error(requested: float, actual: float) -> float:
-    """Return the difference of two speeds as the logarithm of their ratio; infinite if either is reversed or zero."""
+    """Return the difference of two speeds as the logarithm of their ratio; infinite for other signs or zero."""
     if requested == actual:
         return 0.0
     return abs(math.log(actual / requested)) if requested * actual > 0.0 else math.inf

@@ -26,7 +26,7 @@ UNKNOWN = -1
 _NAMES = {"guide": "RG", "center": "RC", "find": "RM", "max": "RS"}
 #: The commands that identify it; telescopes without a product name answer none of them.
 NAMES = frozenset({"GVP", "GVN", "GVD", "GVT", "GVF"})
-#: Seconds in which a telescope answers a command that it has; its firmware may lack commands of the manual.
+#: Timeout in seconds of commands that some firmware lacks: a telescope that has the command replies within it.
 OWN_PATIENCE = 1.5
 PUSHED = "This device only reports where the telescope points. You push it by hand."
 #: Hand-control keys 1-9 as Meade's four rates.
@@ -34,9 +34,8 @@ _KEYS = {1: "RG", 2: "RG", 3: "RC", 4: "RC", 5: "RC", 6: "RM", 7: "RM", 8: "RS",
 
 
 class Lx200GotoState(GotoUnderWay):
-    """A goto under way; ``quiet`` counts how often :D# has replied with no bars.
-
-    ``read`` is when a position was last read, ``place`` is the position when the telescope last ``moved``.
+    """A goto under way. ``quiet`` counts the replies to :D# without bars. ``read`` is when a position was last read,
+    ``moved`` when it last differed, and ``place`` the position at that time.
     """
 
     quiet: int = 0
@@ -46,9 +45,9 @@ class Lx200GotoState(GotoUnderWay):
 
 
 class ControllerReport(Struct, frozen=True):
-    """The report of a mount of another maker. ``moves``: an arrow or a pulse moves it; ``slews``: a goto, or a search
-    for home by switches, None if it does not report that. ``build`` is a Meade's letter for the mounting, ``side`` the
-    letter of the pier side, or None; ``fault``: a limit of the mount, or an error.
+    """The status that another maker's mount reports. ``moves``: an arrow or a pulse moves it; ``slews``: a goto or a
+    search for home does, None if not reported. ``build``: a Meade's letter for the mounting. ``side``: the pier side, E
+    or W, or None. ``fault``: a limit or an error.
     """
 
     tracks: bool
@@ -62,7 +61,7 @@ class ControllerReport(Struct, frozen=True):
 
 
 class Lx200Driver(Driver):
-    """A Meade telescope, or another maker's with its dialect. ``now`` is a monotonic clock, seconds."""
+    """The driver's state of a Meade, or of another maker's mount by its dialect. ``now`` is monotonic seconds."""
 
     takes_site_aligned = True
     patience = OWN_PATIENCE
@@ -81,7 +80,7 @@ class Lx200Driver(Driver):
         self.named_model = settings.model
         self.count_as(settings.model)
         self.product, self.firmware = "", ""
-        #: Whether it replies in low precision; another maker's mount then gets the second form of a row.
+        #: Whether it replies in low precision; another maker's mount is then sent the second form of a request.
         self.low = False
         # alignment and tracking
         self.home_letter = "A"  # the mounting in :GW# or ACK: A, P or G
@@ -98,7 +97,7 @@ class Lx200Driver(Driver):
         self.contacted = False
         #: Commands that it has beyond those of its model: some that report a classic's name have more than a classic.
         self.extra_commands: frozenset[str] = frozenset()
-        #: Whether it only tells where a telescope points that is pushed by hand.
+        #: Whether it only reports the position of a telescope that the user pushes by hand.
         self.pushed = False
         self.aligned = True
         self.tracking = op.Tracking.ALTAZ
@@ -110,7 +109,7 @@ class Lx200Driver(Driver):
         self.pulsing: dict[int, str] = {}  # axis -> letter of a guide pulse that the gateway must end
         #: When the last pulse that the telescope times itself ends.
         self.pulses_until = -math.inf
-        #: By axis, the sense and the end of its share of the last pulse on the sky, on an alt-az mount.
+        #: By axis of an alt-az mount, its part of the last pulse on the sky, signed milliseconds, and when it ends.
         self.shares: dict[int, tuple[float, float]] = {}
         self.focusing = False
         #: How many motions were begun on each axis; and for each end command sent, these numbers at that time.
@@ -126,24 +125,24 @@ class Lx200Driver(Driver):
         self.guide_rate_sent = 1.0
         #: Whether a motion in right ascension has changed the drive rate.
         self.drive_changed = False
-        # of another maker's: the state that it has told, and when; its own speeds, degrees per second
+        # another maker's mount: its last status report, and when it came; the speeds it reported, degrees per second
         self.reported: tuple[float, ControllerReport] | None = None
         self.own_speeds: dict[str, float] = {}
-        #: The rate commands of the last arrow or pulse, of its own pulses (also before that one), and of its own keys,
-        #: as far as it tells them.
+        #: Rate commands: the last one sent; and as the mount reports them, that of its guide pulses, that of its pulses
+        #: before the gateway sent one, and that of its keypad.
         self.rate_sent: str | None = None
         self.pulse_rate: str | None = None
         self.pulses_before: str | None = None
         self.keys_rate: str | None = None
-        #: The drive rate shown before that, hertz, and when it was read: it may have been set at the hand control.
+        #: The drive rate displayed before a motion, maybe set at the hand control, hertz; and when it was read.
         self.drive_shown: float | None = None
         self.drive_read = -math.inf
         self.power_on()
 
     def power_on(self) -> None:
-        """Reset what no Meade reports: it may have been switched off and on while the line was lost, or not.
+        """Reset what no Meade reports: it may have been switched off and on while the line was lost.
 
-        A rate register that was changed may then hold either value, and is sent again before it is used.
+        A rate that the gateway had changed is then unknown, and is sent again before it is used.
         """
         #: Whether it seeks its home.
         self.seeking = False
@@ -198,7 +197,7 @@ class Lx200Driver(Driver):
         return self.home_letter in "PG"
 
     def must_move(self) -> None:
-        """Raise Refused if the mount can only be moved by hand."""
+        """Raise Refused if the telescope has no motors: the user pushes it by hand."""
         if self.pushed:
             raise Refused(PUSHED)
 
@@ -250,9 +249,9 @@ class Lx200Driver(Driver):
         return (yield Send(operation.command, values, OWN_PATIENCE, raw=True))["raw"]
 
     def saved_state(self, moving: bool) -> SavedValues:
-        """Return the values that no command can read: parked, a changed drive rate, and the mounting without tracking.
+        """Return the values to save that no command can read, such as parked or a changed drive rate.
 
-        (Some do not report the mounting then.) The telescope stores its home, and all models stop alike.
+        In land mode the mounting is saved too, because some telescopes do not report it then.
         """
         stands = {"stands": self.home_letter} if self.land and self.equatorial else {}
         driven = {"driven": True} if self.drive_changed else {}
@@ -275,7 +274,7 @@ class Lx200Driver(Driver):
 
     @property
     def emulated(self) -> str:
-        """A remark that a counted toggle is wrong after a power cycle; empty on a model with two commands."""
+        """What is wrong after a power cycle: the counted PEC toggle. Empty for a model with on and off commands."""
         known = not self.corrects or self.supports("$QZ+")
         return "" if known else "its periodic error counts as not corrected"
 
@@ -299,7 +298,7 @@ class Lx200Driver(Driver):
         return bool(self.dialect) and self.tells_status
 
     def tube_side(self, reported: str) -> str | None:
-        """Return the true side: the one where the second axis reads beyond the pole (W), in the south the east side."""
+        """Return the tube's pier side: the reported letter, swapped in the southern hemisphere; None if unknown."""
         if not (self.german and self.tells_side and reported):
             return None
         return {"E": "W", "W": "E"}[reported] if self.southern else reported
@@ -325,7 +324,7 @@ class Lx200Driver(Driver):
 
     @property
     def abilities(self) -> ModelSpeeds:
-        """The speeds that its model has, for a choice among them."""
+        """The speeds that its model can run at, to choose the nearest from."""
         low, high = self.facts["max_rates"]
         slow, fast = self.facts["hertz"]
         return ModelSpeeds(
@@ -348,7 +347,7 @@ def rate_command(mount: Lx200Driver, rate: op.Rate) -> str:
 
 
 def ask(mount: Lx200Driver, command: str, **values: object) -> Steps:
-    """Send a command with these values, as ``ask_unless`` does."""
+    """Send a command with these values and return the verified reply; errors are those of ``ask_unless``."""
     return (yield from ask_unless(mount, command, values, False))
 
 

@@ -32,7 +32,7 @@ def equatorial(sim: MeadeTelescope, name: str, _: Values) -> bytes:
 
 
 def horizon(sim: MeadeTelescope, name: str, _: Values) -> bytes:
-    """:GZ :GA - a classic writes an apostrophe before the seconds of the azimuth."""
+    """:GZ :GA - azimuth and altitude; a classic writes an apostrophe before the seconds of the azimuth."""
     ra, dec = sim.position()
     az, alt = hour_angle_to_horizon(wrap180(sim.mechanics.sky.sidereal(sim.now) - ra), dec, sim.site[0])
     reply = form(sim, name, az=az, alt=alt)
@@ -64,13 +64,13 @@ def status(sim: MeadeTelescope, name: str, _: Values) -> bytes:
 
 
 def hertz(sim: MeadeTelescope, name: str, _: Values) -> bytes:
-    """:GT - an LX200GPS writes a sign."""
+    """:GT - the tracking rate in hertz; an LX200GPS writes a sign."""
     rate = sim.stored.get("hertz", _POWER_ON_HERTZ.get(sim.model, 60.1))
     return (f"{rate:+05.1f}#" if sim.model == "lx200gps" else f"{rate:04.1f}#").encode()
 
 
 def menu(sim: MeadeTelescope, name: str, _: Values) -> bytes:
-    """:G0 :G1 :G2 - 16 columns on a classic, empty on other models."""
+    """:G0 :G1 :G2 - a line of the mode menu: 16 columns on a classic, empty on other models."""
     if not sim.classic:
         return b"#"
     word = _MENU[name[1]]

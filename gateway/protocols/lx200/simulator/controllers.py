@@ -32,8 +32,8 @@ ONSTEP_NAMES, TEEN_NAMES = {"G": 2, "C": 5, "M": 6, "F": 7, "S": 8}, {"G": 0, "C
 
 
 class FrameCutter:
-    """Cuts frames as these controllers do. An OnStep takes ``any_first`` byte for a colon, and shortens a frame that is
-    too long; a TeenAstro drops it.
+    """Cuts frames as these controllers do. With ``any_first`` (OnStep) any first byte counts as a colon, and a frame
+    that is too long is shortened; a TeenAstro drops such a frame.
     """
 
     def __init__(self, longest: int, any_first: bool) -> None:
@@ -87,7 +87,7 @@ class Controller(SimulatedLx200):
         return FrameCutter(79 if self.onstep else 28, self.onstep)
 
     def times(self, number: int) -> float:
-        """Return a rate in multiples of the sidereal rate."""
+        """Return the speed of a rate number (R0 to R9) in multiples of the sidereal rate."""
         rates, fastest = ONSTEP_RATES if self.onstep else TEEN_RATES, self.mechanics.fastest / SIDEREAL_RATE
         return rates[number] if number < len(rates) else fastest / 2 if self.onstep and number == 8 else fastest
 
@@ -127,7 +127,7 @@ class Controller(SimulatedLx200):
         return b"1"
 
     def refusal(self, height: float) -> bytes | None:
-        """Return why a goto to this altitude is refused."""
+        """Return the reply that refuses a goto to this altitude, degrees; None if it is allowed."""
         reasons = {
             b"3": bool(self.standby),
             b"4": self.parked,
@@ -147,7 +147,7 @@ class Controller(SimulatedLx200):
         return b"0"
 
     def leave(self, goal: Pair | None, parks: bool) -> bytes:
-        """Go to the park or home position; tracking is off."""
+        """Go to the park or home position with tracking off; reply 0 if that is impossible now, else 1."""
         if goal is None or self.parked or self.standby or self.mechanics.slewing(self.now) or self.ends:
             return b"0"
         self.track(False)
@@ -165,7 +165,7 @@ class Controller(SimulatedLx200):
         return b"1"
 
     def declare_home(self) -> bytes:
-        """:hF - this is home, wherever the tube is."""
+        """:hF - declare the present position of the tube to be home."""
         position = self.mechanics.axes(self.now)
         self.mechanics.correct(self.now, (wrap180(HOME[0] - position[0]), wrap180(HOME[1] - position[1])))
         self.track(False)
@@ -198,7 +198,7 @@ class Controller(SimulatedLx200):
         return f"G{'T' if tracks else 'N'}{place}#".encode()
 
     def side(self) -> bytes:
-        """:Gm - a TeenAstro sends two hashes."""
+        """:Gm - the pier side; a TeenAstro sends two hashes."""
         letter = "W" if self.west else "E"
         return f"{letter}#".encode() if self.onstep else f"{letter}##".encode()
 
@@ -339,10 +339,10 @@ def _set_park(sim: Controller) -> bytes:
     return b"1"
 
 
-#: Those of the next commands that only an OnStep or only a TeenAstro has.
+#: Commands of the next table that only an OnStep has, and that only a TeenAstro has.
 OF_ONSTEP = {"GU", "GX90", "GX97", "GtH", "GgH", "GRa", "GDe"}
 OF_TEENASTRO = {"GXT2", "GXRX", "GRL", "GDL"}
-#: Commands without an argument, for which the driver has no row or which it answers by its state.
+#: Commands without an argument that a Meade does not have or answers otherwise.
 WORDS: dict[str, Callable[[Controller], bytes]] = {
     "GU": Controller.letters, "GW": Controller.state, "Gm": Controller.side,
     "GT": Controller.hertz, "Te": lambda sim: sim.switch(True), "Td": lambda sim: sim.switch(False),
@@ -372,7 +372,7 @@ class SimulatedController(Controller):
     """An OnStepX or TeenAstro with its serial port."""
 
     def takes(self, frame: bytes) -> bool:
-        """Whether the controller takes a target of this form: a TeenAstro in high precision only with seconds."""
+        """Whether a TeenAstro accepts a target that is written so: in high precision only with seconds."""
         seconds = len(SEPARATORS.findall(frame[3:])) > 1
         return frame[3:4] == b"L" or (seconds if self.high else not seconds or frame[2:3] in b"az")
 

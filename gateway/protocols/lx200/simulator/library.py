@@ -15,7 +15,7 @@ from gateway.protocols.lx200.simulator.telescope import Handler, MeadeTelescope
 
 
 class Thing(NamedTuple):
-    """An object: right ascension and declination in degrees, J2000."""
+    """An object of the library; right ascension and declination in degrees, J2000."""
 
     messier: int
     ngc: int
@@ -70,7 +70,7 @@ def step(sim: MeadeTelescope, name: str, _: Values) -> None:
 
 
 def catalogue(sim: MeadeTelescope, name: str, values: Values) -> bytes:
-    """:Lo :Ls - "not found" is 0 for :Lo and 2 for :Ls; only a classic sends it."""
+    """:Lo :Ls - select a catalogue; "not found" is 0 for :Lo and 2 for :Ls, and only a classic sends it."""
     present = values["catalog"] in (_DEEP_SKY if name == "Lo" else _STAR_CATALOGUES)
     if present or not sim.classic:
         return b"1"

@@ -134,7 +134,7 @@ def axis_of(sim: MeadeTelescope, letter: str) -> tuple[int, float]:
 
 
 def arrow(sim: MeadeTelescope, name: str, _: Values) -> None:
-    """:Mn :Ms :Me :Mw - the guide rate is added to tracking, the other rates replace it."""
+    """:Mn :Ms :Me :Mw - press a direction key: the guide rate is added to tracking, the other rates replace it."""
     axis, sense = axis_of(sim, name[1])
     if set(sim.arrows) - {axis}:
         release(sim, axis)

@@ -46,14 +46,14 @@ def clock(sim: MeadeTelescope, name: str, _: Values) -> bytes:
 
 
 def offset(sim: MeadeTelescope, name: str, _: Values) -> bytes:
-    """:GG - without padding on a classic."""
+    """:GG - the offset from UTC, without padding on a classic."""
     if sim.classic and sim.offset == int(sim.offset):
         return f"{-int(sim.offset):+d}#".encode()
     return form(sim, name, offset=-sim.offset)
 
 
 def sidereal(sim: MeadeTelescope, name: str, _: Values) -> bytes:
-    """:GS - as set by :SS, else by clock and site."""
+    """:GS - the sidereal time: as set by :SS, else by clock and site."""
     return form(sim, name, sidereal=sim.mechanics.sky.sidereal(sim.now) + sim.stored.get("sidereal ahead", 0.0))
 
 
@@ -76,7 +76,7 @@ def set_time(sim: MeadeTelescope, name: str, values: Values) -> bytes:
 
 
 def set_date(sim: MeadeTelescope, name: str, values: Values) -> bytes:
-    """:SC - an LX200GPS expects the UTC date."""
+    """:SC - set the date; an LX200GPS expects the UTC date."""
     new: date = values["date"]
     if sim.row["utc_date"]:
         sim.ahead += (new - datetime.fromtimestamp(sim.utc(), UTC).date()).total_seconds()
@@ -89,7 +89,7 @@ def set_date(sim: MeadeTelescope, name: str, values: Values) -> bytes:
 
 
 def set_offset(sim: MeadeTelescope, name: str, values: Values) -> bytes:
-    """:SG - keeps the local time."""
+    """:SG - set the offset from UTC and keep the local time."""
     sim.ahead += (sim.offset + values["offset"]) * 3600.0
     sim.offset = -values["offset"]
     sim.relocate()
@@ -113,14 +113,14 @@ def gps_time(sim: MeadeTelescope, name: str, _: Values) -> bytes:
 
 
 def latitude(sim: MeadeTelescope, name: str, _: Values) -> bytes:
-    """:Gt - with seconds on an LX200GPS."""
+    """:Gt - the latitude, with seconds on an LX200GPS."""
     if sim.model != "lx200gps":
         return form(sim, name, latitude=sim.site[0])
     return _angle(sexagesimal.signed(sim.site[0]))
 
 
 def longitude(sim: MeadeTelescope, name: str, _: Values) -> bytes:
-    """:Gg - west positive; unsigned with seconds on an LX200GPS, without on a classic; signed on an Autostar."""
+    """:Gg - the longitude, west positive: signed on an Autostar, unsigned on others, with seconds on an LX200GPS."""
     west = -sim.site[1] % 360.0
     if sim.model == "autostar":
         return form(sim, name, longitude=wrap180(west))
@@ -133,7 +133,7 @@ def _angle(text: str) -> bytes:
 
 
 def set_half(sim: MeadeTelescope, name: str, values: Values) -> bytes:
-    """:St :Sg - an Autostar replies 0 to a valid latitude."""
+    """:St :Sg - set latitude or longitude of the site; an Autostar replies 0 to a valid latitude."""
     north, east = sim.site
     sim.sites[sim.site_number] = values.get("latitude", north), wrap180(-values.get("longitude", -east))
     sim.relocate()
@@ -141,7 +141,7 @@ def set_half(sim: MeadeTelescope, name: str, values: Values) -> bytes:
 
 
 def select(sim: MeadeTelescope, name: str, values: Values) -> None:
-    """:W - models count from 0 or from 1; the latter treat 0 as the first site too."""
+    """:W - select a site. Models count from 0 or from 1; those that count from 1 accept 0 for the first."""
     number = max(0, values["site"] - sim.row["first_site"])
     if number < len(sim.sites):
         sim.site_number = number
@@ -149,7 +149,7 @@ def select(sim: MeadeTelescope, name: str, values: Values) -> None:
 
 
 def site_name(sim: MeadeTelescope, name: str, _: Values) -> bytes:
-    """:GM :GN :GO :GP - a classic shows a line of its menu."""
+    """:GM :GN :GO :GP - the name of a site; a classic shows a line of its menu."""
     number = "MNOP".index(name[1])
     text = sim.names[number].encode("latin-1")
     if not sim.classic:

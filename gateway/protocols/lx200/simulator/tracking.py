@@ -1,6 +1,6 @@
 """Tracking rates, alignment modes, park, home and sleep of a simulated Meade, and its accessories.
 
-The accessories are focuser, smart drive, backlash, fan, derotator, reticle and GPS power: only in ``parts``.
+Focuser, smart drive, backlash, fan, derotator, reticle and GPS power have no effect but their state in ``parts``.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def drive(sim: MeadeTelescope, name: str, _: Values) -> None:
 
 
 def set_drive(sim: MeadeTelescope, name: str, values: Values) -> bytes:
-    """:ST :T - a classic accepts only 56.4 to 60.1, and :ST only in manual mode."""
+    """:ST :T - set the tracking rate, hertz: a classic accepts only 56.4 to 60.1, and :ST only in manual mode."""
     low, high = _CLASSIC_HERTZ if sim.classic else _ANY_HERTZ
     hertz = values["hertz"]
     if not low <= round(hertz, 1) <= high or (sim.classic and name == "ST" and not sim.stored.get("manual")):
@@ -66,7 +66,7 @@ def step_drive(sim: MeadeTelescope, name: str, _: Values) -> None:
 
 
 def align(sim: MeadeTelescope, name: str, _: Values) -> None:
-    """:AA :AP :AL - on a telescope without :GW the alignment is lost."""
+    """:AA :AP :AL - set the alignment mode; on a telescope without :GW the alignment is lost."""
     release(sim)
     sim.letter = {"AA": "A", "AP": "P", "AL": "L"}[name]
     if sim.letter != "L" and sim.mechanics.build is not Build.GERMAN:
@@ -102,14 +102,14 @@ def park(sim: MeadeTelescope, name: str, _: Values) -> None:
 
 
 def seek_home(sim: MeadeTelescope, name: str, _: Values) -> None:
-    """:hS :hF - until home is found, hardly any command is accepted."""
+    """:hS :hF - search for home; until it is found, hardly any command is accepted."""
     unpark(sim)
     slew_axes(sim, sim.start(sim.mechanics.build))
     sim.seeking, sim.home = True, 0
 
 
 def sleep(sim: MeadeTelescope, name: str, _: Values) -> None:
-    """:hN - motors off."""
+    """:hN - sleep: the motors are off."""
     release(sim)
     sim.mechanics.cancel(sim.now)
     sim.track(False)
@@ -150,12 +150,12 @@ def switch(sim: MeadeTelescope, name: str, _: Values) -> None:
 
 
 def backlash(sim: MeadeTelescope, name: str, values: Values) -> None:
-    """:$BA for the second axis, :$BZ for the first."""
+    """:$BA :$BZ - store the backlash of the second axis or of the first."""
     sim.parts[f"backlash {2 if name == '$BA' else 1}"] = values["value"]
 
 
 def correct(sim: MeadeTelescope, name: str, _: Values) -> None:
-    """$Q :$QA :$QZ - $Q toggles both axes, the others turn one axis on or off."""
+    """$Q :$QA :$QZ - turn correction of the periodic error on or off: $Q toggles both axes, the others set one axis."""
     if name == "$Q":
         wanted = not sim.parts.get("pec 1", False)
         sim.parts["pec 1"] = sim.parts["pec 2"] = wanted

@@ -53,7 +53,7 @@ def restart(session: LxSession) -> Handling:
 
 
 def home_state() -> Handling:
-    """:h? - 0 (not found) also for a telescope without a home position."""
+    """:h? - the state of homing: 0 (not found) also for a telescope without a home position."""
     try:
         return {"state": str((yield op.HomeState()))}
     except Unsupported:
@@ -67,7 +67,7 @@ def focus(session: LxSession, command: Command) -> Handling:
 
 
 def focus_speed(session: LxSession, command: Command, values: op.Values) -> None:
-    """:FF :FS :F<n> - speeds 1 to 4; Invalid is raised for any other number."""
+    """:FF :FS :F<n> - set the focuser's speed, 1 to 4. Raises Invalid for any other number."""
     speed = {"FF": 4, "FS": 1}.get(command.name) or decoded(values)["speed"]
     if not 1 <= speed <= 4:
         raise Invalid("The focus speeds are 1 to 4.")
@@ -75,12 +75,12 @@ def focus_speed(session: LxSession, command: Command, values: op.Values) -> None
 
 
 def backlash(command: Command, values: op.Values) -> Handling:
-    """:$BA for the declination motor, :$BZ for the right ascension motor."""
+    """:$BA :$BZ - set the backlash of the declination motor or of the right ascension motor."""
     yield FireAndForget(op.Backlash(2 if command.name == "$BA" else 1, decoded(values)["value"]))
 
 
 def periodic_error(session: LxSession, command: Command) -> Handling:
-    """$Q :$QA :$QZ - $Q toggles both axes by the state of right ascension, the others turn one axis on or off."""
+    """$Q :$QA :$QZ - turn PEC on or off: $Q toggles both axes by the state of right ascension, the others set one."""
     if command.name.startswith("$QA"):
         yield FireAndForget(op.PeriodicError(2, command.name.endswith("+")))
         return

@@ -22,7 +22,7 @@ from gateway.protocols.wireformat.command import Command
 QUIET = 2.0
 #: Parts set within so many seconds belong together: a new offset then keeps local time and date, as on a Meade.
 BELONGS = 60.0
-#: If the host's clock is more seconds away from both readings of a date, it does not decide between them.
+#: A date can be read as local or as UTC: the host's clock decides, unless both are more seconds away from it.
 HOST_KNOWS = 86400.0
 _TEXT = "Updating        planetary data. "
 

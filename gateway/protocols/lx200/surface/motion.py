@@ -17,10 +17,10 @@ from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
 _NAMES = {"RG": "guide", "RC": "center", "RM": "find", "RS": "max"}
-LONGEST_PULSE = 60_000
+LONGEST_PULSE = 60_000  # milliseconds
 SIDEREAL_HERTZ = 60.16427
-#: Outside of these ranges nobody can have meant a command, as iOptron's :ST1#, which starts tracking: a drive rate in
-#: hertz, a guide rate in arcseconds a second (up to twice sidereal), the rate of an axis in degrees a second.
+#: Accepted: a drive rate in hertz, a guide rate in arcseconds a second (up to twice sidereal), the rate of an axis in
+#: degrees a second. Other values have another meaning, such as iOptron's :ST1#, which starts tracking.
 HERTZ, GUIDES, AXES = (50.0, 70.0), (0.0, 30.1), (0.0, 20.0)
 #: The range that counts as sidereal, and the value reported for it; the highest frequency that can be reported.
 _SIDEREAL, _SIDEREAL_TOLD, _MOST = (60.1, 60.2), 60.1, 99.9
@@ -145,7 +145,7 @@ def named_rate(command: Command) -> Handling:
 
 
 def tell_hertz() -> Handling:
-    """:GT - the tracking rate; never 0, also while the mount does not track (see :GW)."""
+    """:GT - the tracking rate; never 0, even while the mount does not track (:GW reports that)."""
     try:
         factor: float = yield op.DriveRate()
     except Fault:

@@ -116,7 +116,7 @@ def _follow(session: LxSession, moving: op.MoonPlace | op.PlanetPlace, text: str
 
 
 def set_moon_target(session: LxSession, values: op.Values) -> Handling:
-    """:SE latitude, north positive; :Se longitude, EAST positive (Mare Crisium is +59). A half not set is 0."""
+    """:SE latitude, north positive; :Se longitude, EAST positive (Mare Crisium is +59). A coordinate not set is 0."""
     if "fault" in values:
         session.client.select_nothing("No object selected")
         raise values["fault"]
@@ -150,7 +150,7 @@ def tell_search(session: LxSession, command: Command) -> object:
 
 
 def set_search(session: LxSession, command: Command, values: op.Values) -> None:
-    """:Sb :Sf :SF :Sl :Ss :Sy - set a limit; the types are five letters in fixed order, the wanted in capitals."""
+    """:Sb :Sf :SF :Sl :Ss :Sy - set a limit; the types are five letters in fixed order, those wanted in capitals."""
     name = _LIMITS[command.name[1]]
     (value,) = decoded(values).values()
     if name == "types" and not _TYPES.fullmatch(value):
@@ -230,7 +230,7 @@ def _sky(session: LxSession) -> Handling:
 
 
 def own_library(session: LxSession, command: Command, values: op.Values) -> Handling:
-    """:Lo :Ls :LC :LM :LS :LF :LN :LB :LI - pass the command to the telescope itself."""
+    """:Lo :Ls :LC :LM :LS :LF :LN :LB :LI - pass the command on to the mount's own object library."""
     client = session.client
     if command.name == "LI":
         return (

@@ -23,7 +23,7 @@ _SITES_AT_MOST = 4
 
 
 def tell_half(session: LxSession, command: Command) -> Handling:
-    """:Gt :Gg - one half of the site in force; while that is incomplete, the stored half. Raises Fault if none."""
+    """:Gt :Gg - latitude or longitude in force; as stored if the mount reports none. Raises Fault without any."""
     half = "latitude" if command.name == "Gt" else "longitude"
     try:
         site: Place | NamedSite = yield GetSite()
@@ -40,7 +40,7 @@ def _selected(session: LxSession) -> int:
 
 
 def set_half(session: LxSession, values: Values) -> Handling:
-    """:St :Sg - store one half in the selected site and set it on the mount."""
+    """:St :Sg - store latitude or longitude in the selected site and set it on the mount."""
     [(name, value)] = decoded(values).items()
     half = {name: value if name == "latitude" else -value}
     session.check_may_set()

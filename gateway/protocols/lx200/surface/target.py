@@ -16,7 +16,7 @@ from gateway.protocols.wireformat.command import Command
 
 
 def set_target(session: LxSession, values: op.Values) -> None:
-    """:Sr :Sd - set one coordinate. Programs send :MS# even after a refusal (0), so a refused half is cleared."""
+    """:Sr :Sd - set one coordinate. Programs send :MS# even after a refusal (0), so that clears the target."""
     session.client.deselect()
     _set(session, values, "ra", "dec")
 
@@ -54,7 +54,7 @@ def _target(session: LxSession) -> Handling:
 
 
 def tell_target(session: LxSession) -> Handling:
-    """:Gr :Gd - one coordinate of the target: zero if none was set, as on a Meade; of a moving object the present."""
+    """:Gr :Gd - a coordinate of the target: of a moving object the present one; 0 if none was set, as on a Meade."""
     if session.client.moving is not None:
         yield from _target(session)
     return {"ra": session.client.ra or 0.0, "dec": session.client.dec or 0.0}
@@ -111,7 +111,7 @@ def _own_idle() -> Handling:
 
 
 def distance_bars(session: LxSession) -> Handling:
-    """:D - a bar while a goto is under way, none when it has ended; in the form of a telescope that is presented."""
+    """:D - a bar while a goto is under way, none when it has ended, in the form of the presented model."""
     slewing = yield op.Slewing()
     if not slewing and session.model.get("own"):
         idle = yield from _own_idle()

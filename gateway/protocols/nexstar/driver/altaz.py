@@ -54,11 +54,11 @@ def move(mount: NexStar, operation: Move) -> Steps:
 
 
 def pulse(mount: NexStar, operation: Pulse) -> Steps:
-    """Guide along a motor axis, or in right ascension or declination with both motors; return Pulsed, not ended.
+    """Guide along a motor axis, or in right ascension or declination with both motors; the caller ends the pulse.
 
-    Until each motor has its rate, some tracking is lost: the rates make up for it. If the computer was too busy to run
-    the gateway, the length of the pulse makes up for what the first motor lost beyond that. A pulse too short for the
-    commands that begin and end it is sent longer and slower.
+    While the commands reach the motors, tracking is lost: the rates make up for it. If the gateway itself is late, the
+    pulse gets longer by what the first motor loses meanwhile. A pulse too short for the commands that begin and end it
+    is sent longer and slower.
     """
     direction = operation.direction
     if mount.goto is not None:
@@ -93,7 +93,7 @@ def pulse(mount: NexStar, operation: Pulse) -> Steps:
 def stop_axis(mount: NexStar, axis: int) -> Steps:
     """End the slow motion ordered for an axis; other motion continues.
 
-    The last hand motion ends with rate 0 on both axes, a pulse with the bare tracking rates.
+    If nothing else moves, hand motion ends with rate 0 on both axes, and a pulse with the plain tracking rates.
     """
     pulsed = axis in mount.pulsing
     mount.added_rates.pop(axis)

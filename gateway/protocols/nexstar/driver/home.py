@@ -72,7 +72,7 @@ def unpark(mount: NexStar, _: op.Unpark) -> Steps:
 
 
 def sleep(mount: NexStar, _: op.Hibernate) -> Steps:
-    """Send ``x`` if the firmware has it, else turn tracking off."""
+    """Hibernate by ``x`` if the firmware has it, else turn tracking off."""
     if mount.supports("x"):
         try:
             yield Send("x")
@@ -100,7 +100,7 @@ def awake(mount: NexStar, _: Awake) -> Steps:
 
 
 def wake(mount: NexStar, _: op.Wake) -> Steps:
-    """Send ``y`` if the firmware has it, else turn tracking on."""
+    """Wake by ``y`` if the firmware has it, else turn tracking on."""
     if mount.supports("y"):
         yield Send("y")
         mount.asleep, mount.woken = False, True

@@ -12,7 +12,7 @@ from gateway.protocols.wireformat.rows import show_version
 
 #: From this version on a hand control may be a StarSense as well.
 ASKED_AGAIN_FROM = (5, 28)
-
+#: Numbers of the devices on the mount's bus: both motors and the focuser.
 AZM, ALT, FOCUSER = 16, 17, 18
 #: Devices that may be on the bus of a hand control too old to report its model.
 PARTS = {"gps": 176, "rtc": 178}

@@ -191,7 +191,7 @@ class StepOn(op.Operation, frozen=True):
 
 
 def step_on(mount: NexStar, _: StepOn) -> Steps:
-    """Read ``E``, send ``R`` a little further ahead, and repeat until stopped. West lowers the right ascension."""
+    """Read the position (``E``), send a goto a little ahead of it (``R``), and repeat until the motion is stopped."""
     if not mount.steps:
         return
     answer = yield Send("E")

@@ -59,7 +59,7 @@ def pier_side(mount: NexStar, _: op.PierSide) -> Steps:
     """Return the pier side by ``p``: "E" or "W"; a fork is always "E".
 
     On a German mount that lacks ``p`` the declination axis shows it: on the W side it reads beyond the pole. The letter
-    is then as in these old versions, that of the north in both hemispheres (``NexStar.tube_side``).
+    then follows the northern rule in both hemispheres, as in these old versions (``NexStar.tube_side``).
     """
     if not mount.german:
         return "E"
@@ -218,7 +218,7 @@ def _still_seeking(mount: NexStar, state: NexStarGotoState) -> Steps:
 
 
 class Arrived(op.Operation, frozen=True):
-    """Internal: a goto has ended; what follows it takes its turn among the other motions."""
+    """Internal: finish a goto in turn with other motions; ``then`` is park, home, or empty for an ordinary goto."""
 
     then: str
     left: int = OFF_TRIES
@@ -246,9 +246,9 @@ def _away(mount: NexStar, place: str) -> Steps:
 
 
 def arrived(mount: NexStar, operation: Arrived) -> Steps:
-    """After a goto, park, note home, or restore a drive rate, unless it moves again or somebody has ended the goto.
+    """Finish a goto: park, note home, or restore a drive rate, unless the mount moves again or stopped elsewhere.
 
-    Tracking at the park position would carry the tube away: turning it off is repeated without an answer.
+    Tracking at the park position would carry the tube away, so turning it off is retried if the mount does not answer.
     """
     again = operation.left < OFF_TRIES
     if mount.goto is not None or mount.moving or (again and not mount.parked):

@@ -41,7 +41,7 @@ class Stepping(Struct):
 
 
 class Memory(Struct, omit_defaults=True):
-    """The values that the state file keeps for the next run."""
+    """What the state file keeps. ``native``: tracking mode, ``code``: its byte, ``offset``: of an emulated sync."""
 
     home: op.Horizontal | None = None
     home_state: int = 0
@@ -86,7 +86,7 @@ class NexStar(Driver):
         #: Commands that it has not answered.
         self.unanswered: set[str] = set()
         self.starsense = named is not None and named.starsense
-        #: The ``dialect`` of its models, by which it has answered ``V``.
+        #: The protocol dialect of its maker, as the reply to ``V`` shows it: "synscan", or None for a Celestron.
         self.dialect: str | None = self.facts.get("dialect")
         self.motors: dict[int, Version] = {}
         self.focuser = False
@@ -376,7 +376,7 @@ class NexStar(Driver):
             raise Unsupported from None
 
     def probe(self) -> Steps:
-        """Send ``K``, which is no command of a Meade."""
+        """Send an echo request (``K``), which only a hand control answers: a Meade has no such command."""
         yield Send("K", {"echo": 0x78})
 
     @property
@@ -416,7 +416,7 @@ class NexStar(Driver):
 
     @property
     def axis_zero(self) -> float:
-        """How many degrees less than a Celestron's its first axis reads (POLE_AXES)."""
+        """Degrees to add to the first axis of a German mount to get what a Celestron would read; 0 for a fork."""
         return POLE_AXES[0] - float(self.facts.get("index", POLE_AXES[0])) if self.german else 0.0
 
     def has(self, part: str) -> bool:

@@ -44,7 +44,7 @@ def _mode_of(mount: NexStar, code: int | None) -> op.Tracking:
 
 
 def read_status(mount: NexStar) -> Steps:
-    """Read ``J`` and, if the version has it, ``t``."""
+    """Read whether the mount is aligned (``J``) and, if the version has ``t``, the tracking mode."""
     answer = yield Send("J")
     if mount.aligned and not answer["aligned"]:
         _forget(mount)
@@ -192,7 +192,7 @@ def _read_mode(mount: NexStar) -> Steps:
 
 
 def keep_rate(mount: NexStar) -> Steps:
-    """Send the drive rate again after gentle motion, whose rate 0 has ended it.
+    """Send the drive rate again after motion at key 1 or 2, because the rate 0 that ends the motion ends this rate too.
 
     Needed if the rate is not the hand control's own, or if a variable rate has replaced tracking. Motors without codes
     for drive rates count quarters of an arcsecond: they track at the sidereal rate only after ``T``.

@@ -64,8 +64,8 @@ def axes(sim: SimulatedMount, _: Values) -> Values:
 
 
 def goto(sim: SimulatedMount, values: Values) -> None:
-    """``R`` ``r``: slew, unless the mount is not aligned or the goal is beyond a fork's slew limits. A SynScan tracks
-    then, and an old SynScan keeps the goal.
+    """``R`` ``r``: slew, unless the mount is not aligned or the goal is beyond a fork's slew limits. A SynScan begins
+    to track, and an old SynScan may restart the goto after ``M``.
     """
     if sim.aligned:
         ra, dec = _of_date(sim, values)

@@ -21,7 +21,7 @@ from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Version
 
 HANDLERS: dict[str, Handler] = {**COMMANDS, **DEVICES}
-
+#: The first bytes of the commands that are answered in hibernation.
 ANSWERED_ASLEEP = b"yKV"
 PASS_THROUGH = ord("P")
 
@@ -37,7 +37,7 @@ class SimulatedHandControl(SimulatedMount):
         return NexStarFramer(remembers=False)
 
     def feed(self, data: bytes, framer: TimedFramer | None = None, send_later: Later | None = None) -> bytes:
-        """Like ``Simulated.feed``; also note when bytes arrived last. No reply is sent ``later``."""
+        """Like ``Simulated.feed``; also note when bytes arrived last. ``send_later`` is never used."""
         self.advance_to_now()
         if data:
             self.last_byte_at = self.now

@@ -33,6 +33,7 @@ Handler = Callable[["SimulatedMount", Values], Values | None]
 OFF, ALTAZ, EQ_NORTH, EQ_SOUTH = range(4)
 AZM, ALT, FOCUSER = 16, 17, 18
 GPS, RTC = 176, 178
+#: The hand control restores tracking after so many seconds without a byte, or of motion on an alt-az mount.
 RESTORE_WHEN_QUIET, RESTORE_ALTAZ = 20.0, 30.0
 #: After so many seconds an old SynScan goes on with a goto that only ``M`` has ended.
 RESTARTS = 1.0
@@ -40,8 +41,8 @@ GERMAN_START: Pair = (90.0, 90.0)
 
 
 class Goal(Struct):
-    """The goal of the last goto of a hand control that continues gotos after ``M``: degrees, and when ``M`` came;
-    ``left`` are the axes that have had no rate 0 since then.
+    """The last goto of a hand control that resumes gotos after ``M``: its goal in degrees, when ``M`` came, and in
+    ``left`` the axes that have had no rate 0 since then.
     """
 
     ra: float

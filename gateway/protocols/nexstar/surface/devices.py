@@ -47,7 +47,7 @@ def passes(name: str, values: op.Values) -> bool:
 
 
 def device_version(session: NexStarSession, values: op.Values) -> dict[str, int]:
-    """AUX 0xFE - bytes beyond the first two are the build number. Raises NoDevice."""
+    """AUX 0xFE - the firmware version of a device; bytes beyond the first two are the build. Raises NoDevice."""
     device = values["device"]
     if device in MOTORS:
         major, minor = parse_version(session.model["motors"])[:2]
@@ -105,7 +105,7 @@ def _calendar(unix: float) -> dict[str, int]:
 
 
 def set_rtc(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """Set date, year or time of the real-time clock, each its own part of UT. Raises Invalid and NoDevice."""
+    """Set date, year or time of the real-time clock; the other two parts of its UT stay. Raises Invalid, NoDevice."""
     _require(session, "rtc")
     if not command.known_to(None, session.model["counts_as"]):
         raise NoDevice
@@ -121,7 +121,7 @@ def set_rtc(session: NexStarSession, command: Command, values: op.Values) -> Han
 
 
 def seek_switch(values: op.Values) -> Handling:
-    """AUX 0x0B - homing always moves both axes; the command to the second motor finds it under way."""
+    """AUX 0x0B - send both axes home; the command to the second motor finds the search under way."""
     motor(values)
     yield CheckPossible(op.Home())
     if (yield op.HomeState()) != SEARCHING:
@@ -135,7 +135,7 @@ def switch_found(values: op.Values) -> Handling:
 
 
 def move_focuser(command: Command, values: op.Values) -> Handling:
-    """AUX 0x24, 0x25 of the focuser, whose positions increase outwards; 0 stops it. Raises NoDevice, Invalid."""
+    """AUX 0x24, 0x25 - move the focuser; positions increase outwards, 0 stops it. Raises NoDevice, Invalid."""
     rate = values["rate"]
     if values["device"] != FOCUSER:
         raise NoDevice
@@ -153,7 +153,7 @@ def absent() -> None:
 
 
 def set_position(session: NexStarSession, command: Command) -> None:
-    """AUX 0x04 - always raises NoDevice. By its documentation a SynScan replies ``#``, and programs read one byte."""
+    """AUX 0x04 - never carried out. Raises NoDevice; a SynScan replies ``#``, as documented."""
     if "dialect" not in session.model:
         raise NoDevice
     session.refused = f"{command.help}: it would make the alignment meaningless"

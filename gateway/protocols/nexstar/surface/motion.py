@@ -25,7 +25,7 @@ def _axis_and_sense(command: Command) -> tuple[int, int]:
 
 
 def fixed(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """AUX 0x24, 0x25 - a hand-control key 1-9; 0 stops the axis. Raises Invalid for a higher number."""
+    """AUX 0x24, 0x25 - move at a hand-control key 1-9; 0 stops the axis. Raises Invalid for a higher number."""
     axis, sense = _axis_and_sense(command)
     if values["rate"] == 0:
         yield FireAndForget(op.StopAxis(axis))
@@ -41,7 +41,7 @@ def _key(session: NexStarSession, key: int) -> op.Rate:
 
 
 def variable(command: Command, values: op.Values) -> Handling:
-    """AUX 0x06, 0x07 - a variable rate in quarter arcseconds a second; the three highest codes are tracking rates."""
+    """AUX 0x06, 0x07 - move at a rate in quarter arcseconds a second; the three highest codes mean tracking rates."""
     axis, sense = _axis_and_sense(command)
     yield from _rate(axis, sense, values["rate"] / 14400.0, _TRACKING.get(values["rate"]))
 
@@ -62,7 +62,7 @@ def _rate(axis: int, sense: int, degrees: float, tracking: str | None) -> Handli
 
 
 def mode(session: NexStarSession) -> Handling:
-    """t - the actual mode: a mount that cannot stop tracking still tracks after T 0. A StarSense 1.20 adds bytes."""
+    """t - the actual tracking mode: not off if the mount cannot stop tracking. A StarSense 1.20 adds bytes."""
     status: op.Status = yield op.GetStatus()
     code = code_of(status.tracking, session.model, session.model["counts_as"])
     if session.model.get("own") and status.code is not None:
@@ -75,7 +75,7 @@ def mode(session: NexStarSession) -> Handling:
 def set_mode(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """T - a mode above 3 does nothing; a refusal shows only in ``t`` and in the log. Raises NoAnswer.
 
-    For a SynScan its equatorial modes are the mount's own mode. A mount presented itself gets the same byte.
+    A SynScan's equatorial modes mean the mount's native mode. A mount presented itself gets the same byte.
     """
     known = modes(session.model, session.model["counts_as"])
     if values["mode"] not in known:
@@ -106,7 +106,7 @@ def pulse_active(session: NexStarSession, values: op.Values) -> dict[str, int]:
 
 
 def set_guide_rate(session: NexStarSession, values: op.Values) -> Handling:
-    """AUX 0x46 - if the mount lacks it, the reply is the no-response form."""
+    """AUX 0x46 - set the guide rate of a motor; if the mount lacks it, the reply is the no-response form."""
     axis = motor(values)
     yield from _set(session, f"guide rate {axis}", values["rate"], op.SetGuideRate(axis, values["rate"] / 256.0))
 
@@ -142,7 +142,7 @@ def set_backlash(session: NexStarSession, command: Command, values: op.Values) -
 
 
 def backlash(session: NexStarSession, command: Command, values: op.Values) -> dict[str, int]:
-    """AUX 0x40, 0x41 - the last value that was set."""
+    """AUX 0x40, 0x41 - the backlash compensation of a motor's sense: the last value that was set."""
     return {"value": session.shared.motors.get(_backlash_name(command, motor(values)), 0)}
 
 
@@ -151,7 +151,7 @@ def _backlash_name(command: Command, axis: int) -> str:
 
 
 def periodic_error(values: op.Values) -> Handling:
-    """AUX 0x0D - if the mount lacks it, the reply is the no-response form. Raises Invalid for neither 0 nor 1."""
+    """AUX 0x0D - turn PEC on or off; a mount without it gives the no-response form. Raises Invalid if not 0 or 1."""
     if values["on"] not in _OFF_OR_ON:
         raise Invalid
     yield op.PeriodicError(motor(values), bool(values["on"]))

@@ -16,7 +16,7 @@ from gateway.protocols.wireformat.command import Command
 
 
 def set_site(values: Values) -> Handling:
-    """W - impossible coordinates do nothing."""
+    """W - set the site; impossible coordinates do nothing."""
     if "fault" in values:
         return
     place = SetSite(latitude=values["latitude"], longitude=values["longitude"])
@@ -26,8 +26,8 @@ def set_site(values: Values) -> Handling:
 
 
 def clock(session: NexStarSession, command: Command) -> Handling:
-    """h, i - the local time in the reported zone: the zone and daylight saving that a client set, if they still make up
-    the offset; the mount's own daylight saving, if it reports that.
+    """h, i - the local time. Zone and daylight saving are those that a client set, if they still make up the mount's
+    offset; else they follow from the mount's offset and from its own daylight saving, if it reports that.
     """
     moment: Moment = yield GetClock()
     quarters = command.name == "i"

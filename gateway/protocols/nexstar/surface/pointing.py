@@ -2,9 +2,9 @@
 
 A hand control always replies ``#`` to a goto: a refusal shows only as no motion (``L`` stays 0) and in the log. On an
 equatorial mount the azimuth and altitude commands read and move the motor axes, in the coordinates of the presented
-model: on an alt-az fork azimuth and altitude, on a German mount the hour angle. A fork on its wedge counts from north,
-where its azimuth axis points at the elevated pole: 180 on the meridian in the north, 0 in the south; it never turns
-over the pole. A German mount presented as a fork that the user named has azimuth and altitude of the sky, for rotators.
+model: on an alt-az fork azimuth and altitude, on a German mount the hour angle. On a wedge, the first axis of a fork
+reads 180 on the meridian in the northern hemisphere and 0 in the southern; it never turns over the pole. If the user
+presents a German mount as a fork, the commands mean azimuth and altitude of the sky, as rotators need it.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def axis_goto(session: NexStarSession, values: op.Values) -> Handling:
 
 
 def axis_done(values: op.Values) -> Handling:
-    """AUX 0x13 - 255 when the goto has ended."""
+    """AUX 0x13 - 255 when the goto has ended, else 0."""
     motor(values)
     return {"done": 0 if (yield op.Slewing()) else 255}
 

@@ -47,7 +47,7 @@ def fitting(equatorial: bool, german: bool | None, gps: bool, version: str | Non
 
 
 def fitter(model: str | None, version: str | None) -> Callable[[bool, bool | None, bool], Model] | None:
-    """Return the function that chooses the presented model when the mount is known; None if the user named a model."""
+    """Return the function that chooses the presented model when the mount is known; None if the user's model stays."""
     if model is None:
         return lambda equatorial, german, gps: fitting(equatorial, german, gps, version)
     in_altaz = load("nexstar").models[model].get("alt-az")
