@@ -1,10 +1,10 @@
 """Runs the generators of a driver: sends the commands that they yield and gives the verified replies back to them.
 
-A byte that was changed on the way can leave the form of a reply intact. So only a reply like the last one is accepted
-at once. For any other reply the request is repeated until replies in a row agree: two if the mount can have moved that
-far, three if the value seldom changes, and one more than the late replies that may still arrive. A position that no
-motor can have reached since the last one needs five (three on a slow line); until then neither clients nor limits get
-it. A reply that took unusually long does not count.
+A corrupted byte can leave the form of a reply intact. So only a reply that resembles the previous reply to the same
+request is accepted at once. Otherwise the request is repeated until replies in a row agree: two if the mount can have
+moved that far, three if the value seldom changes, and always more than the late replies that may still arrive. A
+position that no motor can have reached since the last one needs five (three on a slow line); until then neither clients
+nor limits get it. A reply that took unusually long does not count.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ MAX_SPEED = 8.0 * math.sqrt(2.0)
 MAX_LATITUDE_STEP = 2.0
 #: Seconds by which a clock may differ from its last reading: it has whole seconds, and replies take time.
 CLOCK_TOLERANCE = 1.6
-#: A reply that took over SLOW_AFTER seconds on a usually quick line may be outdated: it is skipped, SLOW_TRIES times.
+#: A reply after over SLOW_REPLY_TIME seconds on a usually quick line may be outdated: it is skipped, SLOW_TRIES times.
 SLOW_AFTER, SLOW_TRIES = 0.5, 3
 #: How often a request is sent at most to verify its reply, and how often if the reply was garbled.
 MAX_TRIES, GARBLED_TRIES = 9, 3
-#: How many replies in a row must agree on a position that no motor can have reached, if a round trip is this quick, and
-#: else; seconds.
+#: How many replies in a row must agree on a position that no motor can have reached: on a line whose round trips take
+#: at most QUICK_REPLY_TIME seconds, and on a slower line.
 UNREACHABLE_TRIES, QUICK_REPLY_TIME, SLOW_LINE_TRIES = 5, 0.25, 3
 #: Shortest sleep in seconds: timers may fire this much too early.
 MIN_SLEEP = 0.001
 #: Seconds that a command waits at most until replies to older commands like it can no longer arrive.
 LATE_REPLY_WAIT = 12.0
-#: How many late replies are taken into account at most: if more replies than that agree, one of them is the request's
-#: own.
+#: How many late replies to earlier requests are assumed at most: if more replies than that agree, one of them must
+#: belong to the present request.
 MAX_LATE_REPLIES = 4
 #: How many requests have their last reply remembered: clients may ask for any number of devices.
 MAX_LAST_REPLIES = 100
@@ -74,7 +74,7 @@ class ReceivedReply(Struct):
 
 
 class ReplyVerifier:
-    """Verifies replies for the drivers. A simulated mount slews ``speed_factor`` times faster than a real mount."""
+    """Verifies replies for the drivers. ``speed_factor`` is how many times faster a simulated mount slews."""
 
     def __init__(self, line: MountLink, clock: Callable[[], float], speed_factor: float = 1.0) -> None:
         self._line, self._clock, self._max_speed = line, clock, MAX_SPEED * speed_factor
@@ -208,7 +208,8 @@ class ReplyVerifier:
     def _distance(self, before: ReceivedReply, after: ReceivedReply, poleward: float = 0.0) -> float:
         """Return the degrees between two replies; infinite if they differ in form.
 
-        If the latitude is read by a request of its own, it may have grown by ``poleward`` degrees since.
+        A reply may hold a longitude only. The last latitude is then assumed to be up to ``latitude_growth`` degrees
+        higher by now.
         """
         if before.fault is not None or after.fault is not None or before.values.keys() != after.values.keys():
             return math.inf
@@ -259,7 +260,7 @@ class HibernationGate:
         self._next_try = 0.0
 
     def hibernation_began(self) -> None:
-        """Start waiting: the mount has just been sent to hibernate."""
+        """Note that the mount was sent to hibernate: its position is not read for ``RETRY_PERIOD`` seconds."""
         self._next_try = self._clock() + RETRY_PERIOD
 
     def try_next_read(self) -> None:
@@ -292,7 +293,7 @@ class DriverRunner:
     """``perform`` carries out an operation with a priority, ``drive`` runs any generator of the driver.
 
     ``may_move`` is emitted before a command that may set the mount moving, ``scheduled`` with an operation that the
-    driver wants done later, ``broken`` when a defect leaves it unknown what moves now.
+    driver wants done later, ``driver_failed`` when a defect of the driver leaves it unknown what moves now.
     """
 
     def __init__(self, context: Context, verifier: ReplyVerifier, gate: HibernationGate) -> None:
@@ -300,8 +301,8 @@ class DriverRunner:
         self.may_move: Signal[None] = Signal()
         self.scheduled: Signal[Schedule] = Signal()
         self.broken: Signal[None] = Signal()
-        #: The number of exchanges of the last operation, and the loop time at which it sent the first of its last
-        #: ``Driver.position_reads`` requests: a position read cannot be older than that.
+        #: The number of exchanges of the last operation; if it read a position, the loop time of the first request for
+        #: that position, which cannot be older.
         self.exchanges, self.asked_at = 0, 0.0
         #: The loop time at which the last operation's first command was written.
         self.began_at = 0.0
@@ -320,9 +321,9 @@ class DriverRunner:
         changes: bool = True,
     ) -> _T:
         """Run a generator of the driver and return its value. Raises Fault: Busy if it starts later than
-        ``MAX_START_DELAY`` seconds after ``since`` (loop time), or if the line delayed a motion by hand as long.
-        ``may_begin`` is called before a motion by hand begins, and may raise a Fault. If the generator ``changes`` the
-        mount, earlier replies, and those that arrive meanwhile, are outdated.
+        ``MAX_START_DELAY`` seconds after ``ordered_at`` (loop time), or if the line delayed a motion by hand as long.
+        ``check_start`` is called before a motion by hand begins, and may raise a Fault. ``changes_mount``: the
+        operation outdates the readings before it, and those that arrive meanwhile.
         """
         now, driver, line = self._context.now, self._context.driver, self._context.link.transaction
         self.exchanges = exchanges = 0

@@ -3,7 +3,7 @@
 After a timeout or a garbled reply, and during a long operation of the mount, nothing but a stop is sent. A port that is
 lost, or on which the mount stays mute, is reopened with growing pauses, for ever. A stop waits for one exchange at
 most, which is cut off if it lasts longer than usual. Then the stop is written without waiting for replies, and repeated
-until the line is in step, because the mount may not have received it.
+until the line is in step (every reply belongs to the latest request), because the mount may not have received it.
 """
 
 from __future__ import annotations
@@ -30,9 +30,10 @@ REOPEN_SILENCE = 20.0
 OVERDUE_TIME = 2.0
 #: Seconds before each further attempt to open the port; the last pause repeats.
 REOPEN_DELAYS = (0.5, 1.0, 2.0, 5.0)
-#: The beginning of the line's reason if its port cannot be opened.
+#: The beginning of ``MountLink.down_reason`` if the port cannot be opened.
 CANNOT_OPEN_MESSAGE = "cannot open"
-#: How often the line is checked before it counts as down, and the factor by which the quiet before each check grows.
+#: How often the gateway checks whether the line is in step before it counts as down, and the factor by which the quiet
+#: time before each check grows.
 MAX_CHECKS, QUIET_FACTOR = 3, 3.0
 
 
@@ -144,13 +145,13 @@ class MountLink:
         return await outcome
 
     def _hurry(self, priority: int) -> None:
-        """Have a stop written soon that was not written yet; during a long operation, look at all requests."""
+        """Have a queued stop written soon, unless it was; during a long operation, have all new requests examined."""
         stop = priority == STOP and not (self.transaction.written and self.transaction.written.issuperset(self._stop()))
         if stop or self.transaction.long:
             self.transaction.wake(stop)
 
     def _stop(self) -> list[bytes]:
-        """Return the commands of the owed stop, or of waiting stops."""
+        """Return the commands of the stop that the mount has not acknowledged, else those of the queued stops."""
         commands: list[bytes] = []
         self.stopping.emit(commands)
         return commands or self.queue.stops(self.reply_rules.encode)
@@ -185,7 +186,7 @@ class MountLink:
             await self.wire.close()
 
     async def _reopened(self) -> None:
-        """Synchronise with the mount after a lost line. An earlier half command has timed out by then, or is ended."""
+        """Bring a reopened line into step. If half a command was sent before, first wait until the mount drops it."""
         self.reopened.emit(None)
         half, self.transaction.half = self.transaction.half, False
         stopped = await self._write_stop()
@@ -194,9 +195,7 @@ class MountLink:
         await self._recover()
 
     async def _write_stop(self) -> bool:
-        """Write the stop that is owed, or the queued stops, without waiting for replies; return whether
-        there is any.
-        """
+        """Write the commands of `_stop_commands` without waiting for replies; return whether there were any."""
         commands, before = self._stop(), self.reply_rules.closing
         self.transaction.stop_written(commands)
         for command in commands:

@@ -17,12 +17,13 @@ from gateway.core.errors import Busy, Fault, NoAnswer
 from gateway.core.waiting import TimedEvent
 from gateway.protocols.base.driver import Send
 
+#: The priorities of requests, the most urgent first; AGED_READ is that of a read which has waited long.
 STOP, MOTION, POSITION, AGED_READ, SETTING, READ = range(6)
 READS = (POSITION, READ)
 #: Seconds after which the start of a motion by hand is refused instead of sent: by then the user has released the key
 #: or pressed another.
 MAX_START_DELAY = 2.0
-#: The message of that refusal.
+#: The message if the start of a motion by hand is refused as too late.
 STARTED_TOO_LATE = "The line to the mount was busy for too long: this motion was not started."
 #: Seconds after which the priority of a request rises. A read then goes before settings, so that clients that set
 #: values without pause do not hide the mount. The position always does: both coordinates must be of the same instant.
@@ -33,10 +34,11 @@ MAX_MOTIONS_IN_A_ROW = 1
 SETTING_PASSES = 4
 #: Reads wait for an urgent request due within URGENT_FACTOR times the reply time, until URGENT_GRACE seconds after it.
 URGENT_FACTOR, URGENT_GRACE = 1.5, 0.05
-#: Event loop iterations in which a client that got a reply may queue its next request: the second half of a position, a
-#: motion that waited for that, or a halt goes before reads of lower priority. Five would do; recordings rely on eight.
+#: Event loop iterations in which a client that got a reply may queue its next request. Then the second half of a
+#: position, a motion or a halt goes before other clients' reads. Five would do; recordings rely on eight.
 FOLLOW_UP_ITERATIONS = 8
 
+#: The future of a command's reply: its fields, and the seconds that it took.
 Outcome = asyncio.Future[tuple[dict[str, Any], float]]
 
 
@@ -80,7 +82,7 @@ class RequestQueue:
         self._wake_event.set()
 
     def expect_urgent(self, time: float) -> None:
-        """Hold back reads that would delay something urgent at this loop time."""
+        """Hold back reads that would delay an urgent request that is expected at this loop time."""
         heapq.heappush(self._urgent_times, time)
 
     @property
@@ -105,8 +107,8 @@ class RequestQueue:
     ) -> QueuedCommand | None:
         """Return the request whose turn it is, or None if this call only waited and must be repeated.
 
-        ``typical_rtt`` is the average reply time, ``quiet_needed`` returns the quiet needed before a command, both in
-        seconds. If a client was ``answered`` just now, it may queue its next request first.
+        ``typical_rtt`` is the average reply time, ``quiet_needed`` returns the quiet time needed before a command, both
+        in seconds. ``client_answered``: a client got a reply just now, and may queue its next request first.
         """
         if answered:
             await self._let_clients_follow_up()
@@ -178,7 +180,7 @@ class RequestQueue:
         self._waiting.clear()
 
     def _is_settled(self, request: QueuedCommand, now: float) -> bool:
-        """Whether the request was cancelled, or has waited too long and was refused here."""
+        """Whether the request needs no sending: it was cancelled, or has waited too long and is refused now."""
         if not request.future.done() and too_late(request, now):
             request.future.set_exception(Busy(STARTED_TOO_LATE))
         return request.future.done()
@@ -187,7 +189,8 @@ class RequestQueue:
 def by_turn(waiting: Iterable[QueuedCommand], now: float, motions: int, passed_over: int) -> list[QueuedCommand]:
     """Return the waiting requests in the order in which they will be sent.
 
-    ``motions`` is how many exchanges in a row were motions, ``passed_over`` how many there were since the last setting.
+    ``motions_in_a_row``: how many of the last exchanges were motions; ``since_last_setting``: how many exchanges there
+    were since the last setting.
     """
     before_all = STOP + 0.5
     waited = before_all if motions >= MAX_MOTIONS_IN_A_ROW else AGED_READ
@@ -201,10 +204,7 @@ def by_turn(waiting: Iterable[QueuedCommand], now: float, motions: int, passed_o
 
 
 def held_back(first: QueuedCommand, now: float, urgent: float | None, typical_rtt: float) -> float | None:
-    """Return the seconds that a read waits for something due at loop time ``urgent``; None if it need not wait.
-
-    ``typical_rtt`` is the average reply time in seconds.
-    """
+    """Return the seconds that a read waits for a request due at loop time ``urgent_at``; None if it need not wait."""
     if urgent is None or first.priority not in READS or urgent - now >= URGENT_FACTOR * typical_rtt:
         return None
     return max(0.0, urgent - now) + URGENT_GRACE

@@ -26,9 +26,9 @@ from gateway.transport.wires import Transport
 QUIET_TIME = 0.15
 #: Seconds after which draining gives up, even if the line is still not quiet.
 DRAIN_TIMEOUT = 5.0
-#: A second copy of a reply follows within COPY_GAP seconds. Until then the gateway does not send a request that the
-#: copy could answer, if its reply is an acknowledgement only or if stray bytes came within the last UNRULY_TIME
-#: seconds.
+#: If a line duplicates a reply, the copy follows within COPY_GAP seconds. Until then the gateway sends no request to
+#: which the copy could be the reply, if that is an acknowledgement only or if stray bytes came within the last
+#: UNRULY_TIME seconds.
 COPY_GAP, UNRULY_TIME = 0.05, 300.0
 #: Seconds after a request from which arriving bytes are no reply to it: the gateway no longer waits for them to end.
 BABBLE_TIME = 3.0
@@ -39,29 +39,31 @@ STOP_WAIT = 0.3
 #: Seconds after a stop was written without waiting for replies at which it is written again: the mount may have taken
 #: it for the end of another command, or not have listened.
 STOP_RETRY_DELAYS = (0.5, 1.5, 2.5, 3.5)
-#: Seconds beyond the usual time that the reply after a stop without a reply may take: it shows that the mount hears.
+#: Seconds beyond the usual reply time that the first reply after a stop may take, if stops get no reply: that first
+#: reply shows whether the mount is listening.
 AFTER_STOP = 1.0
 #: Seconds that a long operation of the mount may take before the requests that wait behind it are refused.
 BUSY_DELAY = 1.0
 #: Seconds after its timeout within which the reply to a request may still arrive.
 LATE_REPLY_TIME = 2.5
-#: The timeout of a position read: this multiple of the typical time, at least so many seconds, after so many replies.
+#: The timeout of a position read is POSITION_FACTOR times the typical reply time, at least SHORTEST_TIMEOUT seconds.
+#: The protocol's timeout applies until MIN_REPLY_COUNT replies have come.
 POSITION_FACTOR, SHORTEST_TIMEOUT, ENOUGH_REPLIES = 8.0, 1.2, 20
-#: After a late reply the timeouts grow to LATE_FACTOR times its seconds, unless it took longer than LATEST_COUNTED.
+#: A late reply raises the timeouts to LATE_FACTOR times its seconds, unless it took over MAX_COUNTED_LATE_TIME.
 LATE_FACTOR, LATEST_COUNTED = 1.5, 6.0
 #: The first reply sets the typical time, up to this many seconds.
 MAX_FIRST_REPLY_TIME = 1.0
-#: Smoothing of the typical time: weight of the newest reply, which is cut to MAX_GROWTH times the average plus MARGIN.
+#: Smoothing of the typical time: weight of the newest time, which is cut to MAX_GROWTH times the average plus a margin.
 SMOOTHING_WEIGHT, MAX_GROWTH, MARGIN = 0.2, 3.0, 0.01
 
-#: The fields of a reply or the fault that it is, and the same with the length in bytes.
+#: The fields of a reply, or the fault that it reports; and the same together with the reply's length in bytes.
 Answer = Values | Fault
 Taken = tuple[Answer, int]
 
 
 class ReplyTimes:
-    """``typical_rtt`` is the average round-trip time in seconds, ``last_rtt`` that of the last reply (or the wait for
-    one), ``answers`` the number of replies.
+    """``typical_rtt`` is the average round-trip time in seconds, ``last_rtt`` that of the last reply (or the time until
+    the gateway gave up), ``reply_count`` the number of replies.
     """
 
     def __init__(self) -> None:
@@ -70,8 +72,9 @@ class ReplyTimes:
         self._late_time = 0.0
 
     def answered(self, reply_time: float, elapsed: float, counts: bool) -> None:
-        """Record a reply. ``reply_time`` is the time until its last byte, ``elapsed`` until it was accepted. It enters
-        the average only if it ``counts``: replies to long operations and empty replies do not.
+        """Record a reply: the seconds until its last byte, and until it was accepted (``elapsed``).
+
+        Replies to long operations and empty replies do not enter the average (``in_average``).
         """
         self.last_rtt = reply_time
         self.answers += 1
@@ -86,8 +89,8 @@ class ReplyTimes:
         self._late_time = reply_time if reply_time <= LATEST_COUNTED else self._late_time
 
     def timeout(self, longest: float, position: bool) -> float:
-        """Return the timeout of a reply in seconds; ``longest`` is the protocol's. It is shorter for a ``position``,
-        which is polled: a lost reply is soon noticed and asked for again.
+        """Return the timeout of a reply in seconds: the protocol's, or longer after late replies. That of a position is
+        shorter, because positions are polled: a lost reply is then noticed early and requested again.
         """
         longest = max(longest, LATE_FACTOR * self._late_time)
         if not position or self.answers < ENOUGH_REPLIES:
@@ -96,8 +99,8 @@ class ReplyTimes:
 
 
 class LateReplies:
-    """Requests that timed out and may still be answered; ``ambiguous_with`` tells whether a reply could be taken for
-    another.
+    """Requests that timed out and may still be answered. ``ambiguous_with`` says of two commands whether the reply to
+    one could be taken for the reply to the other.
     """
 
     def __init__(self, ambiguous_with: Callable[[Send, Send], bool]) -> None:
@@ -105,16 +108,16 @@ class LateReplies:
         self._expected: list[tuple[float, Send]] = []
 
     def add(self, command: Send, expires_at: float) -> None:
-        """Keep an unanswered request open until this time of the line's clock, in seconds."""
+        """Expect the late reply to a request that timed out, until this loop time in seconds."""
         self._expected.append((expires_at, command))
 
     def until(self, command: Send, now: float) -> float:
-        """Return the time from which no late reply can be mistaken for that of this command; ``now`` if none can."""
+        """Return the loop time from which no late reply can be mistaken for the reply to this command."""
         return max([end for end, _ in self._like(command, now)], default=now)
 
     def count(self, command: Send, now: float) -> int:
-        """Return how many late replies could be mistaken for the reply to this command; the reply after them must be
-        its own.
+        """Return how many late replies could be mistaken for the reply to this command. After so many replies, the next
+        reply must be the right one.
         """
         return len(self._like(command, now))
 
@@ -126,7 +129,7 @@ class LateReplies:
 
 
 class GaveWay(NoAnswer):
-    """The reply was given up in favour of a stop that waits, on a wire that no longer delivers it."""
+    """The gateway gave up waiting for a reply, because a stop is due; this wire then drops that reply."""
 
 
 class Transaction:
@@ -141,7 +144,7 @@ class Transaction:
         self.reply_rules, self.wire_log = reply_rules, wire_log
         self.lost = False
         self.wire_lost: Signal[None] = Signal()
-        #: The line was lost during an exchange: the mount may have received half a command.
+        #: Whether the line was lost during an exchange, so that the mount may have received half a command.
         self.half = False
         self.request = b""
         #: Whether a long operation is under way, whether it takes so long that other requests are refused, and the loop
@@ -169,8 +172,8 @@ class Transaction:
         self._gives_way = math.inf
         #: Loop time at which a stop is to be written, whatever else happens on the line.
         self._stop_due = math.inf
-        #: The commands of stops that were written without waiting for replies since the last exchange that was no
-        #: check, and the loop time at which the last new one was written first.
+        #: The stop commands that were written without waiting for replies, cleared by the next exchange (not by checks
+        #: of the line); and the loop time at which the newest of them was first written.
         self.written: set[bytes] = set()
         self._first_written = -1e9
         self._opening_count = 0
@@ -207,7 +210,7 @@ class Transaction:
         self._queue.wake()
 
     def wake(self, stop: bool) -> None:
-        """Wake the exchange under way, which must not delay a waiting ``stop``, or block others in a long operation."""
+        """Wake the exchange under way: to give way to a ``stop``, or to examine new requests in a long operation."""
         self._hurried |= stop
         if stop:
             self._stop_due = min(self._stop_due, self._clock())
@@ -220,7 +223,7 @@ class Transaction:
         return self._clock() >= self._stop_due and not self.lost
 
     def stop_written(self, commands: Collection[bytes]) -> None:
-        """Note that these commands of the due stop were written, and when the stop is due again."""
+        """Note that these commands of the due stop were written, and calculate when they must be written again."""
         now, self._stop_due = self._clock(), math.inf
         if not self.written.issuperset(commands):
             self._first_written = now
@@ -260,7 +263,7 @@ class Transaction:
         return left
 
     async def carry_out(self, command: Send, stop: bool) -> Answer:
-        """Carry out an exchange. After a pause that was cut short, keep the full pause and send a stop twice."""
+        """Carry out an exchange. If the previous pause was cut short, keep this one in full and send a stop twice."""
         hurried, self._cut_short = self._cut_short, False
         if not stop:
             self.written.clear()
@@ -279,8 +282,9 @@ class Transaction:
             self.busy = False
 
     async def exchange(self, command: Send, firm: bool = False, resync: bool = False, stop: bool = False) -> Answer:
-        """Send a request and return the fields of its reply, or the Fault that came instead. A ``firm`` pause after it
-        is not cut short; a ``resync`` has the full timeout of the protocol. A ``stop`` does not wait for quiet.
+        """Send a request and return the fields of its reply, or the Fault that came instead. ``keeps_pause``: a stop
+        does not cut short the pause after it. ``is_resync``: it gets the full timeout of the protocol. ``is_stop``: it
+        does not wait until the line is quiet.
         """
         try:
             request = self.reply_rules.encode(command)
@@ -323,7 +327,7 @@ class Transaction:
         return self.send(self.reply_rules.encode(command)) if self.reply_rules.expected(command).silent else None
 
     async def _pause(self, seconds: float, firm: bool) -> bool:
-        """Pause after a command without a reply. A stop cuts it short unless it is ``firm``; return False then."""
+        """Pause after a command without a reply. Return False if a stop cuts it short, unless ``keeps_pause``."""
         until = self._clock() + seconds
         while not self.lost and (left := until - self._clock()) > 0:
             if not firm and self._queue.stop_waits:
@@ -337,7 +341,7 @@ class Transaction:
     ) -> Taken | None:
         """Return the reply and its length when it is complete; None if it is late, or the wire was lost.
 
-        A reply without a terminator is complete when nothing follows it for ``settle`` seconds.
+        A reply without a terminator is complete when nothing follows it for ``settle_time`` seconds.
         """
         position = expected.answer_kind == "position" and not resync
         longest = command.patience or self.times.timeout(expected.timeout, position)
@@ -416,7 +420,7 @@ class Transaction:
 
     @property
     def _unexplained(self) -> bytes:
-        """What has come and belongs to no reply; what some mounts send around each reply does not count."""
+        """The received bytes that belong to no reply, without the padding that some mounts send around replies."""
         return self._buffer.strip(self.reply_rules.padding)
 
     async def idle(self, seconds: float) -> None:
@@ -427,17 +431,15 @@ class Transaction:
             await self._bytes_event.within(min(left, self._stop_due - self._clock()))
 
     async def any_reply(self, seconds: float) -> None:
-        """Wait until any byte arrives, but no longer than this."""
+        """Wait until any byte arrives, but no longer than ``seconds``."""
         heard, until = self.heard, self._clock() + seconds
         while not self.lost and self.heard == heard and (left := until - self._clock()) > 1e-6:
             self._bytes_event.clear()
             await self._bytes_event.within(left)
 
     async def drain(self, quiet_time: float) -> bool:
-        """Wait until the wire has been quiet for some seconds, and drop the received bytes; return whether there were
-        any.
-
-        A stop that is due ends it.
+        """Wait until the wire has been quiet for ``quiet_time`` seconds, or a stop is due; drop the received bytes, and
+        return whether there were any.
         """
         give_up = self._clock() + DRAIN_TIMEOUT
         while not self.lost and not self.stop_due and self._clock() < give_up:

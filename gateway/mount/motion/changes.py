@@ -1,10 +1,10 @@
-"""How each kind of order, and its outcome, changes `Wanted`: pure functions, one row per kind of order.
+"""How each kind of order, and its outcome, changes `Wanted`: pure functions, one per kind of order or outcome.
 
 The newest order counts: a rate replaces a pending rate, a halt removes the pending orders that would move its axis, a
 stop removes all motions. A goto moves both axes together: a halt of either axis, while the goto is pending or under
-way, ends the whole goto. The exception is the release of an arrow that the same host pressed before the goto; it takes
-effect if the goto was refused. What the mount has acknowledged becomes ``motion``. A guide pulse adds an order of the
-gateway for its end or its remainder.
+way, ends the whole goto. The exception is the release of an arrow key that the same host pressed before the goto; it
+takes effect only if the goto is refused. A motion that the mount has acknowledged becomes ``Wanted.motion``. A guide
+pulse adds an order of the gateway itself, for its end or its remainder.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def stopped(wanted: Wanted, reason: str | None = None) -> Wanted:
 def equal_pending_halt(wanted: Wanted, operation: op.Operation) -> Halt | None:
     """Return a pending halt that makes this halt redundant; None if there is none.
 
-    A halt that waits behind a goto serves only if no other order came between the two.
+    A halt that waits behind a goto counts only if no order arrived since.
     """
     if not isinstance(operation, END_ORDERS):
         return None
@@ -109,8 +109,8 @@ def planned(wanted: Wanted, later: Schedule, number: int, now: float) -> Wanted:
 
 
 def too_late(wanted: Wanted, operation: op.Operation, stop_count: int | None) -> bool:
-    """Whether a stop came after the client asked for the operation; ``stop_count`` was the number of stops at that
-    time.
+    """Whether the mount was stopped after the client's request, which makes the operation void. ``stop_count`` was the
+    number of stops at the time of the request.
     """
     if stop_count is None or stop_count == wanted.stops:
         return False
@@ -159,7 +159,7 @@ def _append(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 
 def _by_hand(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """Append the arrow. It cancels gotos that are postponed: whoever presses it wants to move the mount himself."""
+    """Append the motion of an arrow key. It cancels postponed gotos: its user wants to move the mount himself."""
     axis = axis_moved(order.operation)
     pending = tuple(other for other in wanted.pending if other.number == wanted.active or not _is_postponed(other))
     wanted = wanted if len(pending) == len(wanted.pending) else replace(wanted, pending=pending)
@@ -170,7 +170,7 @@ def _by_hand(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 
 def _goto(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """Append the goto in place of postponed gotos, arrows and pulses, and count it: later arrows are newer."""
+    """Append the goto in place of postponed gotos, arrows and pulses. Count it, to recognise arrows pressed before."""
     if any(isinstance(other.operation, op.Move | op.MoveAxis) for other in wanted.pending):
         wanted = without_presses(wanted)
     pending = tuple(other for other in wanted.pending if other.number == wanted.active or not _replaced_by_goto(other))
@@ -216,7 +216,7 @@ def _halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 
 def _end(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """Put an end first, but behind a goto that it may have to end, and in order if a client keeps repeating it."""
+    """Queue a halt first, but behind a goto that it may have to end, and last if a client keeps repeating it."""
     assert isinstance(order, Halt)
     axis = axis_ended(order.operation)
     wanted = without_superseded(
@@ -316,7 +316,7 @@ def acknowledged(
 ) -> Wanted:
     """Return the new ``Wanted`` after the mount has acknowledged an operation, in the form in which it was sent.
 
-    ``speed`` is the speed of a motion by hand, degrees a second; ``sent`` is the loop time of its command.
+    ``speed`` is the speed of a motion by hand, degrees a second; ``sent_at`` is the loop time of its command.
     """
     match operation:
         case op.Goto() | op.GotoHorizontal() | op.GotoAxes() | op.Park() | op.Home():
@@ -367,7 +367,7 @@ def ended_short(wanted: Wanted, reason: str) -> Wanted:
 
 
 def pulsed(wanted: Wanted, order: Order, pulse: op.Pulsed, number: int, now: float) -> Wanted:
-    """Note a guide pulse that began, and add the order for its end or its remainder, with this ``number``."""
+    """Note a guide pulse that began, and add order ``number`` for its end or its remainder."""
     if isinstance(order.operation, op.Move):  # a tap at guide rate
         order = replace(order, operation=op.Pulse(order.operation.direction, order.operation.ms or 0))
     axis, until = order.pulse_axis, (now if pulse.since is None else pulse.since) + pulse.seconds
@@ -385,7 +385,7 @@ def pulsed(wanted: Wanted, order: Order, pulse: op.Pulsed, number: int, now: flo
 
 
 def _begun(wanted: Wanted, *axes: int) -> tuple[int, int]:
-    """Count a motion of these axes."""
+    """Return ``motions_begun``, increased by one motion of each of these axes."""
     first, second = wanted.motions_begun
     return first + (1 in axes), second + (2 in axes)
 

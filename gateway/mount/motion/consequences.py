@@ -13,13 +13,13 @@ from gateway.mount.motion.wanted import Slew, Wanted
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.watch import LimitWatch
 
-#: By which part a guide pulse must have been too long to be worth a line in the log.
+#: Fraction of its length by which a guide pulse must have been too long to be logged.
 MIN_LOGGED_EXCESS = 0.1
 
 
 class Consequences:
-    """Updates the cache and the watches: ``begins`` before ``Wanted`` contains an acknowledged operation, ``done``
-    after that; ``stop_sent`` and ``at_rest`` for a stop that was sent, and acknowledged.
+    """Updates the cache and the watches. ``on_acknowledged`` is called before an acknowledged operation enters
+    ``Wanted``, ``after_wanted_updated`` after that.
     """
 
     def __init__(
@@ -32,7 +32,7 @@ class Consequences:
         self._end_watch.sent((1, 2), self._watch.fastest)
 
     def at_rest(self) -> None:
-        """Handle a stop that the mount has acknowledged: it may run on."""
+        """Handle a stop that the mount has acknowledged: the motors may run on."""
         slewing, by_others = self._context.movement.slewing, self._watch.moved_by_others
         self._context.run_on.ended(goto=slewing, by_others=by_others)
         self._reader.ordered(op.AbortMotion(), by_others)
@@ -45,7 +45,7 @@ class Consequences:
             self._watch.began(operation)
 
     def done(self, operation: op.Operation, before: Wanted) -> None:
-        """Handle an acknowledged operation; ``before`` is the ``Wanted`` before its acknowledgement."""
+        """Handle an acknowledged operation; ``wanted_before`` is the ``Wanted`` before its acknowledgement."""
         cache, run_on = self._cache, self._context.run_on
         if run_on.value is not None and isinstance(operation, (*GOTOS, op.Move, op.MoveAxis)):
             run_on.forget()
@@ -82,8 +82,8 @@ class Consequences:
             self._cache.correct(op.GetStatus, replace(status, tracking=op.Tracking.OFF))
 
     def pulse_ended(self, axis: int, ordered_at: float, started_at: float) -> None:
-        """Log how late a guide pulse was ended, if that matters. ``ordered_at`` and ``started_at``: the loop times
-        at which its end was taken up, and was sent.
+        """Log by how much a guide pulse was too long, if that matters. ``ordered_at`` and ``started_at`` are the loop
+        times at which the reconciler began with its end, and at which the command for that was sent.
         """
         pulse = next((sent for sent in self._context.wanted.value.pulses if sent.axis == axis), None)
         late = 0.0 if pulse is None else started_at - pulse.until
@@ -110,7 +110,7 @@ class Consequences:
             self._watch.motion_ended()
 
     def _has_synced(self) -> None:
-        """Count the sync in the sum of all, and forget the positions: the mount reports others from now on."""
+        """Add the sync to the sum of all syncs, and forget the cached positions, which a sync changes."""
         self._context.synced.carried_out()
         status = self._cache.value(op.GetStatus)
         aligns = (op.GetStatus,) if status is not None and not status.aligned else ()

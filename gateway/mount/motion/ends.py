@@ -1,9 +1,9 @@
-"""The end of a motion is owed until the position shows it: an acknowledgement can be lost, and some mounts give none.
+"""Repeats the command that ends a motion until positions show the end: some mounts do not acknowledge it.
 
-An end is done when the speed has fallen below ``MIN_PART`` of the ordered speed. Until then its command is repeated at
-growing intervals. After ``TRIES_BEFORE_WARNING`` attempts the log warns the user. After ``MAX_TRIES`` the gateway gives
-up, because a person at the hand control may be moving the mount. Pure functions over frozen values decide; angles are
-degrees, times seconds of a monotonic clock.
+A motion has ended when its speed has fallen below ``MIN_SPEED_FRACTION`` of the ordered speed. Until then the command
+is repeated at growing intervals. After ``TRIES_BEFORE_WARNING`` attempts the log warns the user. After ``MAX_TRIES``
+the gateway gives up, because a person at the hand control may be moving the mount. Pure functions over frozen values
+decide; angles are degrees, times seconds of a monotonic clock.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from gateway.mount.motion.wanted import WantedState
 
 #: Seconds between retries; a mount runs on for up to two seconds after a stop, which must not look like a lost stop.
 RETRY_DELAYS = (1.5, 2.0, 3.0, 5.0)
-#: How often an end is sent before the log warns the user, and the seconds between further retries.
+#: How often the command is sent before the log warns the user, and the seconds between further retries.
 TRIES_BEFORE_WARNING, LATER_RETRY_PERIOD = 5, 10.0
 #: How many of the last positions are kept.
 MAX_SAMPLES = 6
@@ -36,7 +36,7 @@ SLOW = 0.05
 
 
 class AxisSample(Struct, frozen=True):
-    """The axes at a time, in coordinates in which an axis at rest is constant; ``resolution`` is in degrees."""
+    """The readings of both axes at a time: right ascension and declination, or azimuth and altitude, degrees."""
 
     at: float
     axes: tuple[float, float]
@@ -44,11 +44,11 @@ class AxisSample(Struct, frozen=True):
 
 
 class Ending(Struct, frozen=True):
-    """The end of a motion: axes (1, 2) that are to stand still, their speed in degrees a second, and when the command
-    was sent.
+    """A motion that was ended: its axes (1, 2), its speed in degrees a second, and the times at which the command to
+    end it was sent.
 
     ``motions_begun`` is ``Wanted.motions_begun`` at that time: if it has grown since, the axis was set moving again,
-    and the end is void.
+    and need not come to rest.
     """
 
     axes: frozenset[int]
@@ -77,7 +77,7 @@ def visible(ending: Ending) -> bool:
 
 
 def speed(ending: Ending, samples: Sequence[AxisSample]) -> float | None:
-    """Return the speed of the axes since the end was sent, degrees a second; None if the samples do not show it yet.
+    """Return the speed since the motion was ended, degrees a second; None if the samples do not show it yet.
 
     Only the last two samples that are far enough apart count, to leave out the run-on before them.
     """
@@ -91,7 +91,7 @@ def speed(ending: Ending, samples: Sequence[AxisSample]) -> float | None:
 
 
 def next_step(ending: Ending, samples: Sequence[AxisSample], now: float) -> Step:
-    """Return what to do about an end now."""
+    """Return what to do now so that a motion ends."""
     if not visible(ending):
         return Step.DONE
     measured = speed(ending, samples)
@@ -105,9 +105,9 @@ def next_step(ending: Ending, samples: Sequence[AxisSample], now: float) -> Step
 
 
 class EndWatch:
-    """Watches the end of a motion until the position confirms it. A new motion supersedes the end.
+    """Watches until positions confirm that a motion has ended, or a new motion of the same axes begins.
 
-    ``again`` is emitted with the axes whose end is to be sent again; ``warn`` receives the log lines.
+    ``resend_needed`` is emitted with the axes that must be stopped once more; ``warn`` receives the log lines.
     """
 
     def __init__(self, clock: Callable[[], float], warn: Callable[[str], None], wanted: WantedState) -> None:
@@ -118,7 +118,7 @@ class EndWatch:
 
     @property
     def ending(self) -> Ending | None:
-        """The end that the position does not confirm yet, for the axes that have not been set moving again since."""
+        """The ended motion that positions do not confirm yet, without axes that were set moving again since."""
         ending, begun = self._ending, self._wanted.value.motions_begun
         if ending is not None and ending.motions_begun != begun:
             axes = frozenset(axis for axis in ending.axes if ending.motions_begun[axis - 1] == begun[axis - 1])
@@ -127,11 +127,11 @@ class EndWatch:
 
     @property
     def pending(self) -> bool:
-        """Whether the position does not show the end yet: positions are needed."""
+        """Whether positions are needed, because they have not shown yet that a motion has ended."""
         return self.ending is not None
 
     def sent(self, axes: Iterable[int], speed: float) -> None:
-        """Watch an end that was sent; ``speed`` is the highest speed of its axes so far, degrees a second."""
+        """Watch axes for which a stop was sent, and which moved at up to this speed until then, degrees a second."""
         both, before, begun = frozenset(axes), self.ending, self._wanted.value.motions_begun
         if before is not None and before.axes == both:
             self._ending = Ending(both, max(speed, before.speed), (*before.sent_at[:-1], self._clock()), begun)
@@ -140,7 +140,7 @@ class EndWatch:
             self._ending = Ending(both | rest[0], max(speed, rest[1]), (self._clock(),), begun)
 
     def look(self, sample: AxisSample) -> None:
-        """Take a position, and emit ``again`` if the end must be sent again."""
+        """Take the readings of a position, and emit ``resend_needed`` if the axes must be stopped once more."""
         self.samples = [*self.samples[1 - MAX_SAMPLES :], sample]
         ending = self.ending
         if ending is None:

@@ -1,8 +1,8 @@
 """Motion that went on without the gateway: motion that it had begun when its line was lost, or when it was killed.
 
-Meanwhile a person at the hand control may have ended that motion and begun another motion, which is left alone. A
-recent motion is stopped at once. After that time, a goto is stopped if the marker names a goto, and two positions
-decide whether an axis still turns as the marker says. If they cannot decide, the motion is stopped as well.
+A marker file records the motion. If it is recent, the mount is stopped at once. Later, a person at the hand control
+may have begun another motion, which the gateway leaves alone. So a goto is stopped only if the marker names a goto, and
+a motion by hand only if the axis turns as the marker says, or if positions cannot show it.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from gateway.core.motion_kinds import MOVERS
 from gateway.mount.motion.ends import MIN_PART, SLOW, AxisSample
 from gateway.mount.motion.wanted import Slew, Wanted
 
-#: Seconds for which a mark counts without a look at the mount.
+#: Age of the marker in seconds up to which the mount is stopped without reading its position.
 MAX_AGE = 10.0
-#: Seconds between the two positions, and for both together.
+#: Seconds between the two positions that are compared, and within which both must arrive.
 SAMPLE_GAP, SAMPLES_TIMEOUT = 0.7, 1.5
-#: How many times faster than marked an axis may turn and still be taken for the marked motion.
+#: How many times faster than recorded an axis may turn and still be taken for the recorded motion.
 FASTER = 2.5
 
 
 class LeftMotion(Struct, frozen=True, omit_defaults=True):
-    """The motion left behind: ``speeds`` of motions by hand, by axis, degrees a second; or a ``goto``.
+    """The motion that a marker records: ``speeds`` of motions by hand, by axis, degrees a second; or a ``goto``.
 
-    ``direction``: whether the reading of the first axis grew (1) or fell (-1), 0 if positions have not shown it. The
-    reading of the second axis has no such direction, because it turns back over the pole or the zenith.
+    ``direction``: whether the reading of the first axis grew (1) or fell (-1), 0 if positions have not shown it. It is
+    not recorded for the second axis, whose reading reverses at the pole or the zenith.
     """
 
     speeds: dict[int, float] = {}
@@ -39,7 +39,7 @@ class LeftMotion(Struct, frozen=True, omit_defaults=True):
 
 
 def left_motion(wanted: Wanted, speed: Callable[[op.Rate], float], samples: list[AxisSample]) -> LeftMotion | None:
-    """Return what the gateway has set moving; None if positions could not show whether that goes on."""
+    """Return the motion that the gateway has begun; None if positions could not show later whether it goes on."""
     begun = [
         *wanted.by_hand.values(),
         *(order.operation for order in wanted.pending if isinstance(order.operation, MOVERS)),
@@ -67,11 +67,11 @@ def turning(before: AxisSample, after: AxisSample) -> Pair:
 
 
 def still_left(left: LeftMotion, rates: Pair) -> frozenset[int]:
-    """Return the axes that still turn as marked, by the speeds of both, degrees a second."""
+    """Return the axes that still turn as recorded. ``axis_rates``: the present speeds, degrees a second."""
     axes = {axis for axis, speed in left.speeds.items() if MIN_PART * speed <= abs(rates[axis - 1]) <= FASTER * speed}
     return frozenset(axes - ({1} if rates[0] * left.direction < 0.0 else set()))
 
 
 def rests(rates: Pair) -> bool:
-    """Whether nothing moves but by tracking, by the speeds of both axes."""
+    """Whether the mount rests or only tracks. ``axis_rates``: the speeds of both axes, degrees a second."""
     return max(map(abs, rates)) < SLOW

@@ -1,8 +1,8 @@
 """Makes the mount do what is wanted: the only part that sends motion commands, one order after the other.
 
-An order changes ``Wanted`` in the call in which it arrives (``take``). The loop then carries out one due order after
-the other: it has the rules admit the order, announces a motion before its first byte, has the driver carry it out, and
-adds the outcome to ``Wanted``. An order that is no longer wanted is cancelled between two exchanges; an order that a
+An order changes ``Wanted`` when it arrives (``take_order``). The loop then carries out one due order after the other:
+it has the rules admit the order, announces a motion before its first byte, has the driver carry it out, and adds the
+outcome to ``Wanted``. An order that is no longer wanted is cancelled between two exchanges; an order that a
 halt has interrupted begins again after it. A stop is no order (``stopping.py``): it does not queue, cancels the motions
 that run or wait, and waits only for the exchange on the wire. Only this part replaces ``Wanted``.
 """
@@ -36,7 +36,7 @@ from gateway.mount.presence import HostActivity
 from gateway.mount.safety.admission.motions import MotionAdmission
 from gateway.protocols.base.driver import FollowUps, Schedule
 
-#: Is awaited before a motion begins.
+#: An asynchronous callback before a motion begins.
 Announce = Callable[[], Awaitable[None]]
 #: Seconds between two attempts to halt a focuser whose mount does not reply.
 FOCUS_AGAIN = 1.0
@@ -46,8 +46,8 @@ class Reconciler:
     """``announcers`` are awaited in their order before any command that sets the mount moving, so that the watchdog and
     the marker on disk know of the motion if this process is killed.
 
-    Signals: ``begins`` with an operation that the mount has acknowledged, ``unattended`` if it needs an active client;
-    ``at_rest`` when a stop was acknowledged; ``lasting`` when the state that is saved to disk may have changed.
+    Signals: ``acknowledged`` with an operation that the mount has acknowledged, ``needs_client`` if that is a motion to
+    end when its client falls silent; ``stop_acknowledged``; ``saved_state_changed`` if the state file may be outdated.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class Reconciler:
 
     @property
     def busy(self) -> bool:
-        """Whether there is a motion that was ordered, an order for one, an owed stop, or suspended tracking."""
+        """Whether an ordered motion is under way or pending, a stop is not acknowledged, or tracking is suspended."""
         coming = any(not survives_abort(order.operation) for order in self.wanted.pending)
         return self.wanted.owed or coming or self._movement.ordered or self._driver.tracking_suspended
 
@@ -107,10 +107,8 @@ class Reconciler:
         max_delay: float = inf,
         arrived_at: float | None = None,
     ) -> Outcome:
-        """Take a motion order and return its outcome. It ``arrived_at`` this loop time, after ``stop_count``
-        stops.
-
-        It waits for the outcome for ``max_delay`` seconds: a goto is not begun after that.
+        """Take a motion order and return its outcome. It arrived at this loop time, after ``stop_count`` stops. Its
+        client waits for the outcome for ``max_delay`` seconds: a goto is not begun after that.
         """
         now, wanted = self._loop.time(), self.wanted
         if self.closed or changes.too_late(wanted, operation, stop_count):
@@ -158,9 +156,7 @@ class Reconciler:
         return outcome if outcome is not None else waiting.finished()
 
     def halt_is_pending(self, operation: op.Operation) -> bool:
-        """Remove the pending orders that a halt ends; return whether an equal halt is pending, which makes this one
-        redundant.
-        """
+        """Remove the pending orders that a halt ends; return whether an equal halt is pending and suffices."""
         begins = any(isinstance(order.operation, (*GOTOS, op.Move, op.MoveAxis)) for order in self.wanted.pending)
         if begins or self._movement.slewing:
             return False
@@ -196,7 +192,7 @@ class Reconciler:
     def begin_stop(self, reason: str | None = None) -> asyncio.Task[None]:
         """End every motion: cancel all orders that run or wait, and send the stop before everything else.
 
-        It is owed until the mount has acknowledged it, also over a lost reply or line. ``reason``: see ``stopped``.
+        It is repeated until the mount has acknowledged it, even after a lost line. ``reason``: see ``after_stop``.
         """
         self._want(changes.stopped(self.wanted, reason))
         return self._stopping.send(self._loop_task if self._given_up else None)
@@ -206,7 +202,7 @@ class Reconciler:
         await result_of(self.begin_stop(reason))
 
     def send_again(self, axes: frozenset[int]) -> None:
-        """Send an end again, because the position shows that the mount still moves. Other orders continue."""
+        """Stop these axes once more, because positions show that they still move. Other orders continue."""
         if len(axes) > 1:
             self._stopping.send(None)
         else:
@@ -353,7 +349,7 @@ class Reconciler:
         return operation, answer
 
     def _check_tap(self, number: int, longest: float) -> None:
-        """Raises TapDropped if the order is an arrow that was released already, and was pressed too long ago."""
+        """Raises TapDropped if the order is an arrow that was pressed over ``max_age`` seconds ago and is released."""
         for order in self.wanted.pending:
             if order.number == number and order.held is not None and self._loop.time() - order.since > longest:
                 raise taps.TapDropped
@@ -407,7 +403,7 @@ class Reconciler:
             self._takes_effect(order, operation)
 
     def _takes_effect(self, order: Order, operation: op.Operation) -> None:
-        """Fold in what the mount has acknowledged, and what follows from it."""
+        """Add the acknowledged operation to ``Wanted``, and handle its consequences."""
         before, by_hand = self.wanted, isinstance(operation, op.Move | op.MoveAxis)
         self._consequences.begins(operation)
         speed = self._driver.speed(operation.rate) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
@@ -421,7 +417,7 @@ class Reconciler:
         self.lasting.emit(None)
 
     async def _check_other_axis(self) -> None:
-        """After the end of an axis, check that the other axis may continue alone; if not, stop the mount."""
+        """After one axis was halted, check that the other axis may continue alone; if not, stop the mount."""
         try:
             await self._admission.still_allowed()
         except Fault as fault:

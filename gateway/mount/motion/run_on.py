@@ -1,9 +1,9 @@
 """The run-on: after the end of a motion the mount counts as moving until its position shows it at rest.
 
-Motors take up to two seconds to slow down, and whoever exposes, syncs or guides meanwhile does so on a mount that turns
-at degrees a second. Two positions that were requested after the end and agree show rest. Without a position for
-``MAX_SILENCE`` seconds nobody knows whether the mount moves. The run-on changes what clients read and when guide
-pulses begin, never whether the gateway sends a stop. Angles are degrees, times seconds of the event loop's clock.
+Motors take up to two seconds to slow down, which would spoil an exposure, a sync or a guide pulse. Two positions that
+were requested after the end and agree show rest. After ``MAX_SILENCE`` seconds without a position the motion counts as
+unknown. The run-on changes what clients read and when guide pulses begin, never whether the gateway sends a stop.
+Angles are degrees, times seconds of the event loop's clock.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from gateway.core.signals import Signal
 from gateway.mount.motion.wanted import ByHand, Slew, Wanted
 
 ARCSECOND = 1.0 / 3600.0
-#: Degrees a second: the sky over a drive that is off, and the difference between the sidereal and other drive rates.
+#: Degrees a second: the motion of the sky, and the greatest difference between the sidereal and other tracking rates.
 SKY, DRIVES = 15.041 * ARCSECOND, 3.0 * ARCSECOND
-#: Seconds between two positions that are compared, at least; the age up to which one from before a goto's own end
-#: counts; and the time without a position after which nothing is known.
+#: Seconds: the least time between two positions that are compared; the age up to which a position from before the end
+#: of a goto counts; and the time without a position after which the motion is unknown.
 MIN_POSITION_GAP, MAX_POSITION_GAP, MAX_SILENCE = 0.25, 1.5, 3.0
 #: Seconds that a guide pulse waits for rest at most.
 MAX_PULSE_WAIT = 1.5
@@ -32,7 +32,7 @@ REST_UNITS = 1.25
 
 
 class TimedPosition(Struct, frozen=True):
-    """A position, the loop time of its request, and that of its arrival."""
+    """A position, the loop times of its request and of its arrival."""
 
     at: float
     asked: float
@@ -40,8 +40,8 @@ class TimedPosition(Struct, frozen=True):
 
 
 class RunOn(Struct, frozen=True):
-    """A motion that was ended at ``since``; of a ``goto``, park or home, or by hand. ``positions`` are the positions
-    that count; ``last_position_at`` is the time of the mount's last report of a position.
+    """The time after the end of a motion: ``after_goto`` (also park or home), or by hand. ``positions`` are those that
+    can show rest; ``last_position_at`` is when the mount last reported any position.
     """
 
     since: float
@@ -53,7 +53,7 @@ class RunOn(Struct, frozen=True):
 def unexplained_motion(before: op.Equatorial, after: op.Equatorial, elapsed: float, equatorial: bool = False) -> float:
     """Return the motion between two positions that tracking, on or off, does not explain, degrees.
 
-    On an ``equatorial`` mount the first axis also counts alone, because near the pole its turning hardly shows.
+    On an ``equatorial`` mount the right ascension also counts alone: near the pole its change hardly moves the tube.
     """
     distance = separation(before.ra, before.dec, after.ra, after.dec)
     passed = separation(before.ra + SKY * elapsed, before.dec, after.ra, after.dec)
@@ -77,11 +77,11 @@ def after_position(run_on: RunOn, position: TimedPosition, equatorial: bool, res
 
 
 class RunOnWatch:
-    """Holds the run-on under way, None at rest. ``changed`` is emitted with the time until which pulses wait."""
+    """Holds the ``current`` run-on, None at rest. ``pulse_wait_changed``: the loop time until which pulses wait."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
-        #: Emitted with each command that may set the mount moving, and how often until it was last seen at rest.
+        #: Emitted with each command that may set the mount moving; and its count when the mount was last seen at rest.
         self.sent: Signal[None] = Signal()
         self._rested_at = 0
         #: When the mount was last seen at rest after the end of a motion.
@@ -100,8 +100,8 @@ class RunOnWatch:
         return self.value is not None and self._clock() - self.value.last_position_at > MAX_SILENCE
 
     def activity(self, wanted: Wanted, parked: bool, heard: float) -> op.Activity:
-        """Return the motion by orders of this gateway, including the run-on. ``parked``: the mount is parked;
-        ``last_position_at``: seconds since its last reply.
+        """Return the motion by orders of this gateway, including the run-on. ``reply_age``: seconds since the mount's
+        last reply.
         """
         slews, waiting = isinstance(wanted.motion, Slew), [order for order in wanted.pending if not order.follow_up]
         # The last step of a park: the tube has arrived, and tracking is not off yet.
@@ -124,9 +124,8 @@ class RunOnWatch:
         self._rested_at = -1
 
     def ended(self, goto: bool, latest: TimedPosition | None = None, by_others: bool = False) -> None:
-        """Note an end that the mount has acknowledged, or a goto that has ended by itself. The ``latest`` position,
-        from shortly before, may already show rest. ``by_others``: somebody else moves the mount. A repeated end, and
-        the end of a mount that was at rest since its last motion, change nothing.
+        """Note that the mount has acknowledged the end of a motion, or that a goto has ended by itself; the ``latest``
+        position may already show rest. It changes nothing if the mount was at rest, unless somebody else moved it.
         """
         now = self._clock()
         if self.value is not None or not (self.sent.count != self._rested_at or by_others):
@@ -137,7 +136,7 @@ class RunOnWatch:
         self.changed.emit(now + MAX_PULSE_WAIT)
 
     def forget(self) -> None:
-        """Note that a motion has begun, or that the mount hibernates: nothing runs on. Pulses wait as before."""
+        """End the run-on, because a motion has begun or the mount hibernates. Pulses wait as before."""
         self.value = None
 
     def position(self, position: TimedPosition, equatorial: bool, resolution: float) -> None:

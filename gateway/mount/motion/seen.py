@@ -18,19 +18,21 @@ from gateway.mount.site.astrometry import SiteAstrometry
 JUMP_DEGREES = 30.0
 #: The resolution of positions in degrees: a second of right ascension or a 16-bit reading; that of low precision.
 POSITION_RESOLUTION, COARSE_RESOLUTION = 0.006, 0.025
-#: Degrees between two positions from which the direction of the motion can be told; near the pole or zenith it cannot.
+#: Degrees between two positions that show the direction of a motion; declination or altitude above which they cannot.
 MIN_DIRECTION_STEP, NEAR_POLE = 0.2, 85.0
-#: When the tube passes the pole or the zenith, the first axis seems to turn by half a circle: degrees, and how near.
+#: When the tube passes the pole or the zenith, the first axis seems to turn by half a circle: the degrees that count as
+#: such, and the declination or altitude above which they do.
 POLE_PASSAGE_TURN, PASSES = 90.0, 60.0
 NEVER = -1e9
 
 
 class PositionSample(Struct, frozen=True):
-    """A position of the mount: altitude and hour angle (None without a site), distances from each possible Sun.
+    """A position of the mount, its altitude and hour angle (None without a site), and its distances from the Sun: one
+    for each source of site and time.
 
-    ``further`` are the altitudes by other sources; of all altitudes the first ``own`` are told by the mount, also if
-    its syncs were wrong. ``lifting`` is the motion by hand of the second axis at that time. Altitudes, and
-    distances from Suns, can be compared within one ``era``.
+    ``other_altitudes`` are those by other sources of site and time, or if the syncs were wrong. The first
+    ``own_altitude_count`` of all altitudes are by the mount's own site and clock. ``second_axis_motion`` is the motion
+    by hand of the second axis at that time. Samples with equal ``comparison_key`` can be compared.
     """
 
     at: float
@@ -50,20 +52,19 @@ class PositionSample(Struct, frozen=True):
 
 
 class Changes(Struct, frozen=True):
-    """The speeds of these values between two positions, degrees a second, never negative."""
+    """How fast these values changed between two positions, degrees a second, never negative."""
 
     altitudes: tuple[float, ...] = ()
     suns: tuple[float, ...] = ()
 
 
 class Observed(Struct, frozen=True):
-    """``before`` and ``last`` are the last two positions, ``changes`` the speeds between them, ``earlier`` the speeds
-    before that.
+    """The last two positions, the ``rates`` of change between them, and the ``earlier_rates`` before them.
 
-    ``began`` is when the last motion began, ``ordered_speed`` its speed if known, ``across`` the speed on the sky.
-    ``farthest_from_suns`` are the distances from which each Sun is being approached. ``upright`` becomes False when
-    the tube passes the pole or the zenith, or sinks although it is lifted, and True again when positions show it back
-    or the next goto has ended.
+    ``began_at`` is when the last motion began, ``ordered_speed`` its speed if known, ``sky_speed`` the speed on the
+    sky. ``farthest_from_suns``: for each possible position of the Sun, the greatest distance since the tube came near.
+    ``upright`` becomes False when the tube passes the pole or the zenith, or moves against the ordered direction, and
+    True again when it has returned or the next goto has ended.
     """
 
     before: PositionSample | None = None
@@ -107,8 +108,8 @@ def add_position(observed: Observed, sample: PositionSample) -> Observed:
 
 
 def lifted(observed: Observed, equatorial: bool, speed: float) -> Observed:
-    """Update ``upright``: whether the second motor lifts the tube as it should. A mount that does not report its axes
-    may be beyond the pole or the zenith. ``speed`` is that of the motor, degrees a second.
+    """Update ``upright``: False if the tube moves against the ordered direction of the second axis, so that it must be
+    beyond the pole or the zenith. ``speed`` is the motor's, degrees a second.
     """
     before, last = observed.before, observed.last
     if before is None or last is None or last.lifting is None or last.lifting is not before.lifting:
@@ -130,7 +131,7 @@ def passed(
     astrometry: SiteAstrometry,
     status: op.Status | None,
 ) -> Observed:
-    """Update ``upright`` after a motion that is no goto: the pole, or the zenith, may lie between two positions."""
+    """Update ``upright`` if the tube has passed the pole or the zenith between two positions, except by a goto."""
     if last is None or status is None:
         return observed
     before, after = (axis_sample(astrometry, status, False, each.at, each.place).axes for each in (last, sample))
@@ -139,8 +140,8 @@ def passed(
 
 
 def at_one_time(now: float, place: op.Equatorial, before: PositionSample, lag: float) -> op.Equatorial:
-    """Return the position at the time of its second coordinate; the right ascension was read ``lag``
-    seconds earlier.
+    """Return a position with its right ascension, which was read ``lag`` seconds earlier, extrapolated to the time of
+    its declination.
     """
     turned = wrap180(place.ra - before.place.ra)
     if not lag or abs(turned) > JUMP_DEGREES:

@@ -1,8 +1,8 @@
 """The stop: sent before everything else, several times if its reply is lost, and owed until it is acknowledged.
 
-It needs no admission and does not queue behind other orders: it waits only until the operation that was cancelled for
-it has ended, between two exchanges. If a stop is not acknowledged although the line is up, it is sent again every few
-seconds, a bounded number of times, unless another motion was ordered since.
+It needs no admission and does not queue behind other orders: it only waits until the operation that it cancels has
+ended its exchange. If a stop is not acknowledged although the line is up, it is sent again every few seconds, a bounded
+number of times, unless another motion was ordered since.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ RETRY_DELAYS = (1.5, 2.0, 3.0, 5.0, 10.0, 10.0)
 
 
 class StopSender:
-    """Sends stops. ``sent`` is emitted when the commands of a stop were sent, ``at_rest`` when the mount has
-    acknowledged them, and ``ended`` when an attempt has ended, with or without success.
+    """Sends stops. ``commands_sent`` is emitted when the commands of a stop were sent, ``acknowledged`` when the mount
+    has acknowledged them, and ``attempt_ended`` when an attempt has ended, with or without success.
     """
 
     def __init__(self, context: Context, runner: DriverRunner) -> None:
@@ -90,7 +90,7 @@ class StopSender:
             )
 
     def _owed_for(self) -> object:
-        """Return the motion for which a stop is owed; None if none is owed, or another motion is pending."""
+        """Return the motion whose stop is not acknowledged; None if there is none, or another motion is pending."""
         wanted = self._context.wanted.value
         coming = any(isinstance(order.operation, MOVERS) for order in wanted.pending)
         return None if self._closed or coming or not wanted.owed else wanted.motion

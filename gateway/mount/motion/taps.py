@@ -1,9 +1,9 @@
-"""A tap on an arrow: its release arrived before its motion has begun, and ends the motion after the time it was held.
+"""Taps: arrow keys (or buttons) that are released before the mount has begun the motion that they order.
 
-Once a motion has begun, its release ends it at once; only a short motion keeps its length. If the motion has not begun,
-it is carried out all the same: it ends when it has lasted as long as the arrow was held, but not before the mount has
+The motion is carried out all the same: it lasts as long as the arrow was held, and at least until the mount has
 acknowledged it. A tap that has waited too long is dropped. Taps follow one another; only a stop, a goto or a halt by
-somebody else cancels them. Pure functions over frozen values; times are seconds of the loop's clock.
+somebody else cancels them. If the motion has begun, the release ends it at once, but a short motion keeps its length.
+Pure functions over frozen values; times are seconds of the loop's clock.
 """
 
 from __future__ import annotations
@@ -62,9 +62,7 @@ def released(wanted: Wanted, release: Order) -> Wanted | None:
 
 
 def _held_until(wanted: Wanted, orders: list[Order], release: Order) -> Wanted:
-    """Return the new ``Wanted`` when the release shows how long the newest arrow was held, and an earlier arrow under
-    way.
-    """
+    """Return the new ``Wanted`` after the release of an arrow that waits: how long it was held is known now."""
     newest = orders[-1]
     first = orders[0] if orders[0].number == wanted.active else newest
     spans = [(first, release)] if first.operation == newest.operation else [(first, newest), (newest, release)]
@@ -78,7 +76,7 @@ def _held_until(wanted: Wanted, orders: list[Order], release: Order) -> Wanted:
 
 
 def _as_pulse(wanted: Wanted, tap: Order) -> Wanted:
-    """Turn a tap at guide rate into a guide pulse; if it is too short for the mount, save it for the next tap."""
+    """Turn a tap at guide rate into a guide pulse; if it is too short for the mount, add its time to the next tap."""
     before = sum(other.held or 0.0 for other in wanted.short_taps if other.operation == tap.operation)
     others_kept = tuple(other for other in wanted.short_taps if axis_of(other) != axis_of(tap))
     tap = replace(_with_holding_time(tap, before + (tap.held or 0.0)), at=0.0)
@@ -117,8 +115,8 @@ def _joined(wanted: Wanted, tap: Order) -> Wanted:
 def serves_as_well(order: Order, wanted: Wanted) -> bool:
     """Whether an order that is no longer pending was fulfilled in another way.
 
-    An order that removes a halt ends its motion, too. An arrow was replaced by the same client's next arrow, or joined
-    with another.
+    This is so for a halt, because whatever removes it ends the motion, too; and for an arrow that was replaced by, or
+    joined with, another arrow of the same client.
     """
     if isinstance(order.operation, END_ORDERS):
         return True
@@ -131,15 +129,15 @@ def serves_as_well(order: Order, wanted: Wanted) -> bool:
 
 
 def begin(wanted: Wanted, motion: AxisMotion, axis: int, held: float) -> Wanted:
-    """Note that the mount has acknowledged the motion of an arrow that was released after ``held`` seconds."""
+    """Note that the mount has acknowledged the motion of an arrow that was released after ``held_seconds``."""
     others = tuple(tap for tap in wanted.taps if tap.axis != axis)
     return replace(wanted, taps=(*others, Tap(axis, motion.by, motion.sent + held)))
 
 
 def stopped_at_once(wanted: Wanted, activity: HostActivity, now: float) -> Wanted | None:
-    """Return the new ``Wanted`` after a full stop that only releases an arrow: the shortest motion, and then the stop.
+    """Return the new ``Wanted`` after a full stop by which a program releases an arrow: a short motion, then the stop.
 
-    None if the stop must be sent at once: the motion has begun, the press is too old, or something else moves or waits.
+    None if the stop must be sent at once: the motion has begun, the press is too old, or other motions are ordered.
     """
     waiting = [other for other in wanted.pending if not other.follow_up]
     moving = not isinstance(wanted.motion, NotOrdered) or wanted.owed or wanted.pulses or wanted.taps
@@ -156,7 +154,7 @@ def stopped_at_once(wanted: Wanted, activity: HostActivity, now: float) -> Wante
 
 
 def ended(wanted: Wanted, end: Halt) -> Wanted:
-    """Add the end of a tap. It cancels no order that came after the tap; a goto under way serves as the end."""
+    """Add the halt that ends a tap. It cancels no later order, and is void once a goto under way has begun."""
     gotos = [other.number for other in wanted.waiting_gotos if other.number == wanted.active]
     end = replace(end, rank=FIRST_RANK, overtakes=True, order_count=wanted.order_count, unless=gotos[0] if gotos else 0)
     return replace(wanted, pending=(*wanted.pending, end))
@@ -202,7 +200,7 @@ def holder(wanted: Wanted, axis: int) -> HostActivity | None:
 
 
 def over(wanted: Wanted, axis: int) -> bool:
-    """Whether nothing moves the axis by hand, or its motion is ending: as a tap, or by a halt under way."""
+    """Whether no motion by hand turns the axis, or that motion is ending: it is a tap, or a halt is pending."""
     return motion_of(wanted, axis) is None or _halted(wanted, axis) or wanted.owed or waits_for(wanted, axis)
 
 

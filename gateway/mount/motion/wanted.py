@@ -1,9 +1,8 @@
-"""What is wanted of a mount: one frozen value, which also decides which of its orders comes next.
+"""What the gateway wants of a mount: one frozen value, which also decides which pending order is carried out next.
 
-``pending`` holds the orders that are not carried out yet, ``motion`` the motion that the mount has acknowledged. Orders
-change ``pending``, outcomes move them to ``motion`` (``changes.py``). Any other motion belongs to the person at the
-mount, and the gateway wants nothing of it (``NotOrdered``). ``Movement`` reports which motions are under way by its
-orders.
+``Wanted.pending`` holds the orders that are not carried out yet, ``Wanted.motion`` the ordered motion that the mount
+has acknowledged (``changes.py``). If there is none (``NoOrderedMotion``), a person at the hand control may be moving
+the mount. ``Movement`` reports which motions are under way.
 """
 
 from __future__ import annotations
@@ -23,19 +22,19 @@ from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.site.pending_settings import IncomingSettings
 
-#: The ranks of orders: ends (and what must precede motions), what an end interrupted, all other orders.
+#: The ranks of orders: halts (and a wake-up), orders that a halt interrupted, all other orders.
 FIRST_RANK, RESUMED_RANK, USUAL_RANK = range(3)
 #: How many repetitions of a halt go before all other orders, each within URGENT_REPEAT_WINDOW seconds of the last.
 URGENT_REPEATS, URGENT_REPEAT_WINDOW = 1, 1.0
 #: Seconds that an order waits at most while the mount accepts no commands, and seconds between two checks.
 MAX_POSTPONEMENT, RECHECK_PERIOD = 15.0, 0.1
-#: Seconds that a goto waits at most for a site or clock that was set before it, and an arrow for a setting on its way.
+#: Seconds that a goto waits at most for a site or clock that was set before it, and an arrow for a setting under way.
 MAX_SETTINGS_WAIT, MAX_EXCHANGE_WAIT = 20.0, 1.0
 
 
 class Postponement(NamedTuple):
-    """Why an order is postponed: ``refusal`` is the fault after ``longest`` seconds; without a refusal it is carried
-    out then.
+    """An order waits for ``max_wait`` seconds at most. Then it fails with ``refusal``, or is carried out if that is
+    None.
     """
 
     longest: float
@@ -43,9 +42,9 @@ class Postponement(NamedTuple):
 
 
 class Arrow(Struct, frozen=True):
-    """An arrow that waits for its turn. ``held``: for how many seconds, if it was already released.
+    """An arrow key whose motion has not begun. ``held_seconds``: how long it was held; None if it is still held.
 
-    ``then_stop``: a full stop follows it at once. A tap of less than ``shortest`` seconds is added to the next tap.
+    ``followed_by_stop``: a full stop follows at once. A tap below ``min_seconds`` is added to the next tap.
     """
 
     held: float | None = None
@@ -56,10 +55,9 @@ class Arrow(Struct, frozen=True):
 class Order(Struct, frozen=True):
     """An operation that a client or the gateway has ordered and that is not done.
 
-    ``number`` is its sequence number, ``by`` the client's connection, ``since`` the loop time of its arrival, ``at``
-    the time from which it is due, ``until`` the time at which the client stops waiting for the outcome. A ``follow_up``
-    is the gateway's own order, ``urgent`` if it ends a motion, ``not_while_busy`` if it waits until the mount accepts
-    commands.
+    ``number`` is its sequence number, ``client`` the client's connection. Loop times: ``arrived_at`` of its arrival,
+    ``due_from`` from which it is due, ``client_timeout_at`` until which its client waits. A ``follow_up`` is the
+    gateway's own, ``urgent`` if it ends a motion, ``not_while_busy`` if it waits until the mount accepts commands.
     """
 
     number: int
@@ -95,9 +93,8 @@ class Order(Struct, frozen=True):
 
     @property
     def can_be_postponed(self) -> bool:
-        """Whether it waits while the mount accepts no commands: a goto (the newest only), a tracking mode or rate.
-
-        A retried end waits too, for as long as it takes. Motions by hand and pulses never wait, because they are no
+        """Whether the order waits while the mount accepts no commands: a goto (the newest only), a tracking mode or
+        rate, and a retried halt, for as long as it takes. Motions by hand and pulses never wait, because they are no
         longer wanted by then. No order waits for a line that is down.
         """
         return self.not_while_busy or (
@@ -106,18 +103,17 @@ class Order(Struct, frozen=True):
 
     @property
     def client_disconnected(self) -> bool:
-        """Whether it is a goto whose client has disconnected: it is not begun any more."""
+        """Whether the order is a goto whose client has disconnected: it is not begun any more."""
         return isinstance(self.operation, GOTOS) and self.by is not None and self.by.closed is not None
 
     def may_wait(self, now: float, longest: float = MAX_POSTPONEMENT) -> bool:
-        """Whether it may wait longer; if not, it is refused while the client still waits for its outcome."""
+        """Whether the order may wait longer; if not, it fails before its client stops waiting for the outcome."""
         return self.not_while_busy or now < min(self.since + longest, self.until)
 
     def why_wait(self, now: float, occupied: bool, incoming: IncomingSettings) -> Postponement | None:
-        """Return why it has to wait although it is due; None if it need not.
+        """Return how long the order has to wait although it is due; None if it need not.
 
-        A goto is judged by site and clock, so it waits until the mount has received the settings that were accepted
-        before it.
+        The limits for a goto depend on site and clock, so it waits for those that clients have set before it.
         """
         if isinstance(self.operation, GOTOS) and not self.follow_up and (incoming.pending or incoming.unfinished):
             refusal = incoming.holds_up(now, occupied)
@@ -134,9 +130,9 @@ class Order(Struct, frozen=True):
 class Halt(Order, frozen=True):
     """The order of a client, or of the gateway for it, to end the motion of an axis, or all gotos.
 
-    ``overtakes``: it goes before pending orders. It ``repeats`` this number of equal halts; ``order_count`` is
-    ``Wanted.order_count`` at its arrival. ``ends_tap``: the arrow was released earlier. ``unless`` is the number of a
-    goto: once that goto has begun, this halt is void.
+    ``overtakes_pending``: it goes before pending orders. ``repeat_number``: how many equal halts came before it.
+    ``order_count`` is ``Wanted.order_count`` at its arrival. ``ends_tap``: it ends a motion whose arrow was released
+    earlier. Once the goto with the number ``void_after_goto`` has begun, this halt is void.
     """
 
     overtakes: bool = False
@@ -147,14 +143,13 @@ class Halt(Order, frozen=True):
 
     @property
     def keeps_repeating(self) -> bool:
-        """Whether a client keeps repeating it: then it can wait for its turn."""
+        """Whether a client keeps repeating this halt: then it can wait for its turn."""
         return self.repeats > URGENT_REPEATS
 
 
 class AxisMotion(Struct, frozen=True):
-    """The motion by hand of an axis: its operation, the client's connection, its start, and degrees a second.
-
-    It was ``asked`` for and ``sent`` at these loop times.
+    """The motion by hand of an axis, at ``speed`` degrees a second: its operation and the client's connection; the loop
+    times at which the mount acknowledged it, the client requested it, and its command was sent.
     """
 
     operation: op.Move | op.MoveAxis
@@ -176,7 +171,7 @@ class ByHand(Struct, frozen=True):
 
 
 class Slew(Struct, frozen=True):
-    """A goto of both axes: its operation as it was sent, the client's connection, and its start."""
+    """A goto of both axes: its operation as it was sent, the client's connection, and the loop time of its start."""
 
     operation: op.Goto | op.GotoHorizontal | op.GotoAxes | op.Park | op.Home
     by: HostActivity | None
@@ -195,7 +190,7 @@ class FocusMotion(Struct, frozen=True):
 
 
 class GuidePulse(Struct, frozen=True):
-    """A guide pulse on an axis, under way until this loop time."""
+    """A guide pulse on an axis that is under way until the loop time ``ends_at``."""
 
     axis: int
     until: float
@@ -232,14 +227,14 @@ class Halted(Struct, frozen=True):
 
 
 class Wanted(Struct, frozen=True):
-    """``active`` is the number of the order that is being carried out, 0 for none.
+    """All that the gateway wants of a mount now. ``active_number``: the order that is being carried out, 0 for none.
 
-    ``short_taps`` are taps that are too short for this mount, and are added to the next ones. ``stops`` and ``gotos``
-    count the orders of these kinds so far, ``gotos_begun`` the gotos that the mount has acknowledged, ``motions_begun``
-    its acknowledged motions of the first axis and of the second, ``order_count`` all orders that end nothing. A stop is
-    ``owed`` until the mount has acknowledged it. ``homed``: the mount was sent home, and no order has moved it since.
-    ``short`` is why the last goto ended before its goal, until the next order. Guide pulses wait for rest, but not
-    beyond the loop time ``rests_by``.
+    ``short_taps`` are taps that are too short for this mount, and are added to the next ones. ``stop_count`` and
+    ``goto_count`` count the orders of these kinds so far, ``gotos_begun`` the gotos that the mount has acknowledged,
+    ``motions_begun`` the acknowledged motions of each axis, ``order_count`` all orders except halts. ``stop_owed``: the
+    mount has not acknowledged a stop yet. ``homed``: the mount was sent home, and no order has moved it since.
+    ``goto_failure`` is why the last goto ended before its goal, until the next order. Guide pulses wait until the mount
+    is at rest, but not beyond the loop time ``pulses_wait_until``.
     """
 
     motion: NotOrdered | Slew | ByHand = NotOrdered()
@@ -315,11 +310,11 @@ class Wanted(Struct, frozen=True):
 
 
 class WantedState:
-    """Holds ``value``, which all parts may read and only the reconciler replaces; ``changed`` is emitted then."""
+    """Holds the present `Wanted`, which only the reconciler replaces; ``changed`` is emitted then."""
 
     def __init__(self) -> None:
         self.value = Wanted()
-        #: Who ordered the last stop, for who asks why a motion ended; empty if that is not known.
+        #: The client that ordered the last stop, to explain why a motion has ended; empty if unknown.
         self.stopped_by = ""
         self.changed: Signal[Wanted] = Signal()
 
@@ -334,7 +329,7 @@ class WantedState:
 
     @property
     def gotos(self) -> int:
-        """A count that grows whenever a goto is ordered, and when it is under way."""
+        """A number that grows whenever a goto is ordered, and when the mount has acknowledged it."""
         return self.value.gotos + self.value.gotos_begun
 
     @property
@@ -359,8 +354,8 @@ class WantedState:
 
 
 class Moving(Struct, frozen=True):
-    """The motions under way: ``slewing``: the mount reports a goto; ``by_hand`` is by axis; ``ending``: a stop or a
-    halt was ordered and is not acknowledged; ``ordered``: a client ordered the motion, and not a person at the hand
+    """The motions under way. ``slewing``: the mount reports a goto. ``by_hand``: the motions by hand, by axis.
+    ``end_pending``: a stop or a halt is not acknowledged yet. ``ordered_by_client``: they do not come from the hand
     control.
     """
 
@@ -390,7 +385,7 @@ class Movement:
         #: Whether the mount reports a goto.
         self.slewing = False
         cache.slews.connect(self._note_slewing)
-        #: Until when it counts as moved at its own keys, or by itself; the limits' watch finds that.
+        #: Loop time until which the mount counts as moved at its hand control or by itself; ``LimitWatch`` sets it.
         self.by_others_until = -1e9
 
     @property

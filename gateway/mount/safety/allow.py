@@ -1,11 +1,11 @@
 """Whether the observed motion may continue: pure rules over the positions, the orders and the limits.
 
-A rule is a pure function from a ``View`` to the rooms that are left up to limits, which are judged alike, at every
-position. A verdict may only restrict motion, and it never forbids one that leads out of a forbidden region. A moving
-mount must not pass an altitude limit, come near the Sun, or go past the meridian, where the tube of an equatorial mount
-meets its pier. Gotos are also checked before they begin, without a margin for their speed (``admission/motions.py``). A
-motion must be stopped early enough to end before the limit (``StopTiming``), which depends on the exchanges of this
-line, the inertia of motors, and rates that may still grow.
+A moving mount must not pass an altitude limit, come near the Sun, or go past the meridian, where the tube of an
+equatorial mount meets its pier. Each rule is a pure function that returns, at every position, how much room remains up
+to its limits; all rooms are judged alike. No verdict forbids a motion that leads out of a forbidden region. Gotos are
+also checked before they begin, without a margin for their speed (``admission/motions.py``). A motion must be stopped
+early enough to end before the limit (``StopTiming``): that depends on the exchange times of the line, the inertia of
+motors, and rates that may still grow.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ STOP_EXCHANGES = 3
 #: Seconds at full speed that a motor runs on after a stop: one that slows down evenly within a second covers half a
 #: second's way. Mounts do not report how they slow down; owners see about a second from full speed, and less below it.
 RUN_ON = 0.5
-#: Exchanges between the stops of the two axes, which alone may lead where both together do not.
+#: Exchanges between the stops of the two axes: meanwhile the second axis moves the tube alone.
 BETWEEN_AXES = 2.0
 #: Seconds until motors have reached their speed; the rate that is measured earlier is too low.
 RUN_UP_SECONDS = 1.0
@@ -38,20 +38,20 @@ RUN_UP_SECONDS = 1.0
 MIN_APPROACH_PART = 0.2
 #: Degrees a second, faster than any tracking: the mount is moved, or a coarse position changed by a digit.
 MAX_TRACKING_SPEED = 0.1
-#: Degrees by which a goto that brakes before a limit stays behind what its last speed lets expect.
+#: Degrees by which a goto that brakes before a limit covers less than at its last speed.
 BRAKING_DEGREES = 0.75
-#: Degrees by which a goto on its way may be seen beyond a limit, and seconds of its speed: the two coordinates of a
-#: position are read in turn while the tube moves.
+#: Degrees by which positions may show a goto beyond a limit, plus the seconds at its speed: the tube moves between the
+#: reads of the two coordinates.
 MAX_OVERSHOOT, READ_DISTANCE = 0.1, 0.2
-#: Degrees below the lowest point of its ways, and below the horizon, at which a goto is lost.
+#: Degrees below the lowest point of its paths at which a goto is stopped as astray, if that is below the horizon.
 LOST_GOTO_DEGREES = 10.0
 #: Degrees by which the Sun must have come nearer before it counts as an approach; less is jitter.
 SUN_JITTER_DEGREES = 0.05
 
 
 class StopTiming(Struct, frozen=True):
-    """Timing of a mount: ``exchange`` seconds each, ``reads`` per position, ``period`` seconds between positions;
-    after a stop it runs on for ``run_on`` seconds at full speed.
+    """Timing of a mount in seconds: of one exchange (``reads_per_position`` of them read a position), between two reads
+    of a position, and the ``run_on`` after a stop, as a time at full speed.
     """
 
     exchange: float
@@ -61,7 +61,7 @@ class StopTiming(Struct, frozen=True):
 
     @property
     def lag(self) -> float:
-        """How much older the first coordinate of a position is than the second, when the second arrives, seconds."""
+        """By how many seconds the first coordinate of a position is older than the second."""
         return 2.0 * (self.reads - 1) * self.exchange
 
     @property
@@ -71,26 +71,24 @@ class StopTiming(Struct, frozen=True):
 
     @property
     def to_stop(self) -> float:
-        """Seconds from the moment at which a position was true until the stop that it triggers has ended the motion."""
+        """Seconds from the time of a position until a stop because of this position has ended the motion."""
         return (STOP_EXCHANGES + self.reads - 1) * self.exchange + self.run_on
 
     @property
     def reaction(self) -> float:
-        """Seconds from one position until the stop that the next position triggers has ended the motion."""
+        """Seconds from the time of a position until a stop because of the next position has ended the motion."""
         return self.interval + self.to_stop
 
     def overdue(self, elapsed: float) -> float:
-        """Like ``reaction``, if the last two positions were ``elapsed`` seconds apart: the next position may be as
-        late.
-        """
+        """Like ``reaction_time``, if the next position comes as late as the last, which took ``elapsed`` seconds."""
         return max(self.reaction, elapsed + STOP_EXCHANGES * self.exchange + self.run_on)
 
 
 def ahead(rate: float, earlier: float | None, commanded: float, first: float, last: float) -> float:
     """Return how fast the mount may approach a limit from now on, degrees a second.
 
-    ``rate`` was seen between the last two positions, ``earlier`` before that in the same motion; ``first`` and ``last``
-    are the seconds from the beginning of the motion to the two. ``commanded`` is the speed ordered, 0 if unknown.
+    ``rate`` was measured between the last two positions, ``earlier_rate`` before them in the same motion. The two
+    ``elapsed`` are the seconds from the beginning of the motion to these positions. ``commanded_speed``: 0 if unknown.
     """
     grown = max(0.0, rate - earlier) if earlier is not None else 0.0
     if first < RUN_UP_SECONDS and rate > MIN_APPROACH_PART * commanded * _run_up(first, last):
@@ -99,15 +97,15 @@ def ahead(rate: float, earlier: float | None, commanded: float, first: float, la
 
 
 def _run_up(first: float, last: float) -> float:
-    """The mean speed of a motor between two moments (seconds after its start) as a part of its full speed."""
+    """Return the mean speed of a motor between two times (seconds after its start), as a fraction of full speed."""
     if last >= RUN_UP_SECONDS or last <= max(0.0, first):
         return 1.0
     return (max(0.0, first) + last) / 2.0 / RUN_UP_SECONDS
 
 
 class PastNow(Struct, frozen=True):
-    """How far the tube is past the meridian, towards the pier; negative on the free side. ``rate``: how fast that
-    changes, degrees a second; ``earlier``: its rate before that, None if unknown.
+    """How many degrees the tube is past the meridian, towards the pier; negative on the free side. ``rate``: how fast
+    that changes, degrees a second; ``earlier_rate``: the rate before, None if unknown.
     """
 
     degrees: float
@@ -118,8 +116,8 @@ class PastNow(Struct, frozen=True):
 class Verdict(Struct, frozen=True):
     """``reason`` says why the motion must end; empty if it may continue.
 
-    It may continue for ``within`` seconds (None: without limit). If no new position arrives in that time, it must stop,
-    because it may have reached ``limit``.
+    It may continue for ``seconds_allowed`` (None: without limit). If no new position arrives in that time, it must
+    stop, because it may have reached the limit with the name ``limit_name``.
     """
 
     reason: str = ""
@@ -131,10 +129,11 @@ ALLOWED_VERDICT = Verdict()
 
 
 class CheckedPath(Struct):
-    """What is known of the goto that is about to begin.
+    """What admission has found out about the path of a goto.
 
-    ``ways`` are the readings of the axes along its paths that keep the limits: empty if it must be watched like a
-    motion by hand, None if they are not known. Below ``floor``, degrees, it is lost. ``clear``: it keeps all limits.
+    ``points`` are the readings of the axes along its possible paths within the limits: empty if it must be watched like
+    a motion by hand, None if they are not known. Below ``min_altitude``, degrees, it is astray and must stop.
+    ``within_limits``: all its paths keep all limits.
     """
 
     ways: list[Pair] | None = None
@@ -142,13 +141,13 @@ class CheckedPath(Struct):
     clear: bool = False
 
     def forget(self) -> None:
-        """Begin with a new goto, of which nothing is known."""
+        """Forget the last goto: nothing is known of the next one."""
         self.ways, self.floor, self.clear = None, -90.0, False
 
     def take(self, ways: list[Pair], zenith: Pair, clear: bool, lost: float) -> None:
-        """Take the readings along the paths, and at the ``zenith``. Not ``clear``: the tube may be on another path.
+        """Take the readings along the paths, and at the zenith. Not ``within_limits``: the tube may be on other paths.
 
-        ``lost`` degrees below them the goto counts as lost.
+        ``lost_margin``: degrees below all these readings at which the goto counts as astray.
         """
         self.ways, self.clear = ways if clear else [], clear
         self.floor = min(0.0, 90.0 - max(separation(*direction, *zenith) for direction in ways) - lost)
@@ -157,10 +156,10 @@ class CheckedPath(Struct):
 class View(Struct, frozen=True):
     """The state of a mount that the rules judge.
 
-    ``sun`` is the smallest allowed distance from the Sun, degrees. The first ``own_suns`` of the Suns are by the
-    mount's own coordinates or axes, the others by other sources of site and time. ``past`` is how far the tube is past
-    the meridian, None if unknown or during a goto. ``astray``: a position showed the goto off its paths; ``floor`` is
-    the altitude below which it is lost.
+    ``sun_limit`` is the least allowed distance from the Sun, degrees. The first ``own_sun_count`` of the Sun's possible
+    positions are by the mount's own coordinates or axes, the others by other sources of site and time.
+    ``past_meridian`` is None if unknown or during a goto. ``is_astray``: a position showed the goto off its paths.
+    Below ``min_altitude`` a goto must stop.
     """
 
     observed: Observed
@@ -185,11 +184,11 @@ class View(Struct, frozen=True):
 
     @property
     def _second_axis_alone(self) -> float:
-        """How far one of two axes moves the tube after the other has stopped, degrees; 0 if at most one moves."""
+        """How far the second axis moves the tube after the first was stopped, degrees; 0 unless both move by hand."""
         return self.observed.across * (BETWEEN_AXES * self.timing.exchange if len(self.moving.by_hand) > 1 else 0.0)
 
     def ahead(self, rate: float, earlier: float | None) -> float:
-        """How fast the mount may approach a limit from now on, after the rates ``earlier`` and ``rate``."""
+        """Return how fast the mount may approach a limit from now on, by its last two rates of approach."""
         observed = self.observed
         if self.moving.slews_by_itself:
             return rate
@@ -204,20 +203,20 @@ class View(Struct, frozen=True):
         )
 
     def margin(self, rate: float) -> float:
-        """How far a motion gets before a stop at the next position can end it, degrees; 0 for a goto, which brakes."""
+        """Return how far a motion gets until a stop at the next position ends it, degrees; 0 for a goto: it brakes."""
         if self.on_checked_path or self.moving.slews_by_itself:
             return 0.0
         return rate * self.timing.overdue(self.observed.elapsed) + self._second_axis_alone
 
     def rates(self, changes: tuple[float, ...], earlier: tuple[float, ...]) -> list[float]:
-        """How fast the mount may approach limits from now on, after the rates ``earlier`` and ``changes``."""
+        """Return how fast the mount may approach each limit from now on, by its last two rates of approach."""
         known = len(earlier) == len(changes)
         return [self.ahead(rate, earlier[number] if known else None) for number, rate in enumerate(changes)]
 
     def judge(self, room: Room) -> Verdict:
-        """Forbid a motion that a stop at the next position could not end within ``room``; or allow it for a while.
+        """Forbid a motion that a stop at the next position could not end before the limit; or allow it for a while.
 
-        The mount's own goto may brake and end just before the limit: it is stopped only at the limit.
+        A goto from the hand control may brake and end just before the limit, so it is stopped only at the limit.
         """
         left, rate = room.left, room.rate
         if left >= room.before:
@@ -232,8 +231,8 @@ class View(Struct, frozen=True):
 
 
 class Room(NamedTuple):
-    """The degrees up to a ``limit`` that are ``left``, and that were left ``before``; they may shrink at this ``rate``
-    a second. A motion that would get farther than ``beyond`` the limit must end for this ``reason``.
+    """The degrees that remain up to a limit, and that remained at the position before; they may shrink by ``rate``
+    degrees a second. A motion that would go beyond the limit by more than ``tolerance`` must end, for this ``reason``.
     """
 
     left: float
@@ -258,9 +257,9 @@ def allow(view: View) -> Verdict:
 
 
 def first_stretch(view: View, now: float, speed: float) -> Verdict:
-    """Return the deadline for the first position after a motion by hand begins, in whatever direction it moves.
+    """Return a verdict with the deadline for the first position after a motion by hand begins, in any direction.
 
-    The mount must have reported a position before it can reach any limit. ``speed`` is that of all axes together,
+    The mount must have reported a position before it can reach any limit. ``speed`` is the sum over the moving axes,
     degrees a second. The first stretch of the motion has been checked already (``admission/by_hand.py``).
     """
     last, timing = view.observed.last, view.timing
@@ -272,7 +271,7 @@ def first_stretch(view: View, now: float, speed: float) -> Verdict:
 
 
 def rooms_around(last: PositionSample, limits: Limits, sun: float) -> list[float]:
-    """Return the degrees from a position up to each altitude limit, and up to the circle round each Sun."""
+    """Return the degrees from a position to each altitude limit, and to the allowed distance from the Sun."""
     rooms = [room for altitude in last.altitudes for room in inside(limits, altitude)]
     return [180.0, *rooms, *(distance - sun for distance in last.suns)]
 
@@ -289,17 +288,17 @@ def inside(limits: Limits, altitude: float) -> Pair:
 
 
 def leaving(limits: Limits, before: float, after: float) -> bool:
-    """Whether an altitude is outside the limits, and is getting worse."""
+    """Whether an altitude is outside the limits, and changes away from them."""
     rooms = zip(inside(limits, before), inside(limits, after), strict=True)
     return any(now < min(0.0, then) for then, now in rooms)
 
 
 def altitude(view: View) -> Iterator[Room]:
-    """Yield the altitudes left up to the limits, by the mount's coordinates or by those before its syncs.
+    """Yield the room up to the altitude limits, by the mount's coordinates and as if its syncs were wrong.
 
-    For the arrows of programs, written limits also count by other sources of site and time, as in ``near_sun``. A goto
-    may pass the horizon on its way if nobody wrote a limit, but never its ``floor``. If the syncs were wrong, only
-    written limits count.
+    If the syncs were wrong, and by other sources of site and time (for motion by arrow keys of programs), only limits
+    that somebody has set count (`Limits.written`). A goto may pass below the horizon if nobody has set a limit, but
+    never below its ``min_altitude``.
     """
     observed, before, last = view.observed, view.observed.before, view.observed.last
     if before is None or last is None:
@@ -320,10 +319,11 @@ def altitude(view: View) -> Iterator[Room]:
 
 
 def near_sun(view: View) -> Iterator[Room]:
-    """Yield, for each direction in which the Sun may stand, the degrees left up to the circle round it that is kept
-    clear. An approach counts from the greatest distance so far (``farthest``), however slow it is.
+    """Yield the room up to the allowed distance from the Sun, for each of its possible positions. An approach counts
+    from the greatest distance so far (``farthest_from_suns``), however slow it is.
 
-    Suns of other sources end only the arrows of programs, because a wrong source must not end a motion that is right.
+    A position of the Sun by another source of site and time only ends motion by arrow keys of programs, because a wrong
+    source must not end a correct motion.
     """
     observed, last = view.observed, view.observed.last
     if observed.before is None or last is None:
@@ -336,8 +336,8 @@ def near_sun(view: View) -> Iterator[Room]:
 
 
 def farthest(view: View) -> tuple[float, ...]:
-    """Return, for each Sun, the greatest distance since the tube came near it, or the present distance if it is not
-    near.
+    """Return, for each possible position of the Sun, the greatest distance since the tube came near it; or the present
+    distance if it is not near.
     """
     observed = view.observed
     if observed.last is None:
@@ -350,7 +350,7 @@ def farthest(view: View) -> tuple[float, ...]:
 
 
 def meridian(view: View) -> Iterator[Room]:
-    """Yield the hour angle left up to its limit. Gotos are exempt, because they may change the pier side."""
+    """Yield the room up to the hour angle limit. Gotos are exempt, because they may change the pier side."""
     limit, past = view.limits.hour_angle, view.past
     if limit is None or past is None or past.rate <= 0.0 or view.observed.before is None or view.moving.slewing:
         return

@@ -1,10 +1,10 @@
 """How far the tube is past the meridian, where a German mount meets its pier and the cables of a fork tighten.
 
-It is the angle of the first axis from its middle, west positive: on a German mount from where the counterweight shaft
-points down, on a fork from the meridian. If the mount reports its axes, their readings give it; otherwise the hour
-angle does, on a German mount with the reported pier side. After that each hour angle continues the last, because a
-tube that is driven over the pole changes its hour angle by 180 degrees although the first axis rests. During a goto the
-angle is unknown: the tube may change sides, and the reported side is already that of the goal. Angles are degrees.
+It follows from the angle of the first axis, west positive, from its middle: on a German mount where the counterweight
+shaft points down, on a fork the meridian. If the mount reports its axes, their readings give that angle; otherwise the
+hour angle does, on a German mount together with the reported pier side. After that each hour angle continues the last,
+because a tube that is driven over the pole changes its hour angle by 180 degrees although the first axis rests. During
+a goto the angle is unknown: the tube may change sides, and the reported side is that of the goal. Angles are degrees.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from gateway.mount.safety.allow import PastNow
 
 #: Degrees from the middle at which the counterweight shaft of a German mount is horizontal.
 LEVEL_SHAFT_ANGLE = 90.0
-#: Degrees between two positions up to which the second continues the first.
+#: Degrees that the first axis turns at most between two positions, so that one angle continues the other.
 MAX_CONTINUATION = 45.0
-#: Seconds between two readings of the axes, also at rest: the next motion may begin at the mount's own keys.
+#: Seconds between two readings of the axes, also at rest: the next motion may begin at the hand control.
 INTERVAL = 0.45
 #: Seconds for which a pier side is trusted at rest.
 MAX_SIDE_AGE = 5.0
-#: What the user is told where nothing shows how far the tube is past the meridian.
+#: The message to the user if nothing shows how far the tube is past the meridian.
 NO_LIMIT_MESSAGE = "hour-angle-limit has no effect on this mount, because it does not report the side of its pier"
 
 
@@ -69,7 +69,7 @@ def turned_by_side(hour_angle: float, side: str | None) -> float:
 def past_meridian(turned: float, german: bool | None) -> float:
     """Return the angle of the tube past the meridian, degrees; negative on the free side.
 
-    On a German mount the counterweight shaft is then above horizontal. On a fork the hour angle counts to both sides.
+    On a German mount the counterweight shaft is then above horizontal. On a fork it is the hour angle, east or west.
     """
     return abs(wrap180(turned)) - (LEVEL_SHAFT_ANGLE if german else 0.0)
 
@@ -85,7 +85,7 @@ class HourAngleWatch:
 
     def __init__(self, mount: Context, tube_side: Callable[[], Coroutine[None, None, str | None]]) -> None:
         self._mount, self._read_side = mount, tube_side
-        #: The last three loop times since the last goto, each with how far the tube was past the meridian.
+        #: The last three samples since the last goto: the loop time, and how far the tube was past the meridian.
         self._readings: tuple[Pair, ...] = ()
         #: How far the axis was turned at the last position of a mount that does not report its axes; None if unknown.
         self._turned: float | None = None
@@ -105,7 +105,7 @@ class HourAngleWatch:
         return INTERVAL if needed else None
 
     def forget(self) -> None:
-        """Forget the followed angle: positions before and after now cannot be compared."""
+        """Forget the angle of the axis: positions before and after now cannot be compared."""
         self._readings, self._turned = (), None
 
     def take_reading(self, axes: op.Horizontal) -> None:
@@ -129,9 +129,7 @@ class HourAngleWatch:
         return _by_readings(self._readings, mount.now())
 
     def turned(self, hour_angle: float, side: str | None) -> float | None:
-        """Return how far the axis is turned at this hour angle: continued from the last angle, else by the side of the
-        pier.
-        """
+        """Return how far the axis is turned at this hour angle: near its last known angle, else by the pier side."""
         german, before = self._mount.driver.german, self._turned
         if before is not None:
             first = turned_by_side(hour_angle, "E" if german else None)
@@ -141,7 +139,7 @@ class HourAngleWatch:
         return None if german and side is None else turned_by_side(hour_angle, side if german else None)
 
     def _follow(self, last: PositionSample) -> None:
-        """Continue with the last position, unless that was done."""
+        """Update the angle of the axis by the last position, unless that was done."""
         if last.hour_angle is not None and not (self._readings and last.at <= self._readings[-1][0]):
             self._turned = self.turned(last.hour_angle, self._side())
             if self._turned is not None:
@@ -161,7 +159,7 @@ class HourAngleWatch:
 
 
 def _by_readings(readings: tuple[Pair, ...], now: float) -> PastNow | None:
-    """Judge by the last readings of the first axis, continued to ``now``."""
+    """Return how far the tube is past the meridian now, extrapolated from the last samples; None without a rate."""
     rates = [(past - before) / (at - then) for (then, before), (at, past) in pairwise(readings) if at > then]
     if not rates:
         return None

@@ -2,9 +2,9 @@
 
 Each sync may be off by the limit for syncs (``sync-limit``), and so may their sum, but no more. Near the zenith of an
 alt-azimuth mount, and near the pole of an equatorial one, a sync that is small on the sky turns the first axis by up to
-180 degrees, so the sum is kept for each axis, too: it tells where the tube is if the syncs were wrong. Where a mount
-may take its tube for pointing the other way (beyond the pole, or on the other side of the pier), a sync may also turn
-its axes around, and both sums count. A new alignment resets the sum.
+180 degrees, so the sum is also calculated for each axis: it shows where the tube is if the syncs were wrong. If a mount
+may believe after a sync that it points in the other way (beyond the pole, or on the other side of the pier), there are
+two possible sums, and both count. A new alignment resets the sum.
 """
 
 from __future__ import annotations
@@ -19,20 +19,21 @@ from gateway.astro.spherical import separation, wrap180
 from gateway.core.errors import SyncTooFar
 from gateway.core.operations import Equatorial
 
-#: Degrees by which low precision may make the sum of an axis larger in a sync that makes the other's smaller.
+#: Degrees by which a sync that corrects one axis may increase the sum of the other, because positions are rounded.
 ROUNDING_DEGREES = 0.05
 
 
 class SyncSum(Struct, frozen=True, omit_defaults=True):
-    """The net offset in degrees: east and north on the sky, and by how much each axis was turned.
+    """The net offset by all syncs in degrees: east and north on the sky, and by how much the readings of each axis were
+    turned (azimuth and altitude, or those that `Geometry` defines for an equatorial mount).
 
-    ``turned`` is the sum of the turns of the two axes by syncs: azimuth and altitude, or those of an equatorial mount
-    (`Geometry.axes`). ``around`` is the other possible sum, if since one of the syncs the mount may take its tube to
-    point the other way round; else None.
+    ``around`` is the second possible value of ``turned``, if the mount may believe since one of the syncs that it
+    points in the other of the two ways; else None.
     """
 
     east: float = 0.0
     north: float = 0.0
+    #: Sum of the turns of both axes; and the other possible sum, if the mount may believe to point the other way.
     turned: Pair = (0.0, 0.0)
     around: Pair | None = None
 
@@ -47,8 +48,8 @@ class SyncSum(Struct, frozen=True, omit_defaults=True):
         return (self.turned,) if self.around is None else (self.turned, self.around)
 
     def added(self, present: Equatorial, target: Equatorial, turns: Sequence[Pair]) -> SyncSum:
-        """Return the sum after another sync from ``present`` to ``target``. ``turns`` has the turn of the axes, and a
-        second one if the mount may take its tube to point the other way round from then on.
+        """Return the sum after another sync from ``present`` to ``target``. ``turns``: by how much it turns the axes,
+        and a second pair if the mount may believe from then on that it points in the other way.
         """
         middle = cos(radians((present.dec + target.dec) / 2.0))
         around = None
@@ -70,8 +71,7 @@ def _plus(pair: Pair, turn: Pair) -> Pair:
 class SyncTotal:
     """Owns ``value``, the sum of all syncs since the alignment of the mount; a previous run may have saved it.
 
-    ``coming`` is the sum with the sync that was admitted and is being sent; ``doubt`` is the reason why the user should
-    sync again.
+    ``pending`` is the sum including the sync that is being sent; ``resync_reason`` says why the user should sync again.
     """
 
     def __init__(self) -> None:
@@ -79,7 +79,7 @@ class SyncTotal:
         self.doubt = ""
 
     def carried_out(self) -> None:
-        """The mount has acknowledged the sync."""
+        """Note that the mount has acknowledged the pending sync."""
         self.value, self.doubt = self.coming, ""
 
     def forget(self, reason: str = "") -> None:
@@ -90,7 +90,7 @@ class SyncTotal:
 def check_sync(
     limit: float, so_far: SyncSum, turns: Sequence[Pair], present: Equatorial, target: Equatorial
 ) -> SyncSum:
-    """Return the sum with a sync. Raises SyncTooFar if either is off by more than the limit on the sky.
+    """Return the sum with a sync. Raises SyncTooFar if the sync or the sum is larger than ``limit`` on the sky.
 
     A sync that makes the sum of an axis smaller, and none larger, is accepted at any distance.
     """
@@ -108,8 +108,8 @@ def check_sync(
 
 
 def corrects(limit: float, before: Pair, after: Pair) -> bool:
-    """Whether a sync makes the sum of no axis larger (apart from rounding, within the limit), and that of at least one
-    axis smaller.
+    """Whether a sync makes the sum of one axis smaller, and that of no axis larger (except by rounding, within the
+    limit). ``before`` and ``after`` are the sums of the two axes.
     """
     sums = [(abs(old), abs(now)) for old, now in zip(before, after, strict=True)]
     larger = any(now > old and (now > old + ROUNDING_DEGREES or now > limit) for old, now in sums)

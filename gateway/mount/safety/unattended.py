@@ -1,10 +1,9 @@
-"""Motion that no client attends: motion by hand of a client that left, tracking at a limit, a Sun that comes to the
-tube.
+"""Motion that no client attends: by hand after its client has gone, tracking to a limit, the Sun coming to the tube.
 
 Dead man's switch: fast motion by hand, and motion of the focuser, ends when the client that began it is no longer
-active. Rates up to 60" a second are a client's own tracking and continue; gotos end by themselves. Tracking that
+active. Rates up to 60" a second count as tracking by the client and continue; gotos end by themselves. Tracking that
 reaches a limit is turned off, and again if it is turned on again; a mount that drifts on with tracking off is reported
-once. If a Sun will come near a tube that rests or tracks, the user is warned a quarter of an hour before. The gateway
+once. If the Sun will come near a tube that rests or tracks, the user is warned a quarter of an hour before. The gateway
 does not move the tube away, because it begins no motion by itself.
 """
 
@@ -32,12 +31,12 @@ from gateway.mount.site.site_clock import MOUNT
 MAX_TRACKING_SPEED = 60.0 / 3600.0
 #: Seconds between two checks of the clients.
 CHECK_PERIOD = 0.5
-#: Seconds for which the Sun is followed ahead, between two instants that are examined, and between two examinations;
-#: until the next one if the mount must be asked first.
+#: Seconds: how far ahead the Sun's path is examined, and in what steps; the time between two examinations, and until
+#: the next one if the mount's status is not known yet.
 LOOK_AHEAD_TIME, LOOK_AHEAD_STEP, RECHECK_PERIOD, FIRST_RECHECK_DELAY = 900.0, 60.0, 30.0, 1.0
-#: Seconds after tracking was switched off during which readings of before still show it: two, five seconds apart.
+#: Seconds after tracking was switched off during which cached readings from before may still show that it is on.
 OLD_READING_TIME = 12.0
-#: The beginning of what is said when tracking was switched off at a limit.
+#: The beginning of the message that tracking was switched off at a limit.
 SWITCHED_OFF_MESSAGE = "tracking was switched off at"
 WAY_OUT_ADVICE = "cover the tube, or move it away."
 
@@ -62,7 +61,7 @@ class Supervisor:
         self._ended_motions: set[Supervised] = set()
 
     def start_watching(self, _: object = None) -> None:
-        """Start the timer if there is a motion to supervise and it is not running."""
+        """Start the timer of the checks, if there is a motion to supervise and the timer is not running."""
         if self._watching is None and supervised(self._state.value):
             self._watching = self._loop.call_later(CHECK_PERIOD, self._check)
 
@@ -110,7 +109,8 @@ def abandoned(
 ) -> list[tuple[Supervised, str]]:
     """Return the motions whose client has disconnected or has been silent for too long, each with the reason as text.
 
-    ``silence`` and ``closed`` are the seconds allowed on an open connection and after the last connection was closed.
+    ``max_silence`` and ``max_disconnected_time`` are the seconds allowed on an open connection, and after the last one
+    was closed.
     """
     moments = []
     for motion in motions:
@@ -129,7 +129,8 @@ def abandoned(
 class TrackingAtLimit:
     """Turns tracking off when ``watch`` reports that it carries the mount to a limit.
 
-    ``perform`` carries out an operation. ``must_stop`` is emitted if tracking cannot be turned off: all must stop.
+    ``perform`` carries out an operation. ``must_stop`` is emitted if tracking cannot be turned off: then everything
+    must be stopped.
     """
 
     def __init__(
@@ -137,7 +138,7 @@ class TrackingAtLimit:
     ) -> None:
         self._context, self._reader, self._perform = context, reader, perform
         self._watch, self._switching = watch, False
-        #: When it was found that tracking cannot be turned off, and that it is off and the mount drifts nevertheless.
+        #: Loop times at which tracking proved impossible to turn off, and at which the mount drifted with tracking off.
         self._refused_at = self._drifts_since = NEVER
         #: When tracking was last switched off here.
         self._off_since = NEVER
@@ -181,9 +182,10 @@ class TrackingAtLimit:
 
 
 class SunAhead:
-    """Warns of a Sun that comes to the tube by itself: to a tube at rest, or when it rises beside a tube that tracks.
+    """Warns if the Sun will come near a tube at rest, or will rise near a tube that tracks.
 
-    ``warning`` says which Sun comes near and when; empty if none does. Call ``check`` with every position.
+    ``warning`` says when, and by which source of site and time; empty if it will not. Call ``check`` with every
+    position.
     """
 
     def __init__(self, mount: Context, reader: Reader, watch: LimitWatch) -> None:
@@ -192,7 +194,7 @@ class SunAhead:
         self.warning = ""
 
     def check(self, position: op.Equatorial) -> None:
-        """Examine a position of the mount, twice a minute."""
+        """Examine a position of the mount, at most twice a minute."""
         mount, now = self._mount, self._mount.now()
         if now < self._next_check or not mount.suns.limit:
             return
@@ -209,7 +211,7 @@ class SunAhead:
             mount.note(f"WARNING: {self.warning}")
 
     def _find(self, position: op.Equatorial, tracks: bool) -> str:
-        """Return the warning for the first Sun that will come near a resting or tracking tube; or an empty text."""
+        """Return the warning for the earliest approach of the Sun, by any source; empty if there is none."""
         suns = self._mount.suns
         up = {(sun.sync_shift, sun.confirmed) for sun in suns.to_avoid()}
         for minute in range(round(LOOK_AHEAD_TIME / LOOK_AHEAD_STEP) + 1):
@@ -220,7 +222,7 @@ class SunAhead:
         return ""
 
     def _distance(self, position: op.Equatorial, sun: Sun, seconds: float) -> float:
-        """How far a Sun of that time is from a tube that rests so long: the sky turns over it."""
+        """Return the distance in degrees from the Sun then to a tube that has not tracked for so many seconds."""
         tube = self._mount.suns.tube(position, sun.sync_shift)
         return separation(tube.ra + SIDEREAL_RATE * seconds, tube.dec, sun.ra, sun.dec)
 

@@ -2,8 +2,8 @@
 
 All motion is watched: by clients, at the hand control, and tracking. Each position is added to the observed motion
 (``seen.py``), and the rules are evaluated (``allow.py``). If the mount could pass a limit before the next position, it
-is stopped now; tracking that carries it to a limit is turned off. A motion by hand that positions do not show is ended
-and reported. Coordinates that change only because site or clock were set are no motion.
+is stopped now; tracking that carries it to a limit is turned off. If positions do not show a motion by hand that was
+ordered, it is ended and reported. A change of coordinates because site or clock were set is no motion.
 """
 
 from __future__ import annotations
@@ -40,39 +40,39 @@ from gateway.mount.safety.allow import (
 from gateway.mount.safety.hour_angle import HourAngleWatch
 from gateway.mount.site.pending_settings import SKY
 
-#: A position that changes so many times faster than the mount can move means a new alignment at the hand control.
+#: If the position changes this many times faster than the mount can move, it was aligned anew at the hand control.
 REALIGNED_FACTOR = 3.0
-#: Seconds for which a mount may run on after the end of a motion; what it does meanwhile is not judged.
+#: Seconds for which a mount may run on after the end of a motion; its positions meanwhile are not judged.
 COASTING_TIME = 1.0
 #: Seconds for which a status "not aligned" or "not tracking" is trusted.
 MAX_STATUS_AGE = 5.0
 NOT_ALIGNED_MESSAGE = "not aligned: positions mean nothing yet, so no limit can be watched"
-#: Seconds: the age of the last position at which a mount counts as silent, and the least time between two stops for it.
+#: Seconds: the age of the last position from which the mount is stopped, and the least time between two such stops.
 MAX_BLIND_TIME = 1.0
-#: A motion is judged if it is at least this fast, degrees a second, and has lasted this many seconds, including its
-#: start; at least this part of the commanded way must be seen.
+#: An axis counts as stalled if it was commanded to move at least this fast, degrees a second, for at least this many
+#: seconds, and has covered less than this fraction of the commanded distance.
 STALL_MIN_SPEED, STALL_TIME, STALL_MIN_PART = 0.1, 3.0, 0.1
 #: Seconds for which a mount that was moved at the hand control is watched closely.
 CLOSE_WATCH_TIME = 3.0
-#: Degrees from its calculated ways at which a goto is watched like a motion by hand.
+#: Degrees from its calculated paths at which a goto is watched like a motion by hand.
 ASTRAY_DEGREES = 3.0 + POINT_SPACING / 2.0
-#: Degrees a second on the sky: guide pulses move the tube less, also at the pole, where right ascension changes fast.
+#: Degrees a second on the sky: guide pulses move the tube more slowly, even where right ascension changes fast.
 MAX_GUIDE_SPEED = 0.01
 #: The speed at which two axes together move the tube, as a multiple of that of one.
 BOTH_AXES = 1.42
 #: Seconds after a goto in which the mount may still settle.
 SETTLE_TIME = 2.0
-#: Seconds; setting the clock by more than this changes the sky.
+#: Seconds: if the clock is set by more than this, positions before and after cannot be compared.
 CLOCK_JUMP = 30.0
-#: Seconds after that during which a resting mount may report the old sky, the new sky, or half of each.
+#: Seconds after site or clock was set during which a resting mount may still report positions by the old setting.
 NEW_SKY_TIME = 3.0
 
 
 class LimitWatch:
-    """Watches the limits of a mount: call ``check_position`` with every position, ``began`` with every motion begun.
+    """Watches the limits of a mount: call ``check_position`` with every position, ``motion_began`` with every motion.
 
-    ``must_stop`` is emitted in the call that finds the reason: a forbidden position, a missing position, or a missed
-    deadline. ``carried_to_limit`` names the limit that the mount reaches although no client moves it.
+    ``must_stop`` is emitted with the reason: a forbidden position, a missing position, or a missed deadline.
+    ``carried_to_limit`` is emitted with the name of a limit that the mount reaches although no client moves it.
     """
 
     def __init__(self, mount: Context, reader: Reader, end_watch: EndWatch) -> None:
@@ -83,14 +83,14 @@ class LimitWatch:
         self.observed = Observed()
         self._limits = mount.policy.limits
         self.others, self._coasts_until, self._stopped_at = OthersWatch(), NEVER, NEVER
-        #: Whether the mount was sent to a park position at any altitude, and was seen to rest there.
+        #: Whether the mount was sent to a park position without altitude limits, and whether it has rested there.
         self._at_own_park = self._parked = False
         self._astray = False
         self.sky = SkyChange(mount)
-        #: When a position last came while the mount may have been tracking.
+        #: Loop time of the last position while the mount may have been tracking.
         self.tracked_at = NEVER
         self.hour_angle = HourAngleWatch(mount, reader.tube_side)
-        #: When the last motion ended, and when the last goto did.
+        #: Loop times at which the last motion by hand and the last goto ended.
         self.at_rest_since = self._goto_ended_at = NEVER
         self.path = CheckedPath()
         #: What was known of the last motion when it began.
@@ -132,8 +132,8 @@ class LimitWatch:
 
     @property
     def look_within(self) -> float:
-        """Seconds after which a position is needed: from rest, the mount's own keys may turn it to a limit that ends
-        their motion, and the mount must be seen first.
+        """Seconds within which the next position is needed, so that motion at the hand control, which may begin at any
+        time, is noticed before it can reach a limit that applies to it.
         """
         mount, last = self._mount, self.observed.last
         if last is None or self.hour_angle.watched:
@@ -143,7 +143,7 @@ class LimitWatch:
 
     @property
     def fastest(self) -> float:
-        """How fast the mount may be moving on command, degrees a second; 0 if no commanded motion is under way."""
+        """The highest speed of the commanded motions under way, degrees a second; 0 if there are none."""
         moving = self._mount.movement.now()
         if moving.slewing:
             return self.observed.across or self._mount.driver.speed(FASTEST_RATE)
@@ -194,7 +194,7 @@ class LimitWatch:
             self.observed = replace(self.observed, upright=True)
 
     def axis_stopped(self) -> None:
-        """One axis was stopped: a goto that continues on the other does not follow the path that was checked."""
+        """Note that one axis was stopped: a goto that continues on the other leaves the path that was checked."""
         self._astray, self._checked_path.clear = True, False
 
     def motion_ended(self) -> None:
@@ -204,7 +204,7 @@ class LimitWatch:
         self._coasts_until = self._mount.now() + COASTING_TIME
 
     def position_missing(self, _: None = None) -> None:
-        """The mount did not report its position."""
+        """Note that the mount did not report its position; stop a motion by hand if that lasts too long."""
         mount, now = self._mount, self._mount.now()
         reason = why_blind(mount.movement.now(), mount.cache.age(op.Position, now), now - self._stopped_at)
         if reason:
@@ -247,7 +247,7 @@ class LimitWatch:
         self._apply(allow(view))
 
     def _sample(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
-        """Return what a position that was read at ``now`` means: altitude, hour angle, distances from the Suns."""
+        """Return a position that was read at ``now`` with its altitude, hour angle and distances from the Sun."""
         mount, frame = self._mount, self._mount.frame()
         position = place if before is None else fold.at_one_time(now, place, before, mount.timing.lag)
         altitude, hour_angle = mount.astrometry.overhead(position)
@@ -275,7 +275,7 @@ class LimitWatch:
             self._limits, self._at_own_park = mount.policy.limits, False
 
     def _off_its_ways(self, place: op.Equatorial) -> bool:
-        """Whether a goto is seen more than ``ASTRAY_DEGREES`` from the ways that were calculated for it."""
+        """Whether this position of a goto is more than ``ASTRAY_DEGREES`` from the paths calculated for it."""
         if not self._checked_path.ways:
             return False
         reading = sun_reading(self._mount.astrometry, place, self._mount.frame().polar)
@@ -340,7 +340,7 @@ class LimitWatch:
             self._deadline.arm(verdict.within, verdict.limit)
 
     def _deadline_passed(self, limit: str) -> None:
-        """By its last known speed the mount is about to reach a limit, and no position has arrived since."""
+        """End a motion that may have reached a limit by its last known speed: no position has arrived since."""
         if self._moves:
             self._act(f"{limit}, estimated from its speed")
 
@@ -359,8 +359,8 @@ class LimitWatch:
 def why_blind(moving: Moving, age: float, since_stop: float) -> str:
     """Return why a mount that moves by hand and reports no position must stop; empty if it need not.
 
-    ``age`` is that of the last position, seconds. An LX200GPS that seeks its home position is busy and reports nothing,
-    but it is not moved by hand meanwhile.
+    ``position_age`` and ``since_stop``: seconds since the last position and since the last such stop. An LX200GPS also
+    reports nothing while it seeks home, but that is no motion by hand.
     """
     if moving.by_hand and age > MAX_BLIND_TIME and since_stop > MAX_BLIND_TIME:
         return "it moves but does not report its position"
@@ -368,7 +368,7 @@ def why_blind(moving: Moving, age: float, since_stop: float) -> str:
 
 
 class AxisCourse(Struct, frozen=True):
-    """The motion of an axis: commanded speed, time of the first position, last position, and degrees moved since."""
+    """The motion of an axis: commanded speed, time of its first sample, the last sample, and the degrees between."""
 
     speed: float
     began: float
@@ -396,7 +396,7 @@ class StallWatch:
         self._courses.clear()
 
     def find_stalled(self, sample: AxisSample, ordered: Mapping[int, float], round_trip: float) -> int | None:
-        """Return an axis that moved too little, or None. ``ordered``: commanded speed per axis, degrees a second."""
+        """Return an axis that moved too little at its commanded speed (degrees a second, by axis), or None."""
         courses: dict[int, AxisCourse] = {}
         for axis, speed in ordered.items():
             if speed < STALL_MIN_SPEED:
@@ -415,8 +415,8 @@ class StallWatch:
 class OthersWatch:
     """Notices motion that no client ordered: at the hand control, or by the mount itself.
 
-    ``since`` and ``seen_at`` are the times of the first and the last position that showed it. ``moves``: the last
-    position showed it; ``begins``: as the first. The mount is watched closely ``until`` this time.
+    ``began_at`` and ``last_seen_at`` are the times of the first and the last position that showed it. ``is_moving``:
+    the last position showed it; ``just_began``: that was the first one to do so.
     """
 
     def __init__(self) -> None:
@@ -424,7 +424,7 @@ class OthersWatch:
         self.begins = self.moves = False
 
     def see(self, now: float, is_moving: bool) -> None:
-        """Take whether the last two positions show such a motion."""
+        """Record whether the last two positions show such a motion."""
         self.begins, self.moves = is_moving and not self.moves, is_moving
         if self.begins or not is_moving:
             self.since = now
@@ -433,9 +433,9 @@ class OthersWatch:
 
 
 class SkyChange:
-    """Notices that site or clock were set: positions before and after then mean different altitudes.
+    """Notices that site or clock was set: then equal positions before and after mean different altitudes.
 
-    Changes at rest, while some settings are still to be sent, are no motion. ``changed_at``: when that was last so.
+    Meanwhile the reported position may change although the mount rests. ``changed_at``: the last setting at rest.
     """
 
     def __init__(self, mount: Context) -> None:
@@ -445,7 +445,7 @@ class SkyChange:
         self.changed_at = NEVER
 
     def has_changed(self, now: float, moved_by_others: bool) -> bool:
-        """Whether the position read now cannot be compared with the last position."""
+        """Whether the present position cannot be compared with the last one, because site or clock was set."""
         mount, (place, ahead) = self._mount, self._frame
         site_clock = mount.astrometry.site_clock
         self._frame = site_clock.site(), site_clock.unix() - now

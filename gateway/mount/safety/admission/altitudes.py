@@ -1,8 +1,8 @@
-"""The altitudes of a place by every source that counts.
+"""The altitude of a direction, by every source of site and time that counts, and by the axes as before the syncs.
 
-The mount's own site and clock judge by all limits. If the syncs since the alignment were wrong, the tube is elsewhere;
-and other sources of site and time may be right that contradict the best source. These judge by the altitudes that
-somebody has written.
+An altitude by the mount's own site and clock is checked against all limits. But if the syncs since the alignment were
+wrong, the tube points elsewhere; and another source of site and time may be right although it contradicts the mount's.
+Altitudes by these are only checked against limits that somebody has set (`Limits.written`).
 """
 
 from __future__ import annotations
@@ -28,9 +28,8 @@ from gateway.mount.site.astrometry import PointingFrame, Shift, SiteAstrometry
 
 
 class Source(NamedTuple):
-    """What an altitude is told by: the mount's own data, or a ``sync_shift`` of the tube, or another source.
-
-    ``contradicts`` is another source of site and time, ``sky`` the astronomy by it.
+    """One way to calculate an altitude: by the mount's own data; as if the syncs were wrong, so that the tube is off by
+    ``sync_shift``; or by another site and time (``contradiction``), with the astronomy for these in ``sky``.
     """
 
     mount: Context
@@ -40,7 +39,7 @@ class Source(NamedTuple):
 
     @property
     def own(self) -> bool:
-        """Whether it is the mount's own data."""
+        """Whether the altitude follows from the mount's own data as they are."""
         return self.sync_shift is None and self.contradicts is None
 
     def altitude(self, position: Equatorial) -> float:
@@ -48,8 +47,8 @@ class Source(NamedTuple):
         return (self.sky or self.mount.astrometry).horizon(self.mount.suns.tube(position, self.sync_shift)).alt
 
     def check(self, limits: Limits, altitude: float) -> None:
-        """Check an altitude by this source. Raises BelowHorizon or TooHigh; Contradicted, if it is not the mount's own,
-        which names it.
+        """Check an altitude by this source. Raises BelowHorizon or TooHigh; if the source is not the mount's own data,
+        Contradicted, whose text names the source.
         """
         try:
             (limits if self.own else limits.written()).check_altitude(altitude)
@@ -69,20 +68,20 @@ class Source(NamedTuple):
 
 
 def by_mount(mount: Context) -> Iterator[Source]:
-    """Yield what the mount itself tells of altitudes, its own data first; nothing without a site."""
+    """Yield the mount's own data, then those as if the syncs were wrong; nothing without a site."""
     if mount.sources.site() is not None:
         yield Source(mount)
         yield from by_syncs(mount, mount.frame())
 
 
 def by_syncs(mount: Context, frame: PointingFrame) -> Iterator[Source]:
-    """Yield where the tube is if the syncs were wrong."""
+    """Yield the sources as if the syncs were wrong."""
     for shift in frame.shifts:
         yield Source(mount, sync_shift=shift)
 
 
 def by_others(mount: Context, limits: Limits) -> Iterator[Source]:
-    """Yield what contradicts the mount's site and clock; nothing if no altitude limit is written."""
+    """Yield the sources that contradict the mount's site and clock; nothing if the user has set no altitude limit."""
     written = limits.written()
     if written.lowest <= -90.0 and written.highest >= 90.0:
         return
@@ -91,8 +90,8 @@ def by_others(mount: Context, limits: Limits) -> Iterator[Source]:
 
 
 def check_goal(mount: Context, limits: Limits, goal: Equatorial) -> float:
-    """Return the altitude of a goal, checked by every source. Raises BelowHorizon or TooHigh, with its value, when it
-    rises, and the sources that say otherwise; Contradicted. It needs a site.
+    """Return the altitude of a goal, checked by every source; the site must be known. Raises Contradicted; BelowHorizon
+    or TooHigh, with the altitude, the time of rising, and the sources that contradict it.
     """
     altitude = check_altitude(mount, limits, goal)
     for source in (*by_syncs(mount, mount.frame()), *by_others(mount, limits)):
@@ -119,7 +118,7 @@ def _where(limits: Limits, altitude: float) -> str:
 
 
 def _rises(mount: Context, limits: Limits, goal: Equatorial) -> Iterator[str]:
-    """Yield the time at which a goal rises above the lowest altitude, in the mount's local time if known."""
+    """Yield a sentence on when a goal rises above the lowest altitude, in the mount's local time if known."""
     latitude, dec, height = (radians(angle) for angle in (mount.astrometry.place().latitude, goal.dec, limits.lowest))
     hour_angle = mount.astrometry.sidereal_time() - goal.ra
     if mount.astrometry.horizon(goal).alt > limits.lowest:

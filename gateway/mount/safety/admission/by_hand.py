@@ -1,8 +1,9 @@
 """Admission of motion by hand and of guide pulses: refuses them if they would soon lead beyond a limit.
 
-A motion is judged by its first stretch, which ends where it has been seen and can be stopped. All of the stretch is
-checked, because beyond the zenith or the Sun its end may be allowed again; and both directions of each axis, because a
-mount whose axes cannot be read may point the other way round. A guide pulse is judged alike.
+Only the first stretch of a motion is checked: up to where the next position can have shown it and a stop has ended it.
+All of the stretch is checked, because beyond the zenith or the Sun its end may be allowed again; and both directions of
+each axis, because the axes may point over the pole or the zenith without the gateway's knowledge. A guide pulse is
+checked in the same way.
 """
 
 from __future__ import annotations
@@ -28,15 +29,16 @@ from gateway.protocols.base.driver import BY_HAND
 
 #: Degrees of axis motion between two points of a stretch that are checked.
 CHECK_STEP = 2.0
-#: Seconds; an older position does not say where a motion begins.
+#: Age in seconds up to which a cached position counts as the start of a motion.
 MAX_POSITION_AGE = 6.0
 
 
 class Start(NamedTuple):
     """The start of a stretch of motion.
 
-    ``altitudes`` are the sources by which altitudes count. ``turned`` is the angle of the first axis west of its
-    middle, degrees; None if it is unknown or the hour angle has no limit. ``suns`` are the Suns to avoid.
+    ``altitudes`` are the sources by which altitudes are calculated. ``first_axis_angle`` is the angle of the first axis
+    west of its middle, degrees; None if it is unknown or the hour angle has no limit. ``suns`` are the possible
+    positions of the Sun, by each source.
     """
 
     position: op.Equatorial
@@ -46,7 +48,9 @@ class Start(NamedTuple):
     suns: tuple[Sun, ...] = ()
 
     def past(self, mount: Context, west: float) -> float | None:
-        """Return how far the tube is past the meridian after the first axis has turned ``west``; None if unknown."""
+        """Return how far the tube is past the meridian when the first axis has turned west by so many degrees; None if
+        unknown.
+        """
         return None if self.turned is None else past_meridian(self.turned + west, mount.driver.german)
 
 
@@ -131,7 +135,7 @@ class HandAdmission:
     async def check_pulse(self, pulse: op.Pulse | op.PulseAxis) -> None:
         """Raises BelowHorizon, TooHigh, NearSun or PastMeridian if a guide pulse leads (farther) beyond a limit.
 
-        Only the Suns by the mount's own coordinates or axes count, because a wrong clock must not end guiding. Raises
+        The Sun counts only by the mount's own coordinates or axes, because a wrong clock must not end guiding. Raises
         Refused while somebody else moves the axis, because the pulse would end that motion.
         """
         if self._watch.others_move(pulse.axis if isinstance(pulse, op.PulseAxis) else pulse.direction.axis):
@@ -178,7 +182,7 @@ class HandAdmission:
         return self._watch.hour_angle.turned(mount.astrometry.sidereal_time() - position.ra, side)
 
     async def _sense(self, operation: op.Move | op.MoveAxis, status: op.Status) -> int:
-        """Return -1 if motor and sky directions are opposite: in the south, beyond the pole or zenith; else 1."""
+        """Return -1 if the tube turns against the nominal direction: in the south, beyond pole or zenith; else 1."""
         mount, by_motor = self._mount, isinstance(operation, op.MoveAxis)
         if mount.driver.moves_by_gotos:
             return 1
@@ -202,12 +206,12 @@ async def beyond_pole_or_zenith(mount: Context, readings: Readings, watch: Limit
 
 
 async def pointing(mount: Context, readings: Readings, watch: LimitWatch) -> set[bool]:
-    """Return in which of two ways the axes may point now: the first (False), the other (True), or both if unknown.
+    """Return in which of two ways the axes may point now: the usual (False), the other (True), or both if unknown.
 
-    The other way is the west side of the pier in the north, and beyond the pole or zenith on a fork. A hand control
-    that was synced there may take it for the first way, so both are returned then; so are they if the pier side that a
-    hand control tells, which it may have chosen for the last goto, contradicts its declination axis, and if a German
-    mount that tells no axes was driven over the pole.
+    The other way is the west side of the pier in the north, and beyond the pole or zenith on a fork. Both are returned
+    if a hand control was synced in the other way, which it may take for the usual one; if the pier side that it reports
+    (perhaps that of the last goto) contradicts its declination axis; and if a German mount that does not report axes
+    was driven over the pole.
     """
     site = mount.astrometry.site_clock.site()
     if not mount.driver.german or site is None:

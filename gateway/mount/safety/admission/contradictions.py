@@ -1,9 +1,9 @@
 """Contradictions: sources of site or time that differ, and a park position beyond the limits.
 
-They are reported at the start, in one line, so that the user does not learn of them from a refusal. A goto is refused
-if any source puts its goal beyond a written altitude limit, or near the Sun. An arrow is refused in the same cases, and
-ends there. A goto under way and tracking are judged by the best source alone, so that a wrong source cannot stop a
-mount that is right.
+They are reported at the start, in one line, so that the user does not learn of them from a refusal. A goto or a motion
+by arrow key is refused if by any source it leads beyond an altitude limit that the user has set, or near the Sun; the
+latter also ends there. A goto under way and tracking are judged by the best source alone, so that a wrong source cannot
+stop a mount that is right.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ from gateway.mount.site.site_clock import (
 SITE_CONTRADICTION, CLOCK_CONTRADICTION = 0.5, 120.0
 #: Kilometres in a degree on the Earth.
 KM_PER_DEGREE = 111.2
-#: Without the date the position of the Sun is unknown.
+#: The refusal of a goto because the position of the Sun is unknown.
 UNKNOWN_TIME = (
     "The time is unknown: this computer's clock is lost, and neither the mount nor a program has reported it. "
     "Set the time, or sun = 0 at night."
 )
 
 
-#: How to correct each source of a site, and of a time.
+#: By source: how to correct its site. CLOCK_REMEDIES: how to correct its time.
 SITE_SET = {
     MOUNT: "the mount's at its hand control or in the program that sets it",
     GPS_SOURCE: "the receiver's by a new fix",
@@ -57,8 +57,8 @@ CLOCK_REMEDIES = {**SITE_SET, COMPUTER: "the clock of this computer"}
 class Contradiction(NamedTuple):
     """Another site and time that may be the true ones.
 
-    ``text`` says which sources differ, ``apart`` by how much, and ``remedies`` how to correct each. ``other`` is the
-    same for a sentence that names the best source already.
+    ``text`` says which two ``sources`` differ, ``difference`` by how much, and ``remedies`` how to correct each.
+    ``short_text`` only describes the second source, for a sentence that has named the best source already.
     """
 
     place: Place | None
@@ -76,12 +76,12 @@ class Contradiction(NamedTuple):
 
     @property
     def line(self) -> str:
-        """Return the one line about it: both values, and how to correct each."""
+        """Return the line for the log: both values, and how to correct each."""
         return f"{self.text}, so {self.remedy}"
 
 
 def too_near(sources: BestSources, sun: Sun, way: bool = False) -> NearSun:
-    """Return the refusal of a motion towards a Sun, or on a ``way`` past it, with the sources that show it."""
+    """Return the refusal of a motion that leads to the Sun, or past it (``on_the_way``), with the source for that."""
     text = "The way there passes too close to the Sun." if way else NearSun.default_text
     if sun.confirmed and sun.sync_shift is not None:
         off = max(abs(sun.sync_shift.first), abs(sun.sync_shift.second))
@@ -113,7 +113,9 @@ def at_length(contradiction: Contradiction) -> str:
 
 
 def contradictions(sites: Sequence[Site], times: Sequence[Time]) -> Iterator[Contradiction]:
-    """Yield the sources that differ too much; each site or time is combined with the best source of the other."""
+    """Yield the sites and times that differ too much from the best ones, which come first. A site is combined with the
+    best time, a time with the best site.
+    """
     unix = times[0].unix
     if sites:
         place, others = sites[0].place, sites[1:]
@@ -132,12 +134,12 @@ def contradictions(sites: Sequence[Site], times: Sequence[Time]) -> Iterator[Con
 
 
 def contradictions_of(mount: Context) -> Iterator[Contradiction]:
-    """Yield what contradicts the site and clock of a mount now."""
+    """Yield the present contradictions to the site and clock of a mount."""
     return contradictions(mount.sources.sites(), mount.sources.times())
 
 
 def skies_by_others(mount: Context) -> Iterator[tuple[Contradiction, SiteAstrometry]]:
-    """Yield what contradicts a mount's site and clock, each with the astronomy by it; nothing without a site."""
+    """Yield the contradictions, each with the astronomy by its site and time; nothing without a site."""
     own = mount.astrometry
     for contradiction in contradictions_of(mount):
         if contradiction.place is not None:
@@ -186,14 +188,14 @@ def time_unknown(best: Time) -> bool:
 
 
 def contradiction_warning(mount: Context) -> str:
-    """Return the contradictions as one warning line, with how to set each; empty if there are none."""
+    """Return all contradictions as one warning line, with how to correct each; empty if there are none."""
     doubts = [doubt.line for doubt in contradictions_of(mount)]
     doubts += _park_warning(mount)
     return f"WARNING: {'; '.join(doubts)}" if doubts else ""
 
 
 def note_contradictions(mount: Context) -> None:
-    """Log that warning, once for the same contradictions, whatever the time is."""
+    """Log the warning about contradictions, once for the same ones, although the times in it change."""
     if warning := contradiction_warning(mount):
         mount.note_once(warning, kind=re.sub(r"\([^()]* UTC\)", "", warning))
 

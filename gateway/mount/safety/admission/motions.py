@@ -1,8 +1,8 @@
 """Admission: decides before a motion whether it is allowed, and in which form this mount can carry it out.
 
-A held mount may not be moved at all. Otherwise this checks the target of every goto, park and home, and the paths to it
-(``slew_paths.py``); motion by hand and guide pulses (``by_hand.py``); and syncs (``syncs.py``). ``watch.py``
-watches motion that has begun.
+A mount on hold (``mount-gateway stop --hold``) may not be moved at all. Otherwise this checks the target of every goto,
+park and home, and the paths to it (``slew_paths.py``); motion by hand and guide pulses (``by_hand.py``); and syncs
+(``syncs.py``). ``watch.py`` watches motion that has begun.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ from gateway.mount.site.astrometry import Shift
 
 #: Why a telescope does not seek its home by day.
 SEEKS_UNSEEN = "It reports nothing while it seeks home. Cover the tube and seek home at the hand control, or park."
-#: Seconds that a goto takes beside its way at full speed.
+#: Seconds that a goto takes in addition to the time for its path at full speed.
 SETTLE_TIME = 3.0
-#: Most seconds that a goto waits for site and clock of a mount that has just been found: the limits need them.
+#: Seconds that a goto waits at most until site and clock of a newly connected mount are read: the limits need them.
 SITE_TIMEOUT = 4.0
 
 
@@ -46,7 +46,7 @@ class MotionAdmission:
     """Admits the motions of a mount; the reconciler calls ``admit`` before each. ``preview`` predicts the outcome."""
 
     def __init__(self, mount: Context, readings: Readings, watch: LimitWatch, previews: bool = False) -> None:
-        """With ``previews`` it changes neither the log nor the watched limits."""
+        """If it only previews outcomes (``is_preview``), it changes neither the log nor the watched limits."""
         self._mount, self._readings, self._watch = mount, readings, watch
         self._path = CheckedPath() if previews else watch.path
         self._note_once: Callable[[str], None] = (lambda text: None) if previews else mount.note_once
@@ -156,9 +156,9 @@ class MotionAdmission:
         return await self._admit(goto)
 
     async def _admit_at_rest(self, operation: op.GotoHorizontal, goto: op.Goto) -> op.Operation:
-        """Return a goto of an equatorial mount to a place over the horizon, for a drive that stays off. It is a goto to
-        axis readings, counted from the present ones; without these, it is a goto to the position on the sky at which
-        the place will be on arrival.
+        """Return the goto of an equatorial mount to an azimuth and altitude while tracking is off. It is a goto to axis
+        readings, relative to the present ones. If the mount does not report these, it is a goto to the celestial
+        coordinates that this direction will have on arrival.
         """
         mount = self._mount
         if mount.driver.implementation(op.GotoHorizontal):
@@ -200,8 +200,8 @@ class MotionAdmission:
             raise type(fault)(f"{fault} {CHOOSE}" if isinstance(operation, op.Park) else str(fault)) from None
 
     def _check_target(self, limits: Limits, goal: op.Equatorial) -> float | None:
-        """Check the altitude of a target by the mount's own site and clock, and written limits also by every other
-        source. Return it; None if the site is unknown.
+        """Check the altitude of a target by the mount's own site and clock, and limits that the user has set by every
+        other source as well. Return the altitude; None if the site is unknown.
 
         Raises BelowHorizon, TooHigh, Contradicted or PastMeridian; NearSun if the time is unknown.
         """
@@ -218,7 +218,7 @@ class MotionAdmission:
         return altitude
 
     async def _check_axes(self, goto: op.GotoAxes, limits: Limits) -> None:
-        """Check axis readings: azimuth and altitude on a fork, a sky position on an equatorial mount with a site."""
+        """Check a goto to axis readings: the altitude and the hour angle at its goal, and its paths."""
         mount = self._mount
         if not (await self._status()).equatorial:
             limits.check_altitude(goto.alt)
@@ -239,11 +239,11 @@ class MotionAdmission:
     async def _check_path(
         self, limits: Limits, goal: op.Equatorial, altitude: float | None, axes: Pair | None = None
     ) -> None:
-        """Raises NearSun if a way comes too near to a Sun, WayBlocked if all lead beyond a written altitude limit.
+        """Raises NearSun if a possible path comes too near to the Sun, WayBlocked if all lead beyond an altitude limit
+        that the user has set.
 
-        ``altitude`` is that of the goal, None without a site; ``axes`` are the target readings, if they are given. A
-        path out of the circle around a Sun is clear if it never comes nearer than where it begins. Before the alignment
-        the direction of the tube is unknown, so only the target is checked.
+        ``altitude`` is that of the goal, None without a site. A path that begins too near to the Sun is allowed if it
+        never comes nearer. Before the alignment the direction of the tube is unknown, so only the goal is checked.
         """
         mount, astrometry, written = self._mount, self._mount.astrometry, limits.written()
         limit, suns = mount.suns.limit, mount.suns.to_avoid()
@@ -266,7 +266,7 @@ class MotionAdmission:
         position: op.Equatorial = await self._readings.read(op.Position())
 
         def journey(shift: Shift | None) -> Journey:
-            """The journey of the tube, whose true direction may differ from the mount's coordinates by ``shift``."""
+            """Return the journey if the tube's true direction differs from the mount's coordinates by ``shift``."""
             start, end = mount.suns.tube(position, shift), mount.suns.tube(goal, shift)
             return Journey(status.equatorial, start, others, end, axes if shift is None else None)
 
@@ -294,7 +294,7 @@ class MotionAdmission:
 
 
 def needs_alignment(operation: op.Operation, sync_aligns: bool, unaligned: str) -> bool:
-    """Whether the operation requires an aligned mount; ``unaligned`` is the owner's setting for axis readings.
+    """Whether the operation requires an aligned mount. ``unaligned_policy``: the owner's setting for axis gotos.
 
     A hand control that is not aligned acknowledges every command and does nothing, or moves unpredictably.
     """

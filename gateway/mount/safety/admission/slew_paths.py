@@ -1,10 +1,10 @@
 """The paths that a goto may take, as readings of the two axes, and the checks of these paths for limits and the Sun.
 
-There may be several paths: a position does not always show in which of two ways the axes point (a second axis beyond 90
-degrees points the other way round), nor on which side of the pier a goto ends. A mount turns each axis straight to its
-target at full speed, and the axis with the shorter turn then rests. A mount that moves otherwise is seen away from
-these paths, and then watched like a motion by hand (``safety/watch.py``). All readings of an equatorial mount are
-expressed like a German mount's, so that Sun, zenith and nadir are the same for every build; angles are degrees.
+There may be several paths: axes can point at a position in two ways (usual, or with the second axis over the pole or
+the zenith), and the position does not always show which; nor is the pier side known on which a goto ends. A mount turns
+each axis straight to its target at full speed, and the axis with the shorter turn then rests. If positions show a goto
+off these paths, it is watched like a motion by hand (``safety/watch.py``). All readings of an equatorial mount are
+expressed like a German mount's, so that Sun, zenith and nadir have the same readings on every build. Angles: degrees.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from gateway.mount.policy import LIMIT_TOLERANCE, Limits
 from gateway.mount.safety.admission.contradictions import contradictions, skies_by_others
 from gateway.mount.site.astrometry import SUN_UP_ALTITUDE, KnownSource, SiteAstrometry, Sun
 
-#: Readings of both axes at the beginning, and by how much they turn.
+#: A path: the readings of both axes at its beginning, and by how many degrees each turns.
 Path = tuple[Pair, Pair]
 #: Degrees: a turn of the first axis that is so near to half a circle may go the other way round.
 HALF_CIRCLE_TOLERANCE = 5.0
@@ -33,19 +33,20 @@ HALF_CIRCLE_TOLERANCE = 5.0
 MERIDIAN_TOLERANCE = 2.0
 #: Step along a path where it passes close to a circle, degrees; the greatest error is half of it.
 PATH_STEP = 0.2
-#: Degrees that an axis can turn on a path, and degrees between two points of a path that are kept.
+#: Degrees that an axis can turn on a path, and degrees between two points of ``path_points``.
 MAX_AXIS_TURN, POINT_SPACING = 1080.0, 3.0
-#: Azimuths and altitudes of the places that are tried between the mount's position and a goal, and how far they keep
-#: from a limit: the mount tracks while its user reads the refusal.
+#: Azimuths and altitudes that a refusal may suggest between the mount's position and the goal, and their least distance
+#: from a limit in degrees, because the mount tracks while its user reads the refusal.
 INTERMEDIATE_POINTS = tuple((azimuth, altitude) for altitude in (45, 65, 25) for azimuth in range(15, 360, 30))
 LIMIT_MARGIN = 3.0
 
 
 class Journey(NamedTuple):
-    """A goto that is to be checked: from where, and in which of the two ways the axes may point there; to where.
+    """A goto that is to be checked, from ``start`` to ``goal``. ``start_pointings``: in which of the two ways the axes
+    may point at the start (`possible_pointings`).
 
-    ``axes`` are the target readings, if they are given; ``sky`` is the astronomy by which the mount turns a place into
-    readings, if that is not by its own site and clock.
+    ``target_readings`` are those of the axes, if the goto is ordered by them; ``sky`` is the astronomy by which the
+    mount calculates axis readings, if that is not by its own site and clock.
     """
 
     equatorial: bool
@@ -57,7 +58,7 @@ class Journey(NamedTuple):
 
 
 def sun_reading(astrometry: SiteAstrometry, direction: op.Equatorial | Sun, equatorial: bool) -> Pair:
-    """Return the axis readings at which this mount points at a Sun, or at a place, in the first of the two ways."""
+    """Return the axis readings at which this mount points in a direction, in the usual of the two ways."""
     sun = op.Equatorial(direction.ra, direction.dec)
     if equatorial:
         return _geometry(astrometry, Build.GERMAN).axes(_hour_angle(astrometry, sun), sun.dec, False)
@@ -66,15 +67,15 @@ def sun_reading(astrometry: SiteAstrometry, direction: op.Equatorial | Sun, equa
 
 
 def zeniths(mount: Context, equatorial: bool) -> list[Pair]:
-    """Return the axis readings at which this mount points at the zenith: by its own site and clock, and by others."""
+    """Return the axis readings at which this mount points at the zenith: by its site and clock, and by each other."""
     skies = [mount.astrometry, *(sky for _, sky in skies_by_others(mount))]
     overhead = (op.Equatorial(sky.sidereal_time(), sky.place().latitude) for sky in skies)
     return [sun_reading(mount.astrometry, place, equatorial) for place in overhead]
 
 
 def suns_by_others(mount: Context) -> Iterator[tuple[SiteAstrometry, Sun]]:
-    """Yield the risen Suns of the sources that contradict the mount's site and clock, each with the astronomy by its
-    source: if that is right and the mount is aligned on stars, an alt-azimuth mount takes its ways round that zenith.
+    """Yield the Sun, if it is up, by each source that contradicts the mount's site and clock, with that source's
+    astronomy: if it is right and the mount is aligned on stars, an alt-azimuth mount turns round that zenith.
     """
     sites, times, own = mount.sources.sites(), mount.sources.times(), mount.astrometry
     for time, site in product(times, sites):
@@ -87,7 +88,7 @@ def suns_by_others(mount: Context) -> Iterator[tuple[SiteAstrometry, Sun]]:
 
 
 def paths_of(mount: Context, journey: Journey) -> list[Path]:
-    """Return the possible ways of a goto."""
+    """Return the possible paths of a goto."""
     equatorial, position, others, goal, axes, sky = journey
     astrometry = sky or mount.astrometry
     german = mount.driver.german is True and equatorial and astrometry.site_clock.site() is not None
@@ -107,7 +108,7 @@ def paths_of(mount: Context, journey: Journey) -> list[Path]:
 
 
 def sides_at(astrometry: SiteAstrometry, goal: op.Equatorial) -> set[bool]:
-    """Return in which of two ways a German mount may point after a goto: the second, the first, or either.
+    """Return in which of two ways a German mount may point after a goto: the other (True), the usual (False), or both.
 
     The hand control chooses by the hour angle. Near the meridian, also below the pole, the choice depends on its own
     clock and settings; near the pole a small error of its alignment is a large hour angle.
@@ -119,7 +120,7 @@ def sides_at(astrometry: SiteAstrometry, goal: op.Equatorial) -> set[bool]:
 
 
 def _pointing(reading: Pair, other: bool) -> Pair:
-    """Return one of the two pairs of readings for the same direction; ``other`` is over the pole or the zenith."""
+    """Return the readings for the same direction in the usual way, or in the other: over the pole or the zenith."""
     return (reading[0] + 180.0, 180.0 - reading[1]) if other else reading
 
 
@@ -134,13 +135,13 @@ def _hour_angle(astrometry: SiteAstrometry, position: op.Equatorial) -> float:
 
 
 def axes_after(start: Pair, turn: Pair, turned: float) -> Pair:
-    """Where the axes are after ``turned`` degrees: both are equally fast, and the shorter turn rests at its end."""
+    """Return the readings after so many degrees: both axes are equally fast, and rest at the end of their turn."""
     first, second = (copysign(min(abs(whole), turned), whole) for whole in turn)
     return start[0] + first, start[1] + second
 
 
 def is_clear(start: Pair, turn: Pair, place: Pair, limit: float) -> bool:
-    """Whether the path from ``start`` by ``turn`` never comes nearer to ``place`` than ``limit`` degrees.
+    """Whether the path from ``start`` by ``turn`` never comes nearer to ``centre`` than ``min_distance`` degrees.
 
     Far from the circle the steps are large: two axes that turn one degree each move the tube by at most root two.
     Values that are not finite, and a turn that no mount can make, count as not clear.
@@ -159,7 +160,7 @@ def is_clear(start: Pair, turn: Pair, place: Pair, limit: float) -> bool:
 
 
 def are_clear(paths: Iterable[Path], place: Pair, limit: float) -> bool:
-    """Whether all paths keep ``limit`` degrees from ``place``. One that begins nearer must never come nearer still."""
+    """Whether all paths keep this distance from ``centre``; a path that begins nearer must never come nearer still."""
     return all(is_clear(*path, place, min(limit, separation(*path[0], *place) - 0.01)) for path in paths)
 
 
@@ -173,8 +174,8 @@ def path_points(path: Path) -> Iterator[Pair]:
 
 
 def paths_within(mount: Context, limits: Limits, journey: Journey, stretch: float = MAX_AXIS_TURN) -> list[Path]:
-    """Return the possible ways that keep the altitude limits by every source of site and time, or do so for the first
-    ``stretch`` degrees. One from beyond a limit must lead no farther out.
+    """Return the possible paths that keep the altitude limits by every source of site and time, at least for the first
+    ``stretch`` degrees. A path that begins beyond a limit must lead no farther out.
     """
     tops = zeniths(mount, journey.equatorial)
     circles = [(top, 90.0 - limits.highest) for top in tops]
@@ -191,7 +192,7 @@ def paths_within(mount: Context, limits: Limits, journey: Journey, stretch: floa
 
 
 def all_within(mount: Context, limits: Limits, journey: Journey, stretch: float = MAX_AXIS_TURN) -> bool:
-    """Whether every possible way keeps the limits, as in ``paths_within``."""
+    """Whether every possible path keeps the limits, as in ``paths_within``."""
     return len(paths_within(mount, limits, journey, stretch)) == len(paths_of(mount, journey))
 
 
@@ -201,9 +202,9 @@ def _first_part(turn: Pair, stretch: float) -> Pair:
 
 
 def check_ways(mount: Context, limits: Limits, journey: Journey, unsynced: Sequence[Journey] = ()) -> list[Path]:
-    """Like ``paths_within``. Raises WayBlocked if every path leaves the limits, or one does before a stop could end it,
-    also one of the tube's if the syncs were wrong (``unsynced``). Its text names a place to go to first, if there is
-    one, and has at most 60 characters, because LX200 programs show no more.
+    """Like ``paths_within``. Raises WayBlocked if every path leaves the limits, or if one does before a stop could end
+    it, also if the syncs were wrong (``unsynced_journeys``). Its text suggests where to send the mount first, if there
+    is such a place, and has at most 60 characters, because LX200 programs show no more.
     """
     paths, stretch = paths_within(mount, limits, journey), mount.timing.reaction * mount.driver.speed(FASTEST_RATE)
     if paths and all(all_within(mount, limits, path, stretch) for path in (journey, *unsynced)):
@@ -222,7 +223,7 @@ def check_ways(mount: Context, limits: Limits, journey: Journey, unsynced: Seque
 
 
 def _keeps_clear(mount: Context, limits: Limits, leg: Journey) -> bool:
-    """Whether every possible way keeps the limits and the distance from the Sun, or leads out of where it begins."""
+    """Whether no possible path leads beyond the limits or too near to the Sun, or farther so than where it begins."""
     places = [sun_reading(mount.astrometry, sun, leg.equatorial) for sun in mount.suns.to_avoid()]
     return all_within(mount, limits, leg) and all(
         are_clear(paths_of(mount, leg), place, mount.suns.limit) for place in places

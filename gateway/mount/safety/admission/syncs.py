@@ -1,9 +1,8 @@
 """Admission of a sync: its turn of the axes must stay within ``sync-limit``, and the mount must be at rest.
 
-A sync that arrives while something moves is refused, because nothing is centred then. Clients that compare positions
-consider a goto ended a moment too early. So a sync on the target of the goto waits for its end; a sync on any other
-object is refused at once. Motors run on after a stop: a sync waits for rest, and is refused if the mount does not come
-to rest.
+A sync while the mount moves is refused, because nothing is centred then. Clients that compare positions consider a goto
+ended a moment too early. So a sync on the target of the goto waits for its end; a sync on any other object is refused
+at once. Motors run on after a stop: a sync waits for rest, and is refused if the mount does not come to rest.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from gateway.mount.safety.watch import LimitWatch
 
 #: Seconds that a sync waits for the end of a goto, or for rest, and between two checks.
 GOTO_END_WAIT, CHECK_PERIOD = 2.5, 0.2
-#: Degrees from the pole or the zenith within which nobody knows in which way a mount takes its tube after a sync.
+#: Degrees from the pole or zenith within which a mount may believe after a sync that its axes point the other way.
 POLE_DISTANCE = 1.0
 MOVING_MESSAGE = "The mount is moving, so nothing is centred: sync when it has stopped."
 #: Degrees by which a sync may differ from the target of the goto under way: low precision, and equinoxes differ.
@@ -35,7 +34,7 @@ SAME_TARGET_DEGREES = 0.5
 async def admit_sync(
     mount: Context, readings: Readings, watch: LimitWatch, sync: op.Sync, activity: HostActivity | None
 ) -> op.Operation:
-    """Return the sync in the mount's equinox, and note the sum with it. Raises Refused, SyncTooFar, Stopped.
+    """Return the sync in the mount's equinox, and note the new sum of syncs. Raises Refused, SyncTooFar, Stopped.
 
     ``activity`` is the client's connection: if it is closed while the sync waits, the sync is dropped.
     """
@@ -68,11 +67,10 @@ async def _rests(mount: Context, readings: Readings, watch: LimitWatch) -> bool:
 async def _turns(
     mount: Context, ask: Readings, watch: LimitWatch, position: op.Equatorial, target: op.Equatorial, equatorial: bool
 ) -> list[Pair]:
-    """Return by how many degrees a sync turns the readings of the two axes: as the tube points now, and around if the
-    mount may take it for pointing the other way, as after an arrow over the pole.
+    """Return by how many degrees a sync turns the readings of the two axes; a second pair if the mount may believe
+    afterwards that it points in the other of the two ways, as after an arrow over the pole.
 
-    There are two ways to point at a place: beyond the pole or the zenith, also on the other side of the pier, the
-    second axis turns the other way.
+    In the other way (beyond the pole or the zenith, or on the other side of the pier) the second axis turns reversely.
     """
     driver, by_sky, others = mount.driver, mount.driver.emulates_sync, {False}
     start, end = (sun_reading(mount.astrometry, place, equatorial or by_sky) for place in (position, target))
