@@ -1,9 +1,9 @@
-"""Accepts connections and gives each a session.
+"""Accepts client connections and gives each a session.
 
-A session lives as long as its connection. A new session starts with a copy of the state of the connection from the same
-host that closed last, within a minute: programs that open a connection per command keep their target that way, and two
-programs connected at the same time do not disturb each other. On network ports, web browsers and port scanners are
-recognised by their first bytes and refused before anything they send is carried out.
+A session lives as long as its connection. If a connection from the same host closed within the last minute, the new
+session starts with a copy of its state, so that a program that opens a connection per command keeps its target. Two
+programs that are connected at the same time do not disturb each other. On network ports, the gateway recognises web
+browsers and port scanners by their first bytes and carries out nothing that they send.
 """
 
 from __future__ import annotations
@@ -23,14 +23,15 @@ from gateway.protocols.base.session import ClientState, Shared
 from gateway.transport import ConnectionHandler
 from gateway.transport.handler import Connected
 
+#: Seconds for which the state of a closed connection is saved for the next connection from its host.
 INHERIT_TIME = 60.0
-#: Seconds for which a silent client counts as present on a serial line, or if it connects for each command.
+#: Seconds after its last byte for which a client on a serial line, or one that connects per command, counts as present.
 PRESENCE_TIME = 10.0
 
 
 class ConnectionAcceptor:
-    """Creates the client connection for every connection to a port. ``binding``: the presented surface,
-    or a function that makes it for the first connection."""
+    """Creates the client connection for every connection to a port. ``binding`` is the surface as presented there,
+    or a function that makes the binding for the first connection."""
 
     def __init__(
         self,
@@ -55,12 +56,12 @@ class ConnectionAcceptor:
 
     @cached_property
     def binding(self) -> SurfaceBinding:
-        """What is presented."""
+        """The surface as presented on this port."""
         return self._bind if isinstance(self._bind, SurfaceBinding) else self._bind()
 
     @cached_property
     def presets(self) -> PresetWatch:
-        """Notices programs with the wrong telescope type."""
+        """Notices clients in which the user has selected the wrong telescope type."""
         surface = self.binding.surface
         return PresetWatch(
             self.controller, surface.protocol.name, self.binding.framing, self._address, self._warn, self._one_type
@@ -72,7 +73,7 @@ class ConnectionAcceptor:
         return str(self.binding.model["name"]) if self.binding.surface.protocol.models else None
 
     def accept(self, connected: Connected) -> ConnectionHandler:
-        """Admit, log and create a new connection; a refusal is logged once per host. Raises ConnectionRefused."""
+        """Check, log and create a new connection. A refusal is logged once per host. Raises ConnectionRefused."""
         self._admission.check(connected, self.clients())
         name, wire_log = connected.name, self.controller.wire_log
         wire_log.put(name, "+", note=f"surface {self.number}, host {connected.host}")
@@ -81,9 +82,9 @@ class ConnectionAcceptor:
     def create_silently(
         self, connected: Connected, on_closed: Callable[[], None] = lambda: None, first_bytes: bytes = b""
     ) -> ConnectionHandler:
-        """Create a connection.
+        """Create a connection without checking the access rules or logging it.
 
-        ``on_closed`` is called at its end. ``first_bytes`` were received and answered elsewhere before.
+        ``on_closed`` is called at its end. ``first_bytes``: bytes of this client that another handler has answered.
         """
         binding, controller, host = self.binding, self.controller, connected.host
         rights = Rights(self.access.is_read_only(host), self.access.hibernate or connected.hang_up is None)
@@ -112,7 +113,7 @@ class ConnectionAcceptor:
         return connection
 
     def clients(self) -> list[str]:
-        """The hosts of all clients, including disconnected ones whose operations are still under way."""
+        """Return the hosts of all clients, including disconnected clients whose operations are still under way."""
         self._clients = {client for client in self._clients if client.is_open or client.busy}
         return [client.activity.who for client in self._clients]
 
@@ -140,7 +141,7 @@ class ConnectionAcceptor:
         return [connection for connection in self._connections if not connection.stranger]
 
     def set_address(self, where: str) -> None:
-        """Take the address of the port, which is open now and has its real number."""
+        """Record the address of the port, with its real port number, once the port is open."""
         self._address = where
 
     def _leave(
@@ -154,7 +155,7 @@ class ConnectionAcceptor:
         self._save_state(host, client)
 
     def _saved_state(self, host: str) -> ClientState | None:
-        """Return what the last connection from this host has left, unless that is too long ago."""
+        """Return the state of the last connection from this host; None if it closed too long ago."""
         at, state = self._saved_states.get(host, (-1e9, None))
         return state if self.controller.now() - at <= INHERIT_TIME else None
 

@@ -2,7 +2,7 @@
 
 The protocols have no users or passwords, so only the host identifies a client. This module decides by kind of
 operation, for every protocol alike, what a read-only client may do: it may read, and it may stop the mount, because a
-stop is never refused. It sees the state that all clients share and cannot change it.
+stop is never refused. A read-only client sees the state that all clients share and cannot change it.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ NO_HIBERNATION = (
 
 
 class AccessRules(Struct, frozen=True):
-    """The rules of a surface.
+    """The access rules of a surface.
 
     ``allow``: networks that may connect (None: all). ``read_only``: networks that may only read, or True for all.
-    ``most``: clients at the same time. ``hibernate``: whether a client on the network may hibernate the mount.
+    ``most``: maximum number of clients at a time. ``hibernate``: whether network clients may hibernate the mount.
     """
 
     allow: Networks | None = None
@@ -66,7 +66,7 @@ class AccessRules(Struct, frozen=True):
 
 
 class Refusal(NamedTuple):
-    """The fault that the client gets, and the reason for the log."""
+    """Why an operation is refused: the fault for the client, and the reason for the log."""
 
     fault: Fault
     reason: str
@@ -79,7 +79,7 @@ class Rights(Struct, frozen=True):
     hibernate: bool = True
 
     def refusal(self, operation: Operation) -> Refusal | None:
-        """Return the refusal of an operation, None if it is allowed."""
+        """Return why the client may not request an operation; None if it may."""
         if self.read_only and not harmless(operation):
             return Refusal(ReadOnly(), "read only")
         if not self.hibernate and isinstance(operation, Hibernate):
@@ -88,14 +88,14 @@ class Rights(Struct, frozen=True):
 
 
 class ClientAdmission:
-    """Admits connections to a surface, of this ``number``. A refused host is logged once, and shown in ``status``."""
+    """Decides which connections surface ``number`` accepts. A refused host is logged once and shown in ``status``."""
 
     def __init__(self, access: AccessRules, number: int, wire_log: WireLog) -> None:
         self._access, self._count, self._log = access, number, wire_log
 
     def check(self, new: Connected, connected_hosts: Sequence[str]) -> None:
-        """Raises ConnectionRefused if ``connected_hosts`` already has as many clients as allowed; a serial line needs
-        no file.
+        """Raise ConnectionRefused if the host of ``new`` is not allowed, or there are too many clients or open files.
+        ``connected_hosts`` contains the host of every client; a serial line needs no further open file.
         """
         host, most = new.host, self._access.most
         if not self._access.admits(host):
@@ -113,7 +113,7 @@ class ClientAdmission:
 
 
 def _is_in(host: str, networks: Networks) -> bool:
-    """Whether a host is in any of these networks; never for a serial line, which has no address."""
+    """Whether a host is in any of these networks; False for a serial line, which has no address."""
     try:
         address = ip_address(host)
     except ValueError:

@@ -2,9 +2,9 @@
 
 On network ports anyone may connect. A browser or port scanner is recognised and disconnected before it is answered.
 
-A connection is behind if it has more unread bytes than one read takes. Such bytes may be old: they begin no motion if a
-stop came after the connection fell behind, and after a second behind, they begin none at all. The connection has caught
-up when a read leaves no bytes; after more than a second behind, when that has been so for a second.
+A connection is behind while more bytes wait than one read takes. Such bytes may be old: they begin no motion if a stop
+came after the connection fell behind, and after a second behind, they begin none at all. A connection has caught up
+when a read leaves no bytes. If it was behind for more than a second, it must also stay so for a second.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ LATE_TIME = 1.0
 CATCH_UP_TIME = 5.0
 
 
-#: Takes bytes, the count of stops when they were sent if that was earlier, and when they arrived if that was earlier.
+#: Processes received bytes. For bytes that waited: the number of stops when they were sent, the time of their arrival.
 Deliver = Callable[[bytes, int | None, float | None], None]
 
 
 class Backlog:
-    """Whether a connection is behind, and ``is_late``: for more than a second. Times are loop times, seconds."""
+    """Tracks whether a connection is behind; ``is_late``: for more than a second. Times are loop times in seconds."""
 
     def __init__(self) -> None:
         self.is_late = False
@@ -41,7 +41,7 @@ class Backlog:
         self._behind_since = self._last_data_at = -1e9
 
     def stops_before(self, now: float) -> int | None:
-        """Return the number of stops at the time when the next bytes may have been sent; None if that was just now."""
+        """Return the number of stops at the earliest time the next bytes may have been sent; None if not behind."""
         if self._stop_count is not None and now - self._last_data_at > (LATE_TIME if self.is_late else CATCH_UP_TIME):
             self._stop_count, self.is_late = None, False
         self.is_late = self.is_late or (self._stop_count is not None and now - self._behind_since > LATE_TIME)
@@ -58,11 +58,11 @@ class Backlog:
 
 
 class ClientConnection:
-    """A client's connection: from its first bytes, which tell who it is, to its end.
+    """A client's connection. Its first bytes identify the client program; on a network they are checked first.
 
-    ``lasting``: a serial line, whose clients do not visibly connect or disconnect. ``heard``: the loop time of its last
-    bytes. ``first_bytes`` were received and answered elsewhere before; the client program may be recognised by them.
-    From the network, the first bytes are checked before any is processed.
+    ``stays_present``: a serial line, whose clients do not visibly connect or disconnect. ``last_received_at``: the loop
+    time of its last bytes. ``first_bytes``: bytes of this client that another handler has answered; they help to
+    identify the program, too.
     """
 
     def __init__(
@@ -81,9 +81,9 @@ class ClientConnection:
         self._first_commands: FirstCommands | None = first_commands
         self._binding, self._hang_up = binding, connected.hang_up
         self._controller, self._wanted = client.controller, client.controller.wanted
-        #: The client program that was recognised.
+        #: The name of the recognised client program; empty if unknown.
         self.profile = ""
-        #: Whether it is no telescope program.
+        #: Whether the client is no telescope program.
         self.stranger = False
         self.host, self.last_received_at = connected.host, -1e9
         self._first_bytes = first_bytes
@@ -108,7 +108,7 @@ class ClientConnection:
 
     @property
     def answered(self) -> bool:
-        """Whether all commands were answered that are answered at all."""
+        """Whether no command of this connection waits for its reply."""
         return self.client.answered
 
     def feed(self, data: bytes) -> None:
@@ -125,7 +125,7 @@ class ClientConnection:
         self._backlog.add(len(data), now, self._wanted.value.stops)
 
     def _note_late(self) -> None:
-        """Treat the client as disconnected, because its bytes are old, and say this in the log once."""
+        """Treat the client as disconnected, because its bytes are old, and log that once."""
         if self.client.activity.closed is None:
             self._controller.presence.disconnected(self.client.activity)
         if not self._logged_late:
@@ -143,19 +143,19 @@ class ClientConnection:
             self._save_state()
 
     def _deliver_serial(self, data: bytes, stop_count: int | None, arrived_at: float | None) -> None:
-        """Feed the client of a serial line, and remember when it was last heard."""
+        """Process bytes from a serial line, and record the time."""
         self.last_received_at = self._controller.now()
         self.client.feed(data, stop_count, arrived_at)
 
     def _deliver_recognising(self, data: bytes, stop_count: int | None, arrived_at: float | None) -> None:
-        """Feed the client, and compare its first bytes with the known client programs."""
+        """Process bytes, and compare the first bytes of the connection with the known client programs."""
         if self._profiles:
             self._first_bytes += data
             self._profiles = tuple(profile for profile in self._profiles if self._may_match(profile))
         self.client.feed(data, stop_count, arrived_at)
 
     def _may_match(self, profile: ClientProfile) -> bool:
-        """Whether more bytes are needed to decide about a profile; if it fits, apply it."""
+        """Apply a profile if the first bytes match it. Return whether more bytes are needed to decide."""
         if not self._first_bytes.startswith(profile.first):
             return profile.first.startswith(self._first_bytes)
         self.profile = profile.program
@@ -163,7 +163,7 @@ class ClientConnection:
         return False
 
     def _deliver_screened(self, data: bytes, stops: int | None, arrived_at: float | None) -> None:
-        """Feed the bytes that cannot be a stranger's, with their time of arrival; disconnect a stranger."""
+        """Process the bytes that cannot be a stranger's, with their time of arrival; disconnect a stranger."""
         now = self._controller.now()
         assert self._filter is not None
         pieces = self._filter.feed(Piece(data, now, self._controller.stops if stops is None else stops))

@@ -21,7 +21,7 @@ from gateway.protocols.wireformat.rows import Model
 
 
 class EquinoxConverter:
-    """Converts a client's J2000 coordinates to the equinox of date, and answers back to J2000."""
+    """Converts a client's J2000 coordinates to the equinox of date, and replies back to J2000."""
 
     def __init__(self, sky: Sky, unix: Callable[[], float]) -> None:
         self._sky, self._unix = sky, unix
@@ -46,15 +46,15 @@ class EquinoxConverter:
 
 
 class ClientProfile(Struct, frozen=True):
-    """Settings for a connection that begins with the bytes ``first``, because only ``program`` begins like this."""
+    """Settings for the client ``program``, recognised because its connections begin with the bytes ``first``."""
 
     first: bytes
     program: str
     settings: Values
     equinox: EquinoxConverter | None
-    #: Seconds for which the text of a refusal is held back.
+    #: Seconds for which the text of a refusal is held back, for a program that may not read it.
     hold: float
-    #: Whether the program releases its arrows by a full stop.
+    #: Whether the program sends a command that stops all motion when an arrow is released.
     stops_arrows: bool
 
 
@@ -65,7 +65,7 @@ class SurfaceBinding(Struct, frozen=True):
     titles: str
     surface: Surface
     framing: Callable[[], Framer]
-    #: The bytes with which a client may begin, for ``StrangerFilter``.
+    #: A regular expression for the well-formed commands and idle bytes of the protocol, for ``StrangerFilter``.
     beginning: bytes
     model: Model
     settings: ClientSettings
@@ -76,9 +76,9 @@ class SurfaceBinding(Struct, frozen=True):
     default_equinox: str = "jnow"
     #: Seconds for which the text of a refusal is held back on the network, from a program that was not recognised.
     hold: float = 0.0
-    #: Whether its program releases its arrows by a full stop.
+    #: Whether its program sends a command that stops all motion when an arrow is released.
     stops_arrows: bool = False
-    #: Returns the model to present for (equatorial, German or None, GPS receiver); None if the user has named a model.
+    #: Returns the model to present for (is equatorial, is German or None, has GPS); None if the user has named one.
     fit: Callable[[bool, bool | None, bool], Model] | None = None
     profiles: tuple[ClientProfile, ...] = ()
 

@@ -1,7 +1,7 @@
 """Answers at the pace of a serial line: a reply leaves some milliseconds after the last byte of its request.
 
-Programs that were written beside hardware write a command, discard what is left in their input, and then read. A real
-hand control never answers before that; over a pseudo-terminal the gateway would. Commands act when they arrive.
+Programs that were developed with real hand controls write a command, discard their unread input, and then read. A real
+hand control never answers before that; over a pseudo-terminal the gateway would. Only replies wait, not commands.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from gateway.transport.handler import Connected, ConnectionHandler
 
-#: Seconds from the last byte of a request to its reply on ports of programs that were written beside hardware.
+#: Seconds from the last byte of a request to its reply, for programs that were developed with real hand controls.
 HARDWARE_REPLY_TIME = 0.006
 
 
@@ -41,7 +41,7 @@ class ReplyPace:
         self._handler.feed(data)
 
     def _send(self, data: bytes) -> int | None:
-        """Send a reply, once the line would have it. Return how many bytes are pending, if that is known."""
+        """Send a reply when it is due. Return how many bytes are unsent, if that is known."""
         if data and (self._delayed_bytes or self._loop.time() < self._next_byte_at):
             self._delayed_bytes += data
             if self._timer is None:
@@ -59,7 +59,7 @@ class ReplyPace:
             self._write_bytes(data)
 
     def _change(self, change: Callable[[int], int], baud: int) -> int:
-        """Change the baud rate: the acknowledgement leaves at the old rate."""
+        """Change the baud rate after sending the acknowledgement at the old rate."""
         self.flush()
         return change(baud)
 
@@ -78,5 +78,5 @@ class ReplyPace:
 
 
 def paced(accept: Callable[[Connected], ConnectionHandler], seconds: float) -> Callable[[Connected], ConnectionHandler]:
-    """Wrap ``accept`` so that replies wait this number of seconds; 0: not at all."""
+    """Return ``accept`` with its replies delayed by this number of seconds; unchanged if 0."""
     return (lambda connected: ReplyPace(connected, accept, seconds)) if seconds else accept

@@ -1,9 +1,9 @@
-"""Recognises strangers: web browsers, port scanners and proxies, by the first bytes of their connection.
+"""Recognises strangers (web browsers, port scanners, proxies) by their greeting, the first bytes of their connection.
 
 ``mappings/strangers.toml`` lists the greetings; an HTTP request with an unknown method is recognised by its form. Bytes
 that may still become a greeting are held back, and so are incomplete commands. A complete, well-formed command never
-waits, even if a greeting may follow (``E`` may become ``EHLO``), so no reply is delayed. No greeting contains a
-well-formed command that does more than read, so no command of a stranger is carried out.
+waits, even if it may also begin a greeting (``E`` may become ``EHLO``), so no reply is delayed. No greeting contains a
+well-formed command that does more than read, so no command of a stranger changes anything.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from gateway.core.tables import read_table
 from gateway.protocols.registry import PROTOCOLS
 from gateway.transport.web_server import answer_of
 
-#: Characters of a method (RFC 9110), those that follow it (two of the address), and the longest method examined.
+#: Characters of an HTTP method (RFC 9110), the four characters after it, and the longest method that is examined.
 _METHOD_CHARACTERS = frozenset(b"!#$%&'*+-.^_`|~0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz")
 _PRINTABLE = frozenset(range(0x20, 0x7F))
 _AFTER_METHOD = (frozenset(b" "), frozenset(b"/"), _PRINTABLE, _PRINTABLE)
 MAX_METHOD_LENGTH = 65536
-#: Bytes that clients send before their first command: they end nothing, read nothing, and the protocols ignore them.
+#: Bytes that clients may send before their first command; all protocols ignore them.
 IDLE_BYTES = b"#\r\n\0 ?"
 
-#: The allowed values of a byte of a greeting.
+#: The values that a byte of a greeting may have.
 Octet = frozenset[int]
 
 
 class Greeting(Struct, frozen=True):
-    """The first bytes of a stranger: ``first`` identifies it, ``description`` follows "sends" in the log."""
+    """The first bytes of a stranger: for each byte its possible values; ``description`` follows "sends" in the log."""
 
     description: str
     first: tuple[Octet, ...]
@@ -40,11 +40,11 @@ class Greeting(Struct, frozen=True):
     http: bool = False
 
 
-#: The greeting that is recognised by its form.
+#: Any HTTP request whose method is not in the table.
 OTHER_METHOD_GREETING = Greeting("an HTTP request with a method of its own", (), http=True)
 
 
-#: By byte, the octet that is this byte only: shared, because the first connection waits for all greetings.
+#: Byte -> the set of this byte only. Shared by all greetings to load them faster, since the first client waits.
 _SINGLE_OCTETS = [frozenset((byte,)) for byte in range(256)]
 
 
@@ -62,7 +62,7 @@ def _from_hexadecimal(text: str) -> tuple[Octet, ...]:
 
 
 def _of_strangers() -> Iterator[Greeting]:
-    """Yield the greetings of the table. Read at the first connection, to keep the start fast."""
+    """Yield the greetings of the table, which is read at the first connection to keep the start fast."""
     table = read_table("strangers.toml")
     for description, methods in table["methods"].items():
         for method in methods:
@@ -76,7 +76,7 @@ def _of_strangers() -> Iterator[Greeting]:
 
 
 def _of_protocols(served: str) -> Iterator[Greeting]:
-    """Yield the greetings of clients of other protocols than the surface's ``served``."""
+    """Yield the greetings of clients of all protocols except ``served``, the surface's protocol."""
     for spec in PROTOCOLS.values():
         if spec.greeting and spec.name != served:
             description = (
@@ -94,17 +94,17 @@ def greetings(served_protocol: str = "") -> tuple[Greeting, ...]:
 
 @cache
 def _beginning_with(byte: int, served_protocol: str) -> list[Greeting]:
-    """Return the greetings that may begin with a byte."""
+    """Return the greetings that may begin with this byte."""
     return [greeting for greeting in greetings(served_protocol) if byte in greeting.first[0]]
 
 
 class OwnMethod:
     """Recognises an HTTP request with an unknown method at the beginning of a connection.
 
-    A web page that was given our address may choose any word as the method. (DNS rebinding: the page's host name
-    resolves to this computer, so the browser does not ask for permission.) The word is followed by a blank, the ``/``
-    of the address and two printable characters. No telescope program begins like this, though a latitude of 32°47'
-    comes near. The word itself is not held back, because each letter may be a command.
+    A web page whose host name resolves to this computer (DNS rebinding) may send any word as the method, without the
+    browser asking for permission. The word is followed by a space, the ``/`` of the path and two printable characters.
+    No telescope program begins like this. The word itself is not held back, because each letter may be a command;
+    the following bytes are.
     """
 
     def __init__(self) -> None:
@@ -114,11 +114,11 @@ class OwnMethod:
 
     @property
     def partial(self) -> bool:
-        """Whether the blank has arrived: the following bytes are held back until they are identified."""
+        """Whether a method and the space after it have arrived; then the following bytes are held back."""
         return self.may_match and self._after_method > 0
 
     def feed(self, data: bytes) -> bool:
-        """Examine more bytes. Return whether they complete the beginning of such a request."""
+        """Examine more bytes. Return whether an HTTP request is recognised now."""
         for byte in data if self.may_match else b"":
             if not self._letters and byte in IDLE_BYTES:
                 continue
@@ -136,7 +136,7 @@ class OwnMethod:
 
 
 class Recogniser:
-    """Examines a connection from its first byte, in pieces of any size, until it cannot be a stranger any more.
+    """Examines the first bytes of a connection, in pieces of any size, until the client cannot be a stranger.
 
     ``served_protocol`` is the protocol of the surface. To limit memory, only the progress of each greeting is stored.
     """
@@ -151,12 +151,12 @@ class Recogniser:
 
     @property
     def open(self) -> bool:
-        """Whether the bytes so far may be the beginning of a greeting."""
+        """Whether the bytes so far may be the beginning of a greeting and must be held back."""
         return self._table_may_match or self._own_method.partial
 
     @property
     def done(self) -> bool:
-        """Whether no stranger can be recognised any more."""
+        """Whether the client can no longer be a stranger, or was recognised."""
         return not (self._table_may_match or self._own_method.may_match)
 
     def feed(self, data: bytes) -> Greeting | None:
@@ -182,7 +182,7 @@ class Recogniser:
 
 
 def answer(titles: str) -> bytes:
-    """Return the answer to a stranger that speaks HTTP. ``titles`` are those of the port's protocols."""
+    """Return the answer to a stranger that speaks HTTP. ``titles`` names the port's protocols."""
     return answer_of(
         "400 Bad Request",
         f"This port of mount-gateway is for telescope programs that speak {titles}.\n"
@@ -201,7 +201,7 @@ class Piece(NamedTuple):
 class StrangerFilter:
     """Holds back the first bytes of a connection until they cannot be a stranger's.
 
-    ``commands`` is a pattern of the well-formed commands and idle bytes of the protocol ``served_protocol``.
+    ``commands`` is a regular expression for the well-formed commands and idle bytes of ``served_protocol``.
     """
 
     def __init__(self, commands: bytes, served_protocol: str = "") -> None:
@@ -233,7 +233,7 @@ class StrangerFilter:
         return self._release(sum(len(piece.data) for piece in self._held_pieces))
 
     def _release(self, count: int) -> list[Piece]:
-        """Take ``count`` bytes out of those that are held back."""
+        """Remove the first ``count`` held-back bytes and return them."""
         released: list[Piece] = []
         while count > 0:
             piece = self._held_pieces.pop(0)

@@ -1,7 +1,7 @@
 """Notices that a client speaks the wrong protocol because the wrong telescope type was selected in it.
 
-This is decided by the whole commands at the start of a connection. Nothing is refused because of it: some programs try
-another protocol first and then continue in the surface's own.
+The complete commands at the start of a connection decide this. The gateway warns but refuses nothing, because some
+programs try another protocol first and then continue in the surface's protocol.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from gateway.protocols.base.frames import Framer
 from gateway.protocols.registry import PROTOCOLS, streams
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
-#: Seconds within which a command of the surface's own protocol must follow.
+#: Seconds from the first bytes to a command of the surface's own protocol, after which the gateway warns.
 OWN_COMMAND_WINDOW = 3.0
-#: Bytes of a connection that are examined, and hosts that are remembered.
+#: Maximum number of bytes that are examined of a connection, and of hosts that are remembered.
 MAX_BYTES, MAX_HOSTS = 64, 1000
 
 
 def foreign(served_protocol: str, received: bytes) -> tuple[str, bytes] | None:
-    """Return the other protocol to which these bytes belong, and the first command; None if they belong to none."""
+    """Return the other protocol whose commands these bytes are, and the first command; None if there is none."""
     for protocol in streams():
         if protocol != served_protocol and (first := _first_command(load(protocol), received.lstrip(IDLE_BYTES))):
             return protocol, first
@@ -30,7 +30,7 @@ def foreign(served_protocol: str, received: bytes) -> tuple[str, bytes] | None:
 
 
 def _first_command(protocol: CommandSet, received: bytes) -> bytes:
-    """Return the first command, if there are only commands (the last may be incomplete); else empty."""
+    """Return the first command if all bytes are commands (the last may be incomplete); else empty."""
     first = protocol.first(received)
     rest = received
     while command := protocol.first(rest):
@@ -39,15 +39,15 @@ def _first_command(protocol: CommandSet, received: bytes) -> bytes:
 
 
 def other(served_protocol: str, received: bytes) -> str:
-    """Return the telescope type of the other protocol to which these bytes belong; empty if they belong to no other."""
+    """Return the telescope type to select for the other protocol that these bytes belong to; empty if there is none."""
     match = foreign(served_protocol, received)
     return PROTOCOLS[match[0]].preset if match else ""
 
 
 def advice(served_protocol: str, received: bytes, where: str) -> str:
-    """Return the advice for a connection that has sent only these bytes; empty if they are of no other protocol.
+    """Return advice for the user of a client that has sent only these bytes; empty if no other protocol matches.
 
-    ``address`` is the address of the surface; the advice offers a neighbouring address.
+    ``where`` is the address of the surface; the advice suggests another surface at a similar address.
     """
     match = foreign(served_protocol, received)
     if match is None:
@@ -69,11 +69,11 @@ def _neighbouring_address(where: str) -> str:
 
 
 class PresetWatch:
-    """Finds clients with the wrong telescope type on the surface at ``address``; ``warn`` is called once per host.
+    """Finds clients with the wrong telescope type on the surface at ``where``; ``warn`` is called once per host.
 
-    The recent events list every such client. ``framing`` splits bytes into commands of the surface's protocol
+    The recent events list every such client. ``framing`` makes a framer for the surface's protocol
     ``served_protocol``. ``sends_one_type``: the surface is for a single protocol; on a surface for every protocol any
-    type fits.
+    type fits, so nobody is warned.
     """
 
     def __init__(
@@ -94,13 +94,13 @@ class PresetWatch:
         return FirstCommands(self, name, host, self._framing())
 
     def spoke(self, host: str) -> None:
-        """A client has used the surface's own protocol."""
+        """Record that a client on this host has used the surface's own protocol."""
         if len(self._last_spoken_at) >= MAX_HOSTS:
             self._last_spoken_at.clear()
         self._last_spoken_at[host] = self.controller.now()
 
     def spoke_since(self, host: str, started_at: float) -> bool:
-        """Whether a client on this host has used it since ``started_at``."""
+        """Whether a client on this host has used the surface's own protocol since ``started_at``."""
         return self._last_spoken_at.get(host, -1e9) >= started_at
 
     def warn_of(self, name: str, host: str, received: bytes) -> None:
@@ -139,7 +139,7 @@ class FirstCommands:
         self.is_done = True
 
     def _decide(self, started_at: float) -> None:
-        """The time is up. The client may have disconnected and used the right protocol on another connection."""
+        """Warn if the time is up without a command of the right protocol, here or on another connection of the host."""
         if not self.is_done and not self._presets.spoke_since(self._host, started_at):
             self._presets.warn_of(self._connection_name, self._host, self._received)
         self.is_done = True

@@ -1,8 +1,8 @@
-"""The arrows that pages hold down on a mount.
+"""The arrow buttons that browser pages hold down to move a mount.
 
-Every beat of a page names the arrows that it holds; all others are released. Every press has a number, so that a
-message about an old press changes nothing of a newer press. The newest press of an axis moves it; the release of an
-older one changes nothing. If a second page still holds the same arrow, the motion becomes that page's.
+Every heartbeat of a page lists the arrows that it holds; all others are released. Every press has a number, so that a
+message about an old press does not affect a newer press. The newest press on an axis moves it; the release of an older
+press changes nothing. If a second page still holds the released arrow, the motion continues for that page.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from gateway.core.requests import FAILED, Answer, PressRequest, ReleaseKeyReques
 
 
 class HeldKey(NamedTuple):
-    """An arrow that is held down: the number of the press and of its request, its rate, and the loop time.
+    """An arrow that is held down: the numbers of the press and of its request, the rate, the loop time of the press.
 
-    ``end_counts`` are the numbers of stops and gotos at that time: after the next of them the arrow moves nothing.
+    ``end_counts``: how many stops and gotos there were at that time. After a further one, the arrow moves nothing.
     """
 
     press: int
@@ -31,12 +31,12 @@ class HeldKey(NamedTuple):
 
 
 async def _already_ended() -> Answer:
-    """Answer to another rate for an arrow that something else has ended."""
+    """Answer a change of rate for an arrow that is no longer held."""
     return Answer(FAILED, "This arrow is not held any more.")
 
 
 class Arrows:
-    """The arrows that a page holds on a mount; ``pages`` are the ``Arrows`` of all pages."""
+    """The arrows that a page holds on a mount; ``pages`` lists the ``Arrows`` of all pages on this mount."""
 
     def __init__(self, gateway: Gateway, who: str, pages: list[Arrows]) -> None:
         self._gateway, self._client_name, self._pages = gateway, who, pages
@@ -51,7 +51,7 @@ class Arrows:
         return bool(self._held_keys)
 
     def press(self, direction: Direction, rate: int, press_number: int = 0) -> asyncio.Task[Answer]:
-        """Press an arrow and release the opposite arrow, or change the rate of this ``press_number``.
+        """Press an arrow and release the opposite arrow, or change the rate if this ``press_number`` is held.
 
         A press without a number is a new press.
         """
@@ -81,20 +81,20 @@ class Arrows:
         self._controller.spawn(self._gateway.carry_out(request))
 
     async def repeat(self) -> None:
-        """Repeat the orders of all arrows that are held down, so that their motion does not time out."""
+        """Order the motions of all held arrows again, so that they do not time out."""
         for direction, held in list(self._held_keys.items()):
             await self._move(direction, held)
 
     def keep(self, held_keys: Set[tuple[Direction, int]]) -> None:
-        """Release every arrow but these, each with the number of its press."""
+        """Release every arrow except these, each given with the number of its press."""
         for direction, held in list(self._held_keys.items()):
             if (direction, held.press) not in held_keys:
                 self.release(direction, lost=True)
 
     def release(self, direction: Direction | None = None, press_number: int = 0, lost: bool = False) -> None:
-        """Release an arrow, or all of them; if a press is given, only if that press is still held.
+        """Release an arrow, or all; with a ``press_number``, only if that press is still held.
 
-        If the page is ``lost``, a motion that has not begun is dropped.
+        If the page has disconnected (``lost``), a motion that has not begun is dropped.
         """
         for released in list(self._held_keys) if direction is None else [direction]:
             held = self._held_keys.get(released)
@@ -105,9 +105,9 @@ class Arrows:
                 self._let_go(held, lost)
 
     def take_over(self, direction: Direction, released: HeldKey, refused: Callable[[], None]) -> bool:
-        """Move the mount by this page's arrow, if it was pressed before the arrow that another page has released.
+        """Continue a motion for this page if it has held the arrow longer than the page that has just released it.
 
-        If that is ``refused``, the motion of the other page ends, because nobody holds it any more.
+        Return whether it does. ``refused`` is called, and ends the motion, if the mount refuses to continue.
         """
         held = self._held_keys.get(direction)
         if held is None or held.since > released.since or held.end_counts != self._ends():
@@ -126,6 +126,6 @@ class Arrows:
         return wanted.stops, wanted.gotos
 
     def close(self) -> None:
-        """Release all arrows: the page is gone."""
+        """Release all arrows: the page has disconnected."""
         self._pages.remove(self)
         self.release(lost=True)

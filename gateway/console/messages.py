@@ -1,4 +1,4 @@
-"""The messages of a page over its WebSocket: requests that every client has, and requests that only pages have.
+"""The messages that a page sends over its WebSocket: requests common to all clients, and requests of pages only.
 
 A message is a JSON object: ``do`` is the request, ``mount`` the number of the mount, ``id`` the number of the answer,
 which the page chooses (0: no answer is wanted). The other fields are those of the request. A target is a ``name``, or
@@ -27,19 +27,19 @@ class HeldArrow(Struct, frozen=True):
 
 
 class Beat(Struct, frozen=True, tag="beat"):
-    """The page is alive, and holds these arrows. All others are released; if beats are missing, all are."""
+    """Says that the page is alive, and which arrows it holds; all others are released, or all if heartbeats stop."""
 
     held: Annotated[list[HeldArrow], Meta(max_length=1000)] = []
 
 
 class Talk(Struct, frozen=True, tag="talk"):
-    """Begin or end sending the conversation with clients and mount."""
+    """Start or stop sending the page what clients, gateway and mount say to each other."""
 
     on: bool = True
 
 
 class EnterPin(Struct, frozen=True, tag="pin"):
-    """The pin that allows a view-only page to act."""
+    """Enter the PIN, which allows a view-only page to control the mount."""
 
     pin: _Text = ""
 
@@ -61,7 +61,7 @@ class ShowNight(Struct, frozen=True, tag="night"):
 
 
 class Explain(Struct, frozen=True, tag="explain"):
-    """Explain what happens with a command on this mount."""
+    """Explain what the gateway does with a client's command on this mount."""
 
     surface: _Text = ""
     command: _Text = ""
@@ -74,9 +74,9 @@ class Record(Struct, frozen=True, tag="record"):
 
 
 class Jog(Struct, frozen=True, tag="jog"):
-    """Press a direction key: the mount moves until the key is released or the page disappears.
+    """Press an arrow: the mount moves until the arrow is released or the page disconnects.
 
-    ``press`` numbers the presses of a page from 1; with the number of a key that is held the rate is changed.
+    ``press`` numbers the presses of a page from 1. The number of a press that is still held changes its rate.
     """
 
     direction: Arrow
@@ -85,22 +85,23 @@ class Jog(Struct, frozen=True, tag="jog"):
 
 
 class ReleaseArrow(Struct, frozen=True, tag="let_go"):
-    """Release a direction key, or all of them; with ``press``, only if that press is still held."""
+    """Release an arrow, or all; with ``press``, only if that press is still held."""
 
     direction: Arrow | None = None
     press: Annotated[int, Meta(ge=0)] = 0
 
 
-#: What a view-only page may ask for, besides a stop.
+#: The requests that a view-only page may send, besides a stop.
 Looks = Beat | Talk | EnterPin | LookUp | Search | ShowNight | Explain | ReleaseArrow | requests.ReadSlowRequest
-#: What of the common requests a page may ask for.
+#: The requests common to all clients that a page may send.
 Common = (
     requests.GotoRequest | requests.SyncRequest | requests.ParkRequest | requests.UnparkRequest
     | requests.HomeRequest | requests.TrackRequest | requests.GuideRequest | requests.SetClockRequest
     | requests.SetSiteRequest | requests.SetGuideRateRequest | requests.NarrowLimitsRequest | requests.StopOrHold
 )  # fmt: skip
+#: Any request of a page.
 Wish = Looks | Record | Jog | Common
-#: What a page calls otherwise than ``core/requests.py``.
+#: Name of a request on the page -> its name in ``core/requests.py`` or here, where they differ.
 _PAGE_NAMES = {"wake": "unpark", "ask": "look_up", "guide_rate": "guide rate"}
 
 
@@ -115,7 +116,7 @@ class _Head(_Numbered, kw_only=True):
 
 
 class Message(NamedTuple):
-    """A message: the number of its answer, the number of the mount, and the request."""
+    """A decoded message: the number that its answer must carry, the number of the mount, and the request."""
 
     id: int
     mount: int
@@ -123,7 +124,7 @@ class Message(NamedTuple):
 
 
 def number(text: str | bytes) -> int:
-    """Return the request number of a message that is otherwise unreadable; 0 if it has none."""
+    """Return the answer number (``id``) of a message that cannot be decoded; 0 if it has none."""
     try:
         return msgspec.json.decode(text, type=_Numbered).id
     except ValueError:
@@ -131,7 +132,7 @@ def number(text: str | bytes) -> int:
 
 
 def read(text: str | bytes, who: str) -> Message:
-    """Decode a message of a page; ``who`` asks. Raises ValueError."""
+    """Decode a message of the page named ``who``. Raises ValueError."""
     fields: dict[str, Any] = msgspec.json.decode(text, type=dict[str, Any])
     head = msgspec.convert(fields, _Head)
     fields |= {"type": _PAGE_NAMES.get(head.do, head.do), "number": requests.new_number(), "who": who}

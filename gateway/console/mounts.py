@@ -1,4 +1,4 @@
-"""What all pages share: the mounts of this gateway, the publisher of their state, recordings, explanations.
+"""The parts that all pages share: the gateway's mounts, the publisher of their state, recordings, explanations.
 
 A recording started by a page is a file in the state folder that the browser can download.
 """
@@ -27,7 +27,7 @@ from gateway.protocols.wireformat.command_set import load
 from gateway.system.files import state_folder
 from gateway.system.own_commands import gateway_argv
 
-#: Timeout of an explanation, seconds; it runs a complete gateway in another process.
+#: Seconds until an explanation or a report is given up; each runs a complete gateway in another process.
 EXPLAIN_TIMEOUT = 20.0
 RECORDINGS_FOLDER = "recordings"
 _RECORDING_NAME = re.compile(r"[\w.@-]+\.rec(\.\d+)?")
@@ -62,7 +62,7 @@ class Mounts:
         return await self._run(argv, "explanation")
 
     async def report(self, recording: Path) -> Path:
-        """Make the report of a recording in the same folder, in a subprocess, and return its path. Raises UserError."""
+        """Make the report of a recording, next to it, in a subprocess. Return its path. Raises UserError."""
         target = recording.with_suffix(".html")
         done, text = await self._run(
             [*gateway_argv(), "report", "--force", "-o", str(target), str(recording)], "report"
@@ -100,7 +100,7 @@ def _mount_argument(gateway: Gateway) -> str:
 
 
 def _surface_argument(surface: str, command: str) -> str:
-    """Return the surface as an argument of ``explain``; for a surface of any protocol, that of the command."""
+    """Return the surface as an argument of ``explain``; if it takes any protocol, return the command's protocol."""
     if surface != ANY:
         return surface
     sent = unescape(command).lstrip(IDLE_BYTES)
@@ -119,7 +119,7 @@ class MountRecorder:
 
     @property
     def state(self) -> dict[str, Any] | None:
-        """Name and start time of the running recording; None if there is none."""
+        """The name and start time of the running recording; None if there is none."""
         if self._recorder is None or self._path is None:
             return None
         return {"name": self._path.name, "since": round(self._since)}

@@ -1,8 +1,8 @@
 """The session of an open page: it sends the state, carries out requests, and ends motions when the page disconnects.
 
-It is sent the publisher's messages, which all pages share, but only after it has read the earlier ones. So a slow,
-stalled or hidden page delays nothing and gets the newest state when it reads again. A page sends a beat twice a
-second, which names the direction keys that it holds; after 1.5 seconds without a beat, its keys are released.
+The session sends the page the publisher's messages, which all pages share, but only after the page has read the earlier
+ones. So a slow, stalled or hidden page delays nothing and gets the newest state when it reads again. A page sends a
+heartbeat twice a second, with the arrows that it holds; after 1.5 seconds without a message, all are released.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from gateway.core.requests import Answer, Named, StopRequest, Target
 from gateway.core.waiting import BackgroundTasks
 from gateway.mount.controller import MountController
 
-#: How many names are suggested while the user types; the length of a night and of its steps, seconds.
+#: How many names are suggested while the user types; seconds of a night, and between two positions in it.
 MAX_SUGGESTIONS, NIGHT_LENGTH, TRACK_STEP = 12, 57600.0, 7200.0
 
 
 async def look_up(controller: MountController, target: Target) -> dict[str, Any]:
-    """Return the coordinates of a target, whether the mount ``may`` go to it, and if not, ``why``.
+    """Return the coordinates of a target, and whether the mount may go to it (``may``; if not, the reason ``why``).
 
-    For an object also its name, kind and magnitude. Raises UserError, Fault.
+    For an object, also return its name, kind and magnitude. Raises UserError, Fault.
     """
     about: dict[str, Any] = {}
     if isinstance(target, Named):
@@ -54,10 +54,10 @@ async def suggestions(text: str) -> list[str]:
 
 
 def night(controller: MountController) -> dict[str, Any]:
-    """Return the positions of date of Sun and Moon from eight hours before midnight by the Sun to eight after it.
+    """Return the positions (equinox of date) of Sun and Moon, from 8 hours before local solar midnight to 8 after it.
 
-    It is the midnight that is nearest to four hours from now: until the morning this night, then the next.
-    ``begins`` is by the gateway's clock, None while the site is unknown.
+    In the evening and at night this is the current night, in the daytime the next. ``begins`` is the time of the first
+    position by the gateway's clock, in Unix seconds; None while the site is unknown.
     """
     derived = controller.astrometry
     site, sky, unix = derived.site_clock.site(), derived.sky, derived.site_clock.unix()
@@ -76,7 +76,7 @@ def _rounded(place: Sequence[float]) -> tuple[float, float]:
     return round(place[0], COARSE), round(place[1], COARSE)
 
 
-#: Seconds without a message after which keys are released; between two checks of this; between two repeated orders.
+#: Seconds without a message until arrows are released, between checks of this, and between orders of a held motion.
 KEY_TIMEOUT, KEY_CHECK_PERIOD, REFUSAL_REPEAT_PERIOD = 1.5, 0.2, 5.0
 #: The maximum number of simultaneous requests of a page.
 MAX_PAGE_REQUESTS = 32
@@ -87,14 +87,14 @@ class Socket(Protocol):
     """The interface of a WebSocket that a page session uses."""
 
     def waiting(self) -> int:
-        """Return how many bytes the browser has not read yet."""
+        """Return how many sent bytes the browser has not read yet."""
 
     async def send(self, text: str) -> None:
         """Send a message. Raises ConnectionError."""
 
 
 class PageSession:
-    """One page: ``run`` sends to it until it disconnects, ``take`` receives its messages."""
+    """One open page: ``run`` sends to it until it disconnects, ``take`` receives its messages."""
 
     def __init__(self, mounts: Mounts, socket: Socket, host: str, may_act: bool) -> None:
         self._mounts, self._socket, self._host, self._may_act = mounts, socket, host, may_act
@@ -111,7 +111,7 @@ class PageSession:
     # --- sending ----------------------------------------------------------------------------------------------------
 
     async def run(self) -> None:
-        """Send the state until cancelled or disconnected; then release all keys."""
+        """Send the state until cancelled or disconnected; then release all arrows."""
         mounts, publisher = self._mounts, self._mounts.publisher
         publisher.subscribe()
         guard = self._loop.create_task(self._watch_keys())
@@ -133,7 +133,7 @@ class PageSession:
             self._tasks.cancel()
 
     async def _show(self) -> None:
-        """Send the newest state, then the conversation, unless the page has it."""
+        """Send the newest state, then the newest rows of the conversation, unless the page has them."""
         publisher = self._mounts.publisher
         if publisher.text != self._last_sent_text:
             self._last_sent_text = publisher.text
@@ -146,7 +146,7 @@ class PageSession:
         await self._socket.send(encoded(value))
 
     async def _watch_keys(self) -> None:
-        """Release keys when the page is silent; else repeat their orders. A stalled browser does not delay this."""
+        """Release the arrows of a silent page, else repeat their orders. A stalled browser does not delay this."""
         while True:
             await asyncio.sleep(KEY_CHECK_PERIOD)
             now = self._loop.time()

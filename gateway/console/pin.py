@@ -1,8 +1,8 @@
-"""The console's PIN, and how often it may be tried.
+"""The console's PIN, and the limits of tries.
 
-An address has five free tries, then one try a minute; all addresses together have ten wrong tries a minute. Both count
-wrong tries only, and an address that has given the right PIN before is not slowed by others. A try that has to wait is
-not compared, so that its refusal reveals nothing. Only the PIN waits: stopping and reading need none.
+An address has five wrong tries, then one a minute. All addresses together have ten wrong tries a minute, except those
+that have given the right PIN before. A try above a limit is refused without comparing the PIN, so that the refusal
+reveals nothing. Stopping and reading need no PIN.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from math import ceil
 from gateway.app.pages import same_token
 from gateway.core.errors import UserError
 
-#: Wrong tries that an address has without waiting; the seconds between two further ones.
+#: Wrong tries that an address has without waiting; seconds between two further tries.
 FREE_TRIES, TRY_PERIOD = 5, 60.0
 #: Wrong tries of all addresses together within ``TRY_PERIOD`` seconds.
 FREE_TRIES_OF_ALL = 10
@@ -23,11 +23,11 @@ MAX_HOSTS = 1000
 
 
 class Pin:
-    """The right PIN, empty if there is none. ``now``: seconds that never go back; ``warn`` gets a line for the log."""
+    """The right PIN; empty if there is none. ``now`` returns monotonic seconds, ``warn`` logs a line."""
 
     def __init__(self, pin: str, now: Callable[[], float], warn: Callable[[str], None]) -> None:
         self._pin, self._loop_time, self._warn = pin, now, warn
-        #: Number and time of the last wrong tries by address; those that gave the right PIN; the times of all.
+        #: Address -> its number of wrong tries and time of the last; addresses that gave the right PIN; times of all.
         self._wrong_tries: dict[str, tuple[int, float]] = {}
         self._known_hosts: set[str] = set()
         self._times: deque[float] = deque(maxlen=FREE_TRIES_OF_ALL)
@@ -55,7 +55,7 @@ class Pin:
         return False
 
     def _free_at(self, host: str) -> float:
-        """Return the time from which this address may try."""
+        """Return the monotonic time from which this address may try."""
         count, last = self._wrong_tries.get(host, (0, 0.0))
         allowed_at = last + TRY_PERIOD if count >= FREE_TRIES else 0.0
         if host in self._known_hosts or len(self._times) < FREE_TRIES_OF_ALL:

@@ -40,7 +40,7 @@ def page_files() -> Pages:
 
 
 class Console:
-    """The console of these gateways; its access rules apply besides those of the port of a request."""
+    """The console of these gateways. Its access rules apply in addition to those of the port of a request."""
 
     def __init__(self, gateways: Sequence[Gateway], access: AccessRules, pin: str) -> None:
         self._mounts, self._access = Mounts(gateways, pin), access
@@ -50,7 +50,7 @@ class Console:
         self._page_room = Room(MAX_PAGES)
 
     def add_to(self, app: web.Application) -> None:
-        """Add the routes."""
+        """Add the console's routes to an application."""
         app.add_routes([
             web.get(path, for_own_page(handler, self._refusal)) for path, handler in (
                 ("/", self._index), ("/socket", self._socket), ("/metrics", self._metrics_text),
@@ -60,7 +60,7 @@ class Console:
         app.on_shutdown.append(self._close)
 
     async def _close(self, app: web.Application) -> None:
-        """Close all pages, which releases their direction keys, and end running recordings."""
+        """Close all pages, which releases their arrows, and end running recordings."""
         for task in list(self._pages):
             task.cancel()
         if self._pages:

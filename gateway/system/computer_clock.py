@@ -1,4 +1,4 @@
-"""Whether this computer's clock may have lost the time: a board without a clock battery that no time server has set.
+"""Detects a computer whose clock may be wrong: a board without a clock battery that no time server has set.
 
 Linux tells whether its clock is synchronised (adjtimex); a board is recognised by its device tree. Other computers, and
 virtual machines and containers, keep the time while off or get it from their host: their clocks are not doubted.
@@ -19,7 +19,7 @@ _QUESTION_PERIOD = 60.0
 
 
 class _Timex(ctypes.Structure):
-    """The beginning of ``struct timex``; the rest is large enough on every architecture."""
+    """The first fields of ``struct timex``; the last is large enough for the others on every architecture."""
 
     _fields_ = [
         ("modes", ctypes.c_uint), ("offset", ctypes.c_long), ("freq", ctypes.c_long), ("maxerror", ctypes.c_long),
@@ -35,7 +35,7 @@ def board_without_clock(root: Path = Path("/")) -> bool:
 
 
 def synchronised() -> bool | None:
-    """Whether the kernel says that a time source keeps its clock right; None if it does not say."""
+    """Whether the kernel reports that its clock is synchronised with a time source; None if unknown."""
     if sys.platform != "linux":
         return None
     try:
@@ -47,7 +47,7 @@ def synchronised() -> bool | None:
 
 
 class Kernel:
-    """Returns, when called, whether this computer's clock may be lost; the kernel is asked once a minute."""
+    """Returns, when called, whether this computer's clock may be wrong. It asks the kernel once a minute at most."""
 
     def __init__(self, root: Path = Path("/")) -> None:
         self._board = sys.platform == "linux" and board_without_clock(root)

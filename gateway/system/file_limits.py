@@ -1,7 +1,7 @@
 """The limit of open files, and whether there is room for one more client.
 
-Some files are reserved for the gateway itself: the motion marker, the mount's port when it is opened again, and
-``mount-gateway stop``. They are never used for a client that connects.
+Some open files are reserved for the gateway itself, not for clients: to write the file that marks a moving mount, to
+open the mount's port again, and to accept ``mount-gateway stop``.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ try:
 except ImportError:  # Windows, which has no such limit
     resource = None  # type: ignore[assignment]
 
-#: Files reserved while the gateway serves; those it has open itself then, and more for each mount and surface.
+#: Number of open files reserved for the gateway, in use by the gateway, and in use by each mount and surface.
 RESERVED_FILES, GATEWAY_FILES, FILES_PER_MOUNT = 16, 24, 6
 
 
@@ -27,7 +27,7 @@ def limit() -> int | None:
 
 
 def raise_limit(programs: int, parts: int) -> str:
-    """Raise the limit for so many clients, and mounts and surfaces (``parts``). Return a warning if this fails."""
+    """Raise the limit for so many clients, and mounts and surfaces (``parts``). Return a warning if it is too low."""
     wanted = RESERVED_FILES + GATEWAY_FILES + FILES_PER_MOUNT * parts + programs
     most = limit()
     if most is None or most >= wanted:
@@ -48,7 +48,7 @@ def raise_limit(programs: int, parts: int) -> str:
 
 
 def no_room() -> str:
-    """Return why there is no room for another client; empty if there is room."""
+    """Return why no file can be opened for another client; empty if one can."""
     most = limit()
     if most is None:
         return ""

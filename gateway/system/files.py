@@ -1,4 +1,4 @@
-"""The folders for state files and caches; opening plain files only; replacing a file atomically."""
+"""Finds the folders for state files and caches, opens plain files only, and replaces files atomically."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ NOT_PLAIN_FILE = "this is a pipe or a device, and a plain file is needed: name a
 
 
 def state_folder(configured: str | None = None) -> Path:
-    """Return the state folder: as configured, else systemd's ``STATE_DIRECTORY``, else a folder of the user's."""
+    """Return the state folder: as configured, else systemd's ``STATE_DIRECTORY``, else in the user's home."""
     given = configured or _of_systemd("STATE_DIRECTORY")
     return Path(given).expanduser() if given else _users("user_state_path")
 
 
 def cache_folder() -> Path:
-    """Return the folder for files that can be made again: systemd's ``CACHE_DIRECTORY``, else one of the user's."""
+    """Return the cache folder: systemd's ``CACHE_DIRECTORY``, else in the user's home."""
     given = _of_systemd("CACHE_DIRECTORY")
     return Path(given) if given else _users("user_cache_path")
 
 
 def _users(folder: str) -> Path:
-    """Return a folder of the user's. On Linux it is known without platformdirs, whose import takes 10 ms."""
+    """Return the user's folder for state or cache. On Linux without platformdirs, whose import takes 10 ms."""
     home = os.environ.get("HOME", "")
     if sys.platform == "linux" and home.startswith("/"):
         variable, usual = _ON_LINUX[folder]
@@ -40,14 +40,14 @@ def _users(folder: str) -> Path:
 
 
 def _of_systemd(name: str) -> str:
-    """Return the first folder in a variable that systemd sets for a service; empty outside a service."""
+    """Return the first folder in an environment variable that systemd sets; empty if it is not set."""
     return os.environ.get(name, "").split(":" if os.name == "posix" else os.pathsep)[0]
 
 
 def plain_file(path: Path, flags: int = os.O_RDONLY, mode: int = 0o600) -> int:
     """Open a plain file and return its descriptor. Raises OSError for a pipe, a device or a folder.
 
-    A pipe would wait for its other end and keep even a signal waiting; a device such as /dev/zero never ends.
+    Opening a pipe would block until its other end is open, even for signals; a device such as /dev/zero never ends.
     """
     try:
         number = os.open(path, flags | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0), mode)
@@ -72,8 +72,8 @@ def open_plain(path: Path) -> BinaryIO:
 def replace_file(path: Path, data: bytes, *, flush: bool = True) -> None:
     """Replace a file atomically, readable for its user only. Raises OSError.
 
-    With ``flush`` the file survives a power cut at any instant; without it only a killed process, in a fraction of the
-    time. Each path has one writer, so a leftover of a killed writer is simply overwritten.
+    With ``flush`` the old or the new content survives a power cut at any time. Without it, it survives only a killed
+    process, but writing is much faster. Each path has one writer, so an unfinished file of a killed writer is replaced.
     """
     beside = path.with_name(f".{path.name}.new")
     number = plain_file(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
@@ -93,7 +93,7 @@ def replace_file(path: Path, data: bytes, *, flush: bool = True) -> None:
 
 
 def flush_folder(folder: Path) -> None:
-    """Make the names in a folder survive a power cut, if the system supports that. Raises OSError."""
+    """Write the entries of a folder to the disk, so that they survive a power cut, on POSIX. Raises OSError."""
     if os.name == "posix":
         number = os.open(folder, os.O_RDONLY)
         try:

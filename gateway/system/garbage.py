@@ -1,4 +1,4 @@
-"""Settings of Python's garbage collector: rare while the program starts, and never for objects that live on.
+"""Settings of Python's garbage collector: rare while the program starts, and never for its permanent objects.
 
 A start creates modules and tables and hardly any garbage; repeated collections took a fifth of the time until the first
 answer. Afterwards Python's usual thresholds apply, because a long collection would delay a stop.
@@ -13,11 +13,11 @@ START_THRESHOLDS, USUAL_THRESHOLDS = (200_000, 10, 10), (700, 10, 10)
 
 
 def collect_rarely() -> None:
-    """Collect rarely from now on: the program starts."""
+    """Collect garbage rarely from now on, while the program starts."""
     gc.set_threshold(*START_THRESHOLDS)
 
 
 def exclude_present_objects() -> None:
-    """Exclude all present objects from collection. May be called again after more objects were created."""
+    """Exclude all present objects from collection, and restore the usual thresholds. May be called again."""
     gc.freeze()
     gc.set_threshold(*USUAL_THRESHOLDS)

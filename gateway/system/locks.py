@@ -14,12 +14,12 @@ from pathlib import Path
 
 from gateway.system.runtime_folders import folders
 
-#: Windows locks bytes, which other processes cannot read then: lock a byte far behind the content.
+#: The byte that is locked on Windows, far behind the content, because others cannot read a locked byte.
 LOCK_OFFSET = 1 << 30
 
 
 class LockHeld(Exception):
-    """Another process holds the lock; its id, if the file contains it."""
+    """Raised if another process holds the lock; the text contains its process id if the file does."""
 
     def __init__(self, pid: int | None) -> None:
         super().__init__(f"process {pid}" if pid else "another process")
@@ -32,7 +32,7 @@ class PidLock:
         """With ``remove`` the file is deleted when the lock is released."""
         self.path, self._remove = path, remove
         self._number: int | None = None
-        #: Whether the file existed: a previous holder was killed.
+        #: Whether the file had content already, because a previous holder was killed.
         self.left_behind = False
 
     def acquire(self) -> None:
@@ -57,7 +57,7 @@ class PidLock:
             os.ftruncate(self._number, len(content))
 
     def release(self) -> None:
-        """Release the lock if it is held. A remaining file contains this process id until the next holder."""
+        """Release the lock if it is held. Unless it is removed, the file still contains the id of this process."""
         number, self._number = self._number, None
         if number is None:
             return
@@ -108,7 +108,7 @@ def _lock_windows(number: int) -> bool:
 
 
 class Claim:
-    """A name that only one process of this user can hold at a time, whichever runtime folders each process finds.
+    """A name that only one process of this user can hold at a time, by lock files in all its runtime folders.
 
     Raises LockHeld, and OSError with all reasons if there is no usable folder.
     """
@@ -133,6 +133,6 @@ class Claim:
         return any(lock.left_behind for lock in self._locks)
 
     def release(self) -> None:
-        """Let other processes have the name."""
+        """Release the name, so that another process can hold it."""
         while self._locks:
             self._locks.pop().release()

@@ -1,8 +1,8 @@
 """Commands for the user to type, for the environment in which this process runs.
 
-The user may be in another folder, and the shell may find another pip and no mount-gateway, so commands have absolute
-paths. mount-gateway may also be a single file that contains Python and all packages (pyinstaller). Then
-``sys.executable`` is this file, which is no interpreter and does not accept ``-m``.
+Commands have absolute paths, because the user may be in another folder, and the shell may find another pip and no
+mount-gateway. mount-gateway may also be a single file that contains Python and all packages (pyinstaller). Then
+``sys.executable`` is this file, which does not accept ``-m``.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import os
 import re
 import sys
 
-#: The option by which the single file runs a script; the build script in docs/tools/ implements the other half.
+#: The option with which the single file runs a script; the build script in docs/tools/ implements it.
 RUN_SCRIPT = "--run-script"
 
 
@@ -26,7 +26,7 @@ def gateway_argv() -> list[str]:
 
 
 def script_argv(path: str) -> list[str]:
-    """Return the command that runs a script of the package with the standard library only, as small as possible."""
+    """Return the command that runs a script of the package in a Python with the standard library only."""
     if is_single_file():
         return [sys.executable, RUN_SCRIPT, path]
     return [sys.executable, "-I", "-S", path]
@@ -52,7 +52,7 @@ def pip_command() -> str:
 
 
 def how_to_add(extra: str) -> str:
-    """Return the instruction that installs an extra of ``pyproject.toml``: what to type, and where."""
+    """Return the instruction for the user to install an extra of ``pyproject.toml``: what to type, and where."""
     if is_single_file():
         return f"install mount-gateway with pip instead of this one file: pip install '.[{extra}]' in its folder"
     what = " ".join(_packages(extra)) or f"'.[{extra}]' in the folder of mount-gateway"
@@ -60,7 +60,7 @@ def how_to_add(extra: str) -> str:
 
 
 def _packages(extra: str) -> list[str]:
-    """Return the packages of an extra as a shell takes them: they can be had without the folder of mount-gateway."""
+    """Return the packages of an extra, quoted for a shell; empty if mount-gateway is not installed as a package."""
     from importlib import metadata
 
     try:

@@ -1,4 +1,4 @@
-"""The names and addresses of this computer, by which a web request shows that it means this computer.
+"""The names and addresses of this computer, to check that a web request is addressed to it.
 
 The host name of a malicious web page may resolve to this computer (DNS rebinding): requests then carry that name.
 """
@@ -48,7 +48,7 @@ def own_names() -> frozenset[str]:
 def known_host(header: str | None, local: str, names: Iterable[str] = ()) -> bool:
     """Whether a ``Host`` header names this computer: any of its addresses or names, or any of ``names``.
 
-    ``local`` is the address at which the connection arrived. Rebinding needs a foreign name or address.
+    ``local`` is this computer's address of the connection. A request by DNS rebinding has another name or address.
     """
     host = host_of(header or "")
     if host and host in {host_of(name) for name in names}:
@@ -63,5 +63,5 @@ def known_host(header: str | None, local: str, names: Iterable[str] = ()) -> boo
 
 
 def plain_address(address: str) -> str:
-    """Remove the IPv6 zone and the prefix of an IPv4-mapped address."""
+    """Return an address without its IPv6 zone and without the prefix of an IPv4-mapped address."""
     return address.partition("%")[0].removeprefix("::ffff:")

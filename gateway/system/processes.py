@@ -1,7 +1,7 @@
-"""Finds the gateways among the processes of this computer, and who listens on its TCP ports, on Linux by ``/proc``.
+"""Finds the running gateways, and the processes that listen on TCP ports, from Linux's ``/proc``.
 
-A gateway that is found only here cannot be controlled; the user only learns that it runs, and as which user. The files
-and ports of other users' processes cannot be seen.
+If a gateway is found in no other way, it cannot be controlled; the gateway's commands only show that it runs, and as
+which user. The open files and ports of other users' processes are hidden.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from pathlib import Path
 from msgspec import Struct
 
 PROC_FOLDER = Path("/proc")
-#: The commands that serve mounts.
+#: The subcommands of mount-gateway that serve mounts.
 SERVING_COMMANDS = ("run", "demo")
 #: The state of a listening TCP socket in the kernel's table.
 LISTEN_STATE = "0A"
 
 
 class Process(Struct, frozen=True):
-    """A gateway: its process id, and the id of its user."""
+    """A running gateway: its process id, and the id of its user."""
 
     pid: int
     user: int
@@ -60,7 +60,7 @@ def exists(pid: int) -> bool:
 
 
 def suspended(pid: int) -> bool:
-    """Whether a process is suspended, by Ctrl-Z for example; False if the system does not tell."""
+    """Whether a process is suspended, by Ctrl-Z for example; False if unknown."""
     try:
         state = PROC_FOLDER.joinpath(str(pid), "stat").read_bytes().rpartition(b")")[2].split()[:1]
     except OSError:
@@ -69,7 +69,7 @@ def suspended(pid: int) -> bool:
 
 
 def age(pid: int) -> float:
-    """Return for how many seconds a process has run; 0 if the system does not tell."""
+    """Return for how many seconds a process has run; 0 if unknown."""
     try:
         ticks = int(PROC_FOLDER.joinpath(str(pid), "stat").read_bytes().rpartition(b")")[2].split()[19])
         return float((PROC_FOLDER / "uptime").read_text().split()[0]) - ticks / os.sysconf("SC_CLK_TCK")
@@ -86,7 +86,7 @@ def _argv(pid: int) -> list[str]:
 
 
 def serves(argv: list[str]) -> bool:
-    """Whether a command line is a gateway's: the program by any of its names, and a command that serves mounts."""
+    """Whether a command line is that of a gateway: any name of the program, and a subcommand that serves mounts."""
     first = os.path.basename(argv[0]) if argv else ""
     if first != "mount-gateway" and not first.startswith(("python", "pypy")):
         return False
@@ -98,7 +98,7 @@ def serves(argv: list[str]) -> bool:
 
 
 def listeners(ports: Collection[int], proc: Path = PROC_FOLDER) -> Iterator[tuple[int, tuple[()] | tuple[int, str]]]:
-    """Yield each of these TCP ports on which a process listens, with its id and name if this user may see them."""
+    """Yield each of these TCP ports that a process listens on, with the process's id and name if visible."""
     sockets = {inode: port for inode, port in _sockets(proc) if port in ports}
     owners = dict(openers([f"socket:[{inode}]" for inode in sockets], proc)) if sockets else {}
     for inode, port in sockets.items():
@@ -116,7 +116,7 @@ def _sockets(proc_folder: Path) -> Iterator[tuple[str, int]]:
 
 
 def openers(targets: Collection[str], proc_folder: Path = PROC_FOLDER) -> Iterator[tuple[str, tuple[int, str]]]:
-    """Yield each of these files or sockets with the id and name of a process that has it open, if it may be seen."""
+    """Yield each of these files or sockets with the id and name of every visible process that has it open."""
     for process in proc_folder.glob("[0-9]*"):
         with contextlib.suppress(OSError):
             for file in (process / "fd").iterdir():

@@ -1,9 +1,9 @@
-"""Folders for files that live as long as a process: locks, and endpoint files of gateways.
+"""Folders for files that exist while a process runs: locks, and the files in which gateways announce themselves.
 
 Missing folders are created. They belong to this user and are closed to others, so that no other user can predict,
 occupy or replace a name in them. There may be two: a folder of the session (``XDG_RUNTIME_DIR``), and a folder in the
-temporary folder, which every process of the user finds. Files are written to all of them, and searched in all of them.
-A folder of another user is never used, which is reported; if none is usable, one in the state folder is used.
+temporary folder, which every process of the user finds. Files are written to both, and searched in both. A folder of
+another user is never used, but reported. If neither is usable, a folder in the state folder is used.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pathlib import Path
 
 from gateway.system.files import state_folder
 
-#: The name of the folders, and of the folder in the state folder.
+#: The name of a runtime folder, and of the folder in the state folder that replaces it.
 FOLDER_NAME, FALLBACK_FOLDER_NAME = "mount-gateway", "run"
 #: Where systemd keeps the runtime folders of sessions.
 SESSIONS_FOLDER = Path("/run/user")
@@ -38,7 +38,7 @@ def folders() -> tuple[list[Path], list[str]]:
 
 
 def candidates() -> Iterator[Path]:
-    """Yield the possible folders of this user."""
+    """Yield the possible runtime folders of this user."""
     session = os.environ.get("XDG_RUNTIME_DIR", "")
     if session and _owner(Path(session)) == user():
         yield Path(session, FOLDER_NAME)
@@ -46,7 +46,7 @@ def candidates() -> Iterator[Path]:
 
 
 def temporary() -> Path:
-    """Return the temporary folder. ``tempfile`` tries to write, and chooses another folder if the disk is full."""
+    """Return the temporary folder, without ``tempfile`` on POSIX: it chooses another folder if the disk is full."""
     if os.name == "posix":
         return Path(os.environ.get("TMPDIR") or "/tmp")
     import tempfile
@@ -60,7 +60,7 @@ def user() -> int | None:
 
 
 def folders_of_others() -> list[tuple[Path, int]]:
-    """Return the folders of all other users with the users' ids; empty unless this user is root."""
+    """Return the runtime folders of all other users with the users' ids; empty unless this user is root."""
     if user() != 0:
         return []
     present = [*temporary().glob(f"{FOLDER_NAME}-*"), *SESSIONS_FOLDER.glob(f"*/{FOLDER_NAME}")]
@@ -69,7 +69,7 @@ def folders_of_others() -> list[tuple[Path, int]]:
 
 
 def protect_from_cleanup(folder: Path) -> int | None:
-    """Protect a temporary folder from being cleaned up by age. Return a descriptor to close at the end, if any.
+    """Keep a folder in /tmp from being cleaned up by age. Return a descriptor to close at the end, if any.
 
     systemd-tmpfiles(8) skips the content of a directory on which a process holds a lock.
     """
@@ -87,7 +87,7 @@ def protect_from_cleanup(folder: Path) -> int | None:
 
 
 def _owner(folder: Path) -> int | None:
-    """Return the owner of a directory; None for anything else, also for a link."""
+    """Return the user id of a directory's owner; None for anything else, also for a link."""
     try:
         status = os.lstat(folder)
     except OSError:

@@ -1,7 +1,7 @@
-"""Short time slices: on a busy computer Linux then runs this process soon after it wakes, although not for longer.
+"""Asks Linux for short time slices, so that on a busy computer this process runs soon after it wakes.
 
-The length of a slice is what a thread asks for, from Linux 6.12 on; earlier kernels ignore it. The end of a guide pulse
-and a heartbeat must not wait until a dozen other programs have had their slices of milliseconds.
+The end of a guide pulse and a heartbeat must not wait until a dozen other programs have had their slices of
+milliseconds. Linux grants the requested length from version 6.12 on; earlier kernels ignore it.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Standard output and standard error, which may be closed, full, an unread pipe, or read by systemd's journal.
 
 If its output fails, the gateway continues, because a mount depends on it. If a standard stream was closed before the
-program began, its descriptor is occupied at once; otherwise the first socket would get it. The journal has its own
-clock and reads a level at the start of a line. It is recognised by ``JOURNAL_STREAM`` (systemd.exec(5)), the device and
-inode of the stream; the level is sd-daemon(3)'s ``<N>``. On any other stream a line has no prefix for machines.
+program began, its descriptor is opened again at once, because the first socket would get it otherwise. A line for the
+journal begins with its level, sd-daemon(3)'s ``<N>``; a line for any other stream does not. ``JOURNAL_STREAM``
+(systemd.exec(5)), the device and inode of a stream, tells whether the journal reads it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import TextIO
 ERROR, WARNING, NOTICE, INFO = 3, 4, 5, 6
 #: Control characters except tab and line feed.
 _CONTROL_CHARACTERS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
-#: Character -> how it is written where it cannot be encoded; any other is a question mark.
+#: Character -> its replacement on a stream that cannot encode it; any other becomes a question mark.
 PLAIN_FORMS = {
     "°": "d", "′": "'", "″": '"', "…": "...", "–": "-", "—": "-", "−": "-", "×": "x", "·": "-", "±": "+/-", "≤": "<=",
     "≥": ">=", "→": "->", "←": "<-", "“": '"', "”": '"', "‘": "'", "’": "'",
@@ -31,7 +31,7 @@ WRITE_ERRORS = (errno.ENOSPC, errno.EPIPE, errno.EBADF, errno.EIO, errno.EFBIG)
 
 
 def reopen_closed() -> None:
-    """Open closed standard streams, so that writing to them still fails. Must be called first."""
+    """Open closed standard streams so that no socket gets their descriptor; writing to them fails. Call this first."""
     for number in range(3):
         try:
             os.fstat(number)
@@ -44,7 +44,7 @@ def reopen_closed() -> None:
 
 
 def say(text: str) -> None:
-    """Print a line on stdout for a command that serves. If that fails, warn once on stderr, and print no more."""
+    """Print a line on stdout. If that fails, warn once on stderr, and print no more lines."""
     try:
         print(text, flush=True)
     except (OSError, ValueError) as error:
@@ -57,13 +57,13 @@ def say(text: str) -> None:
 
 
 def _plain(error: UnicodeError) -> tuple[str, int]:
-    """Return the plain form of characters that a stream cannot encode, and where to go on."""
+    """Return the replacement of characters that a stream cannot encode, and the index after them."""
     assert isinstance(error, UnicodeEncodeError)
     return "".join(PLAIN_FORMS.get(character, "?") for character in error.object[error.start : error.end]), error.end
 
 
 def replace_unencodable() -> None:
-    """Write what a terminal or a file cannot encode (cp437, ascii) in plain characters instead of failing."""
+    """Make stdout and stderr replace characters that they cannot encode (cp437, ascii) instead of failing."""
     codecs.register_error("plain", _plain)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -93,7 +93,7 @@ def in_journal(stream: TextIO) -> bool:
 
 
 def level(number: int, stream: TextIO) -> str:
-    """Return the prefix of a line: ``<4>`` for this level if the journal reads the stream, else nothing."""
+    """Return the prefix of a line: ``<4>`` for level 4 if the journal reads the stream, else nothing."""
     return f"<{number}>" if in_journal(stream) else ""
 
 
@@ -107,7 +107,7 @@ def message(text: str, number: int, stream: TextIO) -> str:
 
 
 def is_write_error(error: OSError) -> bool:
-    """Whether this is an error of writing to an open stream, which has no file name."""
+    """Whether this error is a failed write to an open stream, not the failure to open a file."""
     return error.filename is None and error.errno in WRITE_ERRORS
 
 

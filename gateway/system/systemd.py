@@ -1,4 +1,4 @@
-"""Notifies systemd of the state of the service: sd_notify(3), a datagram of ``KEY=VALUE`` lines to ``NOTIFY_SOCKET``.
+"""Notifies systemd of the state of the service: sends ``KEY=VALUE`` lines to ``NOTIFY_SOCKET``, as sd_notify(3).
 
 No library does this: the only pure one, ``sdnotify``, has not changed since 2017, blocks on a full queue, which an
 event loop must not, and does not know the watchdog's interval. systemd's manual page shows such code, too.
@@ -12,7 +12,7 @@ import socket
 
 
 def is_expected() -> bool:
-    """Whether systemd expects notifications: a path, or ``@NAME`` for an abstract socket."""
+    """Whether systemd expects notifications: ``NOTIFY_SOCKET`` is a path, or ``@NAME`` for an abstract socket."""
     return os.environ.get("NOTIFY_SOCKET", "").startswith(("/", "@"))
 
 

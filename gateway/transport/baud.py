@@ -12,14 +12,14 @@ from collections.abc import Callable
 
 #: A start bit, eight bits of data and a stop bit.
 BITS_PER_BYTE = 10
-#: Bytes that may wait in a direction; more are lost, as on a port that is not read in time.
+#: Maximum number of bytes on the line in one direction; more are lost, as on a port that is not read in time.
 MAX_WAITING_BYTES = 65536
-#: Seconds within which a command must be understood at the new rate.
+#: Seconds until the old rate is restored, unless a command is understood at the new rate.
 TRIAL_TIME = 5.0
 
 
 class SerialPace:
-    """One direction of a line; ``deliver`` is called with bytes when they arrive at the other end."""
+    """One direction of a serial line; ``deliver`` is called with bytes when they arrive at the other end."""
 
     def __init__(self, baud: int, deliver: Callable[[bytes], object]) -> None:
         self._byte = BITS_PER_BYTE / baud
@@ -61,7 +61,7 @@ class BaudTrial:
     """Changes the baud rate of a client's port, and changes it back if no command is understood at the new rate.
 
     ``:SB<n>#`` is acknowledged at the old rate; then both sides change (Meade protocol revision L, :SB). Without the
-    way back, a client that did not follow would be lost. ``change_baud`` sets the rate and returns the last one.
+    change back, a client that keeps the old rate is lost. ``change_baud`` sets the rate and returns the old rate.
     """
 
     def __init__(self, change_baud: Callable[[int], int]) -> None:
@@ -70,7 +70,7 @@ class BaudTrial:
         self._timer: asyncio.TimerHandle | None = None
 
     def begin(self, baud: int) -> None:
-        """Change the rate. If a trial is under way, the fallback remains the rate from before it."""
+        """Change the rate on trial. If a trial is under way, the rate before that trial remains the fallback."""
         previous = self._change(baud)
         self._previous = previous if self._previous is None else self._previous
         self.end()

@@ -1,7 +1,7 @@
-"""A name in the file system for a device, held by one gateway at a time.
+"""A symbolic link to a device, at a path that one gateway holds at a time.
 
-The name is a symbolic link. A dangling link is replaced. So is a link that a killed gateway of this user left behind,
-which is known from its lock file. Other links, and files of any other kind, belong to other programs and are kept.
+A dangling link is replaced. So is a link that a killed gateway of this user left behind, as its lock file shows. Other
+links, and files of any other kind, belong to other programs and are not changed.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ SERIAL_PORT_GROUPS = ("dialout", "uucp")
 
 
 class DeviceLink:
-    """Holds the name ``path`` (made absolute) until ``close``. Raises UserError."""
+    """Holds the link at ``path`` (made absolute) until ``close``. Raises UserError."""
 
     def __init__(self, path: str) -> None:
         self.path = os.path.abspath(os.path.expanduser(path))
@@ -31,7 +31,7 @@ class DeviceLink:
         self._claim = _claim(self.path)
 
     def check(self) -> None:
-        """Raises UserError if the name belongs to another program."""
+        """Raise UserError if the path belongs to another program."""
         old = os.readlink(self.path) if os.path.islink(self.path) else ""
         if os.path.exists(self.path) and not old.startswith(TERMINAL_PREFIXES):
             what = f"a link to {old}" if old else "a directory" if os.path.isdir(self.path) else "a file"
@@ -73,7 +73,7 @@ class DeviceLink:
 
 
 def is_free(path: str) -> bool:
-    """Whether a gateway could use this name. A link left by a killed gateway of this user is removed."""
+    """Whether a gateway could use this path. A link left by a killed gateway of this user is removed."""
     try:
         link = DeviceLink(path)
     except UserError:
@@ -102,7 +102,7 @@ def like_a_serial_port(device: str) -> None:
 
 
 def _claim(path: str) -> Claim:
-    """Lock a link's name, so that no other gateway of this user uses it. Raises UserError."""
+    """Lock the path of a link, so that no other gateway of this user uses it. Raises UserError."""
     try:
         import hashlib  # for programs on virtual serial ports only
 

@@ -10,7 +10,7 @@ from msgspec import Struct
 
 #: Ends a connection after sending these last bytes; the other end gets time to read them.
 HangUp = Callable[[bytes], None]
-#: Takes over a connection as it is; and how a handler gives it away, after which it gets no more bytes.
+#: Takes over an open transport. Gives a connection to such a function, after which its handler gets no more bytes.
 Taker = Callable[[asyncio.Transport], None]
 HandOver = Callable[[Taker], None]
 #: Writes to a connection, and returns how many bytes are still to be sent, None if unknown.
@@ -18,10 +18,10 @@ Write = Callable[[bytes], int | None]
 
 
 class Connected(Struct, frozen=True):
-    """A new connection, and the actions that its handler has.
+    """A new connection, and the functions that its handler may call.
 
-    ``hang_up`` ends the connection; it is only set for a connection from the network, where anyone may be at the other
-    end. ``hand_over``, if possible, gives it to another owner. ``change_rate`` sets and returns a port's baud rate.
+    ``hang_up`` ends the connection; it is set only for a connection from the network, where anyone may be at the other
+    end. ``hand_over`` gives it to another owner. ``change_rate`` sets the port's baud rate and returns the old rate.
     """
 
     name: str
@@ -38,13 +38,13 @@ class Connected(Struct, frozen=True):
 
 
 class ConnectionRefused(Exception):
-    """A connection that is not served: it is closed at once, without a reply."""
+    """Raised for a connection that is not served; the port closes it at once, without a reply."""
 
 
 class ConnectionHandler(Protocol):
     @property
     def answered(self) -> bool:
-        """Whether all commands were answered that are answered at all."""
+        """Whether no command of this connection waits for its reply."""
 
     @property
     def feed(self) -> Callable[[bytes], None]:
@@ -53,7 +53,7 @@ class ConnectionHandler(Protocol):
     def close(self) -> None: ...
 
     def peer_closed(self) -> None:
-        """The other end has closed: no more bytes will arrive, though it may still read."""
+        """Note that the other end sends no more bytes, though it may still read."""
 
 
 #: Called with a new connection; returns its handler. Raises ConnectionRefused.

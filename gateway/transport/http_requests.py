@@ -1,4 +1,4 @@
-"""Checks of every request over HTTP: whether it means this computer, and at which port it has come.
+"""Checks of every request over HTTP: whether it is addressed to this computer, and at which port it arrived.
 
 Importing this module imports aiohttp, which is slow.
 """
@@ -13,19 +13,19 @@ from gateway.core.wire_log import WireLog
 from gateway.system.own_names import known_host
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
-#: Of an application: whether the client of a request may do no more than read and stop.
+#: Key of an application's function that tells whether the client of a request may only read and stop.
 READ_ONLY: web.AppKey[Callable[[web.Request], bool]] = web.AppKey("read only")
 
 
 def turned_away(request: web.Request, reason: str, logs: Iterable[WireLog]) -> None:
-    """Tell ``status`` and the log of each mount that a request is refused, in the log once per host."""
+    """Record for ``status`` of each mount that a request is refused, and log it once per host."""
     host = request.remote or "?"
     for log in logs:
         log.turned_away(host, f"request from {host} over HTTP refused: {reason}", host)
 
 
 def addressed_here(request: web.Request, names: Iterable[str] = ()) -> bool:
-    """Whether a request is addressed to this computer. Programs may omit the address in HTTP/1.0."""
+    """Whether a request is addressed to this computer. An HTTP/1.0 request may omit the address."""
     if "Host" not in request.headers and request.version < HttpVersion11:
         return True
     return known_host(request.headers.get("Host"), local_address(request)[0], names)

@@ -1,9 +1,9 @@
 """The connection to a mount that is reached over HTTP: each written line is a request, each reply is a line.
 
-A protocol's ``HttpDialect`` converts both. Only the reply to the newest request is delivered, because the line has
-given up the earlier ones. Reads and stops are repeated if their connection was closed meanwhile. Stops are also
-repeated for some seconds while an order that they have overtaken is unanswered, and once after its answer, because it
-may be carried out late. Connections stay open, unless the server serves one at a time; one out of reach is a lost line.
+A protocol's ``HttpDialect`` converts both. Only the reply to the newest request is delivered, because the caller has
+given up the earlier ones. A read or stop whose connection was closed is sent again. If a motion command is unanswered
+when a stop is sent, the mount may begin that motion late: so the stop is repeated for some seconds, and once after the
+answer. Connections stay open, unless the server serves one at a time. An unreachable server counts as a lost line.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ if TYPE_CHECKING:
 
 #: Seconds until a connection must be open, until the first answer, and until a request is given up.
 CONNECT_TIMEOUT, FIRST_ANSWER_TIMEOUT, ANSWER_TIMEOUT = 4.0, 6.0, 120.0
-#: Seconds that an idle connection stays open, and the attempts of a read whose connection was closed.
+#: Seconds that an idle connection stays open; attempts to read if the connection was closed.
 IDLE_TIME, READ_ATTEMPTS = 60.0, 5
-#: Seconds between repetitions of a stop that has overtaken an order; and after it, in which it is repeated although no
-#: answer comes: if that is lost for good, it would end other programs' motions as well.
+#: Seconds between repetitions of a stop, and seconds after which it is no longer repeated without an answer to the
+#: motion command: it would also end the motions of other programs.
 RETRY_DELAY, REPEAT_TIMEOUT = 0.5, 15.0
-#: Seconds in which a server answers beside an idle connection, unless it serves one at a time.
+#: Seconds within which a server answers while another connection is idle; else it serves one connection at a time.
 PARALLEL_ANSWER_TIME = 1.0
 
 
 class HttpRequest(NamedTuple):
     """A request: ``GET`` with its ``fields`` in the query, or ``PUT`` with them in the body.
 
-    ``moves``: it begins a motion; False if it ends a motion, None for all others.
+    ``moves``: True if it begins a motion, False if it ends a motion, None for all others.
     """
 
     method: str
@@ -47,7 +47,7 @@ class HttpRequest(NamedTuple):
 class HttpDialect(Protocol):
     """Converts lines to requests, and answers to lines.
 
-    ``first`` is requested when the wire opens; ``opened`` raises OSError if its answer is of the wrong server.
+    ``first``: the requests when the wire opens. ``opened`` raises OSError if an answer to them is of the wrong server.
     """
 
     @property
@@ -58,16 +58,17 @@ class HttpDialect(Protocol):
 
 
 class AddressWatcher(Protocol):
-    """Is informed of the numeric address of a server while the wire is open, and whether it answers ``beside`` an idle
-    connection."""
+    """Is informed when the connection to a server opens and closes. ``beside``: the server answers while another
+    connection is idle."""
 
     def reached(self, host: str, port: int, beside: bool) -> None: ...
     def closed(self) -> None: ...
 
 
 class HttpWire:
-    """The wire to ``url``, ``http://HOST:PORT`` with anything behind it."""
+    """The connection to the mount at ``url``: ``http://HOST:PORT``, optionally with a path."""
 
+    #: Only the reply to the newest request is delivered.
     newest_only = True
 
     def __init__(self, url: str, dialect: HttpDialect, watcher: AddressWatcher | None = None) -> None:
@@ -78,8 +79,8 @@ class HttpWire:
         self._session: ClientSession | None = None
         self._tasks: set[asyncio.Task[bool]] = set()
         self._reading: asyncio.Task[bool] | None = None
-        #: The unanswered orders that begin a motion, the stops that were written since the last order, and until when
-        #: (loop time) these are repeated without an answer.
+        #: The unanswered commands that begin a motion, the stops written since the last of them, the task that repeats
+        #: these, and the loop time until which they are repeated without an answer.
         self._orders: set[asyncio.Task[bool]] = set()
         self._stops: dict[bytes, HttpRequest] = {}
         self._stopping: asyncio.Task[None] | None = None
@@ -87,7 +88,7 @@ class HttpWire:
         self._number = 0
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
-        """Ask the server its first questions. Raises OSError with a readable reason."""
+        """Send the first requests to the server. Raises OSError with a readable reason."""
         import aiohttp
 
         connector = aiohttp.TCPConnector(limit=0, keepalive_timeout=IDLE_TIME)  # a stop must not wait for a connection
@@ -112,7 +113,7 @@ class HttpWire:
             self._watcher.reached(*address, beside)
 
     async def _reach(self) -> tuple[tuple[str, int], bool]:
-        """Return the address at which the server listens, and whether it answers beside an idle connection."""
+        """Return the numeric address of the server, and whether it answers while another connection is idle."""
         _, idle = await asyncio.open_connection(self._host, self._port)
         reader, asking = await asyncio.open_connection(self._host, self._port)
         asking.write(request_bytes(self._server, self._dialect.first[0]))
@@ -147,8 +148,8 @@ class HttpWire:
             task.add_done_callback(unfinished.discard)
 
     async def _stop_again(self, session: ClientSession) -> None:
-        """Repeat the stops while orders that they have overtaken are unanswered, for REPEATED seconds, and once after
-        each answer."""
+        """Repeat the stops while earlier motion commands are unanswered, for ``REPEAT_TIMEOUT`` seconds, and once
+        after each of their answers."""
         overtaken, now = set(self._orders), asyncio.get_running_loop().time
         while overtaken:
             ended, _ = await asyncio.wait(overtaken, timeout=RETRY_DELAY)
@@ -201,8 +202,8 @@ class HttpWire:
 
 
 def request_bytes(url: str, request: HttpRequest) -> bytes:
-    """Return the bytes of a request whose fields are in its body, for a process without an HTTP library. The server
-    closes the connection after its answer, because it may serve only one connection at a time."""
+    """Return the bytes of a request with its fields in the body, for a process without an HTTP library. It asks the
+    server to close the connection after the answer, because the server may serve only one connection at a time."""
     body = urlencode(request.fields)
     return (
         f"{request.method} {request.path} HTTP/1.1\r\nHost: {urlsplit(url).netloc}\r\nConnection: close\r\n"

@@ -1,4 +1,4 @@
-"""Listening on an address, with a clear message if that is not possible."""
+"""Opens a listening port at an address, with a clear message if that is not possible."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from collections.abc import Callable
 from gateway.core.errors import UserError
 from gateway.system import processes
 
-#: Connections that may wait to be accepted: clients that open a connection per command arrive in bursts.
+#: Maximum number of connections waiting to be accepted; clients that open a connection per command come in bursts.
 ACCEPT_BACKLOG = 512
 #: Schemes of addresses at which clients connect over the network.
 NETWORK_SCHEMES = ("tcp://", "rfc2217://")
-#: Instead of an address: an existing web server serves the requests.
+#: Stands for an address if an existing web server serves the requests.
 WEB_SERVED = "web"
 
 
 async def listen(where: str, make: Callable[[], asyncio.BaseProtocol], others: int = 0) -> tuple[asyncio.Server, str]:
     """Listen on ``SCHEME://HOST:PORT``. Return the server and the address with the real port number. Raises UserError.
 
-    ``make`` is called for every connection. Without a host only this computer can connect. Port 0 means any free port;
-    if the port is in use, the next free one of ``others`` ports after it. ``[::]`` is every address, IPv4 and IPv6.
+    ``make`` is called for every connection. Without a host only this computer can connect. Port 0 means any free port.
+    If the port is in use, the ``others`` ports after it are tried. ``[::]`` is every address, IPv4 and IPv6.
     """
     host, port = split_address(where)
     try:
@@ -68,7 +68,7 @@ def _reason(error: OSError, host: str, port: int) -> str:
 
 
 def _holder(port: int) -> str:
-    """Return who listens on a port, and what to do; this process and other users' are only another program."""
+    """Return which program listens on a port, by name if it is visible, and what the user can do."""
     for pid, name in (owner for _, owner in processes.listeners([port]) if owner):
         if pid != os.getpid() and processes.is_gateway(pid):
             return f"another mount-gateway (process {pid}): end it, with Ctrl-C in its terminal, or write another port"

@@ -2,8 +2,8 @@
 
 Programs open and close it at will. Each opening is a connection of its own: it begins with the first byte, and ends
 when the last program has closed its end. A pseudo-terminal reports that by a hang-up, but only while the gateway itself
-does not hold that end open. (The hang-up is reported continuously, therefore Linux's edge-triggered epoll is used. On
-other systems the gateway holds the end open: one connection.) Unread replies, settings and locks end with it.
+does not hold that end open. (Linux reports the hang-up continuously, so edge-triggered epoll is used. On
+other systems the gateway holds the end open: there is one connection.) Its end discards replies, settings and locks.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from gateway.transport.handler import Accept, Connected, ConnectionHandler
 
 #: Linux: struct termios2, whose last member is the output rate in baud.
 TCGETS2, TERMIOS2 = 0x802C542A, struct.Struct("=4IB19s2I")
-#: Bytes of a read, and reads before other connections get their turn.
+#: Bytes of a read, and the number of reads until other connections are served.
 CHUNK_BYTES, READS_PER_TURN = 4096, 8
 
 
 class PtyPort:
-    """A virtual serial port. Raises UserError if the system has none, or the name cannot be used.
+    """A virtual serial port. Raises UserError if the system has no pseudo-terminals, or the path cannot be used.
 
     It accepts every baud rate and setting, without effect. With ``baud`` it behaves like a real port: a program that
     has set another rate is not understood and understands nothing.
@@ -42,7 +42,7 @@ class PtyPort:
         self.baud = baud
         self._accept = accept
         self._handler: ConnectionHandler | None = None
-        #: Whether the sender of these bytes has closed its end already: the next program would read the replies.
+        #: Whether the sender of these bytes has closed its end; then replies would reach the next program.
         self._peer_closed = False
         self._link = DeviceLink(path)
         self.path = self._link.path
@@ -93,7 +93,7 @@ class PtyPort:
         pair.read_again()
 
     def _write(self, data: bytes) -> None:
-        """Write without blocking. If no program reads, what does not fit is lost, as on a wire."""
+        """Write without blocking. If no program reads, bytes that do not fit in the buffer are lost, as on a wire."""
         if self._handler is None or self._peer_closed:
             return
         if self.baud is not None:
@@ -157,7 +157,7 @@ class _Pair:
         asyncio.get_running_loop().call_soon(self._wake)
 
     def hung_up(self) -> bool:
-        """Whether no program has it open; always False on systems that do not report it."""
+        """Whether no program has the terminal open; always False on systems that do not report it."""
         return self._epoll is not None and any(event & select.POLLHUP for _, event in self._open.poll(0))
 
     def read_rest(self) -> bytes:
@@ -169,10 +169,10 @@ class _Pair:
                 return rest
 
     def reset(self) -> bool:
-        """Discard what the last program has left. Return False if it has left the device locked.
+        """Discard unread bytes and settings of the last program. Return False if it has left the device locked.
 
-        Exclusive use (TIOCEXCL, which INDI requests) of a real port ends when the port is closed. A pseudo-terminal
-        that stays open keeps it, and then only root can open it.
+        The exclusive lock (TIOCEXCL, which INDI sets) of a real port ends when the port is closed. A pseudo-terminal
+        that stays open keeps the lock, and then only root can open it.
         """
         import fcntl
         import termios

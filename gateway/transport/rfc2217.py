@@ -27,7 +27,7 @@ MAX_SUBNEGOTIATION_BYTES = 256
 
 
 class NullSerialPort:
-    """Replaces a serial port in pyserial's server; it reports a device that is ready to send and receive."""
+    """Stands for a serial port in pyserial's server; its modem lines report a device that is ready."""
 
     def __init__(self) -> None:
         self.baudrate, self.bytesize, self.parity, self.stopbits = 9600, 8, "N", 1
@@ -46,7 +46,7 @@ _port_manager: Callable[[Any, Any], PortManager] = PortManager
 
 
 class _TelnetFilter:
-    """A handler in front of the real handler that handles Telnet for clients that use it."""
+    """Removes and answers Telnet commands of clients that use Telnet; passes all other bytes to the real handler."""
 
     def __init__(self, accept: Accept, connected: Connected) -> None:
         self.write = connected.write
@@ -75,7 +75,7 @@ class _TelnetFilter:
         return data if self._telnet is None else data.replace(IAC, IAC + IAC)
 
     def _plain(self, data: bytes) -> bytes:
-        """Return the data of a connection that may still become Telnet."""
+        """Return the data of a connection that has not used Telnet so far; switch to Telnet if it begins now."""
         data, self._held_iac = self._held_iac + data, b""
         at = data.find(IAC)
         while at >= 0:
@@ -113,5 +113,5 @@ class _TelnetFilter:
 
 
 def over_telnet(accept: Accept) -> Accept:
-    """Wrap ``accept`` so that clients may use RFC 2217."""
+    """Return ``accept`` with support for RFC 2217."""
     return lambda connected: _TelnetFilter(accept, connected)

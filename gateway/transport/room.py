@@ -1,6 +1,6 @@
-"""Room for a limited number of connections, shared among the addresses that they come from.
+"""Limits the number of connections, in total and per address that they come from.
 
-One address gets at most three quarters of the places, this computer all. The last are for an address without any.
+One address gets at most three quarters of them, this computer all. The last are for addresses without a connection.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from ipaddress import ip_address
 
 from gateway.system.own_names import plain_address
 
-#: Places for an address that has none.
+#: Number of places reserved for addresses without a connection.
 RESERVED_PLACES = 2
 
 

@@ -1,4 +1,4 @@
-"""A real serial port, or any pyserial URL, with one client. A lost port is opened again."""
+"""A real serial port, or any pyserial URL, for one client. A lost port is opened again."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gateway.transport.wires import SerialTransport
 
 #: Seconds between two attempts to open a lost port.
 RETRY_AFTER = 1.0
-#: What to do about a port for programs that does not exist.
+#: What the user can do if the port at which programs should connect does not exist.
 MISSING_PORT_ADVICE = (
     "; a program opens one end of a pair of ports and the gateway the other: make the pair first. On Linux and "
     "macOS, pty:/tmp/port makes both"
@@ -46,7 +46,7 @@ class SerialPort:
             self._wire.write(data)
 
     def _change_rate(self, baud: int) -> int:
-        """Change the baud rate after everything was sent. Return the previous rate."""
+        """Change the baud rate as soon as all bytes are sent. Return the previous rate."""
         previous, self._wire.baud = self._wire.baud, baud
         self._changing = asyncio.get_running_loop().create_task(self._wire.change_rate())
         return previous

@@ -1,8 +1,8 @@
 """A listening TCP port and the connections it has accepted.
 
-A client can delay the others by no more than its turn. Only a share is read from a connection at a time. A connection
-that has sent a whole share is not read for a while, so that a flood takes a fifth of a processor at most. A connection
-that does not read its replies is closed. If the other end has vanished, the system notices it within a minute.
+At most ``READ_BYTES`` are read from a connection at a time, so that no client delays the others for long. After a full
+read, it is not read for a while, so that a flood of bytes takes a fifth of a processor at most. A connection whose
+replies stay unread is closed. If the other end has vanished, the system notices it within a minute.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from gateway.transport.listening import NETWORK_SCHEMES, in_brackets, listen, sp
 
 #: Bytes of a read: about a hundred commands, half a second of a serial line, two milliseconds of work.
 READ_BYTES = 512
-#: Seconds for which a connection is not read after a whole share, and at least so many times the seconds that it took.
+#: Pause after a full read: seconds, and a multiple of the seconds that processing took; the longer of both applies.
 READ_PAUSE, PAUSE_FACTOR = 0.05, 4.0
 #: Bytes of unread replies after which a connection is closed.
 MAX_UNREAD_BYTES = 65536
 #: Seconds that a client gets to read the last bytes before the connection is closed.
 LINGER_TIME = 2.0
-#: Seconds between two checks whether all commands of a client that sends no more were answered.
+#: Seconds between two checks whether a client that sends no more has got all its replies.
 CHECK_EVERY = 0.02
 #: Seconds without data before a keep-alive probe, seconds between probes, and their number; and milliseconds after
 #: which replies without acknowledgement end the connection. Each system has some of these names.
@@ -39,7 +39,7 @@ class _Connection(asyncio.BufferedProtocol):
         self._transport: asyncio.Transport | None = None
         self._buffer = bytearray(READ_BYTES)
         self._view = memoryview(self._buffer)
-        #: While bytes are processed: the replies to them, which are sent together.
+        #: The replies so far while bytes are being processed, to be sent together; else None.
         self._replies: list[bytes] | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -98,7 +98,7 @@ class _Connection(asyncio.BufferedProtocol):
             asyncio.get_running_loop().call_later(CHECK_EVERY, self._close_when_answered)
 
     def _write(self, data: bytes) -> int:
-        """Send bytes, which may be none. Return how many bytes of this connection the system has not taken yet."""
+        """Send bytes, possibly none. Return how many bytes of this connection wait to be sent."""
         if self._replies is not None:
             self._replies.append(data)
         elif self._transport is not None and not self._transport.is_closing():

@@ -1,8 +1,8 @@
 """The web server of a process, for connections of its own ports and those that other ports hand over.
 
 It is loaded when its first byte arrives, because loading takes a quarter of a second, which would delay every start. A
-connection whose request is not complete ``REQUEST_TIMEOUT`` seconds after its first byte, or that sends none, ends;
-so does a connection idle for ``IDLE_TIMEOUT`` seconds. ``room.py`` shares out the places, and refuses the others.
+connection ends if a request is incomplete ``REQUEST_TIMEOUT`` seconds after its first byte, if none comes in that time,
+or if it is idle for ``IDLE_TIMEOUT`` seconds. ``room.py`` limits the number of connections.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from gateway.transport.handler import Accept
 from gateway.transport.listening import WEB_SERVED, listen
 from gateway.transport.room import Room
 
-#: Connections at a time. Seconds: a request must arrive within, a connection may be idle, the last answers may take.
+#: Connections at a time. Seconds until a request must be complete, an idle connection ends, and answers end at close.
 MAX_CONNECTIONS, REQUEST_TIMEOUT, IDLE_TIMEOUT, CLOSE_TIMEOUT = 256, 10.0, 60.0, 0.5
 #: Bytes that a connection may send before the server is loaded: no legitimate request is longer.
 MAX_EARLY_BYTES = 16384
@@ -51,7 +51,7 @@ class WebPort:
 
 
 class WebServer:
-    """Serves the aiohttp application that ``load_site`` returns, until ``close``; without it, refusals only."""
+    """Serves the aiohttp application that ``load_site`` returns, until ``close``; without it, refuses all requests."""
 
     def __init__(self, load_site: Callable[[], Awaitable[Any]] | None = None) -> None:
         self._load = load_site
@@ -101,7 +101,7 @@ class WebServer:
         self._runner = runner
 
     def handler(self) -> asyncio.Protocol | None:
-        """Return the handler that answers a connection; None if nothing is served, or no more."""
+        """Return a new aiohttp handler for a connection; None if nothing is served, or the server is closed."""
         return self._runner.server() if self._runner is not None else None
 
     async def close(self) -> None:
@@ -117,7 +117,7 @@ class WebServer:
 
 
 class HttpConnection(asyncio.Protocol):
-    """The handler between a connection and aiohttp: it has a place in the room; requests must arrive in time."""
+    """A connection, before and while aiohttp serves it: limits the number of connections and the time of requests."""
 
     def __init__(self, server: WebServer) -> None:
         self._server = server
@@ -161,7 +161,7 @@ class HttpConnection(asyncio.Protocol):
             inner.data_received(self._sent)
 
     def _expect(self) -> None:
-        """A request begins."""
+        """Start the timeout of the next request."""
         self._deadline = asyncio.get_running_loop().call_later(REQUEST_TIMEOUT, self._deadline_passed)
 
     def _deadline_passed(self) -> None:
@@ -172,7 +172,7 @@ class HttpConnection(asyncio.Protocol):
 
     @contextmanager
     def answering(self) -> Iterator[None]:
-        """Answer a request, which has arrived with its body."""
+        """Suspend the timeout while a complete request is being answered."""
         self._end_deadline()
         self._answering = True
         try:
@@ -214,7 +214,7 @@ class HttpConnection(asyncio.Protocol):
 
 
 async def _whole(request: Any, handler: Callable[[Any], Awaitable[Any]]) -> Any:
-    """Answer a request when its body has arrived: half a body could mean something else."""
+    """Answer a request after its whole body has arrived, because half a body could mean something else."""
     connection = request.transport.get_protocol() if request.transport is not None else None
     await request.read()
     if not isinstance(connection, HttpConnection):
@@ -225,7 +225,7 @@ async def _whole(request: Any, handler: Callable[[Any], Awaitable[Any]]) -> Any:
 
 @cache
 def web_log() -> logging.Logger:
-    """Return the server's log on the terminal: its own failures, with their traceback.
+    """Return the logger of the web server's own failures, which shows them on the terminal with their traceback.
 
     It leaves out requests that are not valid HTTP, and clients that leave before their request is whole.
     """
@@ -252,8 +252,8 @@ def answer_of(status: str, text: str) -> bytes:
 
 
 class WebDevice(Struct, frozen=True):
-    """A mount that is offered: ``accept`` makes handlers for its clients, ``title`` is its name, and ``log`` records
-    refused requests. It is offered at its own ``port``; 0: at all ports that have no device of their own.
+    """A mount that HTTP clients can use: ``accept`` makes handlers for its clients, ``title`` is its name, and ``log``
+    records refused requests. It is offered at its own ``port``; 0: at all ports that have no device of their own.
     """
 
     accept: Accept
@@ -263,7 +263,7 @@ class WebDevice(Struct, frozen=True):
 
 
 class Web(Protocol):
-    """The part of a protocol that HTTP clients need: it turns requests into lines for its framing, and replies back."""
+    """The HTTP side of a protocol: it converts requests to lines, and reply lines to responses."""
 
     def load(self) -> None:
         """Import the modules that serve requests. This is slow, so call it on a thread before the first request."""
@@ -272,4 +272,4 @@ class Web(Protocol):
         """Add the devices to an aiohttp application."""
 
     async def answer_discovery(self, places: Sequence[tuple[str, int]]) -> Callable[[], None]:
-        """Let clients discover these addresses and ports. Return a function that ends this. Raises OSError."""
+        """Let clients discover these (address, port) pairs. Return a function that ends this. Raises OSError."""

@@ -1,7 +1,7 @@
 """The connection to the mount: opens it, writes, and calls back with the received bytes.
 
 pyserial blocks, so a serial connection has a reader thread that passes bytes to the event loop. Every URL that
-``serial.serial_for_url`` accepts works. A simulated mount has a connection, too.
+``serial.serial_for_url`` accepts works. A simulated mount in this process is reached through the same interface.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Transport(Protocol):
 
 
 class DescriptorWatcher(Protocol):
-    """Is informed of the file descriptor of a line while it is open."""
+    """Is informed when a line opens, with its file descriptor, and when it closes."""
 
     def opened(self, descriptor: int) -> None: ...
     def closed(self) -> None: ...
@@ -127,7 +127,7 @@ class SerialTransport:
         self.baud = baud
 
     async def change_rate(self) -> None:
-        """Change to the rate ``baud`` after everything was sent. A port that cannot change keeps its rate."""
+        """Change to the rate ``baud`` as soon as all bytes are sent. A port that cannot change keeps its rate."""
         port = self._port
         if port is not None:
             with contextlib.suppress(OSError):
@@ -152,7 +152,7 @@ class SerialTransport:
 
 
 def on_the_wire(url: str, data: bytes) -> bytes:
-    """Return bytes as they go through the descriptor: RFC 2217 doubles 0xFF, which begins a telnet command."""
+    """Return bytes as the port sends them: RFC 2217 doubles 0xFF, which begins a Telnet command."""
     return data.replace(b"\xff", b"\xff\xff") if url.startswith("rfc2217://") else data
 
 
@@ -165,7 +165,7 @@ def descriptor(port: Serial) -> int | None:
 
 
 def unlock(port: Serial) -> None:
-    """End the exclusive use of a port, which a duplicate of its descriptor in another process would keep."""
+    """End the exclusive lock of a port, which a duplicate of its descriptor in another process would keep."""
     number = descriptor(port)
     if number is not None and os.name == "posix":
         import fcntl
@@ -208,7 +208,7 @@ def open_port(url: str, baud: int) -> Serial:
         ) from None
 
 
-#: Called with a function that sends bytes after some seconds. Returns a function from received bytes to the reply.
+#: Connects to a simulated mount: gets a function that delivers bytes later, returns a function from bytes to reply.
 Connection = Callable[[Callable[[float, bytes], None]], Callable[[bytes], bytes]]
 
 

@@ -1,9 +1,9 @@
 """Accepts connections on a port for every protocol, and finds out which protocol each client speaks.
 
-Each protocol has an acceptor, as on a port of its own. Once the protocol is known, the port feeds that acceptor's
-connection directly. A client that sends nothing for some seconds gets the greeting of the protocol whose clients wait
-for a greeting; its first byte ends that and decides. An incomplete command that is not continued within a second
-decides nothing. Access rules and the maximum number of clients apply to all protocols together.
+Each protocol has an acceptor, as on a port of its own. Once the protocol is known, that acceptor's connection gets the
+received bytes directly. A client that sends nothing for some seconds gets the greeting of the protocol whose clients
+wait for one; its first byte then decides the protocol. An incomplete command that is not continued within a second is
+dropped. Access rules and the maximum number of clients apply to all protocols together.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ MAX_IDLE_BYTES = 64
 
 
 class AnyConnection:
-    """A connection to a port for every protocol, ``closed`` is called at its end; the rest is an acceptor's."""
+    """A connection to a port for every protocol, which it recognises. ``closed`` is called at its end."""
 
     def __init__(self, port: AnyAcceptor, connected: Connected, closed: Callable[[], None]) -> None:
         self._acceptors, self._web, self._controller, self._closed = port.acceptors, port.web, port.controller, closed
         self._transport, self.host = connected, connected.host
-        #: The connection that answers, and its protocol; preliminary while the protocol is undecided.
+        #: The handler that answers this connection, and its protocol; both may change until the protocol is confirmed.
         self._handler: ConnectionHandler | None = None
         self._protocol = ""
-        #: Received bytes that no connection has got yet.
+        #: Received bytes that were not yet passed to a handler.
         self.undelivered = b""
-        #: Bytes that were answered before the decision.
+        #: Bytes that were answered before the protocol was confirmed.
         self._answered_bytes = b""
         self._last_received = -1e9
         self.feed: Callable[[bytes], None] = self._recognise
@@ -44,7 +44,7 @@ class AnyConnection:
 
     @property
     def decided(self) -> bool:
-        """Whether the protocol is known, at least preliminarily."""
+        """Whether a protocol is assumed or confirmed."""
         return self._handler is not None
 
     @property
@@ -114,7 +114,7 @@ class AnyConnection:
         self._handler = self._acceptors[protocol].create_silently(self._transport, first_bytes=self._answered_bytes)
 
     def _close_handler(self) -> None:
-        """Close the connection that has answered until now."""
+        """Close the handler that has answered until now."""
         handler, self._handler, self._protocol = self._handler, None, ""
         if handler is not None:
             handler.close()
@@ -149,7 +149,7 @@ class AnyAcceptor:
         self._connections: set[AnyConnection] = set()
 
     def accept(self, connected: Connected) -> ConnectionHandler:
-        """Admit, log and create a new connection. Raises ConnectionRefused."""
+        """Check, log and create a new connection. Raises ConnectionRefused."""
         hosts = [other.host for other in self._connections if not other.decided]
         for acceptor in self.acceptors.values():
             hosts += acceptor.clients()

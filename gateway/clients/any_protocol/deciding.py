@@ -2,7 +2,7 @@
 
 The decision follows from the protocols' specifications and command tables: a whole command of a protocol has arrived,
 or the bytes can only become a command of one protocol. HTTP is recognised by its methods; bytes that may become a
-method are not decided yet. Bytes of no protocol, or of several, count as the first protocol's, which the log explains.
+method are not decided yet. Bytes of no protocol, or of several, count as the first protocol's; the log says why.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from gateway.clients.strangers import IDLE_BYTES, greetings
 from gateway.protocols.registry import PROTOCOLS, streams
 from gateway.protocols.wireformat.command_set import load
 
-#: Stands for a protocol: the client is a web browser or another program that speaks HTTP.
+#: The "protocol" of a web browser or another program that speaks HTTP.
 HTTP_PROTOCOL = "http"
 
 
 class Decision(NamedTuple):
-    """The protocol, and the reason if the user may want to know it."""
+    """The protocol of a connection, and a reason for the log if the decision is not obvious."""
 
     protocol: str
     reason: str = ""
 
 
 def decide(received: bytes) -> Decision | None:
-    """Return the verdict for these bytes, which do not begin with idle bytes; None if more bytes are needed."""
+    """Return the protocol of these first bytes (without idle bytes at the start); None if more bytes are needed."""
     if any(received.startswith(method) for method in _methods()):
         return Decision(HTTP_PROTOCOL)
     spoken = streams()
@@ -47,14 +47,14 @@ def decide(received: bytes) -> Decision | None:
 
 
 def shared_prefix(protocol: str, received: bytes) -> int:
-    """Return how many of these bytes are commands with which clients of other protocols may begin, too."""
+    """Return the length of the commands at the start with which clients of another protocol may begin, too."""
     pattern = PROTOCOLS[protocol].shared_openings
     match = re.match(pattern, received) if pattern is not None else None
     return match.end() if match is not None else 0
 
 
 def may_change(protocol: str, received: bytes) -> bool:
-    """Whether these bytes, so far taken for this protocol, may still turn out to be another protocol."""
+    """Whether a client that has sent these bytes, taken for this protocol so far, may still speak another."""
     rest = received.lstrip(IDLE_BYTES)
     return PROTOCOLS[protocol].mount_speaks_first or (bool(rest) and shared_prefix(protocol, rest) == len(rest))
 
@@ -66,5 +66,5 @@ def protocol_that_waits() -> str | None:
 
 @cache
 def _methods() -> tuple[bytes, ...]:
-    """Return the beginnings of HTTP requests; each of their octets has a single value."""
+    """Return the bytes with which HTTP requests begin: a method and a space."""
     return tuple(bytes(next(iter(octet)) for octet in greeting.first) for greeting in greetings() if greeting.http)

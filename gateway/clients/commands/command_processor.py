@@ -34,19 +34,19 @@ RELEASE_GAP = 0.3
 
 
 class Releases:
-    """Decides what the release of an arrow ends on a connection: the motion of an axis, a waiting tap, or all motion.
+    """Decides what the release of an arrow stops: the motion of an axis, all motion, or nothing yet.
 
-    The release of an arrow whose press still waits in ``inbox`` makes it a tap, which is carried out in its turn.
-    ``by_stop``: the program releases its arrows by a full stop.
+    If the press of the arrow still waits in ``inbox``, press and release become a tap, which is carried out later.
+    ``by_stop``: the program sends a command that stops all motion when an arrow is released.
     """
 
     def __init__(self, controller: MountController, surface: Surface, inbox: Inbox, by_stop: bool) -> None:
         self._controller, self._surface, self._inbox, self.by_stop = controller, surface, inbox, by_stop
-        #: The releases a moment ago, with the loop times of their arrival.
+        #: The commands of the releases in the last ``RELEASE_GAP`` seconds, with the loop times of their arrival.
         self._recent: dict[bytes, float] = {}
 
     def ends(self, frame: bytes, ending: UrgentEnd, now: float, under_way: Turn | None) -> UrgentEnd | None:
-        """Return the motion that a command ends; None if it only releases an arrow whose press still waits."""
+        """Return the motion that a command ends; None if it releases an arrow whose press still waits."""
         release = ending.operation
         if not isinstance(release, StopAxis):
             return ending
@@ -69,11 +69,11 @@ class Releases:
 
 
 class Pushes:
-    """The subscriptions of a connection: readings that are sent without a request.
+    """Sends the readings that a client has subscribed to, at their periods, without a request for each.
 
     Each has its own timer, so that a slow reading does not delay the others. A reading that the mount cannot give now
-    is skipped, and so is a reading that falls due while earlier bytes are unread. ``read_operation`` takes a reading in
-    this client's form, ``send_bytes`` writes bytes, ``count_unsent`` counts pending bytes.
+    is skipped, and so is a reading that falls due while earlier bytes are unread. ``read_operation`` returns a reading
+    in the client's equinox, ``send_bytes`` writes bytes, ``count_unsent`` returns how many bytes are unread.
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class Pushes:
         self._tasks = [spawn(self._serve(subscription)) for subscription in subscriptions]
 
     async def _serve(self, subscription: Subscription) -> None:
-        """Run until cancelled. Times that were missed are skipped."""
+        """Send the readings of a subscription until cancelled. Readings whose time has passed are skipped."""
         now = asyncio.get_running_loop().time
         last, due = b"", now() + subscription.first_delay
         if subscription.first_delay:
@@ -100,7 +100,7 @@ class Pushes:
             await asyncio.sleep(due - now())
 
     async def _push(self, subscription: Subscription, last_bytes: bytes) -> bytes:
-        """Send a reading. Return the bytes that were sent last."""
+        """Read and send, unless the bytes are unchanged. Return the bytes that were sent last."""
         try:
             data = subscription.encode(await self._read_operation(subscription.operation))
         except Fault:
@@ -116,7 +116,7 @@ class Pushes:
 
 
 class CommandProcessor:
-    """Answers one connection, whose client has these ``rights``."""
+    """Answers the commands of one connection; ``rights`` limits what its client may do."""
 
     def __init__(
         self,
@@ -139,15 +139,15 @@ class CommandProcessor:
         #: The task of the command that waits for the mount, and the tasks of commands whose reply is too late.
         self._task: asyncio.Task[None] | None = None
         self._detached_tasks: set[asyncio.Task[None]] = set()
-        #: The command that waits for the mount; and whether its reply may take until the next command.
+        #: The command that waits for the mount; whether it has no timeout, but waits until the next command.
         self._waiting_turn: Turn | None = None
         self._may_outlast = False
         self.is_open = True
         #: Whether the next byte begins a command.
         self._between_commands = True
-        #: What the program may leave unread of its last reply; over a network only.
+        #: The end of the last reply, which some programs on a network do not read.
         self.unread_text = UnreadText(self._send, self.log, controller.loop, binding.hold if connected.hang_up else 0.0)
-        #: The baud rate, if the connection is a serial port.
+        #: Changes the baud rate; None if the connection is no serial port.
         self._rate = None if connected.change_rate is None else BaudTrial(connected.change_rate)
         subscriptions, unsent = self.surface.subscriptions(session), lambda: self.write(b"") or 0
         self._pushes = Pushes(subscriptions, self.runner.reading, self._send, unsent, controller.spawn)
@@ -163,7 +163,7 @@ class CommandProcessor:
         return self._task is None and not self._inbox
 
     def recognised(self, profile: ClientProfile) -> None:
-        """The client's program is known now: serve it by its profile."""
+        """Apply the profile of the client's program, which was recognised just now."""
         self.session.recognised(profile.settings)
         self.runner.equinox = profile.equinox or self.runner.equinox
         self.unread_text.hold_time, self.releases.by_stop = profile.hold, profile.stops_arrows
@@ -174,9 +174,9 @@ class CommandProcessor:
     def feed(self, data: bytes, stop_count: int | None = None, arrived_at: float | None = None) -> None:
         """Process received bytes.
 
-        If they were sent earlier, ``stop_count`` is the controller's count of stops at that time. If they were held
-        back, ``arrived_at`` is the loop time of their arrival. Without bytes, those that the framer held back are
-        processed.
+        For bytes that waited unread, ``stop_count`` is the number of stops when the client sent them. For bytes that
+        were held back, ``arrived_at`` is the loop time of their arrival. Empty ``data``: process the bytes that the
+        framer has held back.
         """
         self.activity.sent_data |= stop_count != NO_DEADLINE
         if self.log.sinks and data:
@@ -221,7 +221,7 @@ class CommandProcessor:
             self.feed(b"", stop_count)
 
     def _answer_from_cache(self, data: bytes) -> bool:
-        """Send a cached reply to the same command again if it is still valid. Return whether it was."""
+        """Send the cached reply to this command if it is still valid. Return whether it was."""
         controller = self.controller
         now = controller.now()
         cached = self._cache.reply(data, now)
@@ -237,7 +237,7 @@ class CommandProcessor:
         return True
 
     def _end_motion(self, frame: bytes, ending: UrgentEnd, arrived_at: float) -> None:
-        """End a motion before all waiting commands, and remove those that would begin it."""
+        """End a motion ahead of all waiting commands, and remove the waiting commands that would begin it."""
         ends = self.releases.ends(frame, ending, arrived_at, self._waiting_turn)
         if ends is None:
             return
@@ -275,14 +275,14 @@ class CommandProcessor:
             self._detach(turn)
 
     def _give_up(self, turn: Turn) -> None:
-        """The mount has not answered in time: leave this command without a reply and continue with the next."""
+        """The mount has not answered in time: continue with the next command, and drop a late reply to this command."""
         self._may_outlast = turn.lasting and not self._inbox
         if turn is self._waiting_turn and not self._may_outlast:
             self._detach(turn)
             self._pump()
 
     def _detach(self, turn: Turn) -> None:
-        """Detach the task under way from this command, and answer as if the mount does not respond."""
+        """Let the task of this command run on without a reply, and answer as if the mount does not respond."""
         assert self._task is not None
         self._detached_tasks.add(self._task)
         self._task.add_done_callback(self._detached_tasks.discard)

@@ -1,9 +1,9 @@
-"""The commands of a connection, and how each is carried out: answered from the cache, started, refused, awaited.
+"""Carries out the commands of a connection: answers from cached readings, starts operations, or waits for the mount.
 
-A command is answered within a limited time or never. A reply that was made only of cached readings is valid until one
-of them is renewed, which increments ``version``, or expires. ``advance`` runs a command until it must wait, ``finish``
-runs the rest. For every protocol, this module refuses operations that the client may not request, or requests too late.
-The number of operations that run without a reply is limited, except for those that end a motion.
+A command is answered within a limited time or never. A reply made only of cached readings stays valid until one of them
+expires or is renewed, which increments the controller's ``version``. For every protocol, this module refuses operations
+that the client may not request, and motions whose command has waited too long. It limits the number of operations that
+run without a reply, except those that end a motion.
 """
 
 from __future__ import annotations
@@ -38,25 +38,25 @@ from gateway.protocols.base.wants import (
     ReuseLastReading,
 )
 
-#: Used as a count of stops: sent before all of them. Such a command begins no motion and keeps none alive.
+#: As the count of stops of a command: it was sent before every stop, so it neither begins nor prolongs a motion.
 NO_DEADLINE = -1
 #: Seconds after which a reply is no longer sent: clients have given up by then and would take it for the reply to the
 #: next command (NexStar protocol: the hand control answers within 3.5 s). The mount gets a little less time, so that
 #: commands which arrived together with an unanswered command are still answered.
 REPLY_TIMEOUT, MOUNT_TIMEOUT = 3.5, 3.4
-#: Seconds after which a motion that has not begun is refused, while a reply is still possible.
+#: Seconds after which a motion that has not begun is refused; shorter than ``REPLY_TIMEOUT``, to allow a reply.
 START_TIMEOUT = 3.0
-#: Commands that may wait in a connection; beyond that the oldest are dropped.
+#: Maximum number of waiting commands of a connection; beyond that the oldest are dropped.
 MAX_WAITING_COMMANDS = 256
 
 
 class Turn(Struct, eq=False):
-    """A command and the ``steps`` that carry it out; it ``arrived`` at this loop time, after ``stops`` stops.
+    """A received command, and the generator ``steps`` that carries it out.
 
-    ``ending`` is the motion that it ended on arrival. ``reusable``: its reply depends only on the cached ``readings``.
-    ``ended_motion``: its last operation ended a motion. ``lasting``: its reply may take until the next command.
-    ``late``: its reply is no longer sent. ``baud``: the rate to use after its reply. ``held``: for how many
-    seconds the arrow that it presses was held, if its release has arrived already.
+    ``arrived``: loop time. ``stops``: number of stops before it. ``ending``: the motion that it ended on arrival.
+    ``reusable``: its reply depends only on cached readings, of the kinds ``readings``. ``ended_motion``: its last
+    operation ended a motion. ``lasting``: it waits until the next command, without a timeout. ``late``: its reply is no
+    longer sent. ``baud``: the baud rate after its reply. ``held``: seconds from the press of an arrow to its release.
     """
 
     frame: bytes
@@ -102,9 +102,9 @@ class Inbox(deque[Turn]):
         return count
 
     def release(self, presses: frozenset[bytes], now: float) -> bool:
-        """Note the release of the newest of these presses, and remove the earlier ones. Return whether one waits.
+        """Record how long the newest waiting press was held, and remove the earlier presses. Return whether one waits.
 
-        A press that has waited for too long does not count.
+        ``presses`` are the commands that press this arrow. A press that has waited too long to be a tap does not count.
         """
         waiting = [turn for turn in self if turn.frame in presses]
         if not waiting or now - waiting[-1].arrived > MAX_TAP_TIME:
@@ -117,15 +117,16 @@ class Inbox(deque[Turn]):
         return True
 
     def take_back(self, frames: frozenset[bytes], by: bytes) -> None:
-        """Remove the commands that would begin the motion that ``by`` ends."""
+        """Remove the waiting commands ``frames``, which would begin the motion that the command ``by`` ends."""
         for turn in [turn for turn in self if turn.frame in frames]:
             self.remove(turn)
             self._log.put("x", turn.frame, f"cancelled by {by!r}, which arrived before its turn")
 
 
+#: The kinds of readings of which a reply is made.
 Kinds = list[type[op.Operation]]
 
-#: Different commands whose replies are cached.
+#: Maximum number of commands whose replies are cached.
 MAX_CACHED_REPLIES = 32
 #: Seconds within which two coordinates that are requested separately are taken from the same reading.
 COORDINATE_PAIR_WINDOW = 1.0
@@ -158,12 +159,12 @@ class ReplyCache:
         self._replies.clear()
 
 
-#: Operations of a connection that may run without a reply; beyond that only those that end a motion are started.
+#: Maximum number of operations of a connection without a reply; beyond that only ends of motions are started.
 MAX_BACKGROUND = 16
 
 
 class BackgroundOperations:
-    """The operations of a client that run without a reply; true while any runs."""
+    """The operations of a client that run without a reply; truthy while any runs."""
 
     def __init__(self, controller: MountController, log: ClientLog, activity: HostActivity) -> None:
         self._controller, self._log, self._activity = controller, log, activity
@@ -173,7 +174,7 @@ class BackgroundOperations:
         return bool(self._operations)
 
     def start(self, operation: op.Operation, stop_count: int, asked: float) -> None:
-        """Start an operation without a reply, which the client ``asked`` for then; a failure goes to the wire log."""
+        """Start an operation without a reply, requested at loop time ``asked``. Log a failure."""
         controller = self._controller
         if isinstance(operation, MOVERS) and stop_count != controller.stops:  # a stop came since, or the client is gone
             return
@@ -194,12 +195,12 @@ class BackgroundOperations:
         self._log.refused(fault.of(operation.title()))
 
 
-#: An operation that takes minutes by its manual and ends with the next command: its reply may take until then.
+#: The operation that may take minutes; its reply has no timeout, but the next command ends it.
 LASTING = op.ClockFromGps
 
 
 class TurnRunner:
-    """Runs the commands of a client. ``rights`` are its rights, ``equinox`` converts its coordinates."""
+    """Runs the commands of a client, which has these ``rights``. ``equinox`` converts its coordinates."""
 
     def __init__(
         self,
@@ -215,11 +216,11 @@ class TurnRunner:
         self.rights, self.equinox = rights, binding.converter
         self.background = BackgroundOperations(controller, log, activity)
         self._deferred_operations: dict[str, asyncio.TimerHandle] = {}
-        #: By kind: the last reading as it was sent, when, and the version at that time.
+        #: Kind of reading -> the last reading as it was sent, the loop time, and the version of the readings.
         self._sent_operations: dict[type[op.Operation], tuple[object, float, int]] = {}
 
     def advance(self, turn: Turn, answer: object, fault: Fault | None = None) -> op.Operation:
-        """Continue a command until it must wait. Return the operation to wait for; StopIteration carries the reply."""
+        """Run a command until it must wait. Return the operation to wait for. Raises StopIteration with the reply."""
         while True:
             if fault is not None:
                 fault.logged = True  # it is in the log already
@@ -292,7 +293,7 @@ class TurnRunner:
             self.background.start(op.StopAxis(operation.axis), turn.stops, turn.arrived + turn.held)
 
     def _refusal(self, operation: op.Operation, arrived_at: float) -> Fault | None:
-        """Return the fault if the client may not request this or it is too late, and log it."""
+        """Return the fault if the client may not request this operation, or it is too late; log the refusal."""
         late = self._controller.now() - arrived_at
         if late > MAX_START_DELAY and (
             isinstance(operation, HAND_MOTIONS)  # a motion or a sync is not done after its reply is too late
@@ -333,7 +334,7 @@ class TurnRunner:
         return value
 
     async def reading(self, operation: op.Operation) -> object:
-        """Return a reading in this client's form, for a subscription. Raises Fault."""
+        """Return a reading in the client's equinox, for a subscription. Raises Fault."""
         value: object = await self._controller.answer(self._to_internal(operation), self._activity)
         return value if self.equinox is None else self.equinox.to_client(operation, value)
 
@@ -353,7 +354,7 @@ class TurnRunner:
         )
 
     async def _deferred_handler(self, handler: str) -> None:
-        """Run a deferred handler. It has no reply, so it may outlive its connection."""
+        """Run a deferred handler. It has no reply, so it may run after its connection has closed."""
         steps = self._surface.call(handler, self._session, None, {})
         turn = Turn(handler.encode(), steps, self._controller.stops, None, self._controller.now())
         try:

@@ -1,9 +1,9 @@
 """Holds back the part of a reply that some programs leave unread on a network connection.
 
 INDI's LX200 drivers read one byte of ``1Object Below Horizon.#``, and discard the rest in a way that has no effect on a
-socket. They would take the text for the reply to their next question, and stay one reply behind from then on. So the
-text waits: it is dropped at the next command, and sent after ``HOLD_TIME`` seconds to a program that reads on. A
-program that begins with a ``#`` is none of those drivers and gets its replies whole.
+socket. They would take the text for the reply to their next command, and stay one reply behind from then on. So the
+gateway holds the text back: it drops the text at the next command, and sends it after ``HOLD_TIME`` seconds without a
+command. A program whose first byte is ``#`` is none of those drivers and gets its replies whole.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from collections.abc import Callable
 
 from gateway.core.wire_log import ClientLog
 
-#: Seconds: longer than those drivers wait before they ask anew (they poll each second), and shorter than any program
-#: waits for the rest of a reply (3 s).
+#: Seconds for which the text is held back: longer than the period at which those drivers poll (1 s), and shorter than
+#: the time that any program waits for the rest of a reply (3 s).
 HOLD_TIME = 1.2
-#: Seconds more, so that a question that has arrived while this computer was busy is read before the text is sent.
+#: Seconds added to ``HOLD_TIME``, so that a command that arrived while this computer was busy is read first.
 SETTLE_TIME = 0.02
-#: Bytes that ask for nothing.
+#: Bytes between commands, which are no command.
 _IGNORED_BYTES = b"#\r\n\0 "
 
 
 class UnreadText:
-    """The text that waits on a connection. ``send_bytes`` sends and logs bytes; ``hold`` of 0 s holds nothing back."""
+    """The held-back text of a connection. ``send_bytes`` sends and logs bytes; a ``hold`` of 0 s holds nothing back."""
 
     def __init__(
         self, send_bytes: Callable[[bytes], None], log: ClientLog, loop: asyncio.AbstractEventLoop, hold: float
@@ -33,22 +33,22 @@ class UnreadText:
         self._timer: asyncio.TimerHandle | None = None
 
     def heard(self, data: bytes) -> None:
-        """The program has sent bytes: it does not wait for the text."""
+        """Drop the held-back text if the program has sent a command, since it then does not wait for the text."""
         if data[:1] == b"#" and len(data) > 1:
             self.whole()
         if data.strip(_IGNORED_BYTES):
             self.drop()
 
     def drop(self) -> None:
-        """Drop the waiting text: the program has sent another command, or has gone."""
+        """Drop the held-back text: the program has sent another command, or has disconnected."""
         if text := self._remove_text():
             self._log.put("x", text, "not sent, because the program did not wait for it")
 
     def read_part(self, reply: bytes, byte_count: int, more: bool) -> bytes:
-        """Return the part of a reply to send now: the first ``byte_count`` bytes.
+        """Return the part of a reply to send now, the first ``byte_count`` bytes, and hold back the rest.
 
-        ``more``: further commands wait already, so the program does not wait between the bytes of this reply; if some
-        programs read nothing of it, it reads nothing.
+        ``more``: the program has sent further commands without waiting for this reply. Then the reply is sent whole,
+        or not at all if ``byte_count`` is 0.
         """
         if len(reply) <= byte_count or (more and byte_count):
             return reply
@@ -67,7 +67,7 @@ class UnreadText:
             self._send_bytes(text)
 
     def whole(self) -> None:
-        """Send the waiting text, and hold nothing back from now on."""
+        """Send the held-back text, and hold nothing back from now on."""
         self._release()
         self.hold_time = 0.0
 

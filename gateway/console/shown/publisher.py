@@ -1,4 +1,4 @@
-"""The publisher: while a page is open, one task makes the state message for all pages.
+"""Publishes the state of all mounts: while a page is open, one task makes the same message for all pages.
 
 It is encoded once, however many pages there are: ten times a second while a mount moves or something has changed, else
 once a second. The state of a mount takes 0.1 ms. Its abilities, the reply times of its line, the connected clients with
@@ -30,18 +30,18 @@ Sample = tuple[float, float | None]
 MAX_CLIENTS, MAX_COMMAND_BYTES = 200, 40
 #: Seconds for which these are cached: Sun, Moon and planets; the same while some are missing; clients and abilities.
 BODIES_CACHE_TIME, BODIES_RETRY_TIME, OTHER_CACHE_TIME = 10.0, 1.0, 1.0
-#: Of how many seconds a message has the answer times.
+#: Seconds of answer times that a message contains.
 ANSWER_TIMES_WINDOW = 3.0
 
 
 class AnswerTimes:
-    """Collects answer times and faults from the mount's side of a wire log."""
+    """Collects the mount's answer times and counts its faults, from a wire log."""
 
     def __init__(self) -> None:
         self.samples: deque[Sample] = deque(maxlen=MAX_ANSWER_TIMES)
         self.faults = 0
         self._asked = 0.0
-        #: That of the exchanges.
+        #: The rate of exchanges with the mount.
         self.rate = AverageRate()
 
     def put(self, entry: Entry) -> None:
@@ -56,12 +56,12 @@ class AnswerTimes:
             self.samples.append((round(entry.time, 3), None if failed else round((entry.time - self._asked) * 1e3, 1)))
 
     def newest(self, now: float) -> list[Sample]:
-        """Return the answers of the last seconds; several, because a page may miss a message."""
+        """Return the answer times of the last seconds, more than are new, because a page may miss a message."""
         return [sample for sample in self.samples if sample[0] > now - ANSWER_TIMES_WINDOW]
 
 
 class ConnectedPrograms:
-    """Collects the last commands and their rates from the clients' side of a wire log."""
+    """Collects the last command and the command rate of every client from a wire log."""
 
     def __init__(self, gateway: Gateway) -> None:
         self._gateway = gateway
@@ -99,7 +99,7 @@ class ConnectedPrograms:
 
 
 class ShownMount:
-    """The state of a mount. It collects data between ``start`` and ``stop``, while pages are open."""
+    """The state of a mount for pages. It collects data between ``start`` and ``stop``, while pages are open."""
 
     def __init__(self, gateway: Gateway, index: int) -> None:
         self.gateway, self._index = gateway, index
@@ -140,7 +140,7 @@ class ShownMount:
         return {**state, **self._abilities, "programs": self._program_list, "bodies": self._sky(now), "times": times}
 
     def _sky(self, now: float) -> list[dict[str, Any]]:
-        """Return the bodies; refresh the cached list when it is stale, the site changes or astropy gets ready."""
+        """Return Sun, Moon and planets from the cache; refresh it if stale, the site changes or astropy is loaded."""
         controller = self.gateway.controller
         by = controller.sources.site(), controller.astrometry.sky.ready
         fresh = BODIES_CACHE_TIME if len(self._bodies) == len(view.BODIES) else BODIES_RETRY_TIME
@@ -151,10 +151,10 @@ class ShownMount:
 
 #: Seconds between two messages while something moves, and at rest.
 MOTION_PERIOD, REST_PERIOD = 0.1, 1.0
-#: What changes all the time, also at rest.
+#: Fields of the state that change all the time, even at rest; they alone do not cause a message.
 VOLATILE = {"position", "sidereal", "hour_angle", "clock", "line", "times", "programs", "bodies", "wanted", "lately"}
-#: Seconds for which rows of the conversation are made before other tasks run for ``SLICE_PAUSE`` seconds: an exchange
-#: may begin meanwhile, and a stop needs several iterations of the event loop to reach the line.
+#: Seconds for which rows are made without a pause, and seconds of a pause for other tasks. The pause lets an exchange
+#: with the mount begin; a stop needs several iterations of the event loop to reach the line.
 WORK_SLICE, SLICE_PAUSE = 0.0005, 0.001
 
 
@@ -168,7 +168,7 @@ class Publisher:
         #: The newest message; empty if there is none yet.
         self.text = ""
         self._pages = self._listening = 0
-        #: What all pages wait for.
+        #: Done when there is a new message or row; all pages wait for it.
         self._next_message: asyncio.Future[None] = self._loop.create_future()
         self._task: asyncio.Task[None] | None = None
         self._rows: deque[Any] = deque(maxlen=MAX_ROWS)
@@ -176,7 +176,7 @@ class Publisher:
         self.count = 0
 
     def subscribe(self) -> None:
-        """Count a page that waits for messages; the first page starts the work."""
+        """Count one more page that waits for messages; the first page starts the task."""
         self._pages += 1
         if self._task is None:
             for mount in self.mounts:
@@ -185,20 +185,20 @@ class Publisher:
             self._task.add_done_callback(self._ended)
 
     def leave(self) -> None:
-        """Count one page less; after the last page, end the work."""
+        """Count one page less; after the last page, end the task."""
         self._pages -= 1
         if not self._pages and self._task is not None:
             self._task.cancel()
             self._stop()
 
     async def next(self) -> None:
-        """Wait for another message or more rows. Raises ConnectionError after the end."""
+        """Wait for the next message or more rows. Raises ConnectionError if the task has ended."""
         if self._task is None:
             raise ConnectionError("the page has nothing to show")
         await asyncio.shield(self._next_message)
 
     def listen(self, change: int) -> None:
-        """Count one page more (1) or less (-1) that shows the conversation."""
+        """Count one more (1) or one less (-1) page that shows the conversation."""
         self._listening += change
         for mount in self.mounts:
             mount.talk.listen(self._listening > 0)
@@ -227,7 +227,7 @@ class Publisher:
             await asyncio.sleep(MOTION_PERIOD)
 
     async def _take_rows(self) -> None:
-        """Make the rows of the conversation since the last message, at most as many as are stored."""
+        """Make rows of the log entries since the last message, at most ``MAX_ROWS``."""
         began, end = time.perf_counter(), self.count + MAX_ROWS
         for mount in self.mounts:
             for row in mount.talk.take():
@@ -245,7 +245,7 @@ class Publisher:
             mount.stop()
 
     def _ended(self, task: asyncio.Task[None]) -> None:
-        """After a defect give the pages the error; they reconnect, which starts the work again."""
+        """If the task has failed, disconnect the pages; they connect again, which starts a new task."""
         if task is self._task and not task.cancelled():
             self._stop()
             error = task.exception()
@@ -256,5 +256,5 @@ class Publisher:
 
 
 def encoded(message: object) -> str:
-    """Encode a message."""
+    """Encode a message as JSON."""
     return msgspec.json.encode(message).decode()

@@ -1,7 +1,7 @@
-"""The conversation with clients and mount as rows for the pages: bytes, their meaning, and which rows belong together.
+"""What clients, gateway and mount say to each other, as rows for the pages: the bytes and their meaning.
 
-A client's command gets a number; the exchanges with the mount until it is answered, and the reply, have the same
-number. Entries are collected only while a page shows them, and are made into rows later, not while logging.
+A client's command gets a number. Its reply, and the exchanges with the mount until then, have the same number. Log
+entries are collected only while a page shows them; rows are made of them later, not while logging.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from gateway.protocols.registry import ANY
 
 #: How many rows are stored for pages, and how many entries may wait to be made into rows; the oldest are dropped.
 MAX_ROWS, MAX_WAITING_ENTRIES = 400, 2000
-#: For how many seconds an unanswered command may be the reason for an exchange with the mount.
+#: Seconds for which an unanswered command counts as the reason for an exchange with the mount.
 CAUSE_WINDOW = 3.0
 
 
 class ConversationView:
-    """The conversation at a mount: stores the log entries, and makes rows of them for the next message."""
+    """The conversation of a mount: stores log entries, and makes rows of them for the next message to pages."""
 
     def __init__(self, gateway: Gateway, index: int) -> None:
         self._gateway, self._index = gateway, index
@@ -31,7 +31,7 @@ class ConversationView:
         self._row_number = 0
         self._unanswered: dict[str, tuple[int, float]] = {}
         self._cause_row: int | None = None
-        #: By connection, the surface at which it was accepted; empty for what is no connection, or is gone.
+        #: Name in the log -> surface of this connection; empty if it is no connection, or has closed.
         self._surfaces: dict[str, str] = {}
         self._rows = self._new_rows()
 
@@ -68,14 +68,14 @@ class ConversationView:
                 }  # fmt: skip
 
     def _surface(self, entry: Entry) -> str:
-        """Return the surface of a connection; that for any protocol is looked up again once the protocol is known."""
+        """Return the surface of an entry's connection, looked up again when the connection's protocol is recognised."""
         side, known = entry.side, self._surfaces
         if side not in known or entry.arrow == "~":
             known[side] = "" if side == MOUNT_SIDE else connected(self._gateway).get(side, "")
         return known.pop(side) if entry.arrow == "-" else known[side]
 
     def _pair(self, entry: Entry) -> int | None:
-        """Return the number of the client's command that an entry belongs to, judged by their order, or None."""
+        """Return the number of the client's command that an entry belongs to, by order in the log; None if unknown."""
         if entry.side != MOUNT_SIDE and entry.arrow == ">":
             self._row_number += 1
             self._unanswered[entry.side] = (self._row_number, entry.time)
@@ -92,7 +92,7 @@ class ConversationView:
 
 
 def connected(gateway: Gateway) -> dict[str, str]:
-    """Return the surface of every connection, by the connection's name in the log."""
+    """Return a dictionary from the name of every connection in the log to its surface."""
     surfaces = zip(gateway.names(), gateway.acceptors, strict=False)
     return {
         visit.client.log.name: surface_spoken(surface, visit.protocol)
@@ -102,11 +102,11 @@ def connected(gateway: Gateway) -> dict[str, str]:
 
 
 def surface_spoken(surface: str, protocol: str) -> str:
-    """Return the surface of a client; if the surface takes any protocol, with the client's own."""
+    """Return the surface of a client, with the client's protocol if the surface takes any protocol."""
     what, at, where = surface.partition("@")
     return f"{protocol}{at}{where}" if what == ANY else surface
 
 
 def kind(surface: str) -> str:
-    """Return protocol and model of a surface, without its port: ``lx200:autostar``."""
+    """Return protocol and model of a surface without its address, such as ``lx200:autostar``."""
     return surface.partition("@")[0]

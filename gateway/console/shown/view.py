@@ -1,6 +1,6 @@
 """The state of a mount for pages as plain dictionaries, from cached readings: the mount is not asked.
 
-Angles are degrees, azimuth from north through east, times Unix seconds. The sentences are those of ``status``.
+Angles are degrees, azimuth from north through east, times Unix seconds. Texts are those of the command ``status``.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from gateway.mount.safety.admission.contradictions import site_text, time_unknow
 
 #: Decimal places of degrees: 0.04 arcseconds for positions, 0.001 degrees for azimuth and altitude; the rest is noise.
 FINE, COARSE = 5, 3
-#: The operations that the page offers only where the mount has them.
+#: The operations that the page offers only if the mount supports them.
 OFFERED = ("Goto", "Home", "Move", "Park", "Pulse", "SetGuideRate", "SetTracking", "Sync", "TrackRate")
-#: Advice for a terminal, which a page leaves out: it has a button for that.
+#: Advice for a terminal, which is removed for a page, because a page has a button instead.
 RELEASE_ADVICE = " (mount-gateway stop --release)"
 #: The bodies of the solar system that are shown.
 BODIES = ("Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
 
 
 def state(gateway: Gateway, index: int) -> dict[str, Any]:
-    """Return the state of a mount, without what ``ShownMount`` caches, in about 0.1 ms."""
+    """Return the state of a mount without the parts that ``ShownMount`` caches. Takes about 0.1 ms."""
     controller, state = gateway.controller, gateway.state()
     shown, look, status, limits = state.drawn(), state.look, state.look.status, state.policy.limits
     position = None if look.position is None else coordinates(controller, look.position, state.horizontal)
@@ -53,7 +53,7 @@ def state(gateway: Gateway, index: int) -> dict[str, Any]:
 
 
 def in_page_wording(text: str) -> str:
-    """Return a sentence in the page's wording."""
+    """Return a text without advice that only applies to a terminal."""
     return text.replace(RELEASE_ADVICE, "")
 
 
@@ -72,7 +72,7 @@ def abilities(controller: MountController) -> dict[str, Any]:
 
 
 def _park_position(controller: MountController, status: op.Status) -> dict[str, float] | None:
-    """Return where Park leads to; None if only the mount knows that, or if the site is unknown."""
+    """Return the park position; None if only the mount knows it, or if the site is unknown."""
     axes, derived = controller.driver.destination(op.Park()), controller.astrometry
     if axes is None or (status.equatorial and derived.site_clock.site() is None):
         return None
@@ -130,7 +130,7 @@ def _sky(controller: MountController, state: MountState) -> dict[str, Any]:
 
 
 def _goal(controller: MountController, state: MountState) -> dict[str, Any]:
-    """Return the target of the goto under way."""
+    """Return the target of the goto under way; its value is None if there is none."""
     goal: dict[str, Any] | None = None
     if isinstance(state.goal, op.Equatorial):
         goal = {**coordinates(controller, state.goal), "words": state.goal_text}
@@ -141,7 +141,7 @@ def _goal(controller: MountController, state: MountState) -> dict[str, Any]:
 
 
 def _site_and_clock(state: MountState) -> dict[str, Any]:
-    """Return the site and the clock in force, their sources, and contradictions between sources."""
+    """Return the site and the clock that the gateway uses, their sources, and contradictions between sources."""
     time = state.times[0]
     site = None
     if state.sites:
