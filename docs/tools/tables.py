@@ -19,24 +19,33 @@ sys.path.insert(0, str(ROOT))
 
 from docs.tools.checked import checked_table  # noqa: E402
 from docs.tools.mistakes import calls, mistakes, traits  # noqa: E402
-from gateway.app.config.describing import keys, title  # noqa: E402
+from gateway.app.config.describing import header, keys  # noqa: E402
 from gateway.app.config.showing import toml  # noqa: E402
 from gateway.core.errors import MappingError  # noqa: E402
-from gateway.core.wire_log import show  # noqa: E402
+from gateway.core.wire_log import printable  # noqa: E402
 from gateway.diagnostics.command_outcomes import (  # noqa: E402
     MISSING_OUTCOME,
     OUTCOME_MEANINGS,
     MountKind,
+    choose,
+    model_versions,
     outcome,
     remarks,
-    taken,
-    versions,
 )
 from gateway.protocols.base.spec import ProtocolSpec  # noqa: E402
-from gateway.protocols.registry import PROTOCOLS, mounts, pairs, surfaces  # noqa: E402
+from gateway.protocols.registry import PROTOCOLS, drivers, protocol_pairs, surfaces  # noqa: E402
 from gateway.protocols.wireformat.command import Command  # noqa: E402
 from gateway.protocols.wireformat.command_set import CommandSet, load  # noqa: E402
-from gateway.protocols.wireformat.rows import ELSE, KEEPS, LACKS, PRESENTED, UNABLE, UNALIGNED, Source, SurfaceRow  # noqa: E402
+from gateway.protocols.wireformat.rows import (  # noqa: E402
+    ANY_MOUNT,
+    LACKS_PREFIX,
+    PRESENTED_PREFIX,
+    REUSE_DESCRIPTIONS,
+    UNABLE,
+    UNALIGNED,
+    FrameSource,
+    SurfaceRow,
+)
 
 TARGET, KEYS, PROVE = (ROOT / page for page in ("mappings/README.md", "docs/configuration.md", "docs/prove.md"))
 #: They enclose the generated part of a page that is otherwise written by hand.
@@ -102,10 +111,10 @@ that model instead, and the gateway adds what an old version lacks.
 """
 
 
-def wire(source: Source) -> str:
+def wire(source: FrameSource) -> str:
     """Format a request as the manual does."""
     if isinstance(source, str):
-        return show(source.encode("latin-1"))
+        return printable(source.encode("latin-1"))
     return " ".join(str(piece) for piece in source)
 
 
@@ -113,9 +122,9 @@ def text() -> str:
     """Return all tables as Markdown."""
     return (
         _HEAD
-        + "".join(_pair(client, mount) for client, mount in pairs())
+        + "".join(_pair(client, mount) for client, mount in protocol_pairs())
         + _SHARED
-        + "".join(_shared(name) for name in surfaces() if name in mounts())
+        + "".join(_shared(name) for name in surfaces() if name in drivers())
     )
 
 
@@ -127,8 +136,11 @@ def _shared(client: str) -> str:
         "| command | meaning | who answers | remarks |",
         "|---|---|---|---|",
     ]
-    for name, row in protocol.own.items():
-        command, who = protocol.commands[name], f"the mount: {KEEPS[row.keep]}" if row.keep else "the gateway"
+    for name, row in protocol.own_rows.items():
+        command, who = (
+            protocol.commands[name],
+            f"the mount: {REUSE_DESCRIPTIONS[row.keep]}" if row.keep else "the gateway",
+        )
         lines.append(f"| `{_cell(wire(command.request.source))}` | {command.help} | {who} | {_cell(row.why or '')} |")
     return "\n".join(lines) + "\n"
 
@@ -142,7 +154,7 @@ def _pair(client: str, mount: str) -> str:
     lines.append("\n### Models of the mount\n")
     lines += _models(driven, driven.models)
     if protocol.models:
-        lines += ["\n### Presented models\n", BEHIND.get(client, ""), *_models(protocol, protocol.presented)]
+        lines += ["\n### Presented models\n", BEHIND.get(client, ""), *_models(protocol, protocol.presented_models)]
     return "\n".join(lines) + "\n"
 
 
@@ -159,13 +171,15 @@ def _models(protocol: CommandSet, among: Container[str]) -> list[str]:
 def _rows(client: str, mount: str) -> list[str]:
     """Return the lines of a table of all commands."""
     protocol, driven = load(client), load(mount)
-    rows = protocol.surface
+    rows = protocol.surface_rows
     lines = ["| command | meaning | outcome | on the mount | remarks |", "|---|---|---|---|---|"]
-    every = [(driven.of(kind.model), kind) for kind in kinds(driven)]
+    every = [(driven.in_dialect_of(kind.model), kind) for kind in kinds(driven)]
     for name, command in protocol.commands.items():
         row = rows.get(name)
         mounted = ", ".join(dict.fromkeys(f"`{c}`" for one in every for c in sent(row, *one)))
-        asked = f"`{_cell(wire(command.request.source))}`" if command.asked else f"unasked, every {command.pushed:g} s"
+        asked = (
+            f"`{_cell(wire(command.request.source))}`" if command.requested else f"unasked, every {command.pushed:g} s"
+        )
         said = _cell(_remarks(command, row))
         lines.append(f"| {asked} | {command.help} | {_outcomes(row, every)} | {mounted} | {said} |")
     return lines
@@ -197,24 +211,26 @@ def _remarks(command: Command, row: SurfaceRow | None) -> str:
 def sent(row: SurfaceRow | None, mount: CommandSet, kind: MountKind) -> list[str]:
     """Return the mount commands that a row may send, each once; only those that this model and version has."""
     has = mount.commands
-    commands = [c for way in taken(row, mount, kind) for c in way.commands if has[c].known_to(kind.model, kind.version)]
+    commands = [
+        c for way in choose(row, mount, kind) for c in way.commands if has[c].exists_on(kind.model, kind.version)
+    ]
     return list(dict.fromkeys(commands))
 
 
 def kinds(protocol: CommandSet) -> Iterator[MountKind]:
     """Yield every kind of mount that speaks a protocol, the newest versions first."""
-    made = sorted(versions(protocol), key=lambda model: model[2] or (), reverse=True)
+    made = sorted(model_versions(protocol), key=lambda model: model[2] or (), reverse=True)
     for model, _, version in made:
         wedges = (False, True) if protocol.traits(model) != protocol.traits(model, wedge=True) else (False,)
-        states = (True, False) if PROTOCOLS[protocol.name].aligns else (True,)
+        states = (True, False) if PROTOCOLS[protocol.name].has_alignment else (True,)
         yield from (MountKind(model, version, aligned, wedge) for wedge in wedges for aligned in states)
 
 
 def missing(client: str, mount: str) -> list[str]:
     """Return the commands without an outcome on some kind of mount."""
     protocol, driven = load(client), load(mount)
-    every = [(driven.of(kind.model), kind) for kind in kinds(driven)]
-    rows = protocol.surface
+    every = [(driven.in_dialect_of(kind.model), kind) for kind in kinds(driven)]
+    rows = protocol.surface_rows
     return [
         name for name in protocol.commands if any(outcome(rows.get(name), *one) == MISSING_OUTCOME for one in every)
     ]
@@ -229,7 +245,7 @@ def _of_protocol(spec: ProtocolSpec) -> Iterator[str]:
 
 
 def _of_dialects(spec: ProtocolSpec) -> Iterator[str]:
-    for tables in dict.fromkeys(map(spec.commands.of, spec.commands.dialects)):
+    for tables in dict.fromkeys(map(spec.commands.in_dialect_of, spec.commands.dialect_by_model)):
         yield from mistakes(tables)
 
 
@@ -239,13 +255,13 @@ def problems() -> Iterator[str]:
         if wrong := [mistake for spec in PROTOCOLS.values() for mistake in look(spec)]:
             yield from wrong
             return
-    known = {UNALIGNED, UNABLE, ELSE} | {word for name in mounts() for word in traits(load(name))}
+    known = {UNALIGNED, UNABLE, ANY_MOUNT} | {word for name in drivers() for word in traits(load(name))}
     for client in surfaces():
-        for name, row in load(client).surface.items():
+        for name, row in load(client).surface_rows.items():
             for word in {word for words in row.outcomes for word in words.split()} - known:
-                if not word.startswith((PRESENTED, LACKS)):
+                if not word.startswith((PRESENTED_PREFIX, LACKS_PREFIX)):
                     yield f"mappings/{client}/surface.toml: [{name}]: outcome: no mount is {word!r}"
-    for client, mount in pairs():
+    for client, mount in protocol_pairs():
         for name in missing(client, mount):
             yield f"mappings/{client}/surface.toml: [{name}]: it has no outcome on a {mount} mount"
     for page, fresh in generated():
@@ -257,10 +273,10 @@ def keys_table() -> str:
     """Return every key as a Markdown table."""
     lines = ["| table | key | what it says | it is | default |", "|---|---|---|---|---|"]
     for name in ("", "mount", "surface", "console", "mqtt"):
-        head = f"`{title(name)}`" if name else ""
+        head = f"`{header(name)}`" if name else ""
         for key in keys(name):
             default = "needed" if key.required else "" if key.default is None else f"`{toml(key.default)}`"
-            lines.append(f"| {head} | `{key.name}` | {key.description} | {key.right} | {default} |")
+            lines.append(f"| {head} | `{key.name}` | {key.description} | {key.allowed} | {default} |")
     return "\n".join(lines) + "\n"
 
 

@@ -11,31 +11,31 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import msgspec
 
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
-from gateway.app.config.programs import as_fields, first_bytes, hold, open_needs, programs, stops_arrows, with_needs
+from gateway.app.config.programs import as_fields, first_bytes, hold, programs, stops_arrows, unmet_needs, with_needs
 from gateway.app.config.tables import ConsoleConfig
 from gateway.app.watchdog.client import Watchdog, WatchedMount
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
-from gateway.clients.access import AccessRules, Networks, networks
+from gateway.clients.access import AccessRules, Networks, parse_networks
 from gateway.clients.profiles import ClientProfile, EquinoxConverter, SurfaceBinding
 from gateway.clients.reply_pace import HARDWARE_REPLY_TIME, paced
 from gateway.mount.controller import MountController
 from gateway.mount.policy import Limits, Policy
 from gateway.mount.shutdown import stop_commands
 from gateway.protocols.base.frames import Framer
-from gateway.protocols.base.reply_rules import PlainReplies, Replies
-from gateway.protocols.base.session import Shared
+from gateway.protocols.base.reply_rules import ReplyParser, TableReplyParser
+from gateway.protocols.base.session import SharedSettings
 from gateway.protocols.base.spec import DriverSettings, MadeDriver, SurfaceSettings
 from gateway.protocols.registry import ANY, PROTOCOLS, surface_protocols
 from gateway.transport import Accept, Listener, open_port
 from gateway.transport.http_wire import HttpWire, request_bytes
 from gateway.transport.listening import WEB_SERVED
-from gateway.transport.tcp import exposed
+from gateway.transport.tcp import is_exposed
 from gateway.transport.web_server import WebPort, WebServer
-from gateway.transport.wires import SerialTransport, Transport, on_the_wire
+from gateway.transport.wires import SerialTransport, Transport, bytes_on_wire
 
 if TYPE_CHECKING:
-    from gateway.clients.any_protocol.acceptor import AnyAcceptor
+    from gateway.clients.any_protocol.acceptor import AnyProtocolAcceptor
 
 MakeFramer = Callable[[], Framer]
 
@@ -47,7 +47,7 @@ def make_driver(
     make = PROTOCOLS[endpoint.protocol].make_driver
     assert make is not None  # by the check of the configuration
     settings = DriverSettings(
-        **_of_keys(config, DriverSettings)
+        **_fields_from_config(config, DriverSettings)
         | {
             "model": endpoint.model,
             "version": endpoint.version,
@@ -73,9 +73,9 @@ def _speed_factor(endpoint: Endpoint, speed: float, warn: Callable[[str], None] 
 
 
 def make_surface(
-    endpoint: Endpoint, config: SurfaceConfig, limits: Limits, guides: str | None = None
+    endpoint: Endpoint, config: SurfaceConfig, limits: Limits, guide_directions: str | None = None
 ) -> SurfaceBinding:
-    """Make the surface for a port; ``guides`` is ``guide-directions`` of the mount. Raises UserError."""
+    """Make the surface for a port; ``guide_directions`` is ``guide-directions`` of the mount. Raises UserError."""
     spec = PROTOCOLS[endpoint.protocol]
     assert spec.make_surface is not None  # every protocol has one
     made = spec.make_surface(
@@ -86,20 +86,20 @@ def make_surface(
             config.sync_text,
             limits,
             config.equinox or spec.equinox,
-            config.degree or ("0xDF" if beside_hardware(endpoint.where) else "*"),
+            config.degree or ("0xDF" if is_hardware_port(endpoint.where) else "*"),
         )
     )
-    directions = config.guide_directions or guides or spec.guides_by
+    directions = config.guide_directions or guide_directions or spec.guides_by
     return SurfaceBinding(
         spec.title,
         made.surface,
         spec.framing,
-        spec.opening,
+        spec.opening_pattern,
         made.model,
         msgspec.structs.replace(made.settings, guides_by_sky=directions == "sky"),
         default_equinox=spec.equinox,
-        stops_arrows=stops_arrows(endpoint.protocol, config.client),
-        fit=made.fit,
+        releases_by_stop=stops_arrows(endpoint.protocol, config.client),
+        fit=made.fit_model,
     )
 
 
@@ -109,20 +109,20 @@ async def open_surface(endpoint: Endpoint, surface: SurfaceConfig, accept: Accep
     if endpoint.where == WEB_SERVED:
         return WebPort()
     if spec is None or spec.web is None:
-        seconds = HARDWARE_REPLY_TIME if beside_hardware(endpoint.where) else 0.0
+        seconds = HARDWARE_REPLY_TIME if is_hardware_port(endpoint.where) else 0.0
         if surface.reply_after is not None:
             seconds = surface.reply_after / 1000.0
         return await open_port(endpoint.where, paced(accept, seconds), surface.baud)
     return await web.listen(endpoint.where)
 
 
-def beside_hardware(address: str) -> bool:
+def is_hardware_port(address: str) -> bool:
     """Whether programs use this address like a telescope's serial port, and not as a plain network connection."""
     return not address.startswith("tcp://") and address not in (WEB_SERVED, "-")
 
 
 #: Accepts the connections of a surface.
-Acceptor: TypeAlias = "ConnectionAcceptor | AnyAcceptor"
+Acceptor: TypeAlias = "ConnectionAcceptor | AnyProtocolAcceptor"
 
 
 class AcceptorFactory:
@@ -136,7 +136,7 @@ class AcceptorFactory:
         controller: MountController,
         mount: Endpoint,
         config: MountConfig,
-        shared_state: Shared,
+        shared_state: SharedSettings,
         clock: Callable[[], float],
         sky: Sky,
         warn: Callable[[str], None],
@@ -149,40 +149,40 @@ class AcceptorFactory:
         self.bindings: list[tuple[str, SurfaceBinding]] = []
         self.native_bindings: list[SurfaceBinding] = []
 
-    def make(self, number: int, endpoint: Endpoint, surface: SurfaceConfig) -> Acceptor:
-        """Make the acceptor of a surface; ``number`` counts surfaces from 1. Raises UserError."""
+    def make(self, surface_number: int, endpoint: Endpoint, surface: SurfaceConfig) -> Acceptor:
+        """Make the acceptor of a surface; ``surface_number`` counts surfaces from 1. Raises UserError."""
         if endpoint.protocol != ANY:
-            return self._make_for(number, endpoint, surface)
+            return self._make_one(surface_number, endpoint, surface)
         speaking, titles = {}, ", ".join(PROTOCOLS[name].title for name in surface_protocols(ANY))
         for protocol in surface_protocols(ANY):
             part = with_needs(msgspec.structs.replace(surface, at=f"{protocol}@{endpoint.where}"))
-            speaking[protocol] = self._make_for(number, Endpoint(protocol, endpoint.where), part, titles)
-        from gateway.clients.any_protocol.acceptor import AnyAcceptor
+            speaking[protocol] = self._make_one(surface_number, Endpoint(protocol, endpoint.where), part, titles)
+        from gateway.clients.any_protocol.acceptor import AnyProtocolAcceptor
 
-        return AnyAcceptor(speaking, self._web)
+        return AnyProtocolAcceptor(speaking, self._web)
 
-    def _make_for(
-        self, number: int, endpoint: Endpoint, surface: SurfaceConfig, titles: str = ""
+    def _make_one(
+        self, surface_number: int, endpoint: Endpoint, surface: SurfaceConfig, protocol_titles: str = ""
     ) -> ConnectionAcceptor:
-        """Make the acceptor of one protocol. ``titles`` lists all protocols of the surface, if several."""
-        entry, bind = access(surface, self._config), partial(self._bind, endpoint, surface, titles)
+        """Make the acceptor of one protocol. ``protocol_titles`` lists all protocols of the surface, if several."""
+        entry, bind = access_rules(surface, self._config), partial(self._bind, endpoint, surface, protocol_titles)
         later = endpoint.where == WEB_SERVED and endpoint.protocol != self._mount.protocol  # with the web server
-        made, where, only = bind if later else bind(), endpoint.where, not titles
+        made, where, only = bind if later else bind(), endpoint.where, not protocol_titles
         return ConnectionAcceptor(
-            self._controller, made, self._shared_state, self._clock, number, entry, where, self._warn, only
+            self._controller, made, self._shared_state, self._clock, surface_number, entry, where, self._warn, only
         )
 
-    def _bind(self, endpoint: Endpoint, surface: SurfaceConfig, titles: str) -> SurfaceBinding:
+    def _bind(self, endpoint: Endpoint, surface: SurfaceConfig, protocol_titles: str) -> SurfaceBinding:
         binding = make_surface(endpoint, surface, self._config.limits, self._config.guide_directions)
-        binding.surface.verbatim = endpoint.protocol == self._mount.protocol
+        binding.surface.mount_speaks_same = endpoint.protocol == self._mount.protocol
         if presents_mount(self._mount, endpoint):
             binding = msgspec.structs.replace(binding, fit=None)
             self.native_bindings.append(binding)
         binding = msgspec.structs.replace(
             binding,
-            titles=titles or binding.titles,
+            protocol_titles=protocol_titles or binding.protocol_titles,
             equinox=self._j2000 if (surface.equinox or binding.default_equinox) == "j2000" else None,
-            by_model=None if surface.equinox else self._j2000,
+            model_equinox=None if surface.equinox else self._j2000,
             profiles=tuple(profiles(endpoint.protocol, surface, self._j2000)),
             hold=hold(surface, endpoint.protocol, surface.client),
         )
@@ -190,28 +190,28 @@ class AcceptorFactory:
         return binding
 
 
-def framer_and_replies(protocol: str, model: str | None = None) -> tuple[MakeFramer, Replies]:
+def framer_and_replies(protocol: str, model: str | None = None) -> tuple[MakeFramer, ReplyParser]:
     """Return the factory of a protocol's framer, and the parser of a mount's replies.
 
     The replies of some models differ: ``model`` is the mount's, None if it is not known.
     """
     spec = PROTOCOLS[protocol]
     if spec.reply_rules is None:
-        return spec.framing, PlainReplies(spec.commands)
-    return spec.framing, spec.reply_rules(model) if model in spec.commands.dialects else spec.reply_rules()
+        return spec.framing, TableReplyParser(spec.commands)
+    return spec.framing, spec.reply_rules(model) if model in spec.commands.dialect_by_model else spec.reply_rules()
 
 
 def policy(config: MountConfig) -> Policy:
     """Return the operator's settings in the form that the controller takes."""
-    return Policy(**_of_keys(config, Policy) | {"own_park": config.park is not None})
+    return Policy(**_fields_from_config(config, Policy) | {"own_park": config.park is not None})
 
 
-def _of_keys(config: MountConfig, settings: type[msgspec.Struct]) -> dict[str, Any]:
+def _fields_from_config(config: MountConfig, settings: type[msgspec.Struct]) -> dict[str, Any]:
     """Return the configured values for those fields of ``settings`` that have the name of a key."""
     return {name: getattr(config, name) for name in settings.__struct_fields__ if hasattr(config, name)}
 
 
-def access(surface: SurfaceConfig, config: MountConfig) -> AccessRules:
+def access_rules(surface: SurfaceConfig, config: MountConfig) -> AccessRules:
     """Return the access rules of a surface: networks, read-only, connection limit, hibernation. Raises UserError."""
     return AccessRules(*access_networks(surface), surface.max_clients, config.hibernate)
 
@@ -219,20 +219,20 @@ def access(surface: SurfaceConfig, config: MountConfig) -> AccessRules:
 def access_networks(config: SurfaceConfig | ConsoleConfig) -> tuple[Networks | None, bool | Networks]:
     """Return the networks that may connect (None: all), and those that may only read. Raises UserError."""
     looks = config.read_only
-    allowed = None if config.allow is None else networks(config.allow)
-    return allowed, looks if isinstance(looks, bool) else networks(looks)
+    allowed = None if config.allow is None else parse_networks(config.allow)
+    return allowed, looks if isinstance(looks, bool) else parse_networks(looks)
 
 
-def exposure_warning(address: str, surface: SurfaceConfig, reachable: Callable[[str], Sequence[IPv4Network]]) -> str:
+def exposure_warning(address: str, surface: SurfaceConfig, networks_of: Callable[[str], Sequence[IPv4Network]]) -> str:
     """Return the warning for a port that other computers can reach; empty if there is nothing to warn of.
 
-    ``reachable`` gives the networks of the addresses that the gateway prints for phones.
+    ``networks_of`` gives the networks of the addresses that the gateway prints for phones.
     """
-    if not exposed(address):
+    if not is_exposed(address):
         return ""
-    reached = reachable(address)
+    reached = networks_of(address)
     if surface.allow is not None:
-        allowed = networks(surface.allow)
+        allowed = parse_networks(surface.allow)
         outside = [
             network
             for network in reached
@@ -251,34 +251,35 @@ def exposure_warning(address: str, surface: SurfaceConfig, reachable: Callable[[
 def profiles(protocol: str, surface: SurfaceConfig, j2000: EquinoxConverter) -> Iterator[ClientProfile]:
     """Yield a profile for each program that a surface recognises by its first bytes."""
     for first, program in first_bytes(surface).items():
-        needs = as_fields(open_needs(surface, program))
+        needs = as_fields(unmet_needs(surface, program))
         equinox = j2000 if needs.pop("equinox", None) == "j2000" else None
         row = programs(protocol)[program]
         yield ClientProfile(first, row.name, needs, equinox, hold(surface, protocol, program), row.stops_arrows)
 
 
-def watched(
+def add_watch(
     watchdog: Watchdog,
     title: str,
     lock: Path | None,
     controller: Callable[[], MountController],
-    stopped: Callable[[], None],
+    on_stop: Callable[[], None],
 ) -> WatchedMount:
     """Register the mount with the watchdog process. ``controller`` is called only once something moves."""
 
     @cache
-    def sent(url: str, protocol: str, command: bytes) -> bytes:
-        over_http = PROTOCOLS[protocol].over_http
-        return on_the_wire(url, command) if over_http is None else request_bytes(url, over_http(url).request(command))
+    def encode_for_wire(url: str, protocol: str, command: bytes) -> bytes:
+        over_http = PROTOCOLS[protocol].make_http_dialect
+        return bytes_on_wire(url, command) if over_http is None else request_bytes(url, over_http(url).request(command))
 
-    def commands() -> list[bytes]:
+    def stop_bytes() -> list[bytes]:
         line, driver = controller().line, controller().driver
         return [
-            sent(line.wire.name, driver.protocol.name, command) for command in stop_commands(driver, line.reply_rules)
+            encode_for_wire(line.wire.name, driver.protocol.name, command)
+            for command in stop_commands(driver, line.reply_rules)
         ]
 
-    return watchdog.mount(
-        title, lock, commands, lambda: controller().reconciler.busy, stopped, lambda: controller().watch.on_clear_path
+    return watchdog.watch(
+        title, lock, stop_bytes, lambda: controller().reconciler.busy, on_stop, lambda: controller().watch.on_clear_path
     )
 
 
@@ -287,14 +288,14 @@ def presents_mount(mount: Endpoint, surface: Endpoint) -> bool:
 
     A mount whose model speaks a dialect of the protocol is presented as a standard model instead.
     """
-    other = mount.model in PROTOCOLS[mount.protocol].commands.dialects
+    other = mount.model in PROTOCOLS[mount.protocol].commands.dialect_by_model
     return mount.protocol == surface.protocol and surface.model is None and surface.version is None and not other
 
 
 def configure_binding(controller: MountController, binding: SurfaceBinding) -> None:
     """Make a surface present the model and version that the mount itself has reported."""
-    binding.model.update(controller.driver.presented())
-    binding.surface.as_written = controller.line.reply_rules.as_written
+    binding.model.update(controller.driver.presented_model())
+    binding.surface.as_written = controller.line.reply_rules.in_mount_notation
 
 
 def make_transport(mount: Endpoint, config: MountConfig, watchdog_mount: WatchedMount | None) -> Transport:
@@ -303,6 +304,6 @@ def make_transport(mount: Endpoint, config: MountConfig, watchdog_mount: Watched
         from gateway.app.simulated import simulated_transport
 
         return simulated_transport(mount, config)
-    if (over_http := PROTOCOLS[mount.protocol].over_http) is not None:
+    if (over_http := PROTOCOLS[mount.protocol].make_http_dialect) is not None:
         return HttpWire(mount.where, over_http(mount.where), watchdog_mount)
     return SerialTransport(mount.where, config.baud, watchdog_mount)

@@ -12,19 +12,19 @@ from typing import TYPE_CHECKING
 from gateway.app.bindings import (
     Acceptor,
     AcceptorFactory,
+    add_watch,
     configure_binding,
     exposure_warning,
     make_driver,
     make_transport,
     open_surface,
     policy,
-    watched,
 )
 from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
-from gateway.app.config.endpoints import shown
+from gateway.app.config.endpoints import device_text
 from gateway.app.config.programs import with_needs
-from gateway.app.control.orders import halt
-from gateway.app.control.server import Control
+from gateway.app.control.orders import carry_out_stop
+from gateway.app.control.server import ControlServer
 from gateway.app.discovery.offer import reachable_networks
 from gateway.app.mount_state import MountState, mount_state
 from gateway.app.state.file import MarkerContent
@@ -42,9 +42,9 @@ from gateway.mount.controller import MountController
 from gateway.mount.link.line import MountLink
 from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.reply_rules import ReplyRules
-from gateway.protocols.base.session import Shared
-from gateway.system.computer_clock import Kernel
-from gateway.system.locks import Claim
+from gateway.protocols.base.session import SharedSettings
+from gateway.system.computer_clock import ClockCheck
+from gateway.system.locks import NameClaim
 from gateway.system.runtime_folders import folders
 from gateway.transport import Listener
 from gateway.transport.listening import WEB_SERVED, split_address
@@ -83,13 +83,13 @@ class Gateway:
         self.bindings: list[tuple[str, SurfaceBinding]] = []
         #: The web server; several gateways of a process may share it. It waits until the ports are open.
         self.web, self.ports_ready = WebServer(), asyncio.Event()
-        self.surfaces_fitted = asyncio.Event()
+        self.models_presented = asyncio.Event()
         self._controller: MountController | None = None
         self.store: StateStore | None = None
-        self.control: Control | None = None
-        self.mount_claim: Claim | None = None
+        self.control: ControlServer | None = None
+        self.mount_claim: NameClaim | None = None
 
-    def open_store(self) -> None:
+    def open_state_store(self) -> None:
         """Read the state that the previous run saved, and open the store. Raises UserError if the mount is in use."""
         self.mount_claim = claim(self.mount, self.warn)
         marked = MarkerContent(str(self.mount), self.config.baud)
@@ -98,7 +98,7 @@ class Gateway:
     async def open(self) -> None:
         """Open the ports of the surfaces and the line to the mount. Raises UserError."""
         if self.store is None:
-            self.open_store()
+            self.open_state_store()
         self._connect_watchdog()
         wire = make_transport(self.mount, self.config, self.watchdog_mount)
         self.prepare(lambda reply_rules, wire_log: MountLink(wire, reply_rules, wire_log))
@@ -109,33 +109,33 @@ class Gateway:
                 await self.close()
                 raise
         for port, acceptor in zip(self.ports, self.acceptors, strict=True):
-            acceptor.set_address(port.where)  # with the number of the port that was really opened
+            acceptor.set_address(port.address)  # with the number of the port that was really opened
         self.ports_ready.set()
-        self.begin()
+        self.open_line()
         await self._open_control()
 
     def _connect_watchdog(self) -> None:
         """Let the watchdog process stop the mount if this process cannot. A simulated mount ends with this process."""
         if self.watchdog is not None and self.mount.where != "sim":
             lock = self.store.lock_path if self.store is not None else None
-            self.watchdog_mount = watched(self.watchdog, self.title, lock, lambda: self.controller, self._was_stopped)
+            self.watchdog_mount = add_watch(self.watchdog, self.title, lock, lambda: self.controller, self._on_watchdog)
 
-    def _was_stopped(self) -> None:
+    def _on_watchdog(self) -> None:
         """Continue after the watchdog process has stopped the mount because this process did not run for a while."""
         self.warn(
             f"{self.title}: this gateway did not run for a while and its watchdog process stopped the mount; "
             "the gateway continues from where the mount is now"
         )
-        self.controller.line.check_again()  # another process has sent something on the same port
+        self.controller.line.check_line_again()  # another process has sent something on the same port
         self.controller.begin_stop()
 
     def prepare(self, make_line: Callable[[ReplyRules, WireLog], MountLink]) -> None:
         """Assemble all parts; this opens nothing yet."""
         config, loop = self.config, asyncio.get_running_loop()
         driver, follow_ups, reply_rules = make_driver(self.mount, config, loop.time, self.warn)
-        shared = Shared() if self.store is None else self.store.shared
+        shared = SharedSettings() if self.store is None else self.store.shared
         site = op.Place(*config.site) if config.site else None
-        site_clock = SiteClock(loop.time, self.clock, site, config.computer_clock, Kernel() if self.store else None)
+        site_clock = SiteClock(loop.time, self.clock, site, config.computer_clock, ClockCheck() if self.store else None)
         line = make_line(reply_rules, self.wire_log)
         context = Context(driver, policy(config), self.wire_log, line, self.sky, site_clock)
         announcers = [part.before_motion for part in (self.watchdog_mount, self.store) if part is not None]
@@ -157,7 +157,7 @@ class Gateway:
         for binding in bindings:
             configure_binding(self.controller, binding)
 
-    def begin(self) -> None:
+    def open_line(self) -> None:
         """Open the line and identify the mount."""
         self.controller.start()
         self.controller.spawn(self.present_fitting_model())
@@ -166,7 +166,7 @@ class Gateway:
         """Open the control endpoint for ``mount-gateway stop`` and the other commands."""
         assert self.store is not None
         where = [self.store.directory, *folders()[0]]
-        self.control = Control(where, self.store.name, str(self.mount), self.carry_out, self.config.name or "")
+        self.control = ControlServer(where, self.store.name, str(self.mount), self.carry_out, self.config.name or "")
         try:
             await self.control.open()
         except OSError as error:
@@ -179,8 +179,8 @@ class Gateway:
         """Carry out a request of a person. A stop loads nothing from a disk that may be broken."""
         if isinstance(request, StopOrHold):
             assert self.store is not None
-            return await halt(request, self.controller, self.store)
-        return await self.request_handler.take(request)
+            return await carry_out_stop(request, self.controller, self.store)
+        return await self.request_handler.carry_out(request)
 
     async def present_fitting_model(self) -> None:
         """When the mount is identified, present a model that fits it on surfaces for which the user named none."""
@@ -194,7 +194,7 @@ class Gateway:
         for _, binding in self.bindings:
             if binding.fit is not None:
                 binding.model.update(binding.fit(equatorial, self.controller.driver.german, self.controller.driver.gps))
-        self.surfaces_fitted.set()
+        self.models_presented.set()
 
     @cached_property
     def request_handler(self) -> RequestHandler:
@@ -208,10 +208,10 @@ class Gateway:
         programs = [host for acceptor in self.acceptors for host in acceptor.present_hosts()]
         return mount_state(self.controller, self.config.name or "", str(self.mount), programs)
 
-    def cautions(self) -> Iterator[str]:
+    def start_warnings(self) -> Iterator[str]:
         """Yield the warnings for the user, after the start: earlier they would hide the reason if the start fails."""
         for port, surface in zip(self.ports, self.surfaces, strict=True):
-            if warning := exposure_warning(port.where, surface, reachable_networks):
+            if warning := exposure_warning(port.address, surface, reachable_networks):
                 yield warning
         if self.store is not None and self.store.other_gateway:
             yield self.store.other_gateway
@@ -220,19 +220,19 @@ class Gateway:
         """Return one ``PROTOCOL:MODEL@WHERE`` per open port, followed by the mount's name if it has one."""
         name = f" {self.config.name}" if self.config.name else ""
         return [
-            f"{shown(endpoint.protocol, acceptor.model)}@{port.where}{name}"
+            f"{device_text(endpoint.protocol, acceptor.model)}@{port.address}{name}"
             for endpoint, acceptor, port in zip(self.endpoints, self.acceptors, self.ports, strict=False)
-            if port.where != WEB_SERVED
+            if port.address != WEB_SERVED
         ]
 
-    def served(self) -> Iterator[tuple[str, WebDevice]]:
+    def web_devices(self) -> Iterator[tuple[str, WebDevice]]:
         """Yield, for each surface, its protocol and the device that the web server offers at the surface's port."""
         for endpoint, acceptor, port in zip(self.endpoints, self.acceptors, self.ports, strict=True):
-            number = split_address(port.where)[1] if "://" in port.where else 0
+            number = split_address(port.address)[1] if "://" in port.address else 0
             yield endpoint.protocol, WebDevice(acceptor.accept, self.title, self.wire_log, number)
 
     @property
-    def prepared(self) -> bool:
+    def is_prepared(self) -> bool:
         """Whether ``prepare`` has assembled the gateway."""
         return self._controller is not None
 
@@ -243,20 +243,20 @@ class Gateway:
         return self._controller
 
     @property
-    def taken(self) -> str:
+    def mount_taken_message(self) -> str:
         """A sentence that another gateway has this mount; empty if none is known to have it."""
         return taken_message(self.title, self.store.holder) if self.store is not None and self.store.holder else ""
 
     @property
-    def unopened(self) -> str:
+    def open_failure(self) -> str:
         """Why the mount's port cannot be opened, or which other gateway has it; empty if the port can be opened."""
-        why = self.controller.line.unopened
-        return why and (self.taken or f"{self.title}: {why}")
+        why = self.controller.line.open_error
+        return why and (self.mount_taken_message or f"{self.title}: {why}")
 
     @property
     def busy(self) -> bool:
         """Whether the mount moves or is about to move by an order of this gateway."""
-        return self.prepared and self.controller.reconciler.busy
+        return self.is_prepared and self.controller.reconciler.busy
 
     @property
     def title(self) -> str:
@@ -267,8 +267,8 @@ class Gateway:
         """Wait until the mount is identified; return whether that happened within ``seconds``."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(seconds):
-                await self.surfaces_fitted.wait()
-        return self.surfaces_fitted.is_set()
+                await self.models_presented.wait()
+        return self.models_presented.is_set()
 
     async def close(self) -> None:
         """Stop motion, and close the ports and the line."""
@@ -277,7 +277,7 @@ class Gateway:
                 await self.ports.pop().close()
             await self.web.close()
         finally:  # the mount is stopped even if closing a port failed
-            if self.prepared:
+            if self.is_prepared:
                 await self.controller.close()
             if self.store is not None:
                 await self.store.close()

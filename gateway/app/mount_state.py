@@ -17,12 +17,12 @@ from msgspec.structs import replace
 from gateway.app.status import State, StatusLine, format_position
 from gateway.core import operations as op
 from gateway.core.wire_log import Notice
-from gateway.mount.motion.wanted import ByHand, Slew, Wanted
+from gateway.mount.motion.wanted import HandMove, Slew, Wanted
 from gateway.mount.policy import Policy
 from gateway.mount.presence import HostActivity
 from gateway.mount.safety.admission.contradictions import Contradiction, contradictions, site_text
 from gateway.mount.safety.hour_angle import NO_LIMIT_MESSAGE, can_enforce_hour_angle
-from gateway.mount.site.site_clock import Site, Time
+from gateway.mount.site.site_clock import SourcedSite, SourcedTime
 
 if TYPE_CHECKING:
     from gateway.mount.controller import MountController
@@ -44,27 +44,27 @@ class MountState(Struct, frozen=True, dict=True):
     mount: str
     identity: op.Identity | None
     title: str
-    pier: str
+    pier_side: str
     german: bool | None
-    pier_kept: bool
+    can_enforce_hour_angle: bool
     horizontal: op.Horizontal | None
     wanted: Wanted
     goal: op.Equatorial | op.Horizontal | None
-    sun_ahead: str
-    doubt: str
+    sun_warning: str
+    sync_warning: str
     policy: Policy
-    sites: tuple[Site, ...]
-    times: tuple[Time, ...]
+    sites: tuple[SourcedSite, ...]
+    times: tuple[SourcedTime, ...]
     programs: tuple[str, ...]
-    reply: float
-    answers: int
+    reply_time: float
+    reply_count: int
     refusals: int
     notices: tuple[Notice, ...]
-    sky: str
+    sky_source: str
     now: float
-    clock: float
+    unix_time: float
 
-    def drawn(self, surfaces: Sequence[str] = ()) -> State:
+    def to_state(self, surfaces: Sequence[str] = ()) -> State:
         """Return the state as texts for ``status``. Of several ``surfaces``, orders name the one they came by."""
         identity = self.identity
         return State(
@@ -72,24 +72,24 @@ class MountState(Struct, frozen=True, dict=True):
             self.mount,
             *((identity.product, identity.model, identity.version) if identity else ("", "", "")),
             tuple(self._orders(surfaces)),
-            tuple(self._allowed()),
+            tuple(self._limit_texts()),
             self.site,
             self.time,
             tuple(sorted(self.programs)),
-            self.reply,
-            self.answers,
-            tuple(self._lately()),
+            self.reply_time,
+            self.reply_count,
+            tuple(self._recent_event_texts()),
             title=self.title,
-            sky=self.sky,
+            sky=self.sky_source,
         )
 
     @cached_property
-    def site_doubts(self) -> list[Contradiction]:
+    def site_contradictions(self) -> list[Contradiction]:
         """The reports of other sources that differ from the site in use."""
         return list(contradictions(self.sites, self.times[:1]))
 
     @cached_property
-    def clock_doubts(self) -> list[Contradiction]:
+    def clock_contradictions(self) -> list[Contradiction]:
         """The reports of other sources that differ from the time in use."""
         return list(contradictions((), self.times))
 
@@ -98,7 +98,7 @@ class MountState(Struct, frozen=True, dict=True):
         """The site in use, its source and what contradicts it; empty if no site is known."""
         if not self.sites:
             return ""
-        doubts = "".join(f"; {doubt.other}: {doubt.remedy}" for doubt in self.site_doubts)
+        doubts = "".join(f"; {doubt.short_text}: {doubt.remedy}" for doubt in self.site_contradictions)
         return f"{site_text(self.sites[0].place)}, from {self.sites[0].who.rstrip(',')}{doubts}"
 
     @property
@@ -109,8 +109,8 @@ class MountState(Struct, frozen=True, dict=True):
             moment = datetime.datetime.fromtimestamp(best.unix, datetime.UTC)
         except (OverflowError, OSError, ValueError):  # a mount may report any year
             return ""
-        doubts = "".join(f"; {doubt.line}" for doubt in self.clock_doubts)
-        return f"{moment:%Y-%m-%d %H:%M:%S} UTC, from {best.who}{doubts}"
+        doubts = "".join(f"; {doubt.warning_line}" for doubt in self.clock_contradictions)
+        return f"{moment:%Y-%m-%d %H:%M:%S} UTC, from {best.source_text}{doubts}"
 
     @property
     def goal_text(self) -> str:
@@ -122,31 +122,31 @@ class MountState(Struct, frozen=True, dict=True):
     def _orders(self, surfaces: Sequence[str]) -> Iterator[str]:
         """Yield the orders under way, with the clients that gave them, and the waiting orders."""
 
-        def asked(by: HostActivity | None, asked_at: float) -> str:
-            number = 0 if by is None or len(surfaces) < 2 or by.who.startswith("pty:") else by.program.surface
+        def origin(by: HostActivity | None, asked_at: float) -> str:
+            number = 0 if by is None or len(surfaces) < 2 or by.host.startswith("pty:") else by.program.surface_number
             on = f" at {surfaces[number - 1]}" if 0 < number <= len(surfaces) else ""
-            return f", asked for {self.now - asked_at:.0f} s ago" + (f" by {by.who}{on}" if by is not None else "")
+            return f", asked for {self.now - asked_at:.0f} s ago" + (f" by {by.host}{on}" if by is not None else "")
 
         wanted, motion = self.wanted, self.wanted.motion
-        if wanted.owed:
+        if wanted.stop_owed:
             yield "a stop, which the mount has not acknowledged yet"
         if isinstance(motion, Slew):
             home = "the way to its park position" if isinstance(motion.operation, op.Park) else "the way home"
-            yield (f"a goto to {self.goal_text}" if self.goal else home) + asked(motion.by, motion.since)
+            yield (f"a goto to {self.goal_text}" if self.goal else home) + origin(motion.client, motion.began_at)
         elif self.look.slewing:
             yield "it slews, but not for this gateway: perhaps by its hand control"
-        yield from filter(None, (wanted.short, self.sun_ahead, self.doubt))
-        for axis, moving in motion if isinstance(motion, ByHand) else ():
+        yield from filter(None, (wanted.failure, self.sun_warning, self.sync_warning))
+        for axis, moving in motion if isinstance(motion, HandMove) else ():
             tube = self.look.status is not None and not self.look.status.equatorial
-            yield _arrow(moving.operation, axis, tube) + asked(moving.by, moving.since)
+            yield _arrow(moving.operation, axis, tube) + origin(moving.client, moving.began_at)
         for order in wanted.pending:
             if not order.follow_up and order.number != wanted.active:
-                yield f"{order.operation.title()}, not begun yet{asked(order.by, order.since)}"
+                yield f"{order.operation.title()}, not begun yet{origin(order.client, order.came_at)}"
 
-    def _allowed(self) -> Iterator[str]:
+    def _limit_texts(self) -> Iterator[str]:
         limits = self.policy.limits
-        yield from (limits if self.pier_kept else replace(limits, hour_angle=None)).as_text()
-        if limits.hour_angle is not None and not self.pier_kept:
+        yield from (limits if self.can_enforce_hour_angle else replace(limits, hour_angle=None)).as_text()
+        if limits.hour_angle is not None and not self.can_enforce_hour_angle:
             yield NO_LIMIT_MESSAGE
         if limits.by_page:
             yield "narrowed by a page of the console, until the gateway ends"
@@ -154,15 +154,15 @@ class MountState(Struct, frozen=True, dict=True):
         if self.look.held:
             yield "held: nothing moves it until it is released (mount-gateway stop --release)"
 
-    def _lately(self) -> Iterator[str]:
+    def _recent_event_texts(self) -> Iterator[str]:
         """Yield refusals and actions of the gateway in the last minute; repeated messages are counted."""
         counted: dict[tuple[str, str], tuple[int, float]] = {}
         for notice in self.notices:
-            if self.clock - notice.time <= RECENT_AGE:
+            if self.unix_time - notice.time <= RECENT_AGE:
                 key = notice.side, notice.text
                 counted[key] = (counted.pop(key, (0, 0.0))[0] + 1, notice.time)
         for (side, text), (count, at) in list(counted.items())[-MAX_RECENT_EVENTS:]:
-            yield f"{self.clock - at:.0f} s ago, {side}: {text}{f' ({count} times)' if count > 1 else ''}"
+            yield f"{self.unix_time - at:.0f} s ago, {side}: {text}{f' ({count} times)' if count > 1 else ''}"
 
 
 def mount_state(
@@ -174,14 +174,14 @@ def mount_state(
     product, model = (identity.product, identity.model) if identity else ("", "")
     position: op.Equatorial | None = readings.value(op.Position)
     line, wanted, run_on = controller.line, controller.wanted, controller.context.run_on
-    ends = wanted.owed or run_on.value is not None
+    ends = wanted.stop_owed or run_on.current is not None
     # A mount that ran on after a stop seemed to be moved at its keys, until its position showed rest.
-    others = controller.watch.moved_by_others and controller.watch.others.seen_at > run_on.rested
-    by_hand = bool(wanted.axes) or (others and not ends)
+    others = controller.watch.moved_by_others and controller.watch.others_watch.last_seen_at > run_on.rested_at
+    by_hand = bool(wanted.axes_moved_by_hand) or (others and not ends)
     look = StatusLine(
-        name or (mount if identity is None else model or product), line.state, line.reason, position,
-        readings.age(op.Position, now), controller.slewing, by_hand, readings.last(op.GetStatus), len(programs),
-        0.0, driver.asleep, controller.hold.on, ends, run_on.unknown, driver.parked,
+        name or (mount if identity is None else model or product), line.state, line.down_cause, position,
+        readings.age(op.Position, now), controller.slewing, by_hand, readings.last_or_forgotten(op.GetStatus),
+        len(programs), 0.0, driver.asleep, controller.hold.is_on, ends, run_on.motion_unknown, driver.parked,
     )  # fmt: skip
     sites, times = tuple(controller.sources.sites()), tuple(controller.sources.times())
     return MountState(
@@ -189,25 +189,25 @@ def mount_state(
         mount=mount,
         identity=identity,
         title=driver.protocol.title(product, model),
-        pier=readings.value(op.PierSide) or "",
+        pier_side=readings.value(op.PierSide) or "",
         german=driver.german,
-        pier_kept=identity is None or can_enforce_hour_angle(controller.context),
-        horizontal=astrometry.horizon(position) if sites and position is not None else None,
+        can_enforce_hour_angle=identity is None or can_enforce_hour_angle(controller.context),
+        horizontal=astrometry.horizontal(position) if sites and position is not None else None,
         wanted=wanted.value,
         goal=_goal(controller),
-        sun_ahead=controller.sun_ahead.warning,
-        doubt=controller.synced.doubt,
+        sun_warning=controller.sun_approach_watch.warning,
+        sync_warning=controller.synced.resync_reason,
         policy=controller.policy,
         sites=sites,
         times=times,
         programs=tuple(programs),
-        reply=line.times.typical_rtt,
-        answers=line.times.answers,
-        refusals=controller.wire_log.refusals,
-        notices=tuple(controller.wire_log.recent),
-        sky=astrometry.sky.source(times[0].unix),
+        reply_time=line.times.typical_rtt,
+        reply_count=line.times.reply_count,
+        refusals=controller.wire_log.refusal_count,
+        notices=tuple(controller.wire_log.recent_notices),
+        sky_source=astrometry.sky.calculation_source(times[0].unix),
         now=now,
-        clock=controller.wire_log.clock(),
+        unix_time=controller.wire_log.clock(),
     )
 
 
@@ -215,7 +215,7 @@ def _goal(controller: MountController) -> op.Equatorial | op.Horizontal | None:
     motion = controller.wanted.value.motion
     operation = motion.operation if isinstance(motion, Slew) else None
     if isinstance(operation, op.Goto):
-        return controller.astrometry.from_mount(op.Equatorial(operation.ra, operation.dec))
+        return controller.astrometry.from_mount_equinox(op.Equatorial(operation.ra, operation.dec))
     return (
         op.Horizontal(operation.az, operation.alt) if isinstance(operation, op.GotoHorizontal | op.GotoAxes) else None
     )
@@ -225,9 +225,9 @@ def _goal(controller: MountController) -> op.Equatorial | op.Horizontal | None:
 _TUBE_DIRECTIONS = {"north": "up", "south": "down", "east": "left", "west": "right"}
 
 
-def _arrow(operation: op.Move | op.MoveAxis, axis: int, tube: bool) -> str:
-    """Return the text for an arrow: with ``tube`` up, down, left or right (alt-azimuth), else as on the sky."""
+def _arrow(operation: op.Move | op.MoveAxis, axis: int, moves_tube: bool) -> str:
+    """Return the text for an arrow: with ``moves_tube`` up, down, left or right (alt-azimuth), else as on the sky."""
     if isinstance(operation, op.Move):
-        word = operation.direction.word
-        return f"an arrow {_TUBE_DIRECTIONS[word] if tube else word}"
+        word = operation.direction.label
+        return f"an arrow {_TUBE_DIRECTIONS[word] if moves_tube else word}"
     return f"motor {axis} {'forwards' if operation.sense > 0 else 'backwards'}"

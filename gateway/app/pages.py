@@ -3,7 +3,7 @@
 The files are read once at the start; a path to any other file is not served. A page's modules are sent as one file. Its
 style sheets and plain scripts are in the page itself, admitted by their digests, so the page needs few round trips. The
 path of its files contains a digest of all of them: a browser caches them for a year, and an update changes the path.
-Only the server's own page may send requests (``for_own_page``).
+Only the server's own page may send requests (``require_own_page``).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from aiohttp import web
 from gateway.clients.access import AccessRules
 from gateway.core.wire_log import WireLog
 from gateway.system.own_names import host_of
-from gateway.transport.http_requests import READ_ONLY, addressed_here, local_address, turned_away
+from gateway.transport.http_requests import READ_ONLY_KEY, is_for_this_computer, local_address, log_refused_request
 
 _IMPORT_LINE = re.compile(r'^import\s+(?:\*\s+as\s+(\w+)|(\{[^}]*\}))\s+from\s+"([^"]+)";', re.M)
 _DYNAMIC_IMPORT = re.compile(r'\bimport\("([^"]+)"\)')
@@ -34,8 +34,8 @@ _COMMENT = re.compile(r"^[ \t]*(?://.*|/\*\*(?:.|\n)*?\*/[ \t]*)\n", re.M)
 _UNBUNDLED_LINE = re.compile(r"^(?:import|export)\b.*", re.M)
 
 
-def scripts(texts: Mapping[str, str], main_path: str, at: str) -> str:
-    """Return the script ``main_path`` and all that it imports as one module, served in the folder ``at``.
+def bundle_scripts(texts: Mapping[str, str], main_path: str, folder: str) -> str:
+    """Return the script ``main_path`` and all that it imports as one module, served in the folder ``folder``.
 
     Nothing is compiled; lines of comments are left out. Every module becomes a function that is called when it is first
     needed. A module may have imports only at the beginning of a line, no default exports, no circular imports, and no
@@ -46,7 +46,7 @@ def scripts(texts: Mapping[str, str], main_path: str, at: str) -> str:
     exports: dict[str, set[str]] = {}
     under_way: list[str] = []
 
-    def visit(path: str) -> int:
+    def add_module(path: str) -> int:
         if path in under_way:
             raise ValueError(f"{path} imports itself: {' > '.join(under_way)}")
         if path in bodies:
@@ -54,30 +54,32 @@ def scripts(texts: Mapping[str, str], main_path: str, at: str) -> str:
         under_way.append(path)
         text = _COMMENT.sub("", texts[path])
 
-        def of(other: str) -> str:
-            return posixpath.normpath(posixpath.join(posixpath.dirname(path), other))
+        def locate(relative_path: str) -> str:
+            return posixpath.normpath(posixpath.join(posixpath.dirname(path), relative_path))
 
         def imported(match: re.Match[str]) -> str:
             whole, some, other = match.groups()
-            number = visit(of(other))
+            number = add_module(locate(other))
             names = [name.split(" as ") for name in " ".join((some or "{}")[1:-1].split()).split(",")]
-            exports[of(other)] |= {name[0].strip() for name in names if name[0].strip()}
+            exports[locate(other)] |= {name[0].strip() for name in names if name[0].strip()}
             picked = ", ".join(": ".join(map(str.strip, name)) for name in names)
             return f"const {whole or f'{{ {picked} }}'} = get({number});"
 
         text = _IMPORT_LINE.sub(imported, text)
-        text = _DYNAMIC_IMPORT.sub(lambda match: f"Promise.resolve().then(() => get({visit(of(match[1]))}))", text)
+        text = _DYNAMIC_IMPORT.sub(
+            lambda match: f"Promise.resolve().then(() => get({add_module(locate(match[1]))}))", text
+        )
         exports.setdefault(path, set()).update(name for _, name in _EXPORT_LINE.findall(text))
         text = _EXPORT_LINE.sub(r"\1", text)
         text = re.sub(r"^export (?=const\b)", "", text, flags=re.M)
         if unknown := _UNBUNDLED_LINE.search(text):
             raise ValueError(f"{path}: {unknown[0]}")
-        relative = posixpath.relpath(path, at or ".")
+        relative = posixpath.relpath(path, folder or ".")
         bodies[path] = text.replace("import.meta.url", f'new URL("{relative}", import.meta.url)')
         under_way.pop()
         return len(bodies) - 1
 
-    number = visit(main_path)
+    number = add_module(main_path)
     parts = [
         f"// {path}\n() => {{\n{body}\nreturn {{ {', '.join(sorted(exports[path]))} }};\n}},\n"
         for path, body in bodies.items()
@@ -102,7 +104,7 @@ _PORT_RULES: web.AppKey[Mapping[int, AccessRules]] = web.AppKey("rules of ports"
 _TEXTS = {kind for suffix, kind in TYPES.items() if suffix not in (".png", ".mp4")}
 #: In a page: the addresses of its own files, its style sheets and plain scripts, and the script of its modules.
 _LINKS = re.compile(r'\b(href|src)="([\w./-]+\.\w+)"')
-_INLINE = re.compile(r'<(?:link rel="stylesheet" href|script src)="([^"]+)">(?:</script>)?')
+_INLINABLE = re.compile(r'<(?:link rel="stylesheet" href|script src)="([^"]+)">(?:</script>)?')
 _SCRIPT = re.compile(r'<script type="module" src="([^"]+)">')
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
@@ -131,36 +133,36 @@ class Pages:
         self._compressed: dict[str, bytes] = {}
         digest = hashlib.sha256(b"".join(body for _, (body, _) in sorted(self._files.items())))
         self._files_path = f"files/{digest.hexdigest()[:16]}/"
-        self._policy = HEADERS[CSP_HEADER]
-        self._index = self._in_one(self._files["index.html"][0].decode())
+        self._csp = HEADERS[CSP_HEADER]
+        self._index = self._bundle_page(self._files["index.html"][0].decode())
 
-    def _in_one(self, page: str) -> str:
+    def _bundle_page(self, page: str) -> str:
         """Return the page with its style sheets and plain scripts in it, and its modules as one file."""
         texts = {name: body.decode() for name, (body, kind) in self._files.items() if kind in _TEXTS}
 
-        def script(match: re.Match[str]) -> str:
+        def bundle_module(match: re.Match[str]) -> str:
             folder = match[1].rpartition("/")[0]
             bundle = f"{folder}/all.js" if folder else "all.js"
-            self._files[bundle] = scripts(texts, match[1], folder).encode(), TYPES[".js"]
+            self._files[bundle] = bundle_scripts(texts, match[1], folder).encode(), TYPES[".js"]
             return match[0].replace(match[1], bundle)
 
-        def inside(match: re.Match[str]) -> str:
+        def inline_file(match: re.Match[str]) -> str:
             text, tag = (
                 texts[match[1].removeprefix(self._files_path)],
                 "style" if match[1].endswith(".css") else "script",
             )
             digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
-            self._policy = self._policy.replace(f"{tag}-src 'self'", f"{tag}-src 'self' 'sha256-{digest}'")
+            self._csp = self._csp.replace(f"{tag}-src 'self'", f"{tag}-src 'self' 'sha256-{digest}'")
             return f"<{tag}>{text}</{tag}>"
 
-        return _INLINE.sub(inside, _LINKS.sub(rf'\1="{self._files_path}\2"', _SCRIPT.sub(script, page)))
+        return _INLINABLE.sub(inline_file, _LINKS.sub(rf'\1="{self._files_path}\2"', _SCRIPT.sub(bundle_module, page)))
 
     async def index(self, request: web.Request, **texts: str) -> web.Response:
         """Return the page with each ``{{name}}`` replaced by its value."""
         page = self._index
         for name, word in texts.items():
             page = page.replace(f"{{{{{name}}}}}", html.escape(word))
-        headers = {"Cache-Control": "no-store", CSP_HEADER: self._policy}
+        headers = {"Cache-Control": "no-store", CSP_HEADER: self._csp}
         return await self._answer(request, page, page.encode(), TYPES[".html"], headers)
 
     async def file(self, request: web.Request) -> web.StreamResponse:
@@ -173,32 +175,32 @@ class Pages:
         return await self._answer(request, name, *self._files[name], {"Cache-Control": control})
 
     async def _answer(
-        self, request: web.Request, name: str, body: bytes, kind: str, headers: dict[str, str]
+        self, request: web.Request, name: str, body: bytes, mime: str, headers: dict[str, str]
     ) -> web.Response:
         """Return a body, a text compressed if the browser accepts that; ``name`` is the key of the compressed copy."""
-        if kind in _TEXTS:
+        if mime in _TEXTS:
             headers["Vary"] = "Accept-Encoding"
             if "gzip" in request.headers.get("Accept-Encoding", ""):
                 headers["Content-Encoding"] = "gzip"
                 if name not in self._compressed:  # milliseconds, in which clients would wait
                     self._compressed[name] = await asyncio.to_thread(gzip.compress, body, 6, mtime=0)
                 body = self._compressed[name]
-        return web.Response(body=body, content_type=kind, charset="utf-8" if kind in _TEXTS else None, headers=headers)
+        return web.Response(body=body, content_type=mime, charset="utf-8" if mime in _TEXTS else None, headers=headers)
 
 
 def application(
-    names: Sequence[str] = (), logs: Sequence[WireLog] = (), ports: Mapping[int, AccessRules] = MappingProxyType({})
+    hosts: Sequence[str] = (), logs: Sequence[WireLog] = (), ports: Mapping[int, AccessRules] = MappingProxyType({})
 ) -> web.Application:
     """Return an application that refuses requests with a foreign Host header; ``logs`` record those refusals.
 
-    ``names`` are further host names by which clients may call it; ``ports`` are the access rules by port.
+    ``hosts`` are further host names by which clients may call it; ``ports`` are the access rules by port.
     """
 
     @web.middleware
     async def admit(request: web.Request, handler: Handler) -> web.StreamResponse:
         try:
-            if not addressed_here(request, names):
-                turned_away(request, "it uses a name for this computer that is not in names", logs)
+            if not is_for_this_computer(request, hosts):
+                log_refused_request(request, "it uses a name for this computer that is not in names", logs)
                 raise web.HTTPForbidden(reason=FOREIGN_HOST_ANSWER)
             response = await handler(request)
         except web.HTTPException as error:
@@ -210,7 +212,7 @@ def application(
 
     app = web.Application(middlewares=[admit], client_max_size=MAX_BODY)
     app[_PORT_RULES] = ports
-    app[READ_ONLY] = lambda request: rules_of(request).is_read_only(request.remote or "")
+    app[READ_ONLY_KEY] = lambda request: rules_of(request).is_read_only(request.remote or "")
     return app
 
 
@@ -219,7 +221,7 @@ def rules_of(request: web.Request) -> AccessRules:
     return request.app[_PORT_RULES].get(local_address(request)[1], AccessRules())
 
 
-def for_own_page(handler: Handler, refusal: Callable[[web.Request], str] = lambda request: "") -> Handler:
+def require_own_page(handler: Handler, refusal: Callable[[web.Request], str] = lambda request: "") -> Handler:
     """Return a handler for the server's own page only; ``refusal`` returns why a request is refused, or an empty text.
 
     A foreign page in the same browser could send requests to this server, or resolve its own name to this computer (DNS

@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from gateway.app.config import Endpoint, MountConfig
 from gateway.core.errors import UserError
 from gateway.protocols.mechanics.simulated import Simulated
-from gateway.protocols.registry import PROTOCOLS, simulators
+from gateway.protocols.registry import PROTOCOLS, simulated_protocols
 from gateway.transport import Accept, Listener, open_port
 from gateway.transport.baud import SerialPace
 from gateway.transport.wires import DEFAULT_BAUD, SimulatedTransport
@@ -52,7 +52,7 @@ def make_simulator(
     """
     make = PROTOCOLS[endpoint.protocol].make_simulator
     if make is None:
-        raise UserError(f"no {endpoint.protocol} mount can be simulated; {' or '.join(simulators())} can")
+        raise UserError(f"no {endpoint.protocol} mount can be simulated; {' or '.join(simulated_protocols())} can")
     return make(endpoint.model, endpoint.version, clock=clock, site=site, aligned=aligned, speed=speed, **settings)
 
 
@@ -98,7 +98,7 @@ class _SimulatedConnection:
             self._write(answer)
 
     @property
-    def answered(self) -> bool:
+    def all_answered(self) -> bool:
         """Whether every reply has been sent."""
         return not self._delayed_replies
 
@@ -112,7 +112,7 @@ class _SimulatedConnection:
 
 
 async def serve_simulator(
-    simulator: Simulated, places: list[str], latency: float, baud: int | None = None
+    simulator: Simulated, ports: list[str], latency: float, baud: int | None = None
 ) -> list[Listener]:
     """Open ports on which any number of programs connect to one simulated mount.
 
@@ -120,10 +120,10 @@ async def serve_simulator(
     TCP ports are paced at ``baud`` if it is given, else not at all.
     """
 
-    def arrivals(baud: int | None) -> Accept:
+    def accept_at(baud: int | None) -> Accept:
         return lambda connected: _SimulatedConnection(simulator, latency, baud, connected.write)
 
     return [
-        await open_port(place, arrivals(baud or (None if place.startswith(NETWORK_PREFIXES) else DEFAULT_BAUD)), baud)
-        for place in places
+        await open_port(place, accept_at(baud or (None if place.startswith(NETWORK_PREFIXES) else DEFAULT_BAUD)), baud)
+        for place in ports
     ]

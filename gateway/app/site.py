@@ -22,23 +22,23 @@ if TYPE_CHECKING:
 LoadPage = Callable[[], Callable[["web.Application"], object]]
 
 
-async def load_site(
-    gateways: Sequence[Gateway], names: Iterable[str] = (), page: LoadPage | None = None
+async def load_web_application(
+    gateways: Sequence[Gateway], host_names: Iterable[str] = (), load_page: LoadPage | None = None
 ) -> web.Application:
     """Return the application, once the ports of the gateways are open.
 
-    ``names`` are further host names by which clients may call this computer, besides those of the surfaces.
+    ``host_names`` are further host names by which clients may call this computer, besides those of the surfaces.
     """
     for gateway in gateways:
         await gateway.ports_ready.wait()
     # loading takes a quarter of a second, and clients must not wait
-    add_page = await asyncio.to_thread(_load, gateways, page)
+    add_page = await asyncio.to_thread(_load_web_server, gateways, load_page)
     from gateway.app.pages import application
 
-    every = [*names, *(name for gateway in gateways for surface in gateway.surfaces for name in surface.names)]
-    app = application(every, [gateway.wire_log for gateway in gateways], _ports(gateways))
+    every = [*host_names, *(name for gateway in gateways for surface in gateway.surfaces for name in surface.names)]
+    app = application(every, [gateway.wire_log for gateway in gateways], _rules_by_port(gateways))
     for name, spec in PROTOCOLS.items():
-        devices = [device for gateway in gateways for protocol, device in gateway.served() if protocol == name]
+        devices = [device for gateway in gateways for protocol, device in gateway.web_devices() if protocol == name]
         if spec.web is not None and devices:
             spec.web().add_routes(app, devices)
     await asyncio.sleep(0)  # each half takes milliseconds, and clients come between them
@@ -47,35 +47,35 @@ async def load_site(
     return app
 
 
-def _ports(gateways: Sequence[Gateway]) -> dict[int, AccessRules]:
+def _rules_by_port(gateways: Sequence[Gateway]) -> dict[int, AccessRules]:
     """Return the ports of surfaces that speak HTTP, and the access rules of each."""
     return {
-        split_address(port.where)[1]: acceptor.access
+        split_address(port.address)[1]: acceptor.access
         for gateway in gateways
         for endpoint, port, acceptor in zip(gateway.endpoints, gateway.ports, gateway.acceptors, strict=True)
-        if "://" in port.where and (endpoint.protocol == ANY or PROTOCOLS[endpoint.protocol].web is not None)
+        if "://" in port.address and (endpoint.protocol == ANY or PROTOCOLS[endpoint.protocol].web is not None)
     }
 
 
-def _load(gateways: Sequence[Gateway], page: LoadPage | None) -> Callable[[web.Application], object]:
+def _load_web_server(gateways: Sequence[Gateway], load_page: LoadPage | None) -> Callable[[web.Application], object]:
     """Load the web server and the page on a thread, which yields to the event loop five times as often as usual."""
     usual = sys.getswitchinterval()
     sys.setswitchinterval(usual / 5.0)
     try:
         for spec in PROTOCOLS.values():
             if spec.web is not None:
-                spec.web().load()
+                spec.web().load_modules()
         for acceptor in [offered for gateway in gateways for offered in gateway.acceptors]:
             getattr(acceptor, "binding", None)  # makes what is presented to programs that speak HTTP
-        return _add_none if page is None else page()
+        return _add_no_page if load_page is None else load_page()
     finally:
         sys.setswitchinterval(usual)
 
 
-def _add_none(app: web.Application) -> None:
+def _add_no_page(app: web.Application) -> None:
     from aiohttp import web
 
-    async def none(request: web.Request) -> web.StreamResponse:
+    async def answer_not_found(request: web.Request) -> web.StreamResponse:
         return web.Response(status=404, text=NO_PAGE_RESPONSE[1], headers={"Connection": "close"})
 
-    app.add_routes([web.get("/{path:.*}", none)])
+    app.add_routes([web.get("/{path:.*}", answer_not_found)])

@@ -55,7 +55,7 @@ class StatusLine(Struct, frozen=True):
         return self.state in ("up", "busy")
 
 
-class Served(Struct, frozen=True):
+class ServedSurface(Struct, frozen=True):
     """A surface, or the console, with its configured address (``at``) and those for other computers at the moment."""
 
     name: str
@@ -92,7 +92,7 @@ class State(Struct, frozen=True):
     answers: int = 0
     #: Refusals and the gateway's own actions in the last minute.
     lately: tuple[str, ...] = ()
-    served: tuple[Served, ...] = ()
+    served: tuple[ServedSurface, ...] = ()
     folder: str = ""
     unopened: str = ""
     #: The usual name of a mount that reports another name.
@@ -101,7 +101,7 @@ class State(Struct, frozen=True):
     sky: str = ""
 
     @property
-    def found(self) -> str:
+    def identity_text(self) -> str:
         """The identity that the mount reported; empty before that."""
         version = f", version {self.version}" if self.version and self.version != "?" else ""
         return f"{self.title or self.product}, {self.model}{version}" if self.product else ""

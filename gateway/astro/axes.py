@@ -29,7 +29,7 @@ class Observer(NamedTuple):
     longitude: float
     clock_ahead: float = 0.0
 
-    def sidereal(self, now: float) -> float:
+    def lst(self, now: float) -> float:
         """Return the local apparent sidereal time in degrees."""
         return sidereal_time(now + self.clock_ahead, self.longitude)
 
@@ -47,53 +47,53 @@ class Geometry(NamedTuple):
     latitude: float
 
     @property
-    def pole(self) -> int:
+    def ns_sign(self) -> int:
         """+1 if the north pole is above the horizon, -1 if the south pole is."""
         return 1 if self.latitude >= 0 else -1
 
     @property
-    def _zero(self) -> float:
-        return 180.0 if self.build is Build.WEDGE and self.pole > 0 else 0.0
+    def _meridian_reading(self) -> float:
+        return 180.0 if self.build is Build.WEDGE and self.ns_sign > 0 else 0.0
 
-    def sky(self, first: float, second: float) -> Pair:
+    def ha_dec_of_axes(self, axis1: float, axis2: float) -> Pair:
         """Return the hour angle and declination (within the poles) that these axes point at."""
         if self.build is Build.ALTAZ:
-            return horizon_to_hour_angle(first, second, self.latitude)
-        hour_angle, dec = fold_declination(self.pole * (first - self._zero), self.pole * second)
+            return horizon_to_hour_angle(axis1, axis2, self.latitude)
+        hour_angle, dec = fold_declination(self.ns_sign * (axis1 - self._meridian_reading), self.ns_sign * axis2)
         return wrap180(hour_angle), dec
 
-    def unfolded(self, first: float, second: float, flipped: bool) -> Pair:
-        """Like ``sky``, but a polar mount driven past the pole has a declination beyond 90 degrees."""
+    def unfolded_ha_dec(self, axis1: float, axis2: float, flipped: bool) -> Pair:
+        """Like ``ha_dec_of_axes``, but a polar mount driven past the pole has a declination beyond 90 degrees."""
         if self.build is Build.ALTAZ:
-            return self.sky(first, second)
+            return self.ha_dec_of_axes(axis1, axis2)
         if flipped:
-            first, second = first + 180.0, 180.0 - second
-        return wrap180(self.pole * (first - self._zero)), wrap180(self.pole * second)
+            axis1, axis2 = axis1 + 180.0, 180.0 - axis2
+        return wrap180(self.ns_sign * (axis1 - self._meridian_reading)), wrap180(self.ns_sign * axis2)
 
     def axes(self, hour_angle: float, dec: float, flipped: bool) -> Pair:
         """Return the axis positions for a direction, on either side of the pier (``flipped``)."""
         if self.build is Build.ALTAZ:
             first, second = hour_angle_to_horizon(hour_angle, dec, self.latitude)
         else:
-            first, second = self.pole * hour_angle + self._zero, self.pole * dec
+            first, second = self.ns_sign * hour_angle + self._meridian_reading, self.ns_sign * dec
         return (first + 180.0, 180.0 - second) if flipped else (first, second)
 
-    def readings(self, position: Pair, reads: Pair, goal: Pair) -> Pair:
+    def axis_readings(self, position: Pair, current: Pair, goal: Pair) -> Pair:
         """Return the axis readings at ``goal``, corrected by the offset that the mount's readings have at ``position``.
 
         ``position`` (the present one) and ``goal`` are hour angles and declinations. The counterweight stays low.
         """
         ways = [self.axes(*position, flipped) for flipped in (False, True)]
-        offsets = [(wrap180(reads[0] - first), wrap180(reads[1] - second)) for first, second in ways]
+        offsets = [(wrap180(current[0] - first), wrap180(current[1] - second)) for first, second in ways]
         offset = min(offsets, key=lambda pair: abs(pair[0]) + abs(pair[1]))
-        first, second = self.axes(*goal, self.other_side(goal[0]))
+        first, second = self.axes(*goal, self.is_flipped(goal[0]))
         return first + offset[0], second + offset[1]
 
-    def other_side(self, hour_angle: float) -> bool:
+    def is_flipped(self, hour_angle: float) -> bool:
         """Whether a German mount reaches this hour angle with its tube on the other side of the pier (``flipped``)."""
-        return self.build is Build.GERMAN and wrap180(self.pole * hour_angle) < 0.0
+        return self.build is Build.GERMAN and wrap180(self.ns_sign * hour_angle) < 0.0
 
-    def travel(self, axis: int, start: float, end: float) -> float:
+    def axis_travel(self, axis: int, start: float, end: float) -> float:
         """Return the degrees by which an axis turns from ``start`` to ``end``: by the shorter way, except that the
         first axis of a German mount goes the way that keeps its counterweight low.
         """

@@ -11,7 +11,7 @@ import re
 import sys
 
 from gateway.cli import suggestions
-from gateway.cli.command_line import COMMANDS, commands_of, parser
+from gateway.cli.command_line import COMMANDS, commands_of, make_parser
 from gateway.core.errors import UserError, explain_os_error
 from gateway.system import garbage, streams
 
@@ -20,8 +20,8 @@ INFORMATION_FLAGS = ("-h", "--help", "--version")
 _LOG_FILTERS = ("program", "mount", "changes", "refusals")
 LOG_VALUES = ("all", "true", "false", *_LOG_FILTERS, "json", *(f"json-{side}" for side in _LOG_FILTERS))
 #: Flags that may have no value -> the values that may follow as a separate word; and the value meant without one.
-CHOICES_OF_BARE_FLAGS = {"--log": LOG_VALUES, "--read-only": ("all", "true")}
-VALUES_OF_BARE_FLAGS = {"--log": "true", "--read-only": "all"}
+CHOICES_BY_BARE_FLAG = {"--log": LOG_VALUES, "--read-only": ("all", "true")}
+DEFAULT_BY_BARE_FLAG = {"--log": "true", "--read-only": "all"}
 #: Commands that take a position on the sky.
 POSITION_COMMANDS = ("goto", "sync")
 #: Maximum length of a message in characters: three lines of a terminal, paths included.
@@ -38,8 +38,8 @@ def main(argv: list[str] | None = None) -> int:
     streams.replace_unencodable()
     code = 0
     try:
-        typed = _protected(sys.argv[1:] if argv is None else argv)
-        arguments = _parsed(typed)
+        typed = _escape_for_argparse(sys.argv[1:] if argv is None else argv)
+        arguments = _parse(typed)
         code = int(arguments.run(arguments) or 0)
     except UserError as error:
         text = str(error)  # a user may have typed a thousand digits
@@ -51,33 +51,33 @@ def main(argv: list[str] | None = None) -> int:
     except SystemExit:  # argparse has printed the help
         if (failed := streams.flush()) is None:
             raise
-        return _stdout_failed(failed, code)
+        return _report_stdout_error(failed, code)
     except OSError as error:
         failed = streams.flush() or (error if streams.is_write_error(error) else None)
         if failed is None:
             raise
-        return _stdout_failed(failed, code)
+        return _report_stdout_error(failed, code)
     failed = streams.flush()
-    return code if failed is None else _stdout_failed(failed, code)
+    return code if failed is None else _report_stdout_error(failed, code)
 
 
-def _parsed(typed_words: list[str]) -> argparse.Namespace:
+def _parse(typed_words: list[str]) -> argparse.Namespace:
     """Parse the words of the command line. Raises UserError, and SystemExit after printing help."""
     if not typed_words:
         raise UserError("which command? mount-gateway demo needs no mount; mount-gateway --help lists all of them")
     typed_words = suggestions.normalized_help(typed_words)
     if typed_words[0] not in (*COMMANDS, *INFORMATION_FLAGS):
-        raise suggestions.unknown_command(typed_words[0], commands_of(parser()))
-    arguments, left = parser(typed_words[:1]).parse_known_args(typed_words)
+        raise suggestions.unknown_command_error(typed_words[0], commands_of(make_parser()))
+    arguments, left = make_parser(typed_words[:1]).parse_known_args(typed_words)
     if left:
-        every = commands_of(parser())
-        raise suggestions.unexpected_words(
+        every = commands_of(make_parser())
+        raise suggestions.unexpected_words_error(
             left, every[typed_words[0]], [other for name, other in every.items() if name != typed_words[0]]
         )
     return arguments
 
 
-def _stdout_failed(error: Exception, code: int) -> int:
+def _report_stdout_error(error: Exception, code: int) -> int:
     """Report that stdout could not be written, and return the exit code: ``code`` if its reader closed the pipe."""
     if isinstance(error, BrokenPipeError):
         return code
@@ -86,7 +86,7 @@ def _stdout_failed(error: Exception, code: int) -> int:
     return 2
 
 
-def _protected(argv: list[str]) -> list[str]:
+def _escape_for_argparse(argv: list[str]) -> list[str]:
     """Rewrite words that argparse would misunderstand.
 
     ``--site -33.9,151.2`` becomes ``--site=-33.9,151.2``, because argparse takes a value with a minus for a flag. A
@@ -97,13 +97,13 @@ def _protected(argv: list[str]) -> list[str]:
     rewritten: list[str] = []
     alone = ""
     for word in argv:
-        if word in CHOICES_OF_BARE_FLAGS.get(alone, ()):
+        if word in CHOICES_BY_BARE_FLAG.get(alone, ()):
             rewritten[-1], alone = f"{alone}={word}", ""
             continue
         if alone == "--log" and re.fullmatch(r"\w[\w-]*", word) and not os.path.exists(word):
             raise UserError(f"--log has no {word!r}; write one of {', '.join(LOG_VALUES)}")
-        alone = word if word in CHOICES_OF_BARE_FLAGS else ""
-        word = f"{word}={VALUES_OF_BARE_FLAGS[word]}" if alone else word
+        alone = word if word in CHOICES_BY_BARE_FLAG else ""
+        word = f"{word}={DEFAULT_BY_BARE_FLAG[word]}" if alone else word
         if rewritten and re.fullmatch(r"--[a-z-]+", rewritten[-1]) and re.match(r"-[\d.]", word):
             rewritten[-1] += f"={word}"
         elif rewritten and rewritten[0] in POSITION_COMMANDS and re.match(r"-[\d.]", word):

@@ -14,7 +14,7 @@ from importlib import import_module
 from itertools import groupby
 from typing import Any, NoReturn, TypeAlias
 
-from gateway.cli.suggestions import example, in_plain_words
+from gateway.cli.suggestions import first_example, plain_message
 from gateway.core.about import full_version
 from gateway.core.errors import UserError
 
@@ -31,7 +31,7 @@ valid; no gateway runs, or it refused (status, goto, sync, move, park, unpark)
 says what is wrong and where
 """
 
-FILES_HELP = """\
+ENDPOINTS_HELP = """\
 PROTOCOL@WHERE, in full PROTOCOL[:MODEL[/VERSION]]@WHERE, names a mount, or a surface: the place where programs connect.
 The gateway asks a mount for its model, and presents one that fits to programs.
   PROTOCOL  of a mount: lx200 (Meade, OnStep, TeenAstro), nexstar (Celestron, Sky-Watcher), alpaca (any ASCOM Alpaca \
@@ -52,7 +52,7 @@ Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 _EPILOG_ROW = r"( +\S.*?)( {2,})(\S.*)"
 
 
-def _row(line: str, width: int) -> list[str]:
+def _wrap_row(line: str, width: int) -> list[str]:
     """Wrap a row of an epilog: its second column stays aligned, and a wrapped command can be pasted into a shell."""
     if len(line) <= width:
         return [line]
@@ -61,15 +61,15 @@ def _row(line: str, width: int) -> list[str]:
     if first.startswith("  mount-gateway "):
         below = indent + "    "
         joined = re.sub(r"( --[a-z-]+) (?=[^-])", "\\1\0", first)  # a flag stays with its value
-        command = [part.replace("\0", " ") for part in _wrapped(joined, width - 2, "", below + "    ")]
+        command = [part.replace("\0", " ") for part in _wrap_text(joined, width - 2, "", below + "    ")]
         lines = [f"{part} \\" for part in command[:-1]] + command[-1:]
-        return lines + (_wrapped(rest, width, below, below) if rest else [])
-    return _wrapped(
+        return lines + (_wrap_text(rest, width, below, below) if rest else [])
+    return _wrap_text(
         rest or line.strip(), width, first + gap if rest else indent, " " * len(first + gap) if rest else indent
     )
 
 
-def _wrapped(text: str, width: int, first: str, others: str) -> list[str]:
+def _wrap_text(text: str, width: int, first: str, others: str) -> list[str]:
     import textwrap  # help alone needs it
 
     return textwrap.wrap(
@@ -77,7 +77,7 @@ def _wrapped(text: str, width: int, first: str, others: str) -> list[str]:
     )
 
 
-class Layout(argparse.HelpFormatter):
+class HelpLayout(argparse.HelpFormatter):
     """Lays out descriptions and epilogs: a line that begins with a blank is a row of its own."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
@@ -85,14 +85,14 @@ class Layout(argparse.HelpFormatter):
         for wrapped, group in groupby(text.splitlines(), lambda line: line[:1] in ("", " ")):
             lines = list(group)
             filled += (
-                [part for line in lines for part in _row(line, width)]
+                [part for line in lines for part in _wrap_row(line, width)]
                 if wrapped
-                else _wrapped(" ".join(lines), width, "", "")
+                else _wrap_text(" ".join(lines), width, "", "")
             )
         return "\n".join(indent + line for line in filled)
 
 
-class _Help(argparse.Action):
+class _HelpAction(argparse.Action):
     """The action of ``--help``: prints the short help, or with ``--help all`` the whole help."""
 
     def __call__(self, parser: argparse.ArgumentParser, _: object, word: Any, __: str | None = None) -> None:
@@ -105,27 +105,27 @@ class _Help(argparse.Action):
 class Parser(argparse.ArgumentParser):
     """A parser that reports a mistake in one line.
 
-    When the user asks for help, ``late_epilog`` makes the text below the flags, and ``more`` the text that ``--help
-    all`` adds. Flags in ``hidden_actions`` are shown only by ``--help all``. Flags in ``elsewhere`` are never shown,
-    because the help of another command explains them.
+    When the user asks for help, ``late_epilog`` makes the text below the flags, and ``more_help`` the text that
+    ``--help all`` adds. Flags in ``hidden_actions`` are shown only by ``--help all``. Flags in ``suppressed`` are never
+    shown, because the help of another command explains them.
     """
 
     def __init__(
-        self, *, late_epilog: Callable[[], str] | None = None, more: Callable[[], str] | None = None, **others: Any
+        self, *, late_epilog: Callable[[], str] | None = None, more_help: Callable[[], str] | None = None, **kwargs: Any
     ) -> None:
         self._width: int | None = 80  # argparse lays out every flag once, and nobody sees it
-        super().__init__(add_help=False, **others)
-        self._late_epilog, self._more_help = late_epilog, more
+        super().__init__(add_help=False, **kwargs)
+        self._late_epilog, self._more_help = late_epilog, more_help
         self.shows_all = False
         self.hidden_actions: Sequence[argparse.Action] = ()
-        self.elsewhere: Sequence[argparse.Action] = ()
-        self.add_argument(*HELP_FLAGS, action=_Help, nargs="?", help=argparse.SUPPRESS)
+        self.suppressed: Sequence[argparse.Action] = ()
+        self.add_argument(*HELP_FLAGS, action=_HelpAction, nargs="?", help=argparse.SUPPRESS)
 
     def format_help(self) -> str:
         """Return the help; if ``shows_all``, with the hidden flags and the additional text."""
         more = self._more_help() if self.shows_all and self._more_help is not None else ""
-        self.epilog, self._width = f"{self._text_below()}\n{more}", None
-        left_out = [*self.elsewhere, *([] if self.shows_all else self.hidden_actions)]
+        self.epilog, self._width = f"{self._epilog_text()}\n{more}", None
+        left_out = [*self.suppressed, *([] if self.shows_all else self.hidden_actions)]
         helps = [action.help for action in left_out]
         for action in left_out:
             action.help = argparse.SUPPRESS
@@ -137,24 +137,24 @@ class Parser(argparse.ArgumentParser):
 
     def _get_formatter(self) -> argparse.HelpFormatter:
         """Return the formatter of help. Only help that is shown looks for the terminal's width, which takes 4 ms."""
-        return Layout(self.prog, width=self._width)
+        return HelpLayout(self.prog, width=self._width)
 
     def error(self, message: str) -> NoReturn:
-        raise UserError(in_plain_words(message, self.prog, example(self._text_below(), self.prog)))
+        raise UserError(plain_message(message, self.prog, first_example(self._epilog_text(), self.prog)))
 
     def _get_option_tuples(self, option_string: str) -> Any:
         """Return the flags that a word abbreviates. ``--name``, a key that has no flag, does not mean ``--names``."""
         return [] if option_string.partition("=")[0] == "--name" else super()._get_option_tuples(option_string)
 
-    def _text_below(self) -> str:
+    def _epilog_text(self) -> str:
         return self._late_epilog() if self._late_epilog is not None else self.epilog or ""
 
 
-def endpoints() -> str:
+def endpoints_help() -> str:
     """Return the help on endpoints (``PROTOCOL@WHERE``), with the list of all models."""
     from gateway.core.tables import mappings_folder, read_table
 
-    lines = [FILES_HELP + "models:"]
+    lines = [ENDPOINTS_HELP + "models:"]
     for models in sorted(mappings_folder().glob("*/models.toml")):
         protocol = models.parent.name
         lines.append(f"  {protocol:<9} {' '.join(read_table(f'{protocol}/models.toml'))}")
@@ -205,13 +205,13 @@ the exit codes.
 """
 
 
-def listed(group: str) -> str:
+def group_help(group: str) -> str:
     """Return a group of commands as help shows it."""
     rows = [f"  {name:<11} {summary}" for name, (_, summary) in COMMAND_GROUPS[group].items()]
     return "\n".join([group, *rows, ""])
 
 
-class _Version(argparse.Action):
+class _VersionAction(argparse.Action):
     """The action of ``--version``: looks up the version and prints it."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
@@ -219,26 +219,26 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-class _Commands(argparse._SubParsersAction):  # type: ignore[type-arg]
+class _CommandsAction(argparse._SubParsersAction):  # type: ignore[type-arg]
     """The commands of the parser. Each gets its line of ``COMMAND_GROUPS`` as its help, for the menus of shells."""
 
-    def add_parser(self, name: str, **others: Any) -> Any:
-        return super().add_parser(name, help=COMMANDS[name][1], **others)
+    def add_parser(self, name: str, **parser_options: Any) -> Any:
+        return super().add_parser(name, help=COMMANDS[name][1], **parser_options)
 
 
-def parser(argv: Sequence[str] = ()) -> Parser:
+def make_parser(argv: Sequence[str] = ()) -> Parser:
     """Make the parser of all commands, or of those in ``argv``. If that begins with ``--help``, they get no flags."""
     *shown, rest = COMMAND_GROUPS
     whole = Parser(
         prog="mount-gateway",
         usage="mount-gateway COMMAND [options]",
         description=FIRST_STEPS_HELP,
-        late_epilog=lambda: "\n".join([*map(listed, shown), HELP_EPILOG]),
-        more=lambda: f"{listed(rest)}\n{endpoints()}\n\n{EXIT_CODES_HELP}",
+        late_epilog=lambda: "\n".join([*map(group_help, shown), HELP_EPILOG]),
+        more_help=lambda: f"{group_help(rest)}\n{endpoints_help()}\n\n{EXIT_CODES_HELP}",
     )
-    whole.add_argument("--version", action=_Version, nargs=0, help="print the version and the commit, and exit")
+    whole.add_argument("--version", action=_VersionAction, nargs=0, help="print the version and the commit, and exit")
     commands = whole.add_subparsers(
-        prog=whole.prog, required=True, metavar="COMMAND", action=_Commands, help=argparse.SUPPRESS
+        prog=whole.prog, required=True, metavar="COMMAND", action=_CommandsAction, help=argparse.SUPPRESS
     )
     for name in [name for name in COMMANDS if name in argv] or COMMANDS:
         if argv and argv[0] in HELP_FLAGS:

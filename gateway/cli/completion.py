@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 
-from gateway.cli.command_line import COMMANDS, Commands, parser
+from gateway.cli.command_line import COMMANDS, Commands, make_parser
 from gateway.core.errors import UserError
 
 SHELLS = ("bash", "zsh", "fish")
@@ -38,10 +38,10 @@ def add_completion(commands: Commands) -> None:
         epilog=INSTALL_HELP,
     )
     completion.add_argument("shell", choices=SHELLS, help="your shell")
-    completion.set_defaults(run=lambda arguments: print(script(arguments.shell)))
+    completion.set_defaults(run=lambda arguments: print(completion_script(arguments.shell)))
 
 
-def script(shell: str) -> str:
+def completion_script(shell: str) -> str:
     """Return the completion script of a shell. Raises UserError if shtab is not installed."""
     try:
         import shtab
@@ -50,14 +50,14 @@ def script(shell: str) -> str:
     from gateway.app.config.describing import keys
     from gateway.app.control.objects import BODIES
     from gateway.astro.catalog.names import HIPPARCOS
-    from gateway.diagnostics.command_outcomes import versions
+    from gateway.diagnostics.command_outcomes import model_versions
     from gateway.protocols.registry import PROTOCOLS, usual_ports
     from gateway.protocols.wireformat.command_set import load
 
-    whole = parser()
-    _words(whole)
+    whole = make_parser()
+    _set_short_descriptions(whole)
     few = {f"--{key.name}": key.choices for key in keys("mount") if key.choices}
-    for action in _actions(whole):
+    for action in _all_actions(whole):
         if action.metavar == "FILE":
             action.complete = shtab.FILE  # type: ignore[attr-defined]
         elif action.metavar == "PATH":
@@ -70,23 +70,23 @@ def script(shell: str) -> str:
             action.choices = [
                 f"{name}/{version}" if version else name
                 for protocol in PROTOCOLS
-                for name, version, _ in versions(load(protocol))
+                for name, version, _ in model_versions(load(protocol))
             ]
         elif choices := few.get(action.option_strings[0] if action.option_strings else ""):
             action.choices = choices
     return str(shtab.complete(whole, shell))
 
 
-def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+def _all_actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
     """Yield every flag and argument of every command."""
     for action in parser._actions:
         yield action
         if isinstance(action, argparse._SubParsersAction):
             for command in action.choices.values():
-                yield from _actions(command)
+                yield from _all_actions(command)
 
 
-def _words(parser: argparse.ArgumentParser) -> None:
+def _set_short_descriptions(parser: argparse.ArgumentParser) -> None:
     """Set the short help of each command as its description, because menus of shells show the description."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):

@@ -43,27 +43,27 @@ def add_fleet(commands: Commands) -> None:
         if key.name in MQTT_KEYS:
             fleet.add_argument(f"--{key.name}", default=key.default, metavar=key.metavar, help=key.help)
     fleet.add_argument("--port", type=int, default=PORT, help=f"of the page, on this computer (default {PORT})")
-    fleet.set_defaults(run=_fleet)
+    fleet.set_defaults(run=_run_fleet)
 
 
-def _fleet(arguments: argparse.Namespace) -> int:
+def _run_fleet(arguments: argparse.Namespace) -> int:
     from gateway.app.config.tables import TOPIC_PREFIX_PATTERN
-    from gateway.fleet.client import access
+    from gateway.fleet.client import get_access
 
     if not 0 <= arguments.port <= 65535:
         raise UserError(f"--port {arguments.port}: write a number from 1 to 65535")
     if re.match(TOPIC_PREFIX_PATTERN, arguments.prefix) is None:
         raise UserError(f"--prefix {arguments.prefix!r}: write words of letters, digits and _ . -, with / between")
-    broker_access = access(arguments.mqtt, None, arguments.password_file, arguments.ca)
+    broker_access = get_access(arguments.mqtt, None, arguments.password_file, arguments.ca)
     return asyncio.run(_serve(broker_access, arguments.prefix, arguments.port))
 
 
 async def _serve(access: BrokerAccess, prefix: str, port: int) -> int:
-    from gateway.cli.serve.signals import until_signal
+    from gateway.cli.serve.signals import end_signal_event
     from gateway.console.server import PAGE_FOLDER
     from gateway.fleet.overview.server import Overview
 
-    done, was_there = until_signal(), True
+    done, was_there = end_signal_event(), True
 
     def on_connection(connected: bool, reason: str) -> None:
         nonlocal was_there
@@ -74,7 +74,7 @@ async def _serve(access: BrokerAccess, prefix: str, port: int) -> int:
 
     page = Overview(access, prefix, PAGE_FOLDER, time.time, on_connection)
     await page.open(port)
-    streams.say(f"ready fleet {page.address}")
+    streams.print_line(f"ready fleet {page.address}")
     try:
         await done.wait()
     finally:

@@ -19,12 +19,12 @@ from gateway.clients.profiles import SurfaceBinding
 from gateway.clients.wrong_preset import PresetWatch
 from gateway.core.wire_log import ClientLog
 from gateway.mount.controller import MountController
-from gateway.protocols.base.session import ClientState, Shared
+from gateway.protocols.base.session import ClientState, SharedSettings
 from gateway.transport import ConnectionHandler
-from gateway.transport.handler import Connected
+from gateway.transport.handler import NewConnection
 
 #: Seconds for which the state of a closed connection is saved for the next connection from its host.
-INHERIT_TIME = 60.0
+MAX_STATE_AGE = 60.0
 #: Seconds after its last byte for which a client on a serial line, or one that connects per command, counts as present.
 PRESENCE_TIME = 10.0
 
@@ -37,19 +37,19 @@ class ConnectionAcceptor:
         self,
         controller: MountController,
         binding: SurfaceBinding | Callable[[], SurfaceBinding],
-        shared_state: Shared,
-        host_clock: Callable[[], float],
-        number: int = 1,
+        shared_state: SharedSettings,
+        computer_clock: Callable[[], float],
+        surface_number: int = 1,
         access: AccessRules = AccessRules(),
-        where: str = "",
+        address: str = "",
         warn: Callable[[str], None] = lambda text: None,
-        sends_one_type: bool = True,
+        is_single_protocol: bool = True,
     ) -> None:
-        self.controller, self._bind, self.shared_state, self.clock = controller, binding, shared_state, host_clock
+        self.controller, self._bind, self.shared_state, self.clock = controller, binding, shared_state, computer_clock
         #: The number of the surface, counted from 1.
-        self.number = number
-        self.access, self._admission = access, ClientAdmission(access, number, controller.wire_log)
-        self._address, self._warn, self._one_type = where, warn, sends_one_type
+        self.surface_number = surface_number
+        self.access, self._admission = access, ClientAdmission(access, surface_number, controller.wire_log)
+        self._address, self._warn, self._one_type = address, warn, is_single_protocol
         self._clients: set[CommandProcessor] = set()
         self._saved_states: dict[str, tuple[float, ClientState]] = {}
         self._connections: set[ClientConnection] = set()
@@ -60,11 +60,11 @@ class ConnectionAcceptor:
         return self._bind if isinstance(self._bind, SurfaceBinding) else self._bind()
 
     @cached_property
-    def presets(self) -> PresetWatch:
+    def preset_watch(self) -> PresetWatch:
         """Notices clients in which the user has selected the wrong telescope type."""
         surface = self.binding.surface
         return PresetWatch(
-            self.controller, surface.protocol.name, self.binding.framing, self._address, self._warn, self._one_type
+            self.controller, surface.protocol.name, self.binding.make_framer, self._address, self._warn, self._one_type
         )
 
     @property
@@ -72,39 +72,39 @@ class ConnectionAcceptor:
         """The name of the model that clients see; None if the protocol has no models."""
         return str(self.binding.model["name"]) if self.binding.surface.protocol.models else None
 
-    def accept(self, connected: Connected) -> ConnectionHandler:
+    def accept(self, new_connection: NewConnection) -> ConnectionHandler:
         """Check, log and create a new connection. A refusal is logged once per host. Raises ConnectionRefused."""
-        self._admission.check(connected, self.clients())
-        name, wire_log = connected.name, self.controller.wire_log
-        wire_log.put(name, "+", note=f"surface {self.number}, host {connected.host}")
-        return self.create_silently(connected, lambda: wire_log.put(name, "-"))
+        self._admission.check(new_connection, self.client_hosts())
+        name, wire_log = new_connection.name, self.controller.wire_log
+        wire_log.put(name, "+", note=f"surface {self.surface_number}, host {new_connection.host}")
+        return self.create_connection(new_connection, lambda: wire_log.put(name, "-"))
 
-    def create_silently(
-        self, connected: Connected, on_closed: Callable[[], None] = lambda: None, first_bytes: bytes = b""
+    def create_connection(
+        self, new_connection: NewConnection, on_closed: Callable[[], None] = lambda: None, first_bytes: bytes = b""
     ) -> ConnectionHandler:
         """Create a connection without checking the access rules or logging it.
 
         ``on_closed`` is called at its end. ``first_bytes``: bytes of this client that another handler has answered.
         """
-        binding, controller, host = self.binding, self.controller, connected.host
-        rights = Rights(self.access.is_read_only(host), self.access.hibernate or connected.hang_up is None)
-        log = ClientLog(connected.name, controller.wire_log)
-        session = binding.surface.session(
+        binding, controller, host = self.binding, self.controller, new_connection.host
+        rights = Rights(self.access.is_read_only(host), self.access.may_hibernate or new_connection.hang_up is None)
+        log = ClientLog(new_connection.name, controller.wire_log)
+        session = binding.surface.session_type(
             binding.model,
             binding.settings,
             self.clock,
             self.shared_state,
-            self._saved_state(host) if binding.surface.session.inherits else None,
-            (lambda: log.refused_once("a setting refused: read only")) if rights.read_only else None,
+            self._saved_state(host) if binding.surface.session_type.inherits_settings else None,
+            (lambda: log.log_refusal_once("a setting refused: read only")) if rights.read_only else None,
         )
-        activity = controller.presence.connected(host, self.number)
-        client = CommandProcessor(connected, controller, binding, session, activity, rights)
+        activity = controller.presence.add_connection(host, self.surface_number)
+        client = CommandProcessor(new_connection, controller, binding, session, activity, rights)
         connection = ClientConnection(
-            connected,
+            new_connection,
             client,
             binding,
-            self.presets.listen(connected.name, host),
-            lambda: self._leave(host, client, connection, on_closed),
+            self.preset_watch.start_check(new_connection.name, host),
+            lambda: self._forget_connection(host, client, connection, on_closed),
             lambda: self._save_state(host, client),
             first_bytes,
         )
@@ -112,10 +112,10 @@ class ConnectionAcceptor:
         self._connections.add(connection)
         return connection
 
-    def clients(self) -> list[str]:
+    def client_hosts(self) -> list[str]:
         """Return the hosts of all clients, including disconnected clients whose operations are still under way."""
-        self._clients = {client for client in self._clients if client.is_open or client.busy}
-        return [client.activity.who for client in self._clients]
+        self._clients = {client for client in self._clients if client.is_open or client.has_running_operations}
+        return [client.activity.host for client in self._clients]
 
     def present_hosts(self) -> list[str]:
         """Return the hosts of the clients that seem present.
@@ -126,7 +126,7 @@ class ConnectionAcceptor:
         present = [
             connection.host
             for connection in self._connections
-            if not connection.stays_present or now - connection.last_received_at <= PRESENCE_TIME
+            if not connection.is_serial_line or now - connection.last_received_at <= PRESENCE_TIME
         ]
         return present + [host for host in self.reconnecting_hosts() if host not in connected]
 
@@ -138,18 +138,18 @@ class ConnectionAcceptor:
         return [host for host, (at, _) in self._saved_states.items() if self.controller.now() - at <= PRESENCE_TIME]
 
     def connections(self) -> list[ClientConnection]:
-        return [connection for connection in self._connections if not connection.stranger]
+        return [connection for connection in self._connections if not connection.is_stranger]
 
-    def set_address(self, where: str) -> None:
+    def set_address(self, address: str) -> None:
         """Record the address of the port, with its real port number, once the port is open."""
-        self._address = where
+        self._address = address
 
-    def _leave(
+    def _forget_connection(
         self, host: str, client: CommandProcessor, connection: ClientConnection, on_closed: Callable[[], None]
     ) -> None:
         self._connections.discard(connection)
         on_closed()
-        if connection.stranger:
+        if connection.is_stranger:
             self.controller.presence.forget(client.activity)
             return
         self._save_state(host, client)
@@ -157,12 +157,12 @@ class ConnectionAcceptor:
     def _saved_state(self, host: str) -> ClientState | None:
         """Return the state of the last connection from this host; None if it closed too long ago."""
         at, state = self._saved_states.get(host, (-1e9, None))
-        return state if self.controller.now() - at <= INHERIT_TIME else None
+        return state if self.controller.now() - at <= MAX_STATE_AGE else None
 
     def _save_state(self, host: str, client: CommandProcessor) -> None:
         """The client has disconnected: save its state for the next connection from this host."""
-        if client.activity.closed is None:
-            self.controller.presence.disconnected(client.activity)
+        if client.activity.closed_at is None:
+            self.controller.presence.mark_closed(client.activity)
         self._saved_states[host] = (self.controller.now(), copy(client.session.client))
-        for old in [key for key, (at, _) in self._saved_states.items() if self.controller.now() - at > INHERIT_TIME]:
+        for old in [key for key, (at, _) in self._saved_states.items() if self.controller.now() - at > MAX_STATE_AGE]:
             del self._saved_states[old]

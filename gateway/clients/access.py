@@ -16,14 +16,14 @@ from msgspec import Struct
 from gateway.core.errors import Fault, NotFromNetwork, ReadOnly, UserError
 from gateway.core.operations import AbortMotion, AbortSlew, Focus, Hibernate, Operation, Read, StopAxis
 from gateway.core.wire_log import WireLog
-from gateway.system.file_limits import no_room
-from gateway.transport.handler import Connected, ConnectionRefused
-from gateway.transport.room import share
+from gateway.system.file_limits import no_room_reason
+from gateway.transport.handler import ConnectionRefused, NewConnection
+from gateway.transport.room import max_places_of
 
 Networks = tuple[IPv4Network | IPv6Network, ...]
 
 
-def networks(texts: Sequence[str]) -> Networks:
+def parse_networks(texts: Sequence[str]) -> Networks:
     """Parse networks such as ``192.168.1.0/24`` or single addresses. Raises UserError with the correct form."""
     parsed = []
     for text in texts:
@@ -49,13 +49,14 @@ class AccessRules(Struct, frozen=True):
     """The access rules of a surface.
 
     ``allow``: networks that may connect (None: all). ``read_only``: networks that may only read, or True for all.
-    ``most``: maximum number of clients at a time. ``hibernate``: whether network clients may hibernate the mount.
+    ``max_clients``: maximum number of clients at a time. ``may_hibernate``: whether network clients may hibernate the
+    mount.
     """
 
     allow: Networks | None = None
     read_only: bool | Networks = False
-    most: int = 400
-    hibernate: bool = False
+    max_clients: int = 400
+    may_hibernate: bool = False
 
     def admits(self, host: str) -> bool:
         return self.allow is None or _is_in(host, self.allow)
@@ -76,39 +77,41 @@ class Rights(Struct, frozen=True):
     """The rights of a client: ``read_only``, and whether it may hibernate the mount."""
 
     read_only: bool = False
-    hibernate: bool = True
+    may_hibernate: bool = True
 
     def refusal(self, operation: Operation) -> Refusal | None:
         """Return why the client may not request an operation; None if it may."""
-        if self.read_only and not harmless(operation):
+        if self.read_only and not is_harmless(operation):
             return Refusal(ReadOnly(), "read only")
-        if not self.hibernate and isinstance(operation, Hibernate):
+        if not self.may_hibernate and isinstance(operation, Hibernate):
             return Refusal(NotFromNetwork(), NO_HIBERNATION)
         return None
 
 
 class ClientAdmission:
-    """Decides which connections surface ``number`` accepts. A refused host is logged once and shown in ``status``."""
+    """Decides which connections surface ``surface_number`` accepts. A refused host is logged once and shown in
+    ``status``.
+    """
 
-    def __init__(self, access: AccessRules, number: int, wire_log: WireLog) -> None:
-        self._access, self._count, self._log = access, number, wire_log
+    def __init__(self, access: AccessRules, surface_number: int, wire_log: WireLog) -> None:
+        self._access, self._surface, self._log = access, surface_number, wire_log
 
-    def check(self, new: Connected, connected_hosts: Sequence[str]) -> None:
-        """Raise ConnectionRefused if the host of ``new`` is not allowed, or there are too many clients or open files.
+    def check(self, peer: NewConnection, connected_hosts: Sequence[str]) -> None:
+        """Raise ConnectionRefused if the host of ``peer`` is not allowed, or there are too many clients or open files.
         ``connected_hosts`` contains the host of every client; a serial line needs no further open file.
         """
-        host, most = new.host, self._access.most
+        host, most = peer.host, self._access.max_clients
         if not self._access.admits(host):
             why = "its address is not in allow"
         elif len(connected_hosts) >= most:
             why = f"there are {most} clients (max-clients) already"
-        elif connected_hosts.count(host) >= (part := share(host, most)):
+        elif connected_hosts.count(host) >= (part := max_places_of(host, most)):
             why = f"it has {part} clients already, three quarters of max-clients"
-        elif not new.on_a_line and (full := no_room()):
+        elif not peer.is_serial_line and (full := no_room_reason()):
             why = full
         else:
             return
-        self._log.turned_away(new.name, f"connection from {host} refused on surface {self._count}: {why}", host)
+        self._log.log_rejection(peer.name, f"connection from {host} refused on surface {self._surface}: {why}", host)
         raise ConnectionRefused
 
 
@@ -123,7 +126,7 @@ def _is_in(host: str, networks: Networks) -> bool:
     return any(address in network for network in networks)
 
 
-def harmless(operation: Operation) -> bool:
+def is_harmless(operation: Operation) -> bool:
     """Whether a read-only client may request this: reads, and operations that end a motion."""
     if isinstance(operation, Focus):
         return operation.direction == 0

@@ -12,11 +12,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from gateway.clients.commands.command_processor import CommandProcessor
-from gateway.clients.commands.turn import NO_DEADLINE
+from gateway.clients.commands.turn import BEFORE_ALL_STOPS
 from gateway.clients.profiles import ClientProfile, SurfaceBinding
-from gateway.clients.strangers import Greeting, Piece, StrangerFilter, answer
-from gateway.clients.wrong_preset import FirstCommands
-from gateway.transport.handler import Connected
+from gateway.clients.strangers import Greeting, ReceivedBytes, StrangerFilter, http_answer
+from gateway.clients.wrong_preset import FirstCommandCheck
+from gateway.transport.handler import NewConnection
 from gateway.transport.tcp import READ_BYTES
 
 #: Logged when a connection ends and its first bytes were neither a command nor recognised.
@@ -28,7 +28,7 @@ CATCH_UP_TIME = 5.0
 
 
 #: Processes received bytes. For bytes that waited: the number of stops when they were sent, the time of their arrival.
-Deliver = Callable[[bytes, int | None, float | None], None]
+DeliverBytes = Callable[[bytes, int | None, float | None], None]
 
 
 class Backlog:
@@ -40,14 +40,14 @@ class Backlog:
         self._stop_count: int | None = None
         self._behind_since = self._last_data_at = -1e9
 
-    def stops_before(self, now: float) -> int | None:
+    def stop_count_when_sent(self, now: float) -> int | None:
         """Return the number of stops at the earliest time the next bytes may have been sent; None if not behind."""
         if self._stop_count is not None and now - self._last_data_at > (LATE_TIME if self.is_late else CATCH_UP_TIME):
             self._stop_count, self.is_late = None, False
         self.is_late = self.is_late or (self._stop_count is not None and now - self._behind_since > LATE_TIME)
-        return NO_DEADLINE if self.is_late else self._stop_count
+        return BEFORE_ALL_STOPS if self.is_late else self._stop_count
 
-    def add(self, size: int, now: float, stop_count: int) -> None:
+    def record_read(self, size: int, now: float, stop_count: int) -> None:
         """Record that ``size`` bytes were read at ``now``, after ``stop_count`` stops."""
         if size >= READ_BYTES:
             if self._stop_count is None:
@@ -60,76 +60,76 @@ class Backlog:
 class ClientConnection:
     """A client's connection. Its first bytes identify the client program; on a network they are checked first.
 
-    ``stays_present``: a serial line, whose clients do not visibly connect or disconnect. ``last_received_at``: the loop
-    time of its last bytes. ``first_bytes``: bytes of this client that another handler has answered; they help to
-    identify the program, too.
+    ``is_serial_line``: its clients do not visibly connect or disconnect. ``last_received_at``: the loop time of its
+    last bytes. ``first_bytes``: bytes of this client that another handler has answered; they help to identify the
+    program, too.
     """
 
     def __init__(
         self,
-        connected: Connected,
+        new_connection: NewConnection,
         client: CommandProcessor,
         binding: SurfaceBinding,
-        first_commands: FirstCommands,
+        first_command_check: FirstCommandCheck,
         on_closed: Callable[[], None],
         save_state: Callable[[], None],
         first_bytes: bytes = b"",
     ) -> None:
-        self.client, self._profiles, self._closed = client, binding.profiles, on_closed
-        self.stays_present = connected.on_a_line
+        self.client, self._profiles, self._on_closed = client, binding.profiles, on_closed
+        self.is_serial_line = new_connection.is_serial_line
         self._save_state = save_state
-        self._first_commands: FirstCommands | None = first_commands
-        self._binding, self._hang_up = binding, connected.hang_up
-        self._controller, self._wanted = client.controller, client.controller.wanted
+        self._first_command_check: FirstCommandCheck | None = first_command_check
+        self._binding, self._hang_up = binding, new_connection.hang_up
+        self._controller, self._wanted_state = client.controller, client.controller.wanted
         #: The name of the recognised client program; empty if unknown.
-        self.profile = ""
+        self.program_name = ""
         #: Whether the client is no telescope program.
-        self.stranger = False
-        self.host, self.last_received_at = connected.host, -1e9
+        self.is_stranger = False
+        self.host, self.last_received_at = new_connection.host, -1e9
         self._first_bytes = first_bytes
         self._backlog = Backlog()
         #: Whether its lateness was logged; whether the other end has closed.
-        self._logged_late = self._peer_closed = False
-        self._deliver: Deliver = (
+        self._has_logged_late = self._peer_closed = False
+        self._deliver: DeliverBytes = (
             self._deliver_serial
-            if self.stays_present
-            else self._deliver_recognising
+            if self.is_serial_line
+            else self._deliver_and_recognise
             if binding.profiles
             else client.feed
         )
         self._filter: StrangerFilter | None = None
-        if connected.hang_up is not None:
-            self._filter = StrangerFilter(binding.beginning, self.protocol)
-            self._deliver_after_filter, self._deliver = self._deliver, self._deliver_screened
+        if new_connection.hang_up is not None:
+            self._filter = StrangerFilter(binding.opening_pattern, self.protocol)
+            self._deliver_after_filter, self._deliver = self._deliver, self._deliver_filtered
 
     @property
     def protocol(self) -> str:
         return self._binding.surface.protocol.name
 
     @property
-    def answered(self) -> bool:
+    def all_answered(self) -> bool:
         """Whether no command of this connection waits for its reply."""
-        return self.client.answered
+        return self.client.all_answered
 
     def feed(self, data: bytes) -> None:
-        if self._first_commands is not None:
-            self._first_commands.feed(data)
-            self._first_commands = None if self._first_commands.is_done else self._first_commands
+        if self._first_command_check is not None:
+            self._first_command_check.feed(data)
+            self._first_command_check = None if self._first_command_check.is_done else self._first_command_check
         now, was_late = self._controller.now(), self._backlog.is_late
-        sent = self._backlog.stops_before(now)
+        sent = self._backlog.stop_count_when_sent(now)
         if self._backlog.is_late:
             self._note_late()
         elif was_late and not self._peer_closed:
-            self._controller.presence.returned(self.client.activity)  # it has caught up, so a client is there
+            self._controller.presence.mark_open_again(self.client.activity)  # it has caught up, so a client is there
         self._deliver(data, sent, None)
-        self._backlog.add(len(data), now, self._wanted.value.stops)
+        self._backlog.record_read(len(data), now, self._wanted_state.value.n_stops)
 
     def _note_late(self) -> None:
         """Treat the client as disconnected, because its bytes are old, and log that once."""
-        if self.client.activity.closed is None:
-            self._controller.presence.disconnected(self.client.activity)
-        if not self._logged_late:
-            self._logged_late = True
+        if self.client.activity.closed_at is None:
+            self._controller.presence.mark_closed(self.client.activity)
+        if not self._has_logged_late:
+            self._has_logged_late = True
             self.client.log.note(
                 "sends commands faster than the mount accepts them: the gateway begins no motion for it until it "
                 "has caught up"
@@ -138,8 +138,8 @@ class ClientConnection:
     def peer_closed(self) -> None:
         """The other end has closed: from now on the client has a limited time to reconnect."""
         self._peer_closed = True
-        self.client.unread_text.whole()
-        if not self.stranger:
+        self.client.unread_text.stop_holding_back()
+        if not self.is_stranger:
             self._save_state()
 
     def _deliver_serial(self, data: bytes, stop_count: int | None, arrived_at: float | None) -> None:
@@ -147,7 +147,7 @@ class ClientConnection:
         self.last_received_at = self._controller.now()
         self.client.feed(data, stop_count, arrived_at)
 
-    def _deliver_recognising(self, data: bytes, stop_count: int | None, arrived_at: float | None) -> None:
+    def _deliver_and_recognise(self, data: bytes, stop_count: int | None, arrived_at: float | None) -> None:
         """Process bytes, and compare the first bytes of the connection with the known client programs."""
         if self._profiles:
             self._first_bytes += data
@@ -156,43 +156,43 @@ class ClientConnection:
 
     def _may_match(self, profile: ClientProfile) -> bool:
         """Apply a profile if the first bytes match it. Return whether more bytes are needed to decide."""
-        if not self._first_bytes.startswith(profile.first):
-            return profile.first.startswith(self._first_bytes)
-        self.profile = profile.program
-        self.client.recognised(profile)
+        if not self._first_bytes.startswith(profile.first_bytes):
+            return profile.first_bytes.startswith(self._first_bytes)
+        self.program_name = profile.program
+        self.client.apply_profile(profile)
         return False
 
-    def _deliver_screened(self, data: bytes, stops: int | None, arrived_at: float | None) -> None:
+    def _deliver_filtered(self, data: bytes, stops: int | None, arrived_at: float | None) -> None:
         """Process the bytes that cannot be a stranger's, with their time of arrival; disconnect a stranger."""
         now = self._controller.now()
         assert self._filter is not None
-        pieces = self._filter.feed(Piece(data, now, self._controller.stops if stops is None else stops))
+        pieces = self._filter.feed(ReceivedBytes(data, now, self._controller.stops if stops is None else stops))
         if self._filter.stranger is not None:
             self._reject(self._filter.stranger)
             return
-        if self._filter.done:
+        if self._filter.is_done:
             self._deliver = self._deliver_after_filter
         for piece in pieces:
-            late = piece.at != now
+            late = piece.arrived_at != now
             self._deliver_after_filter(
-                piece.data, piece.stop_count if late else stops, piece.at if late else arrived_at
+                piece.data, piece.stop_count if late else stops, piece.arrived_at if late else arrived_at
             )
 
     def _reject(self, greeting: Greeting) -> None:
         """Log what the stranger sent, and close the connection."""
         assert self._hang_up is not None
-        self.stranger, self._deliver = True, lambda data, stops, arrived: None
-        if self._first_commands is not None:
-            self._first_commands.end()
-        titles, client = self._binding.titles, self.client
+        self.is_stranger, self._deliver = True, lambda data, stops, arrived: None
+        if self._first_command_check is not None:
+            self._first_command_check.end()
+        titles, client = self._binding.protocol_titles, self.client
         client.log.note(
             f"sends {greeting.description}; this is a port for programs that speak {titles}: "
             "nothing of it reaches the mount, and the connection is closed"
         )
-        self._hang_up(answer(titles) if greeting.http else b"")
+        self._hang_up(http_answer(titles) if greeting.is_http else b"")
 
     def close(self) -> None:
-        if self._filter is not None and not self.stranger and self._filter.waiting:
-            self.client.log.put("x", self._filter.waiting, UNRECOGNISED_MESSAGE)
+        if self._filter is not None and not self.is_stranger and self._filter.held_bytes:
+            self.client.log.put("x", self._filter.held_bytes, UNRECOGNISED_MESSAGE)
         self.client.close()
-        self._closed()
+        self._on_closed()

@@ -23,61 +23,61 @@ from gateway.protocols.wireformat.rows import Model
 class EquinoxConverter:
     """Converts a client's J2000 coordinates to the equinox of date, and replies back to J2000."""
 
-    def __init__(self, sky: Sky, unix: Callable[[], float]) -> None:
-        self._sky, self._unix = sky, unix
+    def __init__(self, sky: Sky, unix_time: Callable[[], float]) -> None:
+        self._sky, self._unix_time = sky, unix_time
 
-    def to_internal(self, operation: op.Operation) -> op.Operation:
+    def to_equinox_of_date(self, operation: op.Operation) -> op.Operation:
         """Return an operation with its coordinates converted to the equinox of date."""
         if isinstance(operation, op.Goto | op.Sync | op.ToJ2000 | op.Choose):
-            ra, dec = self._sky.to_of_date(operation.ra, operation.dec, self._unix())
+            ra, dec = self._sky.to_of_date(operation.ra, operation.dec, self._unix_time())
             return replace(operation, ra=ra, dec=dec)
         return operation
 
     def to_client(self, operation: op.Operation, value: object) -> object:
         """Return the controller's answer with its coordinates converted to J2000."""
         if isinstance(value, op.Chosen) and value.place is not None:
-            place = op.Equatorial(*self._sky.to_j2000(value.place.ra, value.place.dec, self._unix()))
+            place = op.Equatorial(*self._sky.to_j2000(value.place.ra, value.place.dec, self._unix_time()))
             return replace(value, place=place)
         if isinstance(operation, op.Position | op.ToEquinoxOfDate | op.PlanetPlace | op.MoonPlace) and isinstance(
             value, op.Equatorial
         ):
-            return op.Equatorial(*self._sky.to_j2000(value.ra, value.dec, self._unix()))
+            return op.Equatorial(*self._sky.to_j2000(value.ra, value.dec, self._unix_time()))
         return value
 
 
 class ClientProfile(Struct, frozen=True):
-    """Settings for the client ``program``, recognised because its connections begin with the bytes ``first``."""
+    """Settings for the client ``program``, recognised because its connections begin with the bytes ``first_bytes``."""
 
-    first: bytes
+    first_bytes: bytes
     program: str
     settings: Values
     equinox: EquinoxConverter | None
     #: Seconds for which the text of a refusal is held back, for a program that may not read it.
-    hold: float
+    hold_time: float
     #: Whether the program sends a command that stops all motion when an arrow is released.
-    stops_arrows: bool
+    releases_by_stop: bool
 
 
 class SurfaceBinding(Struct, frozen=True):
     """A surface as it is presented on one port."""
 
     #: The title of the port's protocol, or those of all its protocols.
-    titles: str
+    protocol_titles: str
     surface: Surface
-    framing: Callable[[], Framer]
+    make_framer: Callable[[], Framer]
     #: A regular expression for the well-formed commands and idle bytes of the protocol, for ``StrangerFilter``.
-    beginning: bytes
+    opening_pattern: bytes
     model: Model
     settings: ClientSettings
     equinox: EquinoxConverter | None = None
     #: The converter for a presented model whose coordinates are J2000; None if the user has chosen the equinox.
-    by_model: EquinoxConverter | None = None
+    model_equinox: EquinoxConverter | None = None
     #: The equinox of its clients if the user does not set it: ``jnow`` or ``j2000``.
     default_equinox: str = "jnow"
     #: Seconds for which the text of a refusal is held back on the network, from a program that was not recognised.
     hold: float = 0.0
     #: Whether its program sends a command that stops all motion when an arrow is released.
-    stops_arrows: bool = False
+    releases_by_stop: bool = False
     #: Returns the model to present for (is equatorial, is German or None, has GPS); None if the user has named one.
     fit: Callable[[bool, bool | None, bool], Model] | None = None
     profiles: tuple[ClientProfile, ...] = ()
@@ -85,4 +85,4 @@ class SurfaceBinding(Struct, frozen=True):
     @property
     def converter(self) -> EquinoxConverter | None:
         """The converter for the coordinates of its clients; None if these use the equinox of date."""
-        return self.equinox or (self.by_model if self.model.get("equinox") == "j2000" else None)
+        return self.equinox or (self.model_equinox if self.model.get("equinox") == "j2000" else None)

@@ -11,41 +11,43 @@ from collections.abc import Callable
 
 from msgspec.structs import replace
 
-from gateway.transport.handler import Connected, ConnectionHandler
+from gateway.transport.handler import ConnectionHandler, NewConnection
 
 #: Seconds from the last byte of a request to its reply, for programs that were developed with real hand controls.
 HARDWARE_REPLY_TIME = 0.006
 
 
 class ReplyPace:
-    """Delays the replies of a connection by ``seconds``; ``accept`` makes the handler that replies."""
+    """Delays the replies of a connection by ``delay``; ``accept`` makes the handler that replies."""
 
-    def __init__(self, connected: Connected, accept: Callable[[Connected], ConnectionHandler], seconds: float) -> None:
-        self._write_bytes, self._seconds = connected.write, seconds
+    def __init__(
+        self, connected: NewConnection, accept: Callable[[NewConnection], ConnectionHandler], delay: float
+    ) -> None:
+        self._write_bytes, self._seconds = connected.write, delay
         self._loop = asyncio.get_running_loop()
-        self._next_byte_at = 0.0
+        self._reply_due_at = 0.0
         self._delayed_bytes = b""
         self._timer: asyncio.TimerHandle | None = None
-        change = connected.change_rate
+        change = connected.change_baud
         self._handler = accept(
             replace(
                 connected,
                 write=self._send,
                 hand_over=None,
-                change_rate=None if change is None else lambda baud: self._change(change, baud),
+                change_baud=None if change is None else lambda baud: self._change_baud(change, baud),
             )
         )
 
     def feed(self, data: bytes) -> None:
-        self._next_byte_at = self._loop.time() + self._seconds
+        self._reply_due_at = self._loop.time() + self._seconds
         self._handler.feed(data)
 
     def _send(self, data: bytes) -> int | None:
         """Send a reply when it is due. Return how many bytes are unsent, if that is known."""
-        if data and (self._delayed_bytes or self._loop.time() < self._next_byte_at):
+        if data and (self._delayed_bytes or self._loop.time() < self._reply_due_at):
             self._delayed_bytes += data
             if self._timer is None:
-                self._timer = self._loop.call_at(self._next_byte_at, self.flush)
+                self._timer = self._loop.call_at(self._reply_due_at, self.flush)
         unsent = self._write_bytes(b"" if self._delayed_bytes else data)
         return None if unsent is None else unsent + len(self._delayed_bytes)
 
@@ -58,14 +60,14 @@ class ReplyPace:
         if data:
             self._write_bytes(data)
 
-    def _change(self, change: Callable[[int], int], baud: int) -> int:
+    def _change_baud(self, change_baud: Callable[[int], int], baud: int) -> int:
         """Change the baud rate after sending the acknowledgement at the old rate."""
         self.flush()
-        return change(baud)
+        return change_baud(baud)
 
     @property
-    def answered(self) -> bool:
-        return self._handler.answered and not self._delayed_bytes
+    def all_answered(self) -> bool:
+        return self._handler.all_answered and not self._delayed_bytes
 
     def peer_closed(self) -> None:
         self._handler.peer_closed()
@@ -77,6 +79,8 @@ class ReplyPace:
         self._handler.close()
 
 
-def paced(accept: Callable[[Connected], ConnectionHandler], seconds: float) -> Callable[[Connected], ConnectionHandler]:
+def paced(
+    accept: Callable[[NewConnection], ConnectionHandler], delay: float
+) -> Callable[[NewConnection], ConnectionHandler]:
     """Return ``accept`` with its replies delayed by this number of seconds; unchanged if 0."""
-    return (lambda connected: ReplyPace(connected, accept, seconds)) if seconds else accept
+    return (lambda connected: ReplyPace(connected, accept, delay)) if delay else accept

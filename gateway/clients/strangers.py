@@ -17,7 +17,7 @@ from msgspec import Struct
 
 from gateway.core.tables import read_table
 from gateway.protocols.registry import PROTOCOLS
-from gateway.transport.web_server import answer_of
+from gateway.transport.web_server import response_bytes
 
 #: Characters of an HTTP method (RFC 9110), the four characters after it, and the longest method that is examined.
 _METHOD_CHARACTERS = frozenset(b"!#$%&'*+-.^_`|~0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz")
@@ -28,31 +28,31 @@ MAX_METHOD_LENGTH = 65536
 IDLE_BYTES = b"#\r\n\0 ?"
 
 #: The values that a byte of a greeting may have.
-Octet = frozenset[int]
+ByteValues = frozenset[int]
 
 
 class Greeting(Struct, frozen=True):
     """The first bytes of a stranger: for each byte its possible values; ``description`` follows "sends" in the log."""
 
     description: str
-    first: tuple[Octet, ...]
+    pattern: tuple[ByteValues, ...]
     #: Whether it is answered over HTTP.
-    http: bool = False
+    is_http: bool = False
 
 
 #: Any HTTP request whose method is not in the table.
-OTHER_METHOD_GREETING = Greeting("an HTTP request with a method of its own", (), http=True)
+UNKNOWN_METHOD_GREETING = Greeting("an HTTP request with a method of its own", (), is_http=True)
 
 
 #: Byte -> the set of this byte only. Shared by all greetings to load them faster, since the first client waits.
-_SINGLE_OCTETS = [frozenset((byte,)) for byte in range(256)]
+_SINGLE_BYTE_VALUES = [frozenset((byte,)) for byte in range(256)]
 
 
-def _from_bytes(data: bytes) -> tuple[Octet, ...]:
-    return tuple(_SINGLE_OCTETS[byte] for byte in data)
+def _pattern_from_bytes(data: bytes) -> tuple[ByteValues, ...]:
+    return tuple(_SINGLE_BYTE_VALUES[byte] for byte in data)
 
 
-def _from_hexadecimal(text: str) -> tuple[Octet, ...]:
+def _pattern_from_hexadecimal(text: str) -> tuple[ByteValues, ...]:
     """Parse ``05 01-02 ..``: bytes, ranges, and ``..`` for any byte."""
     octets = []
     for word in text.split():
@@ -61,44 +61,44 @@ def _from_hexadecimal(text: str) -> tuple[Octet, ...]:
     return tuple(octets)
 
 
-def _of_strangers() -> Iterator[Greeting]:
+def _stranger_greetings() -> Iterator[Greeting]:
     """Yield the greetings of the table, which is read at the first connection to keep the start fast."""
     table = read_table("strangers.toml")
     for description, methods in table["methods"].items():
         for method in methods:
-            yield Greeting(description, _from_bytes(f"{method} ".encode()), http=True)
+            yield Greeting(description, _pattern_from_bytes(f"{method} ".encode()), is_http=True)
     for description, texts in table["texts"].items():
         for text in texts:
-            yield Greeting(description, _from_bytes(text.encode("latin-1")), http=text.startswith("PRI"))
+            yield Greeting(description, _pattern_from_bytes(text.encode("latin-1")), is_http=text.startswith("PRI"))
     for description, rows in table["bytes"].items():
         for row in rows:
-            yield Greeting(description, _from_hexadecimal(row))
+            yield Greeting(description, _pattern_from_hexadecimal(row))
 
 
-def _of_protocols(served: str) -> Iterator[Greeting]:
-    """Yield the greetings of clients of all protocols except ``served``, the surface's protocol."""
+def _protocol_greetings(protocol: str) -> Iterator[Greeting]:
+    """Yield the greetings of clients of all protocols except ``protocol``, the surface's protocol."""
     for spec in PROTOCOLS.values():
-        if spec.greeting and spec.name != served:
+        if spec.greeting and spec.name != protocol:
             description = (
                 f"{spec.title}'s own protocol (for that add --surface {spec.name}@tcp://HOST:{spec.usual_port}"
             )
-            choice = f", or choose {PROTOCOLS[served].title} in the program)" if served in PROTOCOLS else ")"
-            yield Greeting(description + choice, _from_bytes(spec.greeting))
+            choice = f", or choose {PROTOCOLS[protocol].title} in the program)" if protocol in PROTOCOLS else ")"
+            yield Greeting(description + choice, _pattern_from_bytes(spec.greeting))
 
 
 @cache
 def greetings(served_protocol: str = "") -> tuple[Greeting, ...]:
     """Return the greetings of strangers on a surface."""
-    return (*_of_strangers(), *_of_protocols(served_protocol))
+    return (*_stranger_greetings(), *_protocol_greetings(served_protocol))
 
 
 @cache
-def _beginning_with(byte: int, served_protocol: str) -> list[Greeting]:
+def _greetings_beginning_with(byte: int, served_protocol: str) -> list[Greeting]:
     """Return the greetings that may begin with this byte."""
-    return [greeting for greeting in greetings(served_protocol) if byte in greeting.first[0]]
+    return [greeting for greeting in greetings(served_protocol) if byte in greeting.pattern[0]]
 
 
-class OwnMethod:
+class UnknownMethodMatcher:
     """Recognises an HTTP request with an unknown method at the beginning of a connection.
 
     A web page whose host name resolves to this computer (DNS rebinding) may send any word as the method, without the
@@ -108,70 +108,70 @@ class OwnMethod:
     """
 
     def __init__(self) -> None:
-        self._letters, self._after_method = 0, 0
+        self._method_length, self._tail_matched = 0, 0
         #: Whether such a request may still arrive.
         self.may_match = True
 
     @property
-    def partial(self) -> bool:
+    def is_partly_matched(self) -> bool:
         """Whether a method and the space after it have arrived; then the following bytes are held back."""
-        return self.may_match and self._after_method > 0
+        return self.may_match and self._tail_matched > 0
 
     def feed(self, data: bytes) -> bool:
         """Examine more bytes. Return whether an HTTP request is recognised now."""
         for byte in data if self.may_match else b"":
-            if not self._letters and byte in IDLE_BYTES:
+            if not self._method_length and byte in IDLE_BYTES:
                 continue
-            if self._letters and byte in _AFTER_METHOD[self._after_method]:
-                self._after_method += 1
-                if self._after_method == len(_AFTER_METHOD):
+            if self._method_length and byte in _AFTER_METHOD[self._tail_matched]:
+                self._tail_matched += 1
+                if self._tail_matched == len(_AFTER_METHOD):
                     self.may_match = False
                     return True
-            elif self._after_method or byte not in _METHOD_CHARACTERS or self._letters == MAX_METHOD_LENGTH:
+            elif self._tail_matched or byte not in _METHOD_CHARACTERS or self._method_length == MAX_METHOD_LENGTH:
                 self.may_match = False
                 break
             else:
-                self._letters += 1
+                self._method_length += 1
         return False
 
 
-class Recogniser:
+class StrangerRecogniser:
     """Examines the first bytes of a connection, in pieces of any size, until the client cannot be a stranger.
 
     ``served_protocol`` is the protocol of the surface. To limit memory, only the progress of each greeting is stored.
     """
 
     def __init__(self, served_protocol: str = "") -> None:
-        self._is_served = served_protocol
+        self._served_protocol = served_protocol
         #: Whether a greeting of the table may still be recognised.
         self._table_may_match = True
-        self._own_method = OwnMethod()
+        self._unknown_method = UnknownMethodMatcher()
         self._partial: list[tuple[Greeting, int]] = []
         self._in_idle_bytes = True
 
     @property
-    def open(self) -> bool:
+    def may_be_greeting(self) -> bool:
         """Whether the bytes so far may be the beginning of a greeting and must be held back."""
-        return self._table_may_match or self._own_method.partial
+        return self._table_may_match or self._unknown_method.is_partly_matched
 
     @property
-    def done(self) -> bool:
+    def is_done(self) -> bool:
         """Whether the client can no longer be a stranger, or was recognised."""
-        return not (self._table_may_match or self._own_method.may_match)
+        return not (self._table_may_match or self._unknown_method.may_match)
 
     def feed(self, data: bytes) -> Greeting | None:
         """Examine more bytes. Return the greeting that they complete, if any."""
-        known = self._match_known(data) if self._table_may_match else None
-        return OTHER_METHOD_GREETING if self._own_method.feed(data) and known is None else known
+        known = self._match_table(data) if self._table_may_match else None
+        return UNKNOWN_METHOD_GREETING if self._unknown_method.feed(data) and known is None else known
 
-    def _match_known(self, data: bytes) -> Greeting | None:
+    def _match_table(self, data: bytes) -> Greeting | None:
         for byte in data:
-            partial = [(greeting, count + 1) for greeting, count in self._partial if byte in greeting.first[count]]
+            partial = [(greeting, count + 1) for greeting, count in self._partial if byte in greeting.pattern[count]]
             if self._in_idle_bytes:
-                partial += [(greeting, 1) for greeting in _beginning_with(byte, self._is_served)]
+                partial += [(greeting, 1) for greeting in _greetings_beginning_with(byte, self._served_protocol)]
                 self._in_idle_bytes = byte in IDLE_BYTES
             for greeting, count in partial:
-                if count == len(greeting.first):
+                if count == len(greeting.pattern):
                     self._table_may_match = False
                     return greeting
             self._partial = partial
@@ -181,60 +181,60 @@ class Recogniser:
         return None
 
 
-def answer(titles: str) -> bytes:
-    """Return the answer to a stranger that speaks HTTP. ``titles`` names the port's protocols."""
-    return answer_of(
+def http_answer(protocol_titles: str) -> bytes:
+    """Return the answer to a stranger that speaks HTTP. ``protocol_titles`` names the port's protocols."""
+    return response_bytes(
         "400 Bad Request",
-        f"This port of mount-gateway is for telescope programs that speak {titles}.\n"
+        f"This port of mount-gateway is for telescope programs that speak {protocol_titles}.\n"
         "To use the mount, enter this address and port in your telescope program.\n",
     )
 
 
-class Piece(NamedTuple):
+class ReceivedBytes(NamedTuple):
     """Received bytes, the loop time of their arrival, and the number of stops at that time."""
 
     data: bytes
-    at: float
+    arrived_at: float
     stop_count: int
 
 
 class StrangerFilter:
     """Holds back the first bytes of a connection until they cannot be a stranger's.
 
-    ``commands`` is a regular expression for the well-formed commands and idle bytes of ``served_protocol``.
+    ``command_pattern`` is a regular expression for the well-formed commands and idle bytes of ``served_protocol``.
     """
 
-    def __init__(self, commands: bytes, served_protocol: str = "") -> None:
-        self._commands = commands
-        self._recogniser = Recogniser(served_protocol)
-        self._held_pieces: list[Piece] = []
+    def __init__(self, command_pattern: bytes, served_protocol: str = "") -> None:
+        self._command_pattern = command_pattern
+        self._recogniser = StrangerRecogniser(served_protocol)
+        self._held_pieces: list[ReceivedBytes] = []
         #: The stranger that was recognised.
         self.stranger: Greeting | None = None
 
     @property
-    def waiting(self) -> bytes:
+    def held_bytes(self) -> bytes:
         """The bytes that are held back, because they may be a stranger's."""
         return b"".join(piece.data for piece in self._held_pieces)
 
     @property
-    def done(self) -> bool:
-        return self._recogniser.done
+    def is_done(self) -> bool:
+        return self._recogniser.is_done
 
-    def feed(self, piece: Piece) -> list[Piece]:
+    def feed(self, piece: ReceivedBytes) -> list[ReceivedBytes]:
         """Take more bytes. Return those that may be processed now; none if it is a stranger."""
         self.stranger = self._recogniser.feed(piece.data)
         if self.stranger is not None:
             self._held_pieces.clear()
             return []
         self._held_pieces.append(piece)
-        if self._recogniser.open:
-            match = re.match(self._commands, self.waiting)
+        if self._recogniser.may_be_greeting:
+            match = re.match(self._command_pattern, self.held_bytes)
             return self._release(match.end() if match else 0)
         return self._release(sum(len(piece.data) for piece in self._held_pieces))
 
-    def _release(self, count: int) -> list[Piece]:
+    def _release(self, count: int) -> list[ReceivedBytes]:
         """Remove the first ``count`` held-back bytes and return them."""
-        released: list[Piece] = []
+        released: list[ReceivedBytes] = []
         while count > 0:
             piece = self._held_pieces.pop(0)
             if len(piece.data) > count:

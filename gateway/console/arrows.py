@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from gateway.app.gateway import Gateway
 from gateway.core.operations import Direction
-from gateway.core.requests import FAILED, Answer, PressRequest, ReleaseKeyRequest, new_number
+from gateway.core.requests import FAILED, Answer, PressKeyRequest, ReleaseKeyRequest, new_request_number
 
 
 class HeldKey(NamedTuple):
@@ -23,28 +23,28 @@ class HeldKey(NamedTuple):
     ``end_counts``: how many stops and gotos there were at that time. After a further one, the arrow moves nothing.
     """
 
-    press: int
+    press_number: int
     request: str
     rate: int
     since: float
     end_counts: tuple[int, int]
 
 
-async def _already_ended() -> Answer:
+async def _answer_already_ended() -> Answer:
     """Answer a change of rate for an arrow that is no longer held."""
     return Answer(FAILED, "This arrow is not held any more.")
 
 
 class Arrows:
-    """The arrows that a page holds on a mount; ``pages`` lists the ``Arrows`` of all pages on this mount."""
+    """The arrows that a page holds on a mount; ``all_pages`` lists the ``Arrows`` of all pages on this mount."""
 
-    def __init__(self, gateway: Gateway, who: str, pages: list[Arrows]) -> None:
-        self._gateway, self._client_name, self._pages = gateway, who, pages
+    def __init__(self, gateway: Gateway, client_name: str, all_pages: list[Arrows]) -> None:
+        self._gateway, self._client_name, self._all_pages = gateway, client_name, all_pages
         self._controller = gateway.controller
         self._held_keys: dict[Direction, HeldKey] = {}
         #: The number of the newest press.
         self._last_press_number = 0
-        pages.append(self)
+        all_pages.append(self)
 
     def __bool__(self) -> bool:
         """Whether an arrow is held down."""
@@ -56,76 +56,76 @@ class Arrows:
         A press without a number is a new press.
         """
         held = self._held_keys.get(direction)
-        if held is not None and 0 < press_number == held.press:
+        if held is not None and 0 < press_number == held.press_number:
             held = held._replace(rate=rate)
         elif 0 < press_number <= self._last_press_number:
-            return self._controller.spawn(_already_ended())
+            return self._controller.spawn(_answer_already_ended())
         else:
             for other in [arrow for arrow in self._held_keys if arrow.axis == direction.axis]:
                 self.release(other)
             self._last_press_number = max(self._last_press_number, press_number)
-            held = HeldKey(press_number, new_number(), rate, self._controller.now(), self._ends())
+            held = HeldKey(press_number, new_request_number(), rate, self._controller.now(), self._end_counts())
         self._held_keys[direction] = held
         return self._controller.spawn(self._move(direction, held))
 
     async def _move(self, direction: Direction, held_key: HeldKey) -> Answer:
-        request = PressRequest(direction, held_key.rate, number=held_key.request, who=self._client_name)
+        request = PressKeyRequest(direction, held_key.rate, number=held_key.request, who=self._client_name)
         answer = await self._gateway.carry_out(request)
-        if not answer.done and (now := self._held_keys.get(direction)) is not None and now.request == held_key.request:
+        if not answer.is_ok and (now := self._held_keys.get(direction)) is not None and now.request == held_key.request:
             del self._held_keys[direction]  # refused, or ended by something else: a stop, a limit, the mount
-            self._let_go(held_key, lost=True)
+            self._send_release(held_key, page_is_lost=True)
         return answer
 
-    def _let_go(self, held_key: HeldKey, lost: bool) -> None:
-        request = ReleaseKeyRequest(lost, number=held_key.request, who=self._client_name)
+    def _send_release(self, held_key: HeldKey, page_is_lost: bool) -> None:
+        request = ReleaseKeyRequest(page_is_lost, number=held_key.request, who=self._client_name)
         self._controller.spawn(self._gateway.carry_out(request))
 
-    async def repeat(self) -> None:
+    async def repeat_orders(self) -> None:
         """Order the motions of all held arrows again, so that they do not time out."""
         for direction, held in list(self._held_keys.items()):
             await self._move(direction, held)
 
-    def keep(self, held_keys: Set[tuple[Direction, int]]) -> None:
+    def release_all_but(self, held_keys: Set[tuple[Direction, int]]) -> None:
         """Release every arrow except these, each given with the number of its press."""
         for direction, held in list(self._held_keys.items()):
-            if (direction, held.press) not in held_keys:
-                self.release(direction, lost=True)
+            if (direction, held.press_number) not in held_keys:
+                self.release(direction, page_is_lost=True)
 
-    def release(self, direction: Direction | None = None, press_number: int = 0, lost: bool = False) -> None:
+    def release(self, direction: Direction | None = None, press_number: int = 0, page_is_lost: bool = False) -> None:
         """Release an arrow, or all; with a ``press_number``, only if that press is still held.
 
-        If the page has disconnected (``lost``), a motion that has not begun is dropped.
+        If the page has disconnected (``page_is_lost``), a motion that has not begun is dropped.
         """
         for released in list(self._held_keys) if direction is None else [direction]:
             held = self._held_keys.get(released)
-            if held is not None and press_number in (0, held.press):
+            if held is not None and press_number in (0, held.press_number):
                 del self._held_keys[released]
-                refused = partial(self._let_go, held, True)
-                any(page.take_over(released, held, refused) for page in self._pages)
-                self._let_go(held, lost)
+                refused = partial(self._send_release, held, True)
+                any(page.take_over(released, held, refused) for page in self._all_pages)
+                self._send_release(held, page_is_lost)
 
-    def take_over(self, direction: Direction, released: HeldKey, refused: Callable[[], None]) -> bool:
+    def take_over(self, direction: Direction, released_press: HeldKey, on_refused: Callable[[], None]) -> bool:
         """Continue a motion for this page if it has held the arrow longer than the page that has just released it.
 
-        Return whether it does. ``refused`` is called, and ends the motion, if the mount refuses to continue.
+        Return whether it does. ``on_refused`` is called, and ends the motion, if the mount refuses to continue.
         """
         held = self._held_keys.get(direction)
-        if held is None or held.since > released.since or held.end_counts != self._ends():
+        if held is None or held.since > released_press.since or held.end_counts != self._end_counts():
             return False
-        self._held_keys[direction] = held = held._replace(request=new_number())
-        self._controller.spawn(self._begin_press(direction, held, refused))
+        self._held_keys[direction] = held = held._replace(request=new_request_number())
+        self._controller.spawn(self._begin_press(direction, held, on_refused))
         return True
 
-    async def _begin_press(self, direction: Direction, held_key: HeldKey, refused: Callable[[], None]) -> None:
-        if not (await self._move(direction, held_key)).done:
-            refused()
+    async def _begin_press(self, direction: Direction, held_key: HeldKey, on_refused: Callable[[], None]) -> None:
+        if not (await self._move(direction, held_key)).is_ok:
+            on_refused()
 
-    def _ends(self) -> tuple[int, int]:
+    def _end_counts(self) -> tuple[int, int]:
         """Return the number of stops and gotos so far."""
         wanted = self._controller.wanted.value
-        return wanted.stops, wanted.gotos
+        return wanted.n_stops, wanted.n_gotos
 
     def close(self) -> None:
         """Release all arrows: the page has disconnected."""
-        self._pages.remove(self)
-        self.release(lost=True)
+        self._all_pages.remove(self)
+        self.release(page_is_lost=True)

@@ -1,8 +1,9 @@
 """The messages that a page sends over its WebSocket: requests common to all clients, and requests of pages only.
 
-A message is a JSON object: ``do`` is the request, ``mount`` the number of the mount, ``id`` the number of the answer,
-which the page chooses (0: no answer is wanted). The other fields are those of the request. A target is a ``name``, or
-``ra`` and ``dec``, of date unless ``j2000`` is true. Angles are degrees, longitudes east positive, times Unix seconds.
+A message is a JSON object: ``do`` is the request, ``mount_index`` the number of the mount, ``answer_number`` the number
+of the answer, which the page chooses (0: no answer is wanted). The other fields are those of the request. A target is a
+``name``, or ``ra`` and ``dec``, of date unless ``j2000`` is true. Angles are degrees, longitudes east positive, times
+Unix seconds.
 """
 
 from __future__ import annotations
@@ -73,7 +74,7 @@ class Record(Struct, frozen=True, tag="record"):
     on: bool = True
 
 
-class Jog(Struct, frozen=True, tag="jog"):
+class PressArrow(Struct, frozen=True, tag="jog"):
     """Press an arrow: the mount moves until the arrow is released or the page disconnects.
 
     ``press`` numbers the presses of a page from 1. The number of a press that is still held changes its rate.
@@ -92,24 +93,26 @@ class ReleaseArrow(Struct, frozen=True, tag="let_go"):
 
 
 #: The requests that a view-only page may send, besides a stop.
-Looks = Beat | Talk | EnterPin | LookUp | Search | ShowNight | Explain | ReleaseArrow | requests.ReadSlowRequest
+ReadOnlyRequest = (
+    Beat | Talk | EnterPin | LookUp | Search | ShowNight | Explain | ReleaseArrow | requests.ReadSlowRequest
+)
 #: The requests common to all clients that a page may send.
-Common = (
+CommonRequest = (
     requests.GotoRequest | requests.SyncRequest | requests.ParkRequest | requests.UnparkRequest
     | requests.HomeRequest | requests.TrackRequest | requests.GuideRequest | requests.SetClockRequest
     | requests.SetSiteRequest | requests.SetGuideRateRequest | requests.NarrowLimitsRequest | requests.StopOrHold
 )  # fmt: skip
 #: Any request of a page.
-Wish = Looks | Record | Jog | Common
+PageRequest = ReadOnlyRequest | Record | PressArrow | CommonRequest
 #: Name of a request on the page -> its name in ``core/requests.py`` or here, where they differ.
 _PAGE_NAMES = {"wake": "unpark", "ask": "look_up", "guide_rate": "guide rate"}
 
 
-class _Numbered(Struct):
+class _AnswerNumber(Struct):
     id: int = 0
 
 
-class _Head(_Numbered, kw_only=True):
+class _MessageHeader(_AnswerNumber, kw_only=True):
     do: str
     #: -1: every mount.
     mount: Annotated[int, Meta(ge=-1, lt=1000)] = 0
@@ -118,25 +121,25 @@ class _Head(_Numbered, kw_only=True):
 class Message(NamedTuple):
     """A decoded message: the number that its answer must carry, the number of the mount, and the request."""
 
-    id: int
-    mount: int
-    wish: Wish
+    answer_number: int
+    mount_index: int
+    request: PageRequest
 
 
-def number(text: str | bytes) -> int:
-    """Return the answer number (``id``) of a message that cannot be decoded; 0 if it has none."""
+def answer_number(text: str | bytes) -> int:
+    """Return the answer number (``answer_number``) of a message that cannot be decoded; 0 if it has none."""
     try:
-        return msgspec.json.decode(text, type=_Numbered).id
+        return msgspec.json.decode(text, type=_AnswerNumber).id
     except ValueError:
         return 0
 
 
-def read(text: str | bytes, who: str) -> Message:
-    """Decode a message of the page named ``who``. Raises ValueError."""
+def read(text: str | bytes, client_name: str) -> Message:
+    """Decode a message of the page named ``client_name``. Raises ValueError."""
     fields: dict[str, Any] = msgspec.json.decode(text, type=dict[str, Any])
-    head = msgspec.convert(fields, _Head)
-    fields |= {"type": _PAGE_NAMES.get(head.do, head.do), "number": requests.new_number(), "who": who}
+    head = msgspec.convert(fields, _MessageHeader)
+    fields |= {"type": _PAGE_NAMES.get(head.do, head.do), "number": requests.new_request_number(), "who": client_name}
     if head.do in ("goto", "sync", "look_up", "ask"):
         kind = "spot" if fields.get("name") is None else "named"
         fields["where"] = {**fields, "type": kind}
-    return Message(head.id, head.mount, msgspec.convert(fields, Wish))
+    return Message(head.id, head.mount, msgspec.convert(fields, PageRequest))

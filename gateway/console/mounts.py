@@ -71,7 +71,7 @@ class Mounts:
             raise UserError(text.removeprefix("mount-gateway: "))
         return target
 
-    async def _run(self, argv: Sequence[str], what: str) -> tuple[bool, str]:
+    async def _run(self, argv: Sequence[str], result_name: str) -> tuple[bool, str]:
         """Run a command of the gateway, one at a time. Return success and its output."""
         async with self._explain_lock:
             process = await asyncio.create_subprocess_exec(
@@ -83,9 +83,9 @@ class Mounts:
             except TimeoutError:
                 process.kill()
                 await process.wait()
-                return False, f"no {what} within {EXPLAIN_TIMEOUT:.0f} seconds; the command line waits longer"
+                return False, f"no {result_name} within {EXPLAIN_TIMEOUT:.0f} seconds; the command line waits longer"
         if not out:
-            return False, err.decode("utf-8", "replace").strip() or f"no {what}"
+            return False, err.decode("utf-8", "replace").strip() or f"no {result_name}"
         return True, out.decode("utf-8", "replace")
 
 
@@ -115,14 +115,14 @@ class MountRecorder:
         self._gateway = gateway
         self._recorder: Recorder | None = None
         self._path: Path | None = None
-        self._since = 0.0
+        self._started_at = 0.0
 
     @property
     def state(self) -> dict[str, Any] | None:
         """The name and start time of the running recording; None if there is none."""
         if self._recorder is None or self._path is None:
             return None
-        return {"name": self._path.name, "since": round(self._since)}
+        return {"name": self._path.name, "since": round(self._started_at)}
 
     def begin(self) -> str:
         """Start a recording and return a message. Raises UserError if the file cannot be written."""
@@ -137,7 +137,7 @@ class MountRecorder:
         name = re.sub(r"[^\w-]", "_", gateway.config.name or gateway.mount.protocol)
         self._path = folder / f"{name}-{time.strftime('%Y%m%d-%H%M%S', time.gmtime(gateway.clock()))}.rec"
         self._recorder = record(self._path, gateway)
-        self._since = gateway.clock()
+        self._started_at = gateway.clock()
         return f"recording to {self._path}"
 
     async def end(self) -> Path:
@@ -145,7 +145,7 @@ class MountRecorder:
         recorder, path = self._recorder, self._path
         if recorder is None or path is None:
             raise UserError("no recording is running")
-        self._gateway.wire_log.remove(recorder.put)
+        self._gateway.wire_log.remove_sink(recorder.put)
         self._recorder = None
         await recorder.close()
         return path

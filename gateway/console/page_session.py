@@ -13,23 +13,23 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 from gateway.app.control import objects
-from gateway.app.control.requests import explain, of_date
+from gateway.app.control.requests import explain, position_of_date
 from gateway.astro.spherical import wrap180
 from gateway.console import messages
 from gateway.console.arrows import Arrows
 from gateway.console.messages import Message
 from gateway.console.mounts import Mounts
-from gateway.console.shown.publisher import encoded
-from gateway.console.shown.view import COARSE, coordinates, in_page_wording
+from gateway.console.shown.publisher import encode
+from gateway.console.shown.view import COARSE_DECIMALS, coordinates, in_page_wording
 from gateway.core.about import full_version
 from gateway.core.errors import Fault, UserError
 from gateway.core.operations import Direction
-from gateway.core.requests import Answer, Named, StopRequest, Target
+from gateway.core.requests import Answer, ByName, StopRequest, Target
 from gateway.core.waiting import BackgroundTasks
 from gateway.mount.controller import MountController
 
 #: How many names are suggested while the user types; seconds of a night, and between two positions in it.
-MAX_SUGGESTIONS, NIGHT_LENGTH, TRACK_STEP = 12, 57600.0, 7200.0
+MAX_SUGGESTIONS, NIGHT_LENGTH, NIGHT_STEP = 12, 57600.0, 7200.0
 
 
 async def look_up(controller: MountController, target: Target) -> dict[str, Any]:
@@ -38,11 +38,11 @@ async def look_up(controller: MountController, target: Target) -> dict[str, Any]
     For an object, also return its name, kind and magnitude. Raises UserError, Fault.
     """
     about: dict[str, Any] = {}
-    if isinstance(target, Named):
+    if isinstance(target, ByName):
         entry = await asyncio.to_thread(objects.describe, target.name)
         about = {key: value for key, value in entry._asdict().items() if key != "where"}
         target = entry.where
-    goal = await of_date(controller, target)
+    goal = await position_of_date(controller, target)
     fault = await controller.preview(goal)
     why = "" if fault is None else in_page_wording(explain(fault, controller.policy.limits))
     return {**about, **coordinates(controller, goal), "may": fault is None, "why": why}
@@ -53,7 +53,7 @@ async def suggestions(text: str) -> list[str]:
     return await asyncio.to_thread(objects.completions, text, MAX_SUGGESTIONS) if text.strip() else []
 
 
-def night(controller: MountController) -> dict[str, Any]:
+def night_positions(controller: MountController) -> dict[str, Any]:
     """Return the positions (equinox of date) of Sun and Moon, from 8 hours before local solar midnight to 8 after it.
 
     In the evening and at night this is the current night, in the daytime the next. ``begins`` is the time of the first
@@ -65,19 +65,19 @@ def night(controller: MountController) -> dict[str, Any]:
         return {"begins": None}
     until = (180.0 - wrap180(derived.sidereal_time() - sky.sun(unix)[0])) / 15.0 * 3600.0
     begins = (until - 86400.0 if until > 57600.0 else until) - NIGHT_LENGTH / 2
-    times = [unix + begins + part * TRACK_STEP for part in range(round(NIGHT_LENGTH / TRACK_STEP) + 1)]
+    times = [unix + begins + part * NIGHT_STEP for part in range(round(NIGHT_LENGTH / NIGHT_STEP) + 1)]
     moon = (sky.moon(time, site.latitude, site.longitude) for time in times)
-    return {"begins": round(controller.wire_log.clock() + begins), "step": TRACK_STEP,
+    return {"begins": round(controller.wire_log.clock() + begins), "step": NIGHT_STEP,
             "sun": [_rounded(sky.sun(time)) for time in times],
             "moon": [_rounded(place) for place in moon]}  # fmt: skip
 
 
-def _rounded(place: Sequence[float]) -> tuple[float, float]:
-    return round(place[0], COARSE), round(place[1], COARSE)
+def _rounded(position: Sequence[float]) -> tuple[float, float]:
+    return round(position[0], COARSE_DECIMALS), round(position[1], COARSE_DECIMALS)
 
 
 #: Seconds without a message until arrows are released, between checks of this, and between orders of a held motion.
-KEY_TIMEOUT, KEY_CHECK_PERIOD, REFUSAL_REPEAT_PERIOD = 1.5, 0.2, 5.0
+KEY_TIMEOUT, KEY_CHECK_PERIOD, KEY_REPEAT_PERIOD = 1.5, 0.2, 5.0
 #: The maximum number of simultaneous requests of a page.
 MAX_PAGE_REQUESTS = 32
 READ_ONLY_MESSAGE = "This page only looks. Enter the pin to act; STOP needs none."
@@ -86,7 +86,7 @@ READ_ONLY_MESSAGE = "This page only looks. Enter the pin to act; STOP needs none
 class Socket(Protocol):
     """The interface of a WebSocket that a page session uses."""
 
-    def waiting(self) -> int:
+    def unread_byte_count(self) -> int:
         """Return how many sent bytes the browser has not read yet."""
 
     async def send(self, text: str) -> None:
@@ -94,7 +94,7 @@ class Socket(Protocol):
 
 
 class PageSession:
-    """One open page: ``run`` sends to it until it disconnects, ``take`` receives its messages."""
+    """One open page: ``run`` sends to it until it disconnects, ``receive`` receives its messages."""
 
     def __init__(self, mounts: Mounts, socket: Socket, host: str, may_act: bool) -> None:
         self._mounts, self._socket, self._host, self._may_act = mounts, socket, host, may_act
@@ -103,7 +103,7 @@ class PageSession:
         self._last_message_at = self._last_repeat_at = self._loop.time()
         self._last_sent_text = ""
         #: The number of the next row of the conversation; None while the page does not show it.
-        self._row: int | None = None
+        self._next_row: int | None = None
         pairs = zip(mounts.gateways, mounts.arrows, strict=True)
         self._arrows = [Arrows(gateway, self._client_name, pages) for gateway, pages in pairs]
         self._tasks = BackgroundTasks()
@@ -121,147 +121,147 @@ class PageSession:
                 "now": mounts.now(), "times": [list(mount.answer_times.samples) for mount in publisher.mounts],
             }})  # fmt: skip
             while True:
-                if not self._socket.waiting():
-                    await self._show()
-                await publisher.next()
+                if not self._socket.unread_byte_count():
+                    await self._send_newest()
+                await publisher.wait_for_message()
         finally:
-            publisher.leave()
-            self._listen(False)
+            publisher.unsubscribe()
+            self._show_conversation(False)
             for arrows in self._arrows:
                 arrows.close()
             guard.cancel()
             self._tasks.cancel()
 
-    async def _show(self) -> None:
+    async def _send_newest(self) -> None:
         """Send the newest state, then the newest rows of the conversation, unless the page has them."""
         publisher = self._mounts.publisher
-        if publisher.text != self._last_sent_text:
-            self._last_sent_text = publisher.text
+        if publisher.message_text != self._last_sent_text:
+            self._last_sent_text = publisher.message_text
             await self._socket.send(self._last_sent_text)
-        if self._row is not None and self._row != publisher.count:
-            rows, self._row = publisher.since(self._row), publisher.count
+        if self._next_row is not None and self._next_row != publisher.row_count:
+            rows, self._next_row = publisher.rows_since(self._next_row), publisher.row_count
             await self._send({"talk": rows})
 
     async def _send(self, value: Any) -> None:
-        await self._socket.send(encoded(value))
+        await self._socket.send(encode(value))
 
     async def _watch_keys(self) -> None:
         """Release the arrows of a silent page, else repeat their orders. A stalled browser does not delay this."""
         while True:
             await asyncio.sleep(KEY_CHECK_PERIOD)
             now = self._loop.time()
-            repeats = now - self._last_repeat_at > REFUSAL_REPEAT_PERIOD
+            repeats = now - self._last_repeat_at > KEY_REPEAT_PERIOD
             for arrows in filter(None, self._arrows):
                 if now - self._last_message_at > KEY_TIMEOUT:
-                    arrows.release(lost=True)
+                    arrows.release(page_is_lost=True)
                 elif repeats:
                     self._last_repeat_at = now
-                    self._tasks.spawn(arrows.repeat())
+                    self._tasks.spawn(arrows.repeat_orders())
 
     # --- requests ---------------------------------------------------------------------------------------------------
 
-    def take(self, text: str | bytes) -> None:
+    def receive(self, text: str | bytes) -> None:
         """Receive a message from the page. An invalid message is answered with an error and has no effect."""
         self._last_message_at = self._loop.time()
         try:
             message = messages.read(text, self._client_name)
         except ValueError as error:
             self._tasks.spawn(
-                self._answer(messages.number(text), False, f"the console does not understand this: {error}")
+                self._answer(messages.answer_number(text), False, f"the console does not understand this: {error}")
             )
             return
-        wish = message.wish
+        wish = message.request
         if isinstance(wish, messages.Beat):
             for number, arrows in enumerate(self._arrows):
-                arrows.keep(
+                arrows.release_all_but(
                     {(_direction(arrow.direction), arrow.press) for arrow in wish.held if arrow.mount == number}
                 )
             return
         if len(self._tasks) >= MAX_PAGE_REQUESTS and not isinstance(wish, StopRequest | messages.ReleaseArrow):
-            self._tasks.spawn(self._answer(message.id, False, "too many requests at once; wait a moment"))
+            self._tasks.spawn(self._answer(message.answer_number, False, "too many requests at once; wait a moment"))
         else:
             self._tasks.spawn(self._carry_out(message, self._press_or_release(message)))
 
     def _press_or_release(self, message: Message) -> asyncio.Task[Answer] | None:
         """Press or release an arrow at once, in the order of the messages. Return the outcome of a press."""
-        if not 0 <= message.mount < len(self._arrows):
+        if not 0 <= message.mount_index < len(self._arrows):
             return None
-        arrows, wish = self._arrows[message.mount], message.wish
+        arrows, wish = self._arrows[message.mount_index], message.request
         if isinstance(wish, messages.ReleaseArrow):
             arrows.release(None if wish.direction is None else _direction(wish.direction), wish.press)
-        elif isinstance(wish, messages.Jog) and self._may_act:
+        elif isinstance(wish, messages.PressArrow) and self._may_act:
             return arrows.press(_direction(wish.direction), wish.rate, wish.press)
         return None
 
     async def _carry_out(self, message: Message, press_task: asyncio.Task[Answer] | None = None) -> None:
         try:
             if press_task is None:
-                await self._do(message)
+                await self._carry_out_request(message)
             else:
-                await self._tell(message, await press_task)
+                await self._send_answer(message, await press_task)
         except (UserError, Fault) as error:
-            await self._answer(message.id, False, str(error))
+            await self._answer(message.answer_number, False, str(error))
         except ConnectionError:
             pass
         except Exception as error:  # a defect must not leave the user without an answer
             self._mounts.gateways[0].wire_log.note("console", f"internal error, please report it: {error!r}")
-            await self._answer(message.id, False, f"internal error, please report it: {error!r}")
+            await self._answer(message.answer_number, False, f"internal error, please report it: {error!r}")
 
-    async def _do(self, message: Message) -> None:
-        mounts, wish = self._mounts, message.wish
+    async def _carry_out_request(self, message: Message) -> None:
+        mounts, wish = self._mounts, message.request
         if isinstance(wish, StopRequest):
-            chosen = mounts.gateways if message.mount == -1 else [mounts.gateway(message.mount)]
+            chosen = mounts.gateways if message.mount_index == -1 else [mounts.gateway(message.mount_index)]
             answers = await asyncio.gather(*(gateway.carry_out(wish) for gateway in chosen))
             reason = "; ".join(dict.fromkeys(answer.text for answer in answers))
-            await self._answer(message.id, all(answer.done for answer in answers), reason)
+            await self._answer(message.answer_number, all(answer.is_ok for answer in answers), reason)
             return
-        gateway = mounts.gateway(message.mount)
-        if not self._may_act and not isinstance(wish, messages.Looks):
-            await self._answer(message.id, False, READ_ONLY_MESSAGE)
+        gateway = mounts.gateway(message.mount_index)
+        if not self._may_act and not isinstance(wish, messages.ReadOnlyRequest):
+            await self._answer(message.answer_number, False, READ_ONLY_MESSAGE)
             return
         match wish:
             case messages.Talk():
-                self._listen(wish.on)
+                self._show_conversation(wish.on)
             case messages.EnterPin():
                 self._may_act = self._may_act or mounts.pin.admits(wish.pin, self._host)
                 reason = "this page may act now" if self._may_act else "this is not the pin"
-                await self._answer(message.id, self._may_act, reason)
-            case messages.ReleaseArrow() | messages.Jog():  # the outcome of a press is answered elsewhere
-                await self._answer(message.id, True, "let go")
+                await self._answer(message.answer_number, self._may_act, reason)
+            case messages.ReleaseArrow() | messages.PressArrow():  # the outcome of a press is answered elsewhere
+                await self._answer(message.answer_number, True, "let go")
             case messages.LookUp():
-                await self._answer(message.id, True, "", await look_up(gateway.controller, wish.where))
+                await self._answer(message.answer_number, True, "", await look_up(gateway.controller, wish.where))
             case messages.Search():
-                await self._answer(message.id, True, "", {"found": await suggestions(wish.text)})
+                await self._answer(message.answer_number, True, "", {"found": await suggestions(wish.text)})
             case messages.ShowNight():
-                await self._answer(message.id, True, "", night(gateway.controller))
+                await self._answer(message.answer_number, True, "", night_positions(gateway.controller))
             case messages.Explain():
                 done, text = await mounts.explain(gateway, wish.surface, wish.command)
-                await self._answer(message.id, done, "" if done else text, {"text": text} if done else {})
+                await self._answer(message.answer_number, done, "" if done else text, {"text": text} if done else {})
             case messages.Record():
                 await self._record(message, wish.on)
             case messages.Beat():
-                pass  # ``take`` has done it
+                pass  # ``receive`` has done it
             case _:
-                await self._tell(message, await gateway.carry_out(wish))
+                await self._send_answer(message, await gateway.carry_out(wish))
 
-    def _listen(self, on: bool) -> None:
-        if on != (self._row is not None):
+    def _show_conversation(self, is_shown: bool) -> None:
+        if is_shown != (self._next_row is not None):
             publisher = self._mounts.publisher
-            publisher.listen(1 if on else -1)
-            self._row = publisher.count if on else None
+            publisher.count_listeners(1 if is_shown else -1)
+            self._next_row = publisher.row_count if is_shown else None
 
-    async def _record(self, message: Message, on: bool) -> None:
-        recording = self._mounts.recordings[message.mount]
-        if on:
-            await self._answer(message.id, True, recording.begin())
+    async def _record(self, message: Message, starts: bool) -> None:
+        recording = self._mounts.recordings[message.mount_index]
+        if starts:
+            await self._answer(message.answer_number, True, recording.begin())
             return
         path = await recording.end()
-        download = f"/recording/{message.mount}/{path.name}"
+        download = f"/recording/{message.mount_index}/{path.name}"
         more = {"download": download, "report": download.removesuffix(".rec") + ".html"}
-        await self._answer(message.id, True, f"the recording is in {path}", more)
+        await self._answer(message.answer_number, True, f"the recording is in {path}", more)
 
-    async def _tell(self, message: Message, answer: Answer) -> None:
-        await self._answer(message.id, answer.done, in_page_wording(answer.text))
+    async def _send_answer(self, message: Message, answer: Answer) -> None:
+        await self._answer(message.answer_number, answer.is_ok, in_page_wording(answer.text))
 
     async def _answer(self, number: int, is_done: bool, text: str, extra_fields: dict[str, Any] | None = None) -> None:
         if number:
@@ -269,5 +269,5 @@ class PageSession:
                 await self._send({"id": number, "ok": is_done, "words": text, **(extra_fields or {})})
 
 
-def _direction(word: messages.Arrow) -> Direction:
-    return Direction[word.upper()]
+def _direction(arrow: messages.Arrow) -> Direction:
+    return Direction[arrow.upper()]

@@ -17,28 +17,28 @@ from gateway.core.errors import UserError
 #: Wrong tries that an address has without waiting; seconds between two further tries.
 FREE_TRIES, TRY_PERIOD = 5, 60.0
 #: Wrong tries of all addresses together within ``TRY_PERIOD`` seconds.
-FREE_TRIES_OF_ALL = 10
+TOTAL_FREE_TRIES = 10
 #: Addresses that are remembered.
 MAX_HOSTS = 1000
 
 
 class Pin:
-    """The right PIN; empty if there is none. ``now`` returns monotonic seconds, ``warn`` logs a line."""
+    """The right PIN; empty if there is none. ``monotonic_time`` returns monotonic seconds, ``warn`` logs a line."""
 
-    def __init__(self, pin: str, now: Callable[[], float], warn: Callable[[str], None]) -> None:
-        self._pin, self._loop_time, self._warn = pin, now, warn
+    def __init__(self, pin: str, monotonic_time: Callable[[], float], warn: Callable[[str], None]) -> None:
+        self._pin, self._monotonic_time, self._warn = pin, monotonic_time, warn
         #: Address -> its number of wrong tries and time of the last; addresses that gave the right PIN; times of all.
         self._wrong_tries: dict[str, tuple[int, float]] = {}
         self._known_hosts: set[str] = set()
-        self._times: deque[float] = deque(maxlen=FREE_TRIES_OF_ALL)
+        self._wrong_try_times: deque[float] = deque(maxlen=TOTAL_FREE_TRIES)
 
     def __bool__(self) -> bool:
         return bool(self._pin)
 
     def admits(self, pin: str, host: str) -> bool:
         """Whether this is the right PIN. Raises UserError while the address has to wait."""
-        now = self._loop_time()
-        if (wait := ceil(self._free_at(host) - now)) > 0:
+        now = self._monotonic_time()
+        if (wait := ceil(self._next_try_at(host) - now)) > 0:
             raise UserError(f"too many wrong pins: wait {wait} s, then try again; looking and STOP need no pin")
         if bool(self._pin) and same_token(pin, self._pin):
             self._wrong_tries.pop(host, None)
@@ -50,14 +50,14 @@ class Pin:
         if len(self._wrong_tries) > MAX_HOSTS:
             del self._wrong_tries[next(iter(self._wrong_tries))]
         if host not in self._known_hosts:
-            self._times.append(now)
+            self._wrong_try_times.append(now)
         self._warn(f"wrong pin from {host} ({count} since the last right one)")
         return False
 
-    def _free_at(self, host: str) -> float:
+    def _next_try_at(self, host: str) -> float:
         """Return the monotonic time from which this address may try."""
         count, last = self._wrong_tries.get(host, (0, 0.0))
         allowed_at = last + TRY_PERIOD if count >= FREE_TRIES else 0.0
-        if host in self._known_hosts or len(self._times) < FREE_TRIES_OF_ALL:
+        if host in self._known_hosts or len(self._wrong_try_times) < TOTAL_FREE_TRIES:
             return allowed_at
-        return max(allowed_at, self._times[0] + TRY_PERIOD)
+        return max(allowed_at, self._wrong_try_times[0] + TRY_PERIOD)

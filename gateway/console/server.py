@@ -17,15 +17,15 @@ from typing import Any
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from gateway.app.gateway import Gateway
-from gateway.app.pages import Pages, for_own_page, rules_of, same_token
+from gateway.app.pages import Pages, require_own_page, rules_of, same_token
 from gateway.astro.catalog import supplied
 from gateway.clients.access import AccessRules
 from gateway.console.mounts import Mounts
 from gateway.console.page_session import PageSession
 from gateway.core.errors import UserError
-from gateway.diagnostics.metrics import Metrics, missing
-from gateway.transport.http_requests import turned_away
-from gateway.transport.room import Room
+from gateway.diagnostics.metrics import Metrics, missing_package_text
+from gateway.transport.http_requests import log_refused_request
+from gateway.transport.room import ConnectionQuota
 
 PAGE_FOLDER = Path(__file__).parent / "page"
 #: The longest message of a page in bytes; how many pages may be open at a time; seconds between two heartbeats.
@@ -36,7 +36,7 @@ MAX_MESSAGE_BYTES, MAX_PAGES, HEARTBEAT_PERIOD = 16384, 64, 10.0
 def page_files() -> Pages:
     """Return the files of the page. Reading them takes tens of milliseconds: call it on a thread if clients wait."""
     files = {path.relative_to(PAGE_FOLDER).as_posix(): path for path in PAGE_FOLDER.rglob("*")}
-    return Pages(files | {f"data/{name}": supplied.file(name) for name in supplied.PAGE_FILES})
+    return Pages(files | {f"data/{name}": supplied.sky_file(name) for name in supplied.PAGE_FILES})
 
 
 class Console:
@@ -47,12 +47,12 @@ class Console:
         self._token = secrets.token_urlsafe(24)
         self._metrics = Metrics(gateways)
         self._pages: set[asyncio.Task[Any]] = set()
-        self._page_room = Room(MAX_PAGES)
+        self._page_quota = ConnectionQuota(MAX_PAGES)
 
     def add_to(self, app: web.Application) -> None:
         """Add the console's routes to an application."""
         app.add_routes([
-            web.get(path, for_own_page(handler, self._refusal)) for path, handler in (
+            web.get(path, require_own_page(handler, self._refusal)) for path, handler in (
                 ("/", self._index), ("/socket", self._socket), ("/metrics", self._metrics_text),
                 ("/recording/{mount}/{name}", self._recording), ("/{path:.+}", self._file),
             )
@@ -77,7 +77,7 @@ class Console:
         if all(rules.admits(request.remote or "") for rules in (self._access, rules_of(request))):
             return ""
         logs = [gateway.wire_log for gateway in self._mounts.gateways]
-        turned_away(request, "it is not in the console's allow", logs)
+        log_refused_request(request, "it is not in the console's allow", logs)
         return "This address is not in the console's allow list."
 
     def _may_act(self, request: web.Request) -> bool:
@@ -96,7 +96,7 @@ class Console:
 
     async def _metrics_text(self, request: web.Request) -> web.StreamResponse:
         if (text := await self._metrics.text()) is None:
-            raise web.HTTPNotImplemented(reason=missing())
+            raise web.HTTPNotImplemented(reason=missing_package_text())
         return web.Response(body=text, headers={"Content-Type": "text/plain; version=0.0.4; charset=utf-8"})
 
     async def _recording(self, request: web.Request) -> web.StreamResponse:
@@ -122,13 +122,13 @@ class Console:
         host = request.remote or "?"
         ws = web.WebSocketResponse(max_msg_size=MAX_MESSAGE_BYTES, heartbeat=HEARTBEAT_PERIOD, compress=False)
         await ws.prepare(request)
-        if not self._page_room.enter(host):  # the page tries again much later
+        if not self._page_quota.take_place(host):  # the page tries again much later
             await ws.close(code=WSCloseCode.TRY_AGAIN_LATER, drain=False)
             return ws
         try:
             await self._converse(ws, request, host)
         finally:
-            self._page_room.leave(host)
+            self._page_quota.give_back_place(host)
         return ws
 
     async def _converse(self, websocket: web.WebSocketResponse, request: web.Request, host: str) -> None:
@@ -139,7 +139,7 @@ class Console:
         try:
             async for message in websocket:
                 if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
-                    session.take(message.data)
+                    session.receive(message.data)
                 if shown.done():
                     break
         finally:
@@ -158,7 +158,7 @@ class _Socket:
         if raw is not None and raw.family in (socket.AF_INET, socket.AF_INET6):
             raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 16384)  # to notice a stalled browser soon
 
-    def waiting(self) -> int:
+    def unread_byte_count(self) -> int:
         if self._transport is None or self._transport.is_closing():
             return 0
         return int(self._transport.get_write_buffer_size())

@@ -11,24 +11,24 @@ import re
 from pathlib import Path
 
 #: 2026-01-01 in Unix seconds: a clock that shows an earlier time is wrong, because this version did not exist then.
-RELEASE_TIME = 1767225600.0
+EARLIEST_VALID_TIME = 1767225600.0
 #: The folder ``gateway/``, in a checkout or as installed.
 PACKAGE_FOLDER = Path(__file__).resolve().parents[1]
 #: How many digits of a commit are shown.
 COMMIT_DIGITS = 12
-_PROJECT, _COMMIT = "mount-gateway", re.compile(r"[0-9a-f]{40}")
+_PROJECT_NAME, _COMMIT = "mount-gateway", re.compile(r"[0-9a-f]{40}")
 
 
 @functools.cache
 def version() -> str:
     """Return the version, such as ``0.2.0``."""
-    project = _text(PACKAGE_FOLDER.parent / "pyproject.toml")
-    if f'name = "{_PROJECT}"' in project and (match := re.search(r'(?m)^version = "(.+)"$', project)):
+    project = _read(PACKAGE_FOLDER.parent / "pyproject.toml")
+    if f'name = "{_PROJECT_NAME}"' in project and (match := re.search(r'(?m)^version = "(.+)"$', project)):
         return match[1]
     from importlib import metadata  # it takes longer to import than all that most commands do
 
     try:
-        return metadata.version(_PROJECT)
+        return metadata.version(_PROJECT_NAME)
     except metadata.PackageNotFoundError:
         return "unknown"
 
@@ -36,42 +36,42 @@ def version() -> str:
 @functools.cache
 def commit() -> str:
     """Return the first digits of the commit that this was built from; empty if it is not known."""
-    built = _text(PACKAGE_FOLDER / "commit.txt") or checked_out(PACKAGE_FOLDER.parent / ".git") or _installed_from()
+    built = _read(PACKAGE_FOLDER / "commit.txt") or head_commit(PACKAGE_FOLDER.parent / ".git") or _pip_commit_record()
     return match[0][:COMMIT_DIGITS] if (match := _COMMIT.search(built)) else ""
 
 
-def full_version(number: str | None = None, commit_id: str = "") -> str:
+def full_version(version_number: str | None = None, commit_id: str = "") -> str:
     """Return a version with its commit, if known: ``0.2.0 (commit 55d337efa1b2)``. Default: that of this program."""
-    if number is None:
-        number, commit_id = version(), commit()
-    return f"{number} (commit {commit_id})" if commit_id else number
+    if version_number is None:
+        version_number, commit_id = version(), commit()
+    return f"{version_number} (commit {commit_id})" if commit_id else version_number
 
 
-def checked_out(git: Path) -> str:
+def head_commit(git_path: Path) -> str:
     """Return the commit of a checkout, without asking git, which a user need not have."""
-    if git.is_file():  # a further worktree: the file names its folder
-        git = git.parent / _text(git).removeprefix("gitdir:").strip()
-    head = _text(git / "HEAD").strip()
+    if git_path.is_file():  # a further worktree: the file names its folder
+        git_path = git_path.parent / _read(git_path).removeprefix("gitdir:").strip()
+    head = _read(git_path / "HEAD").strip()
     if not head.startswith("ref: "):
         return head
-    common = git / (_text(git / "commondir").strip() or ".")
+    common = git_path / (_read(git_path / "commondir").strip() or ".")
     name = head.removeprefix("ref: ")
-    packed = re.search(rf"(?m)^([0-9a-f]{{40}}) {re.escape(name)}$", _text(common / "packed-refs"))
-    return _text(common / name) or (packed[1] if packed else "")
+    packed = re.search(rf"(?m)^([0-9a-f]{{40}}) {re.escape(name)}$", _read(common / "packed-refs"))
+    return _read(common / name) or (packed[1] if packed else "")
 
 
-def _installed_from() -> str:
+def _pip_commit_record() -> str:
     """Return the part of pip's record that holds the commit; empty if the package came from an index."""
     from importlib import metadata
 
     try:
-        written = metadata.distribution(_PROJECT).read_text("direct_url.json") or ""
+        written = metadata.distribution(_PROJECT_NAME).read_text("direct_url.json") or ""
     except (metadata.PackageNotFoundError, OSError):
         return ""
     return written.partition('"commit_id"')[2]  # there may be checksums before it
 
 
-def _text(path: Path) -> str:
+def _read(path: Path) -> str:
     """Return the text of a file; empty if it cannot be read."""
     try:
         return path.read_text("utf-8")

@@ -14,7 +14,7 @@ from pathlib import Path
 _FOLDER_REMEDY = "choose a folder that you may write to, or run this as its owner"
 _DISK_REMEDY = "free space on that disk (df -h shows which is full), or choose a folder on another disk"
 #: Error of the system -> what to do about it.
-_ERROR_REMEDIES = {
+_REMEDY_BY_ERRNO = {
     errno.EACCES: _FOLDER_REMEDY, errno.EPERM: _FOLDER_REMEDY, errno.ENOSPC: _DISK_REMEDY, errno.EDQUOT: _DISK_REMEDY,
     errno.EROFS: "choose a folder on a disk that can be written to",
 }  # fmt: skip
@@ -40,7 +40,7 @@ class SunIsNoGoal(UserError):
 def explain_os_error(error: OSError) -> str:
     """Return what the system says of an error, and what to do about it if that is known."""
     text = error.strerror or str(error)
-    return f"{text}; {step}" if (step := _ERROR_REMEDIES.get(error.errno or 0)) else text
+    return f"{text}; {step}" if (step := _REMEDY_BY_ERRNO.get(error.errno or 0)) else text
 
 
 def explain_file_error(path: Path | str, error: OSError, *, reading: bool = False) -> str:
@@ -59,21 +59,21 @@ def explain_file_error(path: Path | str, error: OSError, *, reading: bool = Fals
     return explain_os_error(error)
 
 
-def similar(word: str, candidates: Iterable[str], most: int = 1, min_similarity: float = 0.6) -> list[str]:
-    """Return up to ``most`` words similar to a mistyped word, the nearest first.
+def similar(word: str, candidates: Iterable[str], max_count: int = 1, min_similarity: float = 0.6) -> list[str]:
+    """Return up to ``max_count`` words similar to a mistyped word, the nearest first.
 
     ``min_similarity`` is the similarity that they need, from 0 to 1.
     """
     from difflib import get_close_matches  # imported here because only a mistake needs it
 
-    return get_close_matches(word, list(candidates), most, min_similarity)
+    return get_close_matches(word, list(candidates), max_count, min_similarity)
 
 
 class MappingError(UserError):
     """A row of ``mappings/`` that cannot be used. The text names the file, the row and the reason."""
 
-    def __init__(self, file_and_row: str, row: str, reason: str) -> None:
-        super().__init__(f"{file_and_row}: [{row}]: {reason}")
+    def __init__(self, file: str, row: str, reason: str) -> None:
+        super().__init__(f"{file}: [{row}]: {reason}")
 
 
 class Fault(GatewayError):
@@ -83,12 +83,12 @@ class Fault(GatewayError):
     #: A longer explanation for a terminal or a page; {sun} and {sync} stand for the limits in degrees.
     explanation = ""
     #: Seconds that the mount took to reply, if the refusal is the mount's.
-    took = 0.0
+    reply_seconds = 0.0
     #: Whether the command may have reached the mount.
     sent = True
 
     #: Whether the log already shows and counts it as a refusal.
-    logged = False
+    is_logged = False
 
     #: A short text, at most 60 characters, for programs that show no more; the whole text then also says what to do.
     brief = ""
@@ -98,7 +98,7 @@ class Fault(GatewayError):
         if text or brief:
             self.brief = brief
 
-    def of(self, summary: str) -> str:
+    def with_summary(self, summary: str) -> str:
         """Return ``summary`` followed by this reason; a refused sync's reason begins with ``summary`` already."""
         return str(self) if str(self).startswith(summary) else f"{summary}: {self}"
 

@@ -24,14 +24,14 @@ def axis_moved(operation: op.Operation) -> int | None:
     return operation.axis if isinstance(operation, op.Move | op.MoveAxis) else None
 
 
-def ends_focus(operation: object) -> bool:
+def stops_focuser(operation: object) -> bool:
     """Whether the operation halts the focuser. (A stop of the mount does not.)"""
     return isinstance(operation, op.Focus) and operation.direction == 0
 
 
 def survives_abort(operation: op.Operation) -> bool:
     """Whether a stop of the mount does not cancel the operation: it is no motion, or halts the focuser."""
-    return operation.survives_abort or ends_focus(operation)
+    return operation.survives_abort or stops_focuser(operation)
 
 
 def begins_motion(operation: object) -> bool:
@@ -41,4 +41,4 @@ def begins_motion(operation: object) -> bool:
 
 def may_begin_motion(names: list[str]) -> bool:
     """Whether any of the operations with these names sets the mount moving."""
-    return any(issubclass(kind, MOVERS) for name in names if (kind := op.named(name)) is not None)
+    return any(issubclass(kind, MOVERS) for name in names if (kind := op.operation_class(name)) is not None)

@@ -17,7 +17,7 @@ from msgspec import Meta, Struct
 from gateway.core.operations import Direction
 
 
-class Spot(Struct, frozen=True, tag="spot"):
+class SkyPosition(Struct, frozen=True, tag="spot"):
     """A position on the sky in degrees, of the equinox of date or of J2000."""
 
     ra: float
@@ -25,59 +25,59 @@ class Spot(Struct, frozen=True, tag="spot"):
     j2000: bool = False  # else of date
 
 
-class Body(Struct, frozen=True, tag="body"):
+class SolarSystemBody(Struct, frozen=True, tag="body"):
     """A planet by its English name, or the Moon: the gateway computes its position."""
 
     name: str
 
 
-class Named(Struct, frozen=True, tag="named"):
+class ByName(Struct, frozen=True, tag="named"):
     """An object by the name that the user typed; it is looked up before the request is carried out."""
 
     name: Annotated[str, Meta(max_length=200)]
 
 
-Where = Spot | Body  # a target that needs no look-up
-Target = Where | Named
+ResolvedTarget = SkyPosition | SolarSystemBody  # a target that needs no look-up
+Target = ResolvedTarget | ByName
 
 
-def new_number() -> str:
+def new_request_number() -> str:
     """Return a unique random number for a request, as text."""
     return os.urandom(8).hex()
 
 
-class Base(Struct, frozen=True, kw_only=True):
+class ChangeRequest(Struct, frozen=True, kw_only=True):
     """Base of the requests that change something. ``who`` is the client that makes it; empty for the command line."""
 
-    number: str = msgspec.field(default_factory=new_number)
+    number: str = msgspec.field(default_factory=new_request_number)
     who: str = ""  # the client
 
 
-class GotoRequest(Base, frozen=True, tag="goto"):
+class GotoRequest(ChangeRequest, frozen=True, tag="goto"):
     """Slew to a target and track it."""
 
     where: Target
 
 
-class SyncRequest(Base, frozen=True, tag="sync"):
+class SyncRequest(ChangeRequest, frozen=True, tag="sync"):
     """Tell the mount that it points at this target now."""
 
     where: Target
 
 
-class ParkRequest(Base, frozen=True, tag="park"):
+class ParkRequest(ChangeRequest, frozen=True, tag="park"):
     """Go to the park position."""
 
 
-class HomeRequest(Base, frozen=True, tag="home"):
+class HomeRequest(ChangeRequest, frozen=True, tag="home"):
     """Go to the home position."""
 
 
-class UnparkRequest(Base, frozen=True, tag="unpark"):
+class UnparkRequest(ChangeRequest, frozen=True, tag="unpark"):
     """Unpark the mount, or wake it, so that it tracks."""
 
 
-class MoveRequest(Base, frozen=True, tag="move"):
+class MoveRequest(ChangeRequest, frozen=True, tag="move"):
     """Move by hand for some seconds, at the rate of a ``key`` of the hand control."""
 
     direction: Direction
@@ -85,15 +85,15 @@ class MoveRequest(Base, frozen=True, tag="move"):
     seconds: float
 
 
-class PressRequest(Base, frozen=True, tag="press"):
+class PressKeyRequest(ChangeRequest, frozen=True, tag="press"):
     """Move by hand until ``ReleaseKeyRequest``. Repeating the request keeps the motion alive (dead man's switch)."""
 
     direction: Direction
     key: int  # of the hand control, 1 (slowest) to 9
 
 
-class ReleaseKeyRequest(Base, frozen=True, tag="let go"):
-    """End the motion that ``PressRequest`` began under this number.
+class ReleaseKeyRequest(ChangeRequest, frozen=True, tag="let go"):
+    """End the motion that ``PressKeyRequest`` began under this number.
 
     If the motion has not begun yet, it becomes a short tap. With ``lost`` (nobody holds the key now) it is dropped.
     """
@@ -101,41 +101,41 @@ class ReleaseKeyRequest(Base, frozen=True, tag="let go"):
     lost: bool = False  # a motion not yet begun is dropped
 
 
-class TrackRequest(Base, frozen=True, tag="track"):
+class TrackRequest(ChangeRequest, frozen=True, tag="track"):
     """Turn tracking on or off; optionally set the rate: ``sidereal``, ``lunar`` or ``solar``."""
 
     on: bool = True
     rate: Literal["sidereal", "lunar", "solar"] | None = None
 
 
-class SetClockRequest(Base, frozen=True, tag="time"):
+class SetClockRequest(ChangeRequest, frozen=True, tag="time"):
     """Set the mount's clock: UTC as Unix seconds, and local time minus UTC in hours."""
 
     unix: Annotated[float, Meta(ge=0.0, le=4e9)]
     offset: Annotated[float, Meta(ge=-14.0, le=14.0)]
 
 
-class SetSiteRequest(Base, frozen=True, tag="site"):
+class SetSiteRequest(ChangeRequest, frozen=True, tag="site"):
     """Set the mount's site."""
 
     latitude: Annotated[float, Meta(ge=-90.0, le=90.0)]
     longitude: Annotated[float, Meta(ge=-180.0, le=360.0)]
 
 
-class GuideRequest(Base, frozen=True, tag="guide"):
+class GuideRequest(ChangeRequest, frozen=True, tag="guide"):
     """Guide in a direction on the sky for some milliseconds."""
 
     direction: Direction
     ms: Annotated[int, Meta(ge=1, le=5000)]
 
 
-class SetGuideRateRequest(Base, frozen=True, tag="guide rate"):
+class SetGuideRateRequest(ChangeRequest, frozen=True, tag="guide rate"):
     """Set the guide rate of both axes, as a fraction of sidereal."""
 
     rate: Annotated[float, Meta(gt=0.0, le=1.0)]
 
 
-class NarrowLimitsRequest(Base, frozen=True, tag="narrow"):
+class NarrowLimitsRequest(ChangeRequest, frozen=True, tag="narrow"):
     """Narrow the limits of altitude, distance from the Sun and hour angle past the meridian until the gateway ends.
 
     A field that is None keeps the limit of the configuration. All are degrees.
@@ -147,7 +147,7 @@ class NarrowLimitsRequest(Base, frozen=True, tag="narrow"):
     hour_angle: Annotated[float, Meta(gt=0.0, le=180.0)] | None = None  # past the meridian
 
 
-class OperationRequest(Base, frozen=True, tag="perform"):
+class OperationRequest(ChangeRequest, frozen=True, tag="perform"):
     """Carry out an operation of ``core/operations``, by its name and fields; the text of the answer is JSON."""
 
     operation: str  # name of its class
@@ -196,7 +196,7 @@ class ReleaseHoldRequest(Struct, frozen=True, tag="release"):
 
 StopOrHold = StopRequest | HoldRequest | ReleaseHoldRequest
 Request = (
-    GotoRequest | SyncRequest | ParkRequest | HomeRequest | UnparkRequest | MoveRequest | PressRequest
+    GotoRequest | SyncRequest | ParkRequest | HomeRequest | UnparkRequest | MoveRequest | PressKeyRequest
     | ReleaseKeyRequest | GuideRequest | TrackRequest | SetClockRequest | SetSiteRequest | SetGuideRateRequest
     | NarrowLimitsRequest | OperationRequest | ReadSlowRequest | ProgressRequest | CancelRequest | StateRequest
     | StopOrHold
@@ -217,7 +217,7 @@ class Answer(NamedTuple):
     fault: str = ""  # class of the error
 
     @property
-    def done(self) -> bool:
+    def is_ok(self) -> bool:
         return self.outcome == DONE
 
     def __str__(self) -> str:

@@ -2,7 +2,7 @@
 
 `TimedEvent` waits with a timeout cheaply, because every exchange does so several times. `result_of` shares work between
 several callers: it continues if a caller is cancelled, and `shared_result` tells them if it is itself cancelled.
-`BackgroundTasks` keeps references to tasks and ends them at shutdown. `in_thread` also works when Python ends.
+`BackgroundTasks` keeps references to tasks and ends them at shutdown. `run_in_thread` also works when Python ends.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ Outcome = asyncio.Future[Any]  # the result of an order
 class TimedEvent(asyncio.Event):
     """An `asyncio.Event` with a cheap timeout.
 
-    `within` costs a third of ``asyncio.timeout``, which cancels its task and takes the cancellation back.
+    `wait_within` costs a third of ``asyncio.timeout``, which cancels its task and takes the cancellation back.
     """
 
-    async def within(self, seconds: float) -> bool:
+    async def wait_within(self, seconds: float) -> bool:
         """Wait until the event is set, at most ``seconds``; return whether it was set."""
         if self.is_set():
             return True
@@ -50,28 +50,28 @@ async def result_of(work: asyncio.Future[_T]) -> _T:
     ``asyncio.shield`` does the same, but from Python 3.14 on it reports a later exception of such work to the event
     loop, which prints it to a user who can do nothing about it. Here only the callers that still wait get it.
     """
-    await _done(work)
+    await _wait_until_done(work)
     return work.result()
 
 
 async def shared_result(work: asyncio.Future[_T]) -> _T:
     """Like `result_of`, but raises NoAnswer if the work was cancelled. CancelledError: the caller was cancelled."""
-    await _done(work)
+    await _wait_until_done(work)
     if work.cancelled():
         raise NoAnswer
     return work.result()
 
 
-async def _done(work: asyncio.Future[_T]) -> None:
+async def _wait_until_done(work: asyncio.Future[_T]) -> None:
     if not work.done():
         try:
             await asyncio.wait((work,))
         except asyncio.CancelledError:
-            work.add_done_callback(mark_retrieved)
+            work.add_done_callback(mark_exception_retrieved)
             raise
 
 
-async def in_thread(function: Callable[..., Any], *arguments: object) -> Any:
+async def run_in_thread(function: Callable[..., Any], *arguments: object) -> Any:
     """Run a function on another thread. While Python shuts down, threads take no more work: run it on this one."""
     working = functools.partial(function, *arguments)
     try:
@@ -81,7 +81,7 @@ async def in_thread(function: Callable[..., Any], *arguments: object) -> Any:
     return await future
 
 
-def mark_retrieved(outcome: asyncio.Future[_T]) -> None:
+def mark_exception_retrieved(outcome: asyncio.Future[_T]) -> None:
     """Mark the exception as retrieved, so that asyncio does not log it if no caller waits."""
     if not outcome.cancelled():
         outcome.exception()
@@ -90,25 +90,25 @@ def mark_retrieved(outcome: asyncio.Future[_T]) -> None:
 def new_outcome() -> Outcome:
     """Return a new future for the result of an order; it is cancelled if the order is superseded."""
     work: Outcome = asyncio.get_running_loop().create_future()
-    work.add_done_callback(mark_retrieved)
+    work.add_done_callback(mark_exception_retrieved)
     return work
 
 
-def finished() -> Outcome:
+def finished_outcome() -> Outcome:
     """Return the outcome of an order that needs no action."""
     work = new_outcome()
     work.set_result(None)
     return work
 
 
-def failed(fault: Exception) -> Outcome:
+def failed_outcome(fault: Exception) -> Outcome:
     """Return the outcome of an order that is refused."""
     work = new_outcome()
     work.set_exception(fault)
     return work
 
 
-def cancelled() -> Outcome:
+def cancelled_outcome() -> Outcome:
     """Return the outcome of an order that was superseded before it arrived."""
     work = new_outcome()
     work.cancel()

@@ -16,7 +16,7 @@ MAX_NOTES_ONCE = 1000
 #: How many refusals and notes on the mount are remembered, for clients that ask for recent events.
 MAX_REMEMBERED_NOTES = 64
 #: Numbers in a refusal: if a program tries many values, its refusals differ only in them, and are logged once.
-_NUMBERS = re.compile(r"[\d.]+")
+_NUMBER_PATTERN = re.compile(r"[\d.]+")
 
 
 class Entry(NamedTuple):
@@ -47,7 +47,7 @@ class Notice(NamedTuple):
 MOUNT_SIDE = "mount"
 
 
-def show(data: bytes) -> str:
+def printable(data: bytes) -> str:
     """Return the bytes as text, everything unprintable as ``\\xHH``."""
     return "".join(chr(byte) if 32 <= byte < 127 and byte != 92 else f"\\x{byte:02x}" for byte in data)
 
@@ -65,13 +65,13 @@ class WireLog:
         self.sinks: list[Sink] = []
         self._notes_logged_once: set[tuple[str, str]] = set()
         #: The latest refusals and notes on the mount; they are kept even without a sink.
-        self.recent: deque[Notice] = deque(maxlen=MAX_REMEMBERED_NOTES)
+        self.recent_notices: deque[Notice] = deque(maxlen=MAX_REMEMBERED_NOTES)
         #: The number of refusals, logged or not; and the function that is called with each that differs from the last.
-        self.refusals = 0
+        self.refusal_count = 0
         self.on_refusal: Callable[[str], object] | None = None
         self._last_refusal = ""
 
-    def remove(self, sink: Sink) -> None:
+    def remove_sink(self, sink: Sink) -> None:
         """Remove a sink, if it is still there: a sink that fails has been removed already."""
         if sink in self.sinks:
             self.sinks.remove(sink)
@@ -87,12 +87,12 @@ class WireLog:
                 except OSError:  # a log that can no longer be written must not disturb the line to the mount
                     broken = sink
             if broken is not None:
-                self.remove(broken)
+                self.remove_sink(broken)
 
     def note(self, side: str, text: str) -> None:
         """Record a fault or a decision as text."""
         if side == MOUNT_SIDE:
-            self.recent.append(Notice(self.clock(), side, text))
+            self.recent_notices.append(Notice(self.clock(), side, text))
         self.put(side, "!", note=text)
 
     def note_once(self, side: str, text: str, key: str = "", kind: str = "") -> None:
@@ -101,28 +101,28 @@ class WireLog:
             self._notes_logged_once.add((key, kind or text))
             self.note(side, text)
 
-    def refused(self, side: str, text: str, once_key: str | None = None) -> None:
+    def log_refusal(self, side: str, text: str, once_key: str | None = None) -> None:
         """Record a refusal; with ``once_key`` (a host), only the first of several texts that differ by numbers."""
-        self.recent.append(Notice(self.clock(), side, text))
-        self.refusals += 1
+        self.recent_notices.append(Notice(self.clock(), side, text))
+        self.refusal_count += 1
         if self.on_refusal is not None and text != self._last_refusal:
             self._last_refusal = text
             self.on_refusal(text)
         if once_key is None:
             self.note(side, text)
         else:
-            self.note_once(side, text, once_key, kind=_NUMBERS.sub("", text))
+            self.note_once(side, text, once_key, kind=_NUMBER_PATTERN.sub("", text))
 
-    def turned_away(self, side: str, text: str, host: str) -> None:
+    def log_rejection(self, side: str, text: str, host: str) -> None:
         """Record a refused connection; it is logged once for each host."""
-        self.remember(host, text)
+        self.remember_notice(host, text)
         self.note_once(side, text, host)
 
-    def remember(self, host: str, text: str) -> None:
-        """Add a notice to ``recent`` without logging it. It replaces an earlier notice with the same text."""
-        if same := next((old for old in self.recent if old.text == text), None):
-            self.recent.remove(same)
-        self.recent.append(Notice(self.clock(), host, text))
+    def remember_notice(self, host: str, text: str) -> None:
+        """Add a notice to ``recent_notices`` without logging it. It replaces an earlier notice with the same text."""
+        if same := next((old for old in self.recent_notices if old.text == text), None):
+            self.recent_notices.remove(same)
+        self.recent_notices.append(Notice(self.clock(), host, text))
 
 
 class ClientLog:
@@ -144,9 +144,9 @@ class ClientLog:
         """Like `note`, but once per text and host."""
         self.wire_log.note_once(self.name, text, self._host)
 
-    def refused(self, text: str) -> None:
-        self.wire_log.refused(self.name, text)
+    def log_refusal(self, text: str) -> None:
+        self.wire_log.log_refusal(self.name, text)
 
-    def refused_once(self, text: str) -> None:
-        """Like `refused`, but logged once per text and host."""
-        self.wire_log.refused(self.name, text, self._host)
+    def log_refusal_once(self, text: str) -> None:
+        """Like `log_refusal`, but logged once per text and host."""
+        self.wire_log.log_refusal(self.name, text, self._host)

@@ -9,9 +9,9 @@ from typing import NamedTuple
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import (
-    ELSE,
-    LACKS,
-    PRESENTED,
+    ANY_MOUNT,
+    LACKS_PREFIX,
+    PRESENTED_PREFIX,
     UNABLE,
     UNALIGNED,
     Implementation,
@@ -47,8 +47,8 @@ def outcome(row: SurfaceRow | None, mount: CommandSet, kind: MountKind, face: fr
     """
     if row is None:
         return MISSING_OUTCOME
-    ways = taken(row, mount, kind)
-    word = next(word for traits, word in row.outcomes.items() if _fits(traits, mount, kind, not ways, face))
+    ways = choose(row, mount, kind)
+    word = next(word for traits, word in row.outcomes.items() if _all_hold(traits, mount, kind, not ways, face))
     if word != "translated":
         return word
     return ways[0].outcome if ways else MISSING_OUTCOME
@@ -59,46 +59,46 @@ def _traits(mount: CommandSet, model: str, wedge: bool) -> frozenset[str]:
     return mount.traits(model, wedge)
 
 
-def _fits(traits: str, mount: CommandSet, kind: MountKind, unable: bool, surface: frozenset[str] | None) -> bool:
+def _all_hold(traits: str, mount: CommandSet, kind: MountKind, unable: bool, presented: frozenset[str] | None) -> bool:
     """Whether a condition holds: all its traits are true of such a mount and of the presented model."""
 
-    def is_true(word: str) -> bool:
-        if word in (ELSE, UNABLE, UNALIGNED):
-            return word == ELSE or (unable if word == UNABLE else not kind.aligned)
-        if word.startswith(PRESENTED):
-            return surface is None or word.removeprefix(PRESENTED) in surface
-        if word.startswith(LACKS):
-            way = next(carried(word.removeprefix(LACKS), mount, kind), None)
+    def is_true(trait: str) -> bool:
+        if trait in (ANY_MOUNT, UNABLE, UNALIGNED):
+            return trait == ANY_MOUNT or (unable if trait == UNABLE else not kind.aligned)
+        if trait.startswith(PRESENTED_PREFIX):
+            return presented is None or trait.removeprefix(PRESENTED_PREFIX) in presented
+        if trait.startswith(LACKS_PREFIX):
+            way = next(possible_implementations(trait.removeprefix(LACKS_PREFIX), mount, kind), None)
             return way is None or way.outcome == "refused"
-        return word in _traits(mount, kind.model, kind.wedge)
+        return trait in _traits(mount, kind.model, kind.wedge)
 
     return all(map(is_true, traits.split()))
 
 
-def taken(row: SurfaceRow | None, mount: CommandSet, kind: MountKind) -> list[Implementation]:
+def choose(row: SurfaceRow | None, mount: CommandSet, kind: MountKind) -> list[Implementation]:
     """Return how a mount carries out the operations of a row: the first possible implementation of each."""
-    ways = [next(carried(name, mount, kind), None) for name in ([] if row is None else row.operations)]
+    ways = [next(possible_implementations(name, mount, kind), None) for name in ([] if row is None else row.operations)]
     return [way for way in ways if way is not None]
 
 
-def carried(operation: str, mount: CommandSet, kind: MountKind) -> Iterator[Implementation]:
+def possible_implementations(operation: str, mount: CommandSet, kind: MountKind) -> Iterator[Implementation]:
     """Yield the implementations of an operation that such a mount can carry out, the preferred first."""
     traits = _traits(mount, kind.model, kind.wedge)
-    for way in mount.driver.get(operation, ()):
+    for way in mount.driver_rows.get(operation, ()):
         if (way.part and way.part not in traits) or way.aligned not in (None, kind.aligned):
             continue
-        needed = [mount.commands[command].known_to(kind.model, kind.version) for command in way.needs]
-        used = [mount.commands[command].known_to(kind.model, kind.version) for command in way.uses]
+        needed = [mount.commands[command].exists_on(kind.model, kind.version) for command in way.needs]
+        used = [mount.commands[command].exists_on(kind.model, kind.version) for command in way.uses]
         if all(needed) and (needed or not used or any(used)):
             yield way
 
 
-def versions(protocol: CommandSet) -> Iterator[tuple[str, str, Version | None]]:
+def model_versions(protocol: CommandSet) -> Iterator[tuple[str, str, Version | None]]:
     """Yield every model with each of its versions: name, version text (empty if none), and its comparable form."""
     spec = PROTOCOLS[protocol.name]
     for model, facts in protocol.models.items():
         for version in spec.versions_of(facts) or [""]:
-            yield model, version, spec.counts_as(version) if version else None
+            yield model, version, spec.command_set_version(version) if version else None
 
 
 def remarks(row: SurfaceRow | None, implementations: list[Implementation]) -> list[str]:

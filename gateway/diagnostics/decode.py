@@ -14,15 +14,15 @@ from pathlib import Path
 
 from gateway.app.recording.format import LONGEST_LINE, Event, Recording, is_recording, read
 from gateway.core.errors import UserError
-from gateway.diagnostics.log.conversation import Side
-from gateway.diagnostics.log.layout import Row, plain
+from gateway.diagnostics.log.conversation import ConnectionDecoder
+from gateway.diagnostics.log.layout import Row, as_one_line
 from gateway.diagnostics.log.printing import describe_event
 
 #: How many bytes are read from a file at once; so many bytes of client data suffice to recognise the protocol.
 CHUNK_BYTES = 16_384
 _SPY = re.compile(rb"(\d+\.\d+) (TX|RX)\s+[0-9A-F]{4}  ([0-9A-F]{2}(?: {1,2}[0-9A-F]{2}){0,15})")
 _SOCAT = re.compile(rb"([<>]) (\d+/\d+/\d+) (\d+):(\d+):(\d+\.\d+)\s+length=\d+")
-_HEX = re.compile(rb"((?: [0-9a-f]{2})+)")
+_SOCAT_BYTES = re.compile(rb"((?: [0-9a-f]{2})+)")
 
 
 class Capture:
@@ -34,7 +34,7 @@ class Capture:
     def __init__(self, path: Path) -> None:
         self._path = path
         self.recording: Recording | None = read(path) if is_recording(path) else None
-        self._format = "" if self.recording is not None else _kind(path)
+        self._format = "" if self.recording is not None else _format_of(path)
         if self.recording is None and not self._format:
             raise UserError(
                 f"{path}: this is no recording of run --record, and no log of pyserial's spy:// or of socat -x"
@@ -44,9 +44,9 @@ class Capture:
         """Yield all events of the file, in order. Raises UserError for an invalid line of a recording."""
         if self.recording is not None:
             return iter(self.recording)
-        return _spy(self._path) if self._format == "spy" else _socat(self._path)
+        return _read_spy_log(self._path) if self._format == "spy" else _read_socat_log(self._path)
 
-    def sample(self) -> bytes:
+    def first_client_bytes(self) -> bytes:
         """Return the first bytes that clients sent."""
         sent = b""
         for event in self:
@@ -63,7 +63,7 @@ def _lines(path: Path) -> Iterator[bytes]:
             yield line
 
 
-def _kind(path: Path) -> str:
+def _format_of(path: Path) -> str:
     """Return which tool wrote the capture, ``spy`` or ``socat``; empty if no line looks like either."""
     return next(
         ("spy" if _SPY.search(line) else "socat" for line in _lines(path) if _SPY.search(line) or _SOCAT.match(line)),
@@ -71,14 +71,14 @@ def _kind(path: Path) -> str:
     )
 
 
-def _spy(path: Path) -> Iterator[Event]:
+def _read_spy_log(path: Path) -> Iterator[Event]:
     """Read a log of pyserial's ``spy://``: ``000000.002 TX   0000  3A 47 52 23  :GR#``."""
     for line in _lines(path):
         for at, way, octets in _SPY.findall(line):
             yield Event(float(at), "client", ">" if way == b"TX" else "<", bytes.fromhex(octets.decode()))
 
 
-def _socat(path: Path) -> Iterator[Event]:
+def _read_socat_log(path: Path) -> Iterator[Event]:
     """Read a log of ``socat -x``: a line with direction and time, then lines of bytes; the first side is the client."""
     event: Event | None = None
     data = bytearray()
@@ -90,25 +90,25 @@ def _socat(path: Path) -> Iterator[Event]:
         if head:
             hours, minutes, seconds = int(head.group(3)), int(head.group(4)), float(head.group(5))
             event = Event(hours * 3600 + minutes * 60 + seconds, "client", head.group(1).decode(), b"")
-        elif event is not None and (octets := _HEX.match(line)):
+        elif event is not None and (octets := _SOCAT_BYTES.match(line)):
             data += bytes.fromhex(octets.group(1).decode())
 
 
-def decode(events: Iterable[Event], of: Callable[[str], Side], began: float) -> Iterator[str]:
+def decode(events: Iterable[Event], decoder_of: Callable[[str], ConnectionDecoder], start_time: float) -> Iterator[str]:
     """Yield lines of text, with a new decoder for each connection name. The start is in Unix seconds."""
-    talks: dict[str, Side] = {}
+    talks: dict[str, ConnectionDecoder] = {}
     for event in events:
         if event.side not in talks or event.arrow in "+~":
-            talks[event.side] = of(event.side)
+            talks[event.side] = decoder_of(event.side)
         side = talks[event.side]
         if event.arrow not in "<>":
             if event.arrow == "-":
                 del talks[event.side]
-            yield _line(event, began, b"", describe_event(event.arrow, event.data.decode("latin-1")))
+            yield _format_line(event, start_time, b"", describe_event(event.arrow, event.data.decode("latin-1")))
             continue
-        pieces = side.commands(event.data, event.at) if event.arrow == ">" else side.replies(event.data)
-        yield from [_line(event, began, heard.data, heard.text) for heard in pieces]
+        pieces = side.decode_commands(event.data, event.time) if event.arrow == ">" else side.decode_replies(event.data)
+        yield from [_format_line(event, start_time, heard.data, heard.text) for heard in pieces]
 
 
-def _line(event: Event, began: float, data: bytes, text: str) -> str:
-    return plain(Row(event.at + began, event.side, event.arrow, data, text))
+def _format_line(event: Event, start_time: float, data: bytes, text: str) -> str:
+    return as_one_line(Row(event.time + start_time, event.side, event.arrow, data, text))

@@ -21,7 +21,7 @@ from gateway.core.about import commit, version
 from gateway.core.errors import Fault
 from gateway.mount.controller import MountController
 from gateway.mount.motion.wanted import Wanted
-from gateway.system.own_commands import how_to_add
+from gateway.system.own_commands import install_instruction
 
 #: Upper bounds of the histogram's buckets, seconds.
 BUCKET_BOUNDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 3.5, 5.0)
@@ -45,51 +45,51 @@ class Histogram:
         return list(zip(bounds, totals, strict=True))
 
 
-class Counts:
+class MountCounts:
     """Counts the events of a mount until it is closed. ``stop_count`` counts requested stops; ``stop_times`` are
     the times from a request until the mount has acknowledged the stop.
     """
 
     def __init__(self, controller: MountController) -> None:
         self._controller = controller
-        self.faults: Counter[str] = Counter()
+        self.fault_counts: Counter[str] = Counter()
         self.answer_times, self.stop_times = Histogram(), Histogram()
         self.exchanges = self.stop_count = 0
         self._last_stop_count = controller.stops
         self._stop_began_at: float | None = None
-        controller.line.exchanged.connect(self._exchanged)
-        controller.wanted.changed.connect(self._changed)
-        controller.reconciler.at_rest.connect(self._at_rest)
+        controller.line.exchanged.connect(self._on_exchange)
+        controller.wanted.changed.connect(self._on_wanted_changed)
+        controller.reconciler.stop_acknowledged.connect(self._on_at_rest)
 
     def close(self) -> None:
         """Stop counting."""
         controller = self._controller
-        controller.line.exchanged.disconnect(self._exchanged)
-        controller.wanted.changed.disconnect(self._changed)
-        controller.reconciler.at_rest.disconnect(self._at_rest)
+        controller.line.exchanged.disconnect(self._on_exchange)
+        controller.wanted.changed.disconnect(self._on_wanted_changed)
+        controller.reconciler.stop_acknowledged.disconnect(self._on_at_rest)
 
-    def _exchanged(self, outcome: dict[str, Any] | Fault) -> None:
+    def _on_exchange(self, outcome: dict[str, Any] | Fault) -> None:
         self.exchanges += 1
         if isinstance(outcome, Fault):
-            self.faults[type(outcome).__name__] += 1
+            self.fault_counts[type(outcome).__name__] += 1
         else:
             self.answer_times.add(self._controller.line.transaction.times.last_rtt)
 
-    def _changed(self, wanted: Wanted) -> None:
-        if wanted.stops != self._last_stop_count:
-            self.stop_count += wanted.stops - self._last_stop_count
-            self._last_stop_count = wanted.stops
-            if wanted.owed and self._stop_began_at is None:
+    def _on_wanted_changed(self, wanted: Wanted) -> None:
+        if wanted.n_stops != self._last_stop_count:
+            self.stop_count += wanted.n_stops - self._last_stop_count
+            self._last_stop_count = wanted.n_stops
+            if wanted.stop_owed and self._stop_began_at is None:
                 self._stop_began_at = self._controller.now()
 
-    def _at_rest(self, _: None) -> None:
+    def _on_at_rest(self, _: None) -> None:
         if self._stop_began_at is not None:
             self.stop_times.add(self._controller.now() - self._stop_began_at)
             self._stop_began_at = None
 
 
 #: Name, help text, and how to get the value from the state of a mount and its counts.
-Row = tuple[str, str, Callable[[MountState, Counts], float]]
+Row = tuple[str, str, Callable[[MountState, MountCounts], float]]
 COUNTERS: tuple[Row, ...] = (
     ("exchanges", "Commands that were sent to the mount and answered, or not.", lambda _, counts: counts.exchanges),
     ("stops", "Stops that were requested, by any client or by the gateway.", lambda _, counts: counts.stop_count),
@@ -99,7 +99,7 @@ GAUGES: tuple[Row, ...] = (
     ("up", "Whether the mount answers (1) or not (0).", lambda state, _: float(state.look.online)),
     ("clients", "Programs that are connected.", lambda state, _: len(state.programs)),
 )
-HISTOGRAMS: tuple[tuple[str, str, Callable[[Counts], Histogram]], ...] = (
+HISTOGRAMS: tuple[tuple[str, str, Callable[[MountCounts], Histogram]], ...] = (
     ("answer_seconds", "How long the mount took to answer.", lambda counts: counts.answer_times),
     ("stop_seconds", "From asking for a stop until the mount had acknowledged it.", lambda counts: counts.stop_times),
 )
@@ -110,7 +110,7 @@ class Metrics:
 
     def __init__(self, gateways: Sequence[Gateway]) -> None:
         installed = find_spec("prometheus_client") is not None
-        self._mounts = [(gateway, Counts(gateway.controller)) for gateway in gateways if installed]
+        self._mounts = [(gateway, MountCounts(gateway.controller)) for gateway in gateways if installed]
         self._registry: Any = None
 
     async def text(self) -> bytes | None:
@@ -143,7 +143,7 @@ class Metrics:
                 yield family
         faults = CounterMetricFamily(f"{PREFIX}_faults", "Exchanges that failed.", labels=["mount", "kind"])
         for mount, _, counts in mounts:
-            for fault, count in sorted(counts.faults.items()):
+            for fault, count in sorted(counts.fault_counts.items()):
                 faults.add_metric([mount, fault], count)
         yield faults
         for name, text, histogram in HISTOGRAMS:
@@ -158,6 +158,6 @@ class Metrics:
             counts.close()
 
 
-def missing() -> str:
+def missing_package_text() -> str:
     """Say what to do if prometheus-client is not installed."""
-    return f"for this page prometheus-client is needed; to install it, {how_to_add('metrics')}"
+    return f"for this page prometheus-client is needed; to install it, {install_instruction('metrics')}"

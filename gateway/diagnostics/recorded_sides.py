@@ -7,30 +7,32 @@ from typing import Any
 
 from gateway.app.config import parse_endpoint
 from gateway.app.recording.format import Event, Recording
-from gateway.clients.any_protocol.deciding import may_change
+from gateway.clients.any_protocol.deciding import protocol_may_change
 from gateway.core.wire_log import MOUNT_SIDE
-from gateway.diagnostics.log.conversation import Side
+from gateway.diagnostics.log.conversation import ConnectionDecoder
 from gateway.protocols.registry import ANY, surface_protocols
 
 
 class RecordedSides:
-    """The protocols of the connections in a recording, by name; ``surfaces`` are those of the surfaces, in order."""
+    """The protocols of the connections in a recording, by name; ``protocols_of_surfaces`` are those of the surfaces, in
+    order.
+    """
 
     def __init__(self, recording: Recording) -> None:
         config = recording.settings["config"]
-        self.surfaces = [protocol_of(surface) for surface in config["surface"]]
+        self.protocols_of_surfaces = [protocol_of(surface) for surface in config["surface"]]
         #: The number of the surface, from 1, of each client connection.
-        self.surface: dict[str, int] = {}
+        self.surface_numbers: dict[str, int] = {}
         self.protocols = {MOUNT_SIDE: protocol_of(config["mount"])}
 
     def _register(self, side: str, data: bytes) -> int:
         """Register a connection, as in ``surface 2, host 192.168.1.7``, and return the number of its surface."""
         number = int(data.split(b",")[0].split()[-1])
-        self.surface[side] = number
-        self.protocols[side] = surface_protocols(self.surfaces[number - 1])[0]
+        self.surface_numbers[side] = number
+        self.protocols[side] = surface_protocols(self.protocols_of_surfaces[number - 1])[0]
         return number
 
-    def introduced(self, lines: Iterable[Event]) -> Iterator[Event]:
+    def after_recognition(self, lines: Iterable[Event]) -> Iterator[Event]:
         """Yield all lines, but a connection's first bytes only after the line that names its protocol, if they were
         needed to recognise it. So the protocol is always known."""
         held: dict[str, list[Event]] = {}
@@ -38,7 +40,7 @@ class RecordedSides:
             side, waiting = line.side, held.get(line.side)
             if line.arrow == "+":
                 held.pop(side, None)
-                if self.surfaces[self._register(side, line.data) - 1] == ANY:
+                if self.protocols_of_surfaces[self._register(side, line.data) - 1] == ANY:
                     held[side] = []
             elif waiting is not None and line.arrow == ">":
                 waiting.append(line)
@@ -48,7 +50,7 @@ class RecordedSides:
                 yield line
                 yield from waiting
                 held[side] = []
-                if not may_change(protocol, b"".join(event.data for event in waiting)):
+                if not protocol_may_change(protocol, b"".join(event.data for event in waiting)):
                     del held[side]
                 continue
             elif waiting:
@@ -62,9 +64,9 @@ class RecordedSides:
         """Return a connection's protocol; that of the mount for one that is older than the recording."""
         return self.protocols.get(side, self.protocols[MOUNT_SIDE])
 
-    def side(self, name: str) -> Side:
+    def decoder(self, name: str) -> ConnectionDecoder:
         """Return a decoder for a connection."""
-        return Side(self.protocol(name))
+        return ConnectionDecoder(self.protocol(name))
 
 
 def protocol_of(settings: dict[str, Any]) -> str:

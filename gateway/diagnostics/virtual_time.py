@@ -23,7 +23,7 @@ CLEANUP_THRESHOLD = 500
 _T = TypeVar("_T")
 
 
-class _Due(list[Any]):
+class _TimerHandle(list[Any]):
     """A timer handle: time, number, callback, arguments, context. As a list it is created and compared faster."""
 
     __slots__ = ()
@@ -40,7 +40,7 @@ class _Due(list[Any]):
         return self[0]  # type: ignore[no-any-return]
 
 
-def _run(handle: asyncio.Handle) -> None:
+def _run_handle(handle: asyncio.Handle) -> None:
     if not handle.cancelled():
         handle._run()
 
@@ -50,8 +50,8 @@ class VirtualLoop(asyncio.SelectorEventLoop):
 
     def __init__(self) -> None:
         self.elapsed = 1000.0
-        self._ready_timers: deque[_Due] = deque()
-        self._timers: list[_Due] = []
+        self._ready_timers: deque[_TimerHandle] = deque()
+        self._timers: list[_TimerHandle] = []
         self._timer_count, self._cleanup_threshold = 0, CLEANUP_THRESHOLD
         super().__init__(selectors.SelectSelector())
 
@@ -66,38 +66,38 @@ class VirtualLoop(asyncio.SelectorEventLoop):
 
     def call_soon(  # type: ignore[override]
         self, callback: Callable[..., object], *args: object, context: Context | None = None
-    ) -> _Due:
+    ) -> _TimerHandle:
         if self._closed:  # type: ignore[attr-defined]
             raise RuntimeError("Event loop is closed")
-        due = _Due((0.0, 0, callback, args, copy_context() if context is None else context))
+        due = _TimerHandle((0.0, 0, callback, args, copy_context() if context is None else context))
         self._ready_timers.append(due)
         return due
 
     def call_soon_threadsafe(  # type: ignore[override]
         self, callback: Callable[..., object], *args: object, context: Context | None = None
-    ) -> _Due:
+    ) -> _TimerHandle:
         due = self.call_soon(callback, *args, context=context)
         self._write_to_self()  # type: ignore[attr-defined]
         return due
 
     def call_at(  # type: ignore[override]
         self, when: float, callback: Callable[..., object], *args: object, context: Context | None = None
-    ) -> _Due:
+    ) -> _TimerHandle:
         if self._closed:  # type: ignore[attr-defined]
             raise RuntimeError("Event loop is closed")
         self._timer_count += 1
-        due = _Due((when, self._timer_count, callback, args, copy_context() if context is None else context))
+        due = _TimerHandle((when, self._timer_count, callback, args, copy_context() if context is None else context))
         heapq.heappush(self._timers, due)
         return due
 
     def call_later(  # type: ignore[override]
         self, delay: float, callback: Callable[..., object], *args: object, context: Context | None = None
-    ) -> _Due:
+    ) -> _TimerHandle:
         return self.call_at(self.elapsed + delay, callback, *args, context=context)
 
     def _add_callback(self, handle: asyncio.Handle) -> None:
         """Schedule asyncio's own handle of a file descriptor that is ready."""
-        self.call_soon(_run, handle)
+        self.call_soon(_run_handle, handle)
 
     def _run_once(self) -> None:
         """Run all ready callbacks; if none is ready, advance the clock to the next timers. Repeat until stopped."""
@@ -134,7 +134,7 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         if timers:  # without a system call, which would take longer than most callbacks
             self.elapsed += max(0.0, timers[0][0] - self.elapsed)
             return
-        ready = self._selector.select(0)  # type: ignore[attr-defined]
+        ready = self._selector.select_rate(0)  # type: ignore[attr-defined]
         if not ready:
             raise RuntimeError("nothing will ever happen again")
         self._process_events(ready)  # type: ignore[attr-defined]

@@ -26,7 +26,7 @@ from msgspec import Struct
 from gateway.app.config.endpoints import Broker, parse_broker
 from gateway.core.errors import UserError, explain_file_error
 from gateway.fleet.topics import MqttMessage
-from gateway.system.own_commands import how_to_add
+from gateway.system.own_commands import install_instruction
 
 PASSWORD_VARIABLE = "MOUNT_GATEWAY_MQTT_PASSWORD"
 #: Seconds of silence after which the broker is pinged, and the timeout for an answer.
@@ -47,29 +47,31 @@ class BrokerAccess(Struct, frozen=True):
     broker: Broker
     user: str | None = None
     password: str | None = None
-    ca: str | None = None  # file of trusted certificates
+    ca_file: str | None = None  # file of trusted certificates
 
-    def tls(self) -> ssl.SSLContext | None:
+    def tls_context(self) -> ssl.SSLContext | None:
         """Return the TLS settings with the trusted certificates; None without TLS. Raises OSError."""
-        return ssl.create_default_context(cafile=self.ca) if self.broker.tls else None
+        return ssl.create_default_context(cafile=self.ca_file) if self.broker.tls else None
 
 
-def access(url: str, user: str | None = None, password_file: str | None = None, ca: str | None = None) -> BrokerAccess:
+def get_access(
+    url: str, user: str | None = None, password_file: str | None = None, ca: str | None = None
+) -> BrokerAccess:
     """Collect the settings for a broker. Raises UserError for a missing setting or an unreadable file."""
     if find_spec("aiomqtt") is None:
-        raise UserError(f"for an MQTT broker aiomqtt is needed; to install it, {how_to_add('mqtt')}")
+        raise UserError(f"for an MQTT broker aiomqtt is needed; to install it, {install_instruction('mqtt')}")
     broker = parse_broker(url)
-    broker_access = BrokerAccess(broker, user or broker.user or None, _password(password_file), ca)
+    broker_access = BrokerAccess(broker, user or broker.user or None, _read_password(password_file), ca)
     if broker_access.password is not None and broker_access.user is None:
         raise UserError("there is a password for the broker and no user: write user under [mqtt]")
     try:
-        broker_access.tls()
+        broker_access.tls_context()
     except OSError as error:  # SSLError is an OSError, too
         raise UserError(f"{ca}: {'no certificates' if isinstance(error, ssl.SSLError) else error.strerror}") from None
     return broker_access
 
 
-def _password(file: str | None) -> str | None:
+def _read_password(file: str | None) -> str | None:
     if file is None:
         return os.environ.get(PASSWORD_VARIABLE) or None
     try:
@@ -89,11 +91,11 @@ class Client(Protocol):
     async def publish(self, topic: str, /, payload: bytes, qos: int, retain: bool) -> None: ...
 
 
-class _Subscriber:
+class _RetainAwareClient:
     """Wraps aiomqtt's client. With MQTT 5 its subscriptions deliver orders with the retain flag of their publisher."""
 
     def __init__(self, client: Any, uses_mqtt_5: bool) -> None:
-        self._client, self._v5 = client, uses_mqtt_5
+        self._client, self._uses_mqtt_5 = client, uses_mqtt_5
         self.publish = client.publish
 
     @property
@@ -103,13 +105,13 @@ class _Subscriber:
     async def subscribe(self, topics: Sequence[str], /) -> None:
         from paho.mqtt.subscribeoptions import SubscribeOptions
 
-        def how(topic: str) -> Any:
-            return SubscribeOptions(qos=1, retainAsPublished=topic.endswith(COMMAND_SUFFIX)) if self._v5 else 1
+        def options_for(topic: str) -> Any:
+            return SubscribeOptions(qos=1, retainAsPublished=topic.endswith(COMMAND_SUFFIX)) if self._uses_mqtt_5 else 1
 
-        await self._client.subscribe([(topic, how(topic)) for topic in topics])
+        await self._client.subscribe([(topic, options_for(topic)) for topic in topics])
 
 
-class Flooded(Exception):
+class FloodError(Exception):
     """The broker sends too many messages."""
 
 
@@ -117,7 +119,7 @@ class Flooded(Exception):
 Connect = Callable[[MqttMessage | None], AbstractAsyncContextManager[Client]]
 
 
-def connector(access: BrokerAccess) -> Connect:
+def make_connect(access: BrokerAccess) -> Connect:
     """Return a function that connects to a broker. It raises Flooded, OSError, ValueError or aiomqtt's MqttError."""
 
     old = False
@@ -143,26 +145,26 @@ def connector(access: BrokerAccess) -> Connect:
             timeout=ANSWER_TIMEOUT,
             keepalive=KEEPALIVE_PERIOD,
             max_queued_incoming_messages=MAX_WAITING_MESSAGES,
-            tls_context=access.tls(),
+            tls_context=access.tls_context(),
             logger=quiet,
             socket_options=[(socket.SOL_SOCKET, socket.SO_RCVBUF, MAX_MESSAGE_BYTES)],
         )
         paho: Any = client._client
-        _limit(paho)
+        _limit_packet_size(paho)
         try:
             async with client:
-                yield _Subscriber(client, not old)
+                yield _RetainAwareClient(client, not old)
         except Exception as error:
             reason = getattr(error, "rc", None)
             old = old or getattr(reason, "value", reason) in OLD_BROKER_CODES
             raise
         finally:
-            _cut(paho)
+            _shut_down_socket(paho)
 
     return connect
 
 
-def _limit(paho: Any) -> None:
+def _limit_packet_size(paho: Any) -> None:
     """Let paho store only the beginning of a packet that is too long. It is then acknowledged and dropped."""
     read = paho.loop_read
 
@@ -174,7 +176,7 @@ def _limit(paho: Any) -> None:
     paho.loop_read = loop_read
 
 
-def _cut(paho: Any) -> None:
+def _shut_down_socket(paho: Any) -> None:
     """Shut down a connection that may still be open: paho notices that and closes it."""
     open_one: socket.socket | None = paho.socket()
     if open_one is not None:

@@ -17,8 +17,8 @@ from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import Executor
 from typing import Any, TypeVar, TypeVarTuple
 
-from gateway.fleet.client import MAX_MESSAGE_BYTES, BrokerAccess, Client, Connect, Flooded, connector
-from gateway.fleet.topics import MqttMessage, Outbox, Received
+from gateway.fleet.client import MAX_MESSAGE_BYTES, BrokerAccess, Client, Connect, FloodError, make_connect
+from gateway.fleet.topics import MqttMessage, Outbox, ReceivedMessage
 
 _T = TypeVar("_T")
 _Arguments = TypeVarTuple("_Arguments")
@@ -26,14 +26,14 @@ _Arguments = TypeVarTuple("_Arguments")
 #: Seconds before the first, second and later attempts to reconnect.
 DELAYS = (0.25, 0.5, 1.0)
 #: After so many failed attempts, or if the broker refuses or sends too much, the pause is ``LONG_PAUSE`` seconds.
-MANY_FAILURES, LONG_PAUSE = 300, 5.0
+MAX_QUICK_RETRIES, LONG_PAUSE = 300, 5.0
 #: Maximum number of messages that are sent before an acknowledgement, and that a broker may send in a second.
-MAX_IN_FLIGHT, MAX_FLOOD = 50, 500
+MAX_IN_FLIGHT, MAX_MESSAGE_RATE = 50, 500
 #: Timeout in seconds for the last messages at the end.
 CLOSE_TIMEOUT = 1.0
 
 
-class _Loop(asyncio.SelectorEventLoop):
+class _SingleThreadLoop(asyncio.SelectorEventLoop):
     """An event loop on a thread of its own: it may block, so it runs blocking calls itself, without more threads."""
 
     def run_in_executor(
@@ -59,28 +59,28 @@ class BrokerLink:
         self,
         access: BrokerAccess,
         subscriptions: Sequence[str],
-        on_message: Callable[[Received], None],
+        on_message: Callable[[ReceivedMessage], None],
         on_connection: Callable[[bool, str], None],
         first_messages: Sequence[MqttMessage] = (),
         last_messages: Sequence[MqttMessage] = (),
         connect: Connect | None = None,
-        max_flood: int = MAX_FLOOD,
+        max_rate: int = MAX_MESSAGE_RATE,
     ) -> None:
-        self._connect = connect or connector(access)
+        self._connect = connect or make_connect(access)
         self._subscriptions = list(subscriptions)
-        self._on_message, self._on_connection, self._max_flood = on_message, on_connection, max_flood
+        self._on_message, self._on_connection, self._max_message_rate = on_message, on_connection, max_rate
         self._first_messages, self._last_messages = first_messages, last_messages
         self._outbox = Outbox()
         self._caller_loop: asyncio.AbstractEventLoop | None = None
-        self._loop: _Loop | None = None
+        self._loop: _SingleThreadLoop | None = None
         self._wake_event = asyncio.Event()
         self._end_requested = asyncio.Event()
         self._thread_ended = threading.Event()
 
     def start(self) -> None:
         """Begin to connect."""
-        self._caller_loop, self._loop = asyncio.get_running_loop(), _Loop()
-        threading.Thread(target=self._run, name="mqtt", daemon=True).start()
+        self._caller_loop, self._loop = asyncio.get_running_loop(), _SingleThreadLoop()
+        threading.Thread(target=self._run_thread, name="mqtt", daemon=True).start()
 
     def put(self, message: MqttMessage) -> None:
         """Queue a message; it is sent with the next ``send``."""
@@ -89,7 +89,7 @@ class BrokerLink:
     def send(self) -> None:
         """Send the queued messages as soon as the broker takes them; the thread is woken only once for all of them."""
         if self._outbox.is_waiting:
-            self._on_thread(self._wake_event.set)
+            self._call_on_thread(self._wake_event.set)
 
     def publish(self, message: MqttMessage) -> None:
         """Queue a message and send it as soon as the broker takes it."""
@@ -100,46 +100,46 @@ class BrokerLink:
         """Send the last messages, if the broker takes them at once, and disconnect."""
         if self._loop is None:
             return
-        self._on_thread(self._end_requested.set)
+        self._call_on_thread(self._end_requested.set)
         until = asyncio.get_running_loop().time() + CLOSE_TIMEOUT
         while not self._thread_ended.is_set() and asyncio.get_running_loop().time() < until:
             await asyncio.sleep(0.01)
 
-    def _on_thread(self, function: Callable[[], object]) -> None:
+    def _call_on_thread(self, function: Callable[[], object]) -> None:
         with contextlib.suppress(RuntimeError):  # the thread has ended
             if self._loop is not None:
                 self._loop.call_soon_threadsafe(function)
 
-    def _on_home_loop(self, function: Callable[..., object], *arguments: object) -> None:
+    def _on_caller_loop(self, function: Callable[..., object], *arguments: object) -> None:
         with contextlib.suppress(RuntimeError):  # the gateway has ended
             if self._caller_loop is not None:
                 self._caller_loop.call_soon_threadsafe(function, *arguments)
 
     # --- on the thread ----------------------------------------------------------------------------------------------
 
-    def _run(self) -> None:
+    def _run_thread(self) -> None:
         assert self._loop is not None
         asyncio.set_event_loop(self._loop)
         try:
-            self._loop.run_until_complete(self._serve())
+            self._loop.run_until_complete(self._keep_connected())
         finally:
             self._loop.close()
             self._thread_ended.set()
 
-    async def _serve(self) -> None:
+    async def _keep_connected(self) -> None:
         failures = 0
         while not self._end_requested.is_set():
-            pause = DELAYS[min(failures, len(DELAYS) - 1)] if failures < MANY_FAILURES else LONG_PAUSE
+            pause = DELAYS[min(failures, len(DELAYS) - 1)] if failures < MAX_QUICK_RETRIES else LONG_PAUSE
             failures += 1
             try:
                 async with self._connect(self._last_messages[0] if self._last_messages else None) as client:
                     failures = 0
-                    await self._session(client)
+                    await self._use_connection(client)
             except Exception as error:  # of three libraries; try again after any of them
-                if isinstance(error, Flooded) or type(error).__name__ == "MqttConnectError":  # the broker refuses
+                if isinstance(error, FloodError) or type(error).__name__ == "MqttConnectError":  # the broker refuses
                     pause = LONG_PAUSE
                 if not self._end_requested.is_set():
-                    self._on_home_loop(self._on_connection, False, _reason(error))
+                    self._on_caller_loop(self._on_connection, False, _failure_reason(error))
             await self._pause(pause * random.uniform(0.8, 1.2))
 
     async def _pause(self, seconds: float) -> None:
@@ -147,15 +147,15 @@ class BrokerLink:
             async with asyncio.timeout(seconds):
                 await self._end_requested.wait()
 
-    async def _session(self, client: Client) -> None:
+    async def _use_connection(self, client: Client) -> None:
         """Use a connection until it is lost or the link is closed."""
         if self._subscriptions:
             await client.subscribe(self._subscriptions)
         for message in self._first_messages:
             await _send(client, message)
         self._outbox.requeue_states()
-        self._on_home_loop(self._on_connection, True, "")
-        await _first_of(self._read(client), self._write(client), self._end_requested.wait())
+        self._on_caller_loop(self._on_connection, True, "")
+        await _run_until_first_ends(self._read(client), self._write(client), self._end_requested.wait())
         if self._end_requested.is_set():
             for message in (*self._outbox.take(MAX_IN_FLIGHT), *self._last_messages):
                 await _send(client, message)
@@ -167,10 +167,10 @@ class BrokerLink:
             if loop.time() - since >= 1.0:
                 since, count = loop.time(), 0
             count += 1
-            if count > self._max_flood:
-                raise Flooded(f"it sent more than {self._max_flood} messages in a second")
+            if count > self._max_message_rate:
+                raise FloodError(f"it sent more than {self._max_message_rate} messages in a second")
             payload = message.payload[: MAX_MESSAGE_BYTES + 1] if isinstance(message.payload, bytes) else b""
-            self._on_home_loop(self._on_message, Received(str(message.topic), payload, bool(message.retain)))
+            self._on_caller_loop(self._on_message, ReceivedMessage(str(message.topic), payload, bool(message.retain)))
 
     async def _write(self, client: Client) -> None:
         while True:
@@ -180,7 +180,7 @@ class BrokerLink:
                 self._wake_event.clear()
                 continue
             for message in messages[:-1]:
-                await _send(client, message, int(not message.newest))
+                await _send(client, message, int(not message.replaces))
             await _send(client, messages[-1])
 
 
@@ -188,9 +188,9 @@ async def _send(client: Client, message: MqttMessage, qos: int = 1) -> None:
     await client.publish(message.topic, payload=message.payload, qos=qos, retain=message.retain)
 
 
-async def _first_of(*works: Coroutine[Any, Any, object]) -> None:
+async def _run_until_first_ends(*coroutines: Coroutine[Any, Any, object]) -> None:
     """Run coroutines until the first of them ends, and cancel the others. Raises what the first raises."""
-    tasks = [asyncio.ensure_future(work) for work in works]
+    tasks = [asyncio.ensure_future(work) for work in coroutines]
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         for task in done:
@@ -201,7 +201,7 @@ async def _first_of(*works: Coroutine[Any, Any, object]) -> None:
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-def _reason(error: Exception) -> str:
+def _failure_reason(error: Exception) -> str:
     """Return a short reason why the connection failed."""
     if isinstance(error, TimeoutError):
         return "it does not answer"

@@ -18,7 +18,7 @@ from gateway.app.gateway import Gateway
 from gateway.app.status import activity
 from gateway.core import operations as op
 from gateway.core.about import version
-from gateway.core.wire_log import MOUNT_SIDE, Entry, show
+from gateway.core.wire_log import MOUNT_SIDE, Entry, printable
 from gateway.fleet.topics import MqttMessage, Topics
 
 #: ``Entry.arrow`` of the wire log -> kind of the published event. Other entries are not published.
@@ -45,7 +45,7 @@ BUTTONS = {"stop": ("Stop", "mdi:stop-circle"), "park": ("Park", "mdi:parking"),
            "home": ("Home", "mdi:home")}  # fmt: skip
 
 
-def state(gateway: Gateway) -> dict[str, Any]:
+def published_state(gateway: Gateway) -> dict[str, Any]:
     """Return the state of a mount as it is published; a value that is not known is None."""
     now = gateway.state()
     look, identity, horizontal = now.look, now.identity, now.horizontal
@@ -59,23 +59,23 @@ def state(gateway: Gateway) -> dict[str, Any]:
         "azimuth_degrees": None if horizontal is None else round(horizontal.az, 2),
         "tracking": None if status is None else status.tracking is not op.Tracking.OFF,
         "moving": look.moves,
-        "goto_ended_short": now.wanted.short or None,
+        "goto_ended_short": now.wanted.failure or None,
         "aligned": None if status is None else status.aligned,
         "asleep": look.asleep,
         "held": look.held,
         "product": identity.product if identity else None,
         "model": identity.model if identity else None,
         "version": identity.version if identity else None,
-        "line": {"state": look.state, "reason": look.reason, "answer_seconds": round(now.reply, 2)},
+        "line": {"state": look.state, "reason": look.reason, "answer_seconds": round(now.reply_time, 2)},
         "programs": look.programs,
     }
 
 
 class Events:
-    """Publishes events, rate-limited: ``publish`` is called with each as JSON. ``put`` is a sink of the wire log."""
+    """Publishes events, rate-limited: ``publish_json`` gets each as JSON. ``put`` is a sink of the wire log."""
 
-    def __init__(self, publish: Callable[[bytes], None], clock: Callable[[], float]) -> None:
-        self._publish, self._clock = publish, clock
+    def __init__(self, publish_json: Callable[[bytes], None], clock: Callable[[], float]) -> None:
+        self._publish_json, self._clock = publish_json, clock
         self._events_left, self._refilled_at, self._dropped_count = EVENT_BURST, clock(), 0
 
     def put(self, entry: Entry) -> None:
@@ -87,8 +87,8 @@ class Events:
             kind = "note"
         self.publish(kind, entry.side, entry.note)
 
-    def publish(self, kind: str, who: str, text: str) -> None:
-        """Publish an event, unless there are too many; ``who`` is a program, the mount, or ``mqtt``."""
+    def publish(self, kind: str, source: str, text: str) -> None:
+        """Publish an event, unless there are too many; ``source`` is a program, the mount, or ``mqtt``."""
         now = self._clock()
         self._events_left = min(EVENT_BURST, self._events_left + max(0.0, now - self._refilled_at) * EVENT_RATE)
         self._refilled_at = now
@@ -99,21 +99,21 @@ class Events:
         if self._dropped_count:
             self._send(now, "left out", MOUNT_SIDE, f"{self._dropped_count} events, because there were too many")
             self._dropped_count = 0
-        self._send(now, kind, who, text)
+        self._send(now, kind, source, text)
 
-    def _send(self, now: float, kind: str, who: str, text: str) -> None:
+    def _send(self, now: float, kind: str, source: str, text: str) -> None:
         time = datetime.fromtimestamp(now, UTC).strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z"
-        event = {"time": time, "kind": kind, "who": show(who.encode()), "words": text[:MAX_TEXT_LENGTH]}
-        self._publish(json.dumps(event).encode())
+        event = {"time": time, "kind": kind, "who": printable(source.encode()), "words": text[:MAX_TEXT_LENGTH]}
+        self._publish_json(json.dumps(event).encode())
 
 
-def discovery(
+def discovery_message(
     prefix: str, topics: Topics, mount: str, state: Mapping[str, Any], orders: Collection[str]
 ) -> MqttMessage:  # fmt: skip
     """Return the message that describes a mount to Home Assistant; ``orders`` are those that are allowed."""
     device = re.sub(r"[^A-Za-z0-9_-]", "_", f"{topics.prefix}_{topics.id}_{mount}")
     description: dict[str, Any] = {
-        "device": _known(
+        "device": _without_none(
             identifiers=[device],
             name=mount if mount != "mount" else f"Mount of {topics.id}",
             manufacturer=state["product"],
@@ -125,29 +125,29 @@ def discovery(
         "state_topic": topics.of(mount, "state"),
         "components": {
             key: {**part, "unique_id": f"{device}_{key}"}
-            for key, part in (*_readings(), *_buttons(topics.of(mount, "command"), orders))
+            for key, part in (*_sensor_components(), *_button_components(topics.of(mount, "command"), orders))
         },
     }
-    return MqttMessage(f"{prefix}/device/{device}/config", json.dumps(description).encode(), retain=True, newest=True)
+    return MqttMessage(f"{prefix}/device/{device}/config", json.dumps(description).encode(), retain=True, replaces=True)
 
 
-def _known(**values: Any) -> dict[str, Any]:
+def _without_none(**values: Any) -> dict[str, Any]:
     return {key: value for key, value in values.items() if value is not None}
 
 
-def _readings() -> Iterator[tuple[str, dict[str, Any]]]:
+def _sensor_components() -> Iterator[tuple[str, dict[str, Any]]]:
     yield "does", {"platform": "sensor", "name": "Does", "value_template": "{{ value_json.does }}"}
     for key, (name, unit, decimals) in NUMBER_SENSORS.items():
-        yield key, _known(
+        yield key, _without_none(
             platform="sensor", name=name, value_template=f"{{{{ value_json.{key} }}}}",
             suggested_display_precision=decimals, unit_of_measurement=unit,
         )  # fmt: skip
     for key, (name, kind) in BINARY_SENSORS.items():
         value = f"{{{{ 'ON' if value_json.{key} else 'OFF' }}}}"
-        yield key, _known(platform="binary_sensor", name=name, device_class=kind, value_template=value)
+        yield key, _without_none(platform="binary_sensor", name=name, device_class=kind, value_template=value)
 
 
-def _buttons(topic: str, orders: Collection[str]) -> Iterator[tuple[str, dict[str, Any]]]:
+def _button_components(topic: str, orders: Collection[str]) -> Iterator[tuple[str, dict[str, Any]]]:
     for order, (name, icon) in BUTTONS.items():
         if order == "stop" or order in orders:
             button = {"platform": "button", "name": name, "icon": icon, "command_topic": topic, "payload_press": order}

@@ -19,13 +19,13 @@ from gateway.app.config.checks import ALL_GATEWAYS
 from gateway.app.config.tables import MqttConfig
 from gateway.app.gateway import Gateway
 from gateway.core.about import version
-from gateway.core.requests import GotoRequest, HomeRequest, Named, ParkRequest, StopRequest, UnparkRequest
+from gateway.core.requests import ByName, GotoRequest, HomeRequest, ParkRequest, StopRequest, UnparkRequest
 from gateway.core.waiting import BackgroundTasks
-from gateway.core.wire_log import show
+from gateway.core.wire_log import printable
 from gateway.fleet.client import MAX_MESSAGE_BYTES, BrokerAccess, Connect
 from gateway.fleet.link import BrokerLink
-from gateway.fleet.mount_messages import Events, discovery, state
-from gateway.fleet.topics import DEFAULT_NAME, OFFLINE, ONLINE, MqttMessage, Received, Topics, own_id
+from gateway.fleet.mount_messages import Events, discovery_message, published_state
+from gateway.fleet.topics import DEFAULT_MOUNT_NAME, OFFLINE, ONLINE, MqttMessage, ReceivedMessage, Topics, host_id
 
 CLIENT = "mqtt"  # of the broker's orders, in the log
 #: Maximum length of an order in characters; minimum seconds between two stops that are sent to the mount.
@@ -36,13 +36,13 @@ PLAIN_ORDERS: dict[str, type[ParkRequest | UnparkRequest | HomeRequest]] = {
     "wake": UnparkRequest,
     "home": HomeRequest,
 }
-GOTO = "goto"
+GOTO_ORDER = "goto"
 
 #: Called with the result of an order: ``done`` or ``failed``, and a message.
 Report = Callable[[str, str], None]
 
 
-class Orders:
+class Dispatcher:
     """Carries out the broker's orders for one mount, if they are ``allowed``. The limits of the gateway apply.
 
     A stop does not wait for other orders. An order with the retain flag is refused: the broker stores it, and it would
@@ -50,14 +50,14 @@ class Orders:
     """
 
     def __init__(self, gateway: Gateway, allowed: Collection[str], doubt: Callable[[], str], report: Report) -> None:
-        self._gateway, self._allowed, self._doubt, self._report = gateway, allowed, doubt, report
+        self._gateway, self._allowed_orders, self._conflict_message, self._report = gateway, allowed, doubt, report
         self._loop = asyncio.get_running_loop()
-        self._last_stop = -1e9
+        self._last_stop_time = -1e9
         self._stop_timer: asyncio.TimerHandle | None = None
         self._tasks = BackgroundTasks()
-        self._busy = False
+        self._is_busy = False
 
-    def take(self, payload: bytes, retained: bool, mount_name: str) -> None:
+    def receive(self, payload: bytes, retained: bool, mount_name: str) -> None:
         """Carry out or refuse an order; ``mount_name`` is the mount's name, or ``all``."""
         text = payload[: MAX_ORDER_LENGTH + 1].decode("utf-8", "replace").strip()
         if not text and retained:
@@ -72,49 +72,51 @@ class Orders:
             self._refuse(f"{text[:20]}…", f"no order is longer than {MAX_ORDER_LENGTH} characters", once)
         elif mount_name == ALL_GATEWAYS:
             self._refuse(text, "the only order for all mounts together is stop")
-        elif word not in (*PLAIN_ORDERS, GOTO) or (bool(rest) is not (word == GOTO)):
-            self._refuse(text, f"there is no such order: {', '.join(('stop', *self._allowed))}")
-        elif word not in self._allowed:
+        elif word not in (*PLAIN_ORDERS, GOTO_ORDER) or (bool(rest) is not (word == GOTO_ORDER)):
+            self._refuse(text, f"there is no such order: {', '.join(('stop', *self._allowed_orders))}")
+        elif word not in self._allowed_orders:
             self._refuse(text, f'the broker may not ask for this; orders = ["{word}"] under [mqtt] allows it')
-        elif doubt := self._doubt():
+        elif doubt := self._conflict_message():
             self._refuse(text, doubt)
-        elif self._busy:
+        elif self._is_busy:
             self._refuse(text, "the gateway is taking another order; send this one again in a moment")
         else:
             self._tasks.spawn(self._carry_out(text, word, rest))
 
     def close(self) -> None:
-        """Cancel the orders in progress; ``take`` must not be called after that."""
+        """Cancel the orders in progress; ``receive`` must not be called after that."""
         if self._stop_timer is not None:
             self._stop_timer.cancel()
         self._tasks.cancel()
 
     def _refuse(self, text: str, reason: str, once_key: str | None = None) -> None:
-        self._gateway.wire_log.refused(CLIENT, f"{text}: {reason}", once_key)
+        self._gateway.wire_log.log_refusal(CLIENT, f"{text}: {reason}", once_key)
 
     def _stop(self) -> None:
         """Stop at once; after a stop less than ``STOP_PERIOD`` seconds ago, stop again when that time has passed."""
-        left = self._last_stop + STOP_PERIOD - self._loop.time()
+        left = self._last_stop_time + STOP_PERIOD - self._loop.time()
         if left <= 0:
             self._stop_now()
         elif self._stop_timer is None:
             self._stop_timer = self._loop.call_later(left, self._stop_now)
 
     def _stop_now(self) -> None:
-        self._stop_timer, self._last_stop = None, self._loop.time()
-        self._tasks.spawn(self._stopped())
+        self._stop_timer, self._last_stop_time = None, self._loop.time()
+        self._tasks.spawn(self._carry_out_stop())
 
-    async def _stopped(self) -> None:
+    async def _carry_out_stop(self) -> None:
         answer = await self._gateway.carry_out(StopRequest())
         self._report(answer.outcome, f"stop: {answer.text}")
 
-    async def _carry_out(self, text: str, word: str, arguments: str) -> None:
-        self._busy = True
+    async def _carry_out(self, text: str, order: str, arguments: str) -> None:
+        self._is_busy = True
         try:
-            request = GotoRequest(Named(arguments), who=CLIENT) if word == GOTO else PLAIN_ORDERS[word](who=CLIENT)
+            request = (
+                GotoRequest(ByName(arguments), who=CLIENT) if order == GOTO_ORDER else PLAIN_ORDERS[order](who=CLIENT)
+            )
             answer = await self._gateway.carry_out(request)
         finally:
-            self._busy = False
+            self._is_busy = False
         self._report(answer.outcome, f"{text}: {answer.text}")
 
 
@@ -134,8 +136,8 @@ class BrokerPresence:
         self._topics, self._publish, self._warn = topics, publish, warn
         self._instance = secrets.token_hex(8)
         about = {"instance": self._instance, "host": socket.gethostname(), "process": os.getpid(), "version": version()}
-        self._presence_message = MqttMessage(topics.gateway, json.dumps(about).encode(), retain=True, newest=True)
-        self._online_message = MqttMessage(topics.availability, ONLINE, retain=True, newest=True)
+        self._presence_message = MqttMessage(topics.gateway, json.dumps(about).encode(), retain=True, replaces=True)
+        self._online_message = MqttMessage(topics.availability, ONLINE, retain=True, replaces=True)
         self._answered_gateways: set[str] = set()
         self.conflict = ""
 
@@ -149,7 +151,7 @@ class BrokerPresence:
         """The last messages; the broker publishes them itself if the connection is lost."""
         return [MqttMessage(self._topics.availability, OFFLINE, retain=True)]
 
-    def receive(self, received: Received) -> bool:
+    def receive(self, received: ReceivedMessage) -> bool:
         """Handle a message from the broker; return whether it was about presence."""
         if received.topic == self._topics.availability:
             if received.payload == OFFLINE:  # of another gateway with this ID, or the will of a lost connection
@@ -159,47 +161,47 @@ class BrokerPresence:
             return True
         if received.topic != self._topics.gateway:
             return False
-        other, description = _about(received.payload)
+        other, description = _parse_id(received.payload)
         if other and other != self._instance and not received.retained:  # a retained message may be of an earlier run
             self._report_conflict(other, description)
         return True
 
-    def _report_conflict(self, other: str, owner: str) -> None:
+    def _report_conflict(self, other_instance: str, other_description: str) -> None:
         self.conflict = (
-            f"another gateway ({owner}) has the ID {self._topics.id!r} on the broker, too: both obey only stop "
-            f"until you change one of them (--mqtt-id)"
+            f"another gateway ({other_description}) has the ID {self._topics.id!r} on the broker, too: both obey only "
+            f"stop until you change one of them (--mqtt-id)"
         )
-        if other not in self._answered_gateways and len(self._answered_gateways) < MAX_GATEWAYS:
-            self._answered_gateways.add(other)
+        if other_instance not in self._answered_gateways and len(self._answered_gateways) < MAX_GATEWAYS:
+            self._answered_gateways.add(other_instance)
             self._publish(self._presence_message)
             self._warn(self.conflict)
 
 
-def _about(payload: bytes) -> tuple[str, str]:
+def _parse_id(payload: bytes) -> tuple[str, str]:
     """Return the sender's instance ID, and its host and process as text; both empty for an invalid message."""
     try:
         owner = json.loads(payload)
-        return str(owner["instance"])[:64], show(f"{owner['host']}, process {owner['process']}".encode())[:100]
+        return str(owner["instance"])[:64], printable(f"{owner['host']}, process {owner['process']}".encode())[:100]
     except (ValueError, TypeError, KeyError, RecursionError):
         return "", ""
 
 
 #: Seconds between two checks of the mounts for changes.
 CHECK_PERIOD = 1.0
-OFF_WORD = "off"
+HOME_ASSISTANT_OFF = "off"
 
 
 class _PublishedMount:
     """One mount, and its last published state."""
 
-    def __init__(self, station: Station, gateway: Gateway) -> None:
-        self.gateway, self.name = gateway, gateway.config.name or DEFAULT_NAME
-        self._station = station
+    def __init__(self, service: MqttService, gateway: Gateway) -> None:
+        self.gateway, self.name = gateway, gateway.config.name or DEFAULT_MOUNT_NAME
+        self._service = service
         self._state: dict[str, Any] = {}
         self._identity: tuple[object, ...] = (None,)
-        topic = station.topics.of(self.name, "event")
-        self.events = Events(lambda message: station.link.publish(MqttMessage(topic, message)), gateway.clock)
-        self.orders = Orders(gateway, station.config.orders, lambda: station.presence.conflict, self._report_result)
+        topic = service.topics.of(self.name, "event")
+        self.events = Events(lambda message: service.link.publish(MqttMessage(topic, message)), gateway.clock)
+        self.orders = Dispatcher(gateway, service.config.orders, lambda: service.presence.conflict, self._report_result)
         gateway.wire_log.sinks.append(self.events.put)
 
     def _report_result(self, kind: str, text: str) -> None:
@@ -207,25 +209,25 @@ class _PublishedMount:
 
     def update(self) -> None:
         """Queue the state for publishing if it has changed."""
-        station, now = self._station, state(self.gateway)
+        station, now = self._service, published_state(self.gateway)
         if now == self._state:
             return
         self._state = now
         message = msgspec.json.encode({**now, "time": round(self.gateway.clock(), 3)})
-        station.link.put(MqttMessage(station.topics.of(self.name, "state"), message, retain=True, newest=True))
+        station.link.put(MqttMessage(station.topics.of(self.name, "state"), message, retain=True, replaces=True))
         identity = (now["product"], now["model"], now["version"])
         prefix = station.config.home_assistant
-        if prefix != OFF_WORD and identity != self._identity:
+        if prefix != HOME_ASSISTANT_OFF and identity != self._identity:
             self._identity = identity
-            station.link.put(discovery(prefix, station.topics, self.name, now, station.config.orders))
+            station.link.put(discovery_message(prefix, station.topics, self.name, now, station.config.orders))
 
     def close(self) -> None:
         """Stop publishing events and taking orders."""
         self.orders.close()
-        self.gateway.wire_log.remove(self.events.put)
+        self.gateway.wire_log.remove_sink(self.events.put)
 
 
-class Station:
+class MqttService:
     """Publishes all mounts of this process on the broker. ``print_line`` and ``warn`` show messages at the terminal."""
 
     def __init__(
@@ -238,9 +240,9 @@ class Station:
         connect: Connect | None = None,
     ) -> None:
         self.config, self._broker, self._print_line, self._warn = config, access.broker, print_line, warn
-        self.topics = Topics(config.prefix, config.id or own_id())
+        self.topics = Topics(config.prefix, config.id or host_id())
         self.presence = BrokerPresence(self.topics, lambda message: self.link.publish(message), warn)
-        topics = [self.topics.availability, self.topics.gateway, self.topics.of("+", "command"), self.topics.everyone]
+        topics = [self.topics.availability, self.topics.gateway, self.topics.of("+", "command"), self.topics.all_mounts]
         self.link = BrokerLink(
             access,
             topics,
@@ -278,15 +280,15 @@ class Station:
             self.link.send()
             await asyncio.sleep(CHECK_PERIOD)
 
-    def _on_message(self, received: Received) -> None:
+    def _on_message(self, received: ReceivedMessage) -> None:
         if self.presence.receive(received):
             return
-        to = [*self.topics.parts(received.topic), ""]
+        to = [*self.topics.levels_of(received.topic), ""]
         if to[0] == ALL_GATEWAYS:
             for mount in self._mounts.values():
-                mount.orders.take(received.payload, received.retained, ALL_GATEWAYS)
+                mount.orders.receive(received.payload, received.retained, ALL_GATEWAYS)
         elif (addressed := self._mounts.get(to[1])) is not None:
-            addressed.orders.take(received.payload, received.retained, addressed.name)
+            addressed.orders.receive(received.payload, received.retained, addressed.name)
 
     def _on_connection(self, connected: bool, reason: str) -> None:
         """Tell the user when the broker is connected or lost."""

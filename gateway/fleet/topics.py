@@ -17,22 +17,24 @@ from gateway.app.config.checks import ALL_GATEWAYS
 from gateway.app.config.keys import NAME_PATTERN
 
 #: The name of a mount without a name.
-DEFAULT_NAME = "mount"
+DEFAULT_MOUNT_NAME = "mount"
 ONLINE, OFFLINE = b"online", b"offline"
 #: The maximum number of events stored while the broker is not connected; then the oldest are dropped.
 MAX_EVENTS = 200
 
 
 class MqttMessage(Struct, frozen=True):
-    """A message to publish. ``newest``: it replaces a waiting one of its topic, and a reconnect publishes it again."""
+    """A message to publish. ``replaces``: it takes the place of a waiting one of its topic, and is repeated after a
+    reconnect.
+    """
 
     topic: str
     payload: bytes
     retain: bool = False
-    newest: bool = False
+    replaces: bool = False
 
 
-class Received(Struct, frozen=True):
+class ReceivedMessage(Struct, frozen=True):
     """A message from the broker. If ``retained``, it has the retain flag, and may be old."""
 
     topic: str
@@ -56,7 +58,7 @@ class Topics(Struct, frozen=True):
         return f"{self.prefix}/{self.id}/gateway"
 
     @property
-    def everyone(self) -> str:
+    def all_mounts(self) -> str:
         """The topic of orders for all mounts on the broker."""
         return f"{self.prefix}/{ALL_GATEWAYS}/command"
 
@@ -64,12 +66,12 @@ class Topics(Struct, frozen=True):
         """Return the topic of a mount for a ``kind`` of message: ``state``, ``event`` or ``command``."""
         return f"{self.prefix}/{self.id}/{mount}/{kind}"
 
-    def parts(self, topic: str) -> list[str]:
+    def levels_of(self, topic: str) -> list[str]:
         """Return the levels of a topic after the prefix; an empty list for a topic without the prefix."""
         return topic[len(self.prefix) + 1 :].split("/") if topic.startswith(f"{self.prefix}/") else []
 
 
-def own_id() -> str:
+def host_id() -> str:
     """Return the default ID of a gateway: the computer's name, reduced to characters that a topic may contain."""
     name = "-".join(re.findall(NAME_PATTERN, socket.gethostname())) or "gateway"
     return f"{name}-computer" if name == ALL_GATEWAYS else name
@@ -91,7 +93,7 @@ class Outbox:
     def put(self, message: MqttMessage) -> None:
         """Add a message; a state replaces the previous state of its topic."""
         with self._lock:
-            if message.newest:
+            if message.replaces:
                 self._newest_by_topic[message.topic] = message
                 self._waiting_topics[message.topic] = None
             else:
@@ -102,14 +104,14 @@ class Outbox:
         """Whether any message waits."""
         return bool(self._waiting_topics or self._events)
 
-    def take(self, most: int) -> list[MqttMessage]:
-        """Remove and return the next messages, at most ``most``."""
+    def take(self, max_count: int) -> list[MqttMessage]:
+        """Remove and return the next messages, at most ``max_count``."""
         with self._lock:
-            topics = list(self._waiting_topics)[:most]
+            topics = list(self._waiting_topics)[:max_count]
             for topic in topics:
                 del self._waiting_topics[topic]
             messages = [self._newest_by_topic[topic] for topic in topics]
-            while self._events and len(messages) < most:
+            while self._events and len(messages) < max_count:
                 messages.append(self._events.popleft())
             return messages
 

@@ -27,7 +27,7 @@ MAX_ABSENCE, CLOCK, PLACE = 3600.0, 30.0, 0.5
 RECORD_PERIOD = 60.0
 
 
-class AsLeft(Struct, frozen=True):
+class MountSnapshot(Struct, frozen=True):
     """A record of the mount: the time by this computer (``at``, Unix seconds), the position in degrees, whether it
     tracked, and by how many seconds its clock was ahead of the computer's (``ahead``).
     """
@@ -39,42 +39,42 @@ class AsLeft(Struct, frozen=True):
     ahead: float
 
 
-class SameMount:
+class SameMountCheck:
     """Keeps the last record of the mount (``left``); ``lasting`` is emitted when it should be written to disk."""
 
     def __init__(self, context: Context, runner: DriverRunner) -> None:
         self._context, self._runner = context, runner
-        self.left: AsLeft | None = None
+        self.snapshot: MountSnapshot | None = None
         self._last_record_at, self._checked = 0.0, False
-        context.link.came_up.connect(self._suspect)
+        context.link.came_up.connect(self._require_check)
         self.lasting: Signal[None] = Signal()
 
-    def _suspect(self, _: None) -> None:
+    def _require_check(self, _: None) -> None:
         self._checked = False
 
     @property
-    def _keeps(self) -> bool:
+    def _has_state(self) -> bool:
         driver, synced = self._context.driver, self._context.synced.value
-        return bool(driver.emulated) or ((synced != NO_SYNC or any(driver.offset)) and driver.emulates_sync)
+        return bool(driver.emulated) or ((synced != NO_SYNC or any(driver.sync_offset)) and driver.emulates_sync)
 
     def record_position(self, _: op.Equatorial) -> None:
         """Record the mount's state, if the gateway stores values that a power cut of the mount would make wrong."""
-        if not (self._checked and self._keeps):
+        if not (self._checked and self._has_state):
             return
         context = self._context
-        place, status = context.driver.last, context.cache.value(op.GetStatus)
+        place, status = context.driver.last_position, context.cache.value(op.GetStatus)
         clock = context.site_clock.present_time(context.site_clock.mount_clock)
         if place is None or status is None or clock is None:
             return
-        host, tracked = context.site_clock.host(), status.tracking is not op.Tracking.OFF
-        self.left = AsLeft(host, place.ra, place.dec, tracked, clock.unix - host)
+        host, tracked = context.site_clock.computer_time(), status.tracking is not op.Tracking.OFF
+        self.snapshot = MountSnapshot(host, place.ra, place.dec, tracked, clock.unix - host)
         if abs(host - self._last_record_at) > RECORD_PERIOD:
             self._last_record_at = host
             self.lasting.emit(None)
 
     async def check(self) -> None:
         """Compare the mount with its last record; discard the stored values if anything differs or is unknown."""
-        keeps, context = not self._keeps or await self._as_left(), self._context
+        keeps, context = not self._has_state or await self._is_unchanged(), self._context
         self._checked = True
         if keeps:
             return
@@ -82,18 +82,18 @@ class SameMount:
         with contextlib.suppress(Fault):
             await self._runner.drive(context.driver.forget_emulated(), READ)
         if context.driver.emulates_sync:
-            context.synced.forget("sync again: the mount may have been switched off, and earlier syncs no longer count")
+            context.synced.reset("sync again: the mount may have been switched off, and earlier syncs no longer count")
         also = f"; {emulated}" if emulated else ""
-        context.note(f"{context.synced.doubt if synced else 'the mount may have been switched off'}{also}")
+        context.note(f"{context.synced.resync_reason if synced else 'the mount may have been switched off'}{also}")
 
-    async def _as_left(self) -> bool:
-        left, host = self.left, self._context.site_clock.host()
+    async def _is_unchanged(self) -> bool:
+        left, host = self.snapshot, self._context.site_clock.computer_time()
         if left is None or not 0.0 <= host - left.at < MAX_ABSENCE:
             return False
         try:
             if not (await self._runner.perform(op.GetStatus(), READ)).aligned:
                 return False
-            clock = (await self._runner.perform(op.GetClock(), READ)).unix - self._context.site_clock.host()
+            clock = (await self._runner.perform(op.GetClock(), READ)).unix - self._context.site_clock.computer_time()
             place = await self._runner.perform(op.Position(), READ)
         except Fault:
             return False

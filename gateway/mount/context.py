@@ -23,8 +23,8 @@ from gateway.mount.safety.allow import StopTiming
 from gateway.mount.safety.sync_sum import SyncTotal
 from gateway.mount.site.astrometry import SiteAstrometry, SunAvoidance, TubeFrame
 from gateway.mount.site.pending_settings import IncomingSettings
-from gateway.mount.site.readers import ReadBy
-from gateway.mount.site.site_clock import BestSources, SiteClock
+from gateway.mount.site.readers import SiteView
+from gateway.mount.site.site_clock import SiteClock, SiteTimeSources
 from gateway.protocols.base.driver import Driver, Remark
 
 #: The rate of the mount's fastest motion.
@@ -34,8 +34,8 @@ FASTEST_RATE = op.Rate(name="max")
 class Context:
     """The driver, the owner's policy, the log, the loop's clock, background tasks, and the shared values.
 
-    Only `Identification` sets the events: ``found`` at the mount's first reply, ``known`` after identification,
-    ``settled`` when site and clock were read as well. ``closed``: shutdown has begun, start nothing new.
+    Only `Identification` sets the events: ``replied`` at the mount's first reply, ``identified`` after identification,
+    ``site_read`` when site and clock were read as well. ``closed``: shutdown has begun, start nothing new.
     """
 
     def __init__(
@@ -44,45 +44,45 @@ class Context:
         self.driver, self.policy, self.log, self.link, self.site_clock = driver, policy, log, link, site_clock
         self.now = asyncio.get_running_loop().time
         self.tasks, self.closed = BackgroundTasks(), False
-        self.found, self.known, self.settled = asyncio.Event(), asyncio.Event(), asyncio.Event()
+        self.replied, self.identified, self.site_read = asyncio.Event(), asyncio.Event(), asyncio.Event()
         self.cache, self.wanted = ReadingsCache(link), WantedState()
         self.movement, self.incoming = Movement(self.wanted, self.cache), IncomingSettings()
         self.run_on = RunOnWatch(self.now)
         #: The best known site and time; the limits and horizon coordinates use them.
-        self.sources = BestSources(site_clock)
+        self.sources = SiteTimeSources(site_clock)
         self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox or "jnow")
         self.hold, self.synced = Hold(), SyncTotal()
         self.frame = TubeFrame(self.cache, driver, self.synced, self.sources)
         self.suns = SunAvoidance(
-            policy.limits.sun, self.astrometry, self.sources, self.now, self.frame, self.settled, self.note_once
+            policy.limits.sun, self.astrometry, self.sources, self.now, self.frame, self.site_read, self.note_once
         )
 
     def astrometry_for(self, program: ProgramId) -> SiteAstrometry:
         """Return astronomy with the site and clock that this program reads."""
-        return SiteAstrometry(self.astrometry.sky, ReadBy(self.site_clock, program), self.astrometry.equinox)
+        return SiteAstrometry(self.astrometry.sky, SiteView(self.site_clock, program), self.astrometry.equinox)
 
-    def impossible(self, operation: op.Operation) -> Fault | None:
+    def certain_fault(self, operation: op.Operation) -> Fault | None:
         """Return why an operation cannot succeed, as far as the gateway knows without asking the mount; else None."""
         driver, link, wanted = self.driver, self.link, self.wanted.value
-        if link.state == "down" or (link.overdue and not driver.asleep):
+        if link.state == "down" or (link.reply_is_overdue and not driver.asleep):
             return NoAnswer()
-        if (driver.asleep or driver.powerless) and not self.wanted.waking and begins_motion(operation):
+        if (driver.asleep or driver.powerless) and not self.wanted.wake_up_pending and begins_motion(operation):
             return Asleep()
-        calculates = link.occupied or self.incoming.sending is op.SetClock
+        calculates = link.occupied or self.incoming.type_being_sent is op.SetClock
         if calculates and begins_motion(operation) and not isinstance(operation, GOTOS):  # gotos may wait
             return Busy()
         try:
             if isinstance(operation, MOTIONS):
-                self.hold.admit(operation)
+                self.hold.check_allowed(operation)
         except Held as fault:
             return fault
-        if not self.known.is_set():
+        if not self.identified.is_set():
             return None
         nothing_waits = all(isinstance(order.operation, op.Pulse | op.PulseAxis) for order in wanted.pending)
-        return driver.impossible(operation) if nothing_waits and not wanted.owed else None
+        return driver.certain_fault(operation) if nothing_waits and not wanted.stop_owed else None
 
     @property
-    def timing(self) -> StopTiming:
+    def stop_timing(self) -> StopTiming:
         """How long a stop takes at the present speed of the line."""
         return StopTiming(
             self.link.times.typical_rtt, self.driver.position_reads, POLL_PERIOD[op.Position], self.policy.run_on

@@ -19,36 +19,36 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, NotAligned, Stopped, Unsupported
 from gateway.core.motion_kinds import MOTIONS
 from gateway.core.waiting import Outcome, result_of
-from gateway.mount.as_left import SameMount
+from gateway.mount.as_left import SameMountCheck
 from gateway.mount.context import Context
 from gateway.mount.identification import Identification
 from gateway.mount.link.driver_runner import DriverRunner, HibernationGate, ReplyVerifier
 from gateway.mount.link.queue import SETTING
-from gateway.mount.motion.changes import arrived, ended_short
+from gateway.mount.motion.changes import after_goto_end, after_goto_failure
 from gateway.mount.motion.consequences import Consequences
 from gateway.mount.motion.ends import EndWatch
 from gateway.mount.motion.reconciler import Announce, Reconciler
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.policy import Limits, Policy
-from gateway.mount.presence import NO_PROGRAM, HostActivity, Presence, ProgramId
+from gateway.mount.presence import NO_PROGRAM, ClientPresence, HostActivity, ProgramId
 from gateway.mount.readings.cache import MAX_AGE, NOT_CACHED
 from gateway.mount.readings.poller import Poller
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.motions import MotionAdmission
-from gateway.mount.safety.unattended import SunAhead, Supervisor, TrackingAtLimit
+from gateway.mount.safety.unattended import SunApproachWatch, Supervisor, TrackingAtLimit
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.shutdown import end_motion
-from gateway.mount.site.places import PLACE_FUNCTIONS
-from gateway.mount.site.readers import ReadBy
-from gateway.mount.site.settings import SiteAndClock
-from gateway.mount.site.settings_sync import SyncSettings
+from gateway.mount.site.places import POSITION_FUNCTIONS
+from gateway.mount.site.readers import SiteView
+from gateway.mount.site.settings import SiteClockOperations
+from gateway.mount.site.settings_sync import SettingsSender
 from gateway.protocols.base.driver import FollowUps
 
 _T = TypeVar("_T")
 
 
 class MountController:
-    """``perform`` carries out any operation and waits for it; ``begin`` does not wait. ``impossible`` returns the
+    """``perform`` carries out any operation and waits for it; ``begin`` does not wait. ``certain_fault`` returns the
     reason why an operation cannot succeed. ``peek`` answers a client's read if the answer is cached; ``answer`` asks
     the mount if it is not. The gateway itself uses ``read``, and ``read_now``, which never uses the cache.
     ``fresh_until``: the loop time until which a client may get the same answers again; ``touch`` notes that it did.
@@ -70,10 +70,10 @@ class MountController:
         # Readings.
         reader = self.reader = Reader(context, runner)
         self.read, self.read_now = reader.read, reader.read_now
-        self.touch, self.fresh_until, self.impossible = cache.touch, reader.fresh_until, context.impossible
+        self.touch, self.fresh_until, self.certain_fault = cache.note_polled, reader.fresh_until, context.certain_fault
         context.run_on.sent = runner.may_move
-        sync = SyncSettings(context, runner, reader)
-        self.settings = SiteAndClock(context, runner, sync)
+        sync = SettingsSender(context, runner, reader)
+        self.settings = SiteClockOperations(context, runner, sync)
         # Limits and motion.
         self.owners_limits = context.policy.limits
         self.hold, self.synced, self.end_watch = context.hold, context.synced, EndWatch(self.now, context.note, wanted)
@@ -82,42 +82,42 @@ class MountController:
         self.admission = MotionAdmission(context, reader, watch)
         reader.goto_over.connect(watch.goto_ended)
         reader.position.connect(watch.check_position)
-        self.sun_ahead = SunAhead(context, reader, watch)
-        reader.position.connect(self.sun_ahead.check)
+        self.sun_approach_watch = SunApproachWatch(context, reader, watch)
+        reader.position.connect(self.sun_approach_watch.check)
         reader.axes.connect(watch.hour_angle.take_reading)
-        reader.unseen.connect(watch.position_missing)
+        reader.position_failed.connect(watch.position_missing)
         reader.status.connect(self._on_status)
         consequences = Consequences(context, gate, reader, watch, self.end_watch)
         reconciler = self.reconciler = Reconciler(context, follow_ups, runner, self.admission, consequences, announcers)
         #: Emitted when the state that the gateway saves to disk may have changed.
-        self.changed = reconciler.lasting
+        self.changed = reconciler.saved_state_changed
         #: Guide pulses wait for a mount that runs on.
-        context.run_on.changed.connect(lambda until: reconciler.want(replace(reconciler.wanted, rests_by=until)))
+        context.run_on.changed.connect(lambda until: reconciler.update(replace(reconciler.wanted, at_rest_by=until)))
         watch.must_stop.connect(reconciler.begin_stop)
-        self.end_watch.again.connect(reconciler.send_again)
-        reader.goto_over.connect(lambda _: reconciler.want(arrived(reconciler.wanted)))
-        reader.goto_missed.connect(lambda reason: reconciler.want(ended_short(reconciler.wanted, reason)))
-        reader.goto_over.connect(lambda _: context.run_on.ended(goto=True, latest=reader.latest()))
+        self.end_watch.resend_needed.connect(reconciler.resend_end)
+        reader.goto_over.connect(lambda _: reconciler.update(after_goto_end(reconciler.wanted)))
+        reader.goto_missed.connect(lambda reason: reconciler.update(after_goto_failure(reconciler.wanted, reason)))
+        reader.goto_over.connect(lambda _: context.run_on.on_end(after_goto=True, latest=reader.latest_position()))
         # Supervision of motions, identification, polling.
         TrackingAtLimit(context, reader, watch, self.perform).must_stop.connect(reconciler.begin_stop)
-        self.presence = Presence(self.now)
+        self.presence = ClientPresence(self.now)
         self.supervisor = Supervisor(context, self.presence, self.perform)
-        reconciler.unattended.connect(self.supervisor.start_watching)
-        self.same_mount = SameMount(context, runner)
+        reconciler.needs_client.connect(self.supervisor.start_watching)
+        self.same_mount = SameMountCheck(context, runner)
         reader.position.connect(self.same_mount.record_position)
         self.identification = Identification(
             context, runner, gate, reader, sync, reconciler, self.end_watch, self.same_mount.check
         )
         self.identification.identified.connect(self._on_identified)
-        self.identified, self.settled = context.known, context.settled
+        self.identified, self.site_read = context.identified, context.site_read
         self.poller = Poller(context, gate, reader, self.settings, watch, self.end_watch)
         #: Signals after which earlier answers are outdated; the cache counts its own changes.
-        self._changes = wanted.changed, site_clock.changed
+        self._outdating_signals = wanted.changed, site_clock.changed
 
     def _on_status(self, status: op.Status) -> None:
         """Reset the sum of syncs if the mount reports that it is not aligned."""
         if not status.aligned:
-            self.synced.forget()
+            self.synced.reset()
 
     def _on_identified(self, _: None) -> None:
         """Set the equinox of the mount's coordinates, which its identity implies."""
@@ -135,8 +135,8 @@ class MountController:
         """End motion, resume tracking, cancel pending orders, close the line."""
         await end_motion(self.context, self.reader, self.reconciler)
         self.context.closed = True
-        self.context.found.set()  # callers that wait for the mount continue, and find the line closed
-        self.context.known.set()
+        self.context.replied.set()  # callers that wait for the mount continue, and find the line closed
+        self.context.identified.set()
         self.reconciler.close()
         self.supervisor.close()
         await self.context.tasks.close()
@@ -148,33 +148,33 @@ class MountController:
     def policy(self) -> Policy:
         return self.context.policy
 
-    def narrow(self, **limits_asked: float | None) -> Limits:
+    def narrow_limits(self, **requested_limits: float | None) -> Limits:
         """Narrow the owner's limits until the gateway ends; None leaves the owner's value. Raises Invalid."""
-        limits = self.owners_limits.narrowed_by_page(**limits_asked)
+        limits = self.owners_limits.narrowed_by_page(**requested_limits)
         self.context.policy = replace(self.policy, limits=limits)
-        self.suns.narrow(limits.sun)
-        self.watch.narrow(limits.lowest, limits.highest, limits.hour_angle)
+        self.suns.set_min_distance(limits.sun)
+        self.watch.narrow_limits(limits.lowest, limits.highest, limits.hour_angle)
         return limits
 
     @property
     def moving(self) -> bool:
         """Whether a motion is under way that a stop should end."""
-        return self.movement.anything
+        return self.movement.any_motion
 
     @property
     def slewing(self) -> bool:
         return self.movement.slewing
 
     @property
-    def version(self) -> int:
+    def answer_version(self) -> int:
         """A number that grows whenever an answer may have changed, so that cached replies are outdated."""
-        wanted, site_clock = self._changes
+        wanted, site_clock = self._outdating_signals
         return self.cache.version + wanted.count + site_clock.count
 
     @property
     def stops(self) -> int:
         """The number of stops so far. A motion that a client requested before the last stop is not begun."""
-        return self.wanted.value.stops
+        return self.wanted.value.n_stops
 
     def peek(self, operation: op.Operation[_T], program: ProgramId = NO_PROGRAM) -> _T:
         """Return the answer to a client's read if it is cached; NOT_CACHED if it must be requested."""
@@ -183,7 +183,7 @@ class MountController:
             answer = self.reader.peek_native(operation, program)
         elif type(operation) in MAX_AGE:
             answer = self.reader.peek(type(operation))
-        elif (answer := ReadBy(self.site_clock, program).answer(type(operation))) is None:
+        elif (answer := SiteView(self.site_clock, program).answer(type(operation))) is None:
             answer = NOT_CACHED
         return cast(_T, answer)
 
@@ -197,9 +197,9 @@ class MountController:
 
         This sends nothing to the mount, so it cannot foresee the mount's own refusals.
         """
-        if not self.context.known.is_set():
+        if not self.context.identified.is_set():
             return NoAnswer()
-        refusal = await self.admission.preview(goal) or self.impossible(op.Goto(goal.ra, goal.dec))
+        refusal = await self.admission.preview(goal) or self.certain_fault(op.Goto(goal.ra, goal.dec))
         status: op.Status | None = self.cache.value(op.GetStatus)
         if refusal is None and not self.driver.sync_aligns and status is not None and not status.aligned:
             return NotAligned()
@@ -210,7 +210,7 @@ class MountController:
     async def perform(
         self,
         operation: op.Operation[_T],
-        stops: int | None = None,
+        n_stops: int | None = None,
         activity: HostActivity | None = None,
         max_delay: float = inf,
         arrived_at: float | None = None,
@@ -218,7 +218,7 @@ class MountController:
         """Carry out an operation for the connection ``activity``, and return its answer. Raises Fault.
 
         A read asks the mount even if the answer is cached; ``answer`` uses the cache first. ``arrived_at``: the loop
-        time at which the request arrived (default: now). ``stops``: the number of stops before that; a later stop
+        time at which the request arrived (default: now). ``n_stops``: the number of stops before that; a later stop
         cancels the operation. ``max_delay``: for how many seconds the client waits for it.
         """
         program = activity.program if activity is not None else NO_PROGRAM
@@ -229,20 +229,20 @@ class MountController:
         if isinstance(operation, op.NativeRequest):
             return cast(_T, await self.reader.answer_native(operation, program))
         if isinstance(operation, op.AbortMotion):
-            return cast(_T, await self.stop(activity.who if activity is not None else ""))
+            return cast(_T, await self.stop(activity.host if activity is not None else ""))
         if isinstance(operation, op.AbortSlew):
-            self._note_stop(activity.who if activity is not None else "")
+            self._note_stop(activity.host if activity is not None else "")
         if isinstance(operation, MOTIONS):
-            value = await _wait_for_outcome(self.reconciler.take(operation, stops, activity, max_delay, arrived_at))
+            value = await _wait_for_outcome(self.reconciler.accept(operation, n_stops, activity, max_delay, arrived_at))
             if isinstance(value, op.Chosen) and value.place is not None:
-                value = op.Chosen(self.astrometry.from_mount(value.place), value.text, value.reply)
+                value = op.Chosen(self.astrometry.from_mount_equinox(value.place), value.text, value.reply)
             return cast(_T, value)
-        return cast(_T, await self._perform_alone(operation, program))
+        return cast(_T, await self._perform_unshared(operation, program))
 
-    async def _perform_alone(self, operation: op.Operation, program: ProgramId) -> Any:
+    async def _perform_unshared(self, operation: op.Operation, program: ProgramId) -> Any:
         """Carry out an operation that is neither a motion nor a read that clients share."""
-        if type(operation) in PLACE_FUNCTIONS:
-            return PLACE_FUNCTIONS[type(operation)](self.context.astrometry_for(program), operation)
+        if type(operation) in POSITION_FUNCTIONS:
+            return POSITION_FUNCTIONS[type(operation)](self.context.astrometry_for(program), operation)
         if (setting := self.settings.handlers.get(type(operation))) is not None:
             answer = await setting(operation, program)
             self.changed.emit(None)
@@ -275,9 +275,9 @@ class MountController:
         """Carry out an operation without waiting for it; ``on_failure`` is called with the Fault if it fails."""
         motion = None
         if isinstance(operation, op.AbortSlew):
-            self._note_stop(activity.who)
+            self._note_stop(activity.host)
         if isinstance(operation, MOTIONS):
-            motion = self.reconciler.take(operation, stop_count, activity, arrived_at=arrived_at)
+            motion = self.reconciler.accept(operation, stop_count, activity, arrived_at=arrived_at)
 
         async def finish() -> None:
             try:
@@ -286,7 +286,7 @@ class MountController:
                 on_failure(fault)
             except Exception as error:  # no caller waits for this task, so a defect must be logged here
                 self.context.note(f"internal error, please report it: {error!r}")
-                self.reconciler.after_defect()
+                self.reconciler.stop_after_defect()
 
         return self.spawn(finish())
 

@@ -21,16 +21,16 @@ from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner, HibernationGate
 from gateway.mount.link.queue import POSITION, READ, STOP
 from gateway.mount.motion import changes
-from gateway.mount.motion.ends import SLOW, AxisSample, EndWatch
+from gateway.mount.motion.ends import MIN_VISIBLE_SPEED, AxisSample, EndWatch
 from gateway.mount.motion.left_moving import (
-    MAX_AGE,
+    MAX_MARK_AGE,
     SAMPLE_GAP,
     SAMPLES_TIMEOUT,
-    LeftMotion,
-    left_motion,
-    rests,
-    still_left,
-    turning,
+    Leftover,
+    axes_still_moving,
+    axis_speeds,
+    find_leftover,
+    is_at_rest,
 )
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.seen import axis_sample
@@ -38,7 +38,7 @@ from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.contradictions import note_contradictions
 from gateway.mount.safety.watch import CLOSE_WATCH_TIME
 from gateway.mount.shutdown import stop_commands
-from gateway.mount.site.settings_sync import SyncSettings
+from gateway.mount.site.settings_sync import SettingsSender
 
 #: Seconds between two attempts to identify a mount that does not reply.
 RETRY_PERIOD = 1.0
@@ -55,113 +55,113 @@ class Identification:
         runner: DriverRunner,
         gate: HibernationGate,
         reader: Reader,
-        sync: SyncSettings,
+        settings_sender: SettingsSender,
         reconciler: Reconciler,
         end_watch: EndWatch,
         check: Callable[[], Awaitable[None]],
     ) -> None:
         self._context, self._driver = context, context.driver
         self._link, self._cache, self._runner, self._gate = context.link, context.cache, runner, gate
-        self._reader, self._sync, self._reconciler, self._end_watch = reader, sync, reconciler, end_watch
-        self._check = check
-        self._asking: asyncio.Task[Any] | None = None
+        self._reader, self._sync, self._reconciler, self._end_watch = reader, settings_sender, reconciler, end_watch
+        self._check_same_mount = check
+        self._identify_task: asyncio.Task[Any] | None = None
         self.identified: Signal[None] = Signal()
         #: Whether the mount moved when the port was lost, the time of that, and the motion (None: cannot be compared).
-        self._cut_short, self._lost_at = False, 0.0
-        self._motion_left_behind: LeftMotion | None = None
-        self._status: op.Status | None = None
+        self._motion_interrupted, self._lost_at = False, 0.0
+        self._leftover_motion: Leftover | None = None
+        self._status_when_lost: op.Status | None = None
         self._link.came_up.connect(self._on_up)
-        self._link.reopened.connect(self._stop_first)
-        self._link.stopping.connect(self._stop_owed)
-        self._link.lost.connect(self._on_lost)
+        self._link.reopened.connect(self._on_reopened)
+        self._link.writing_stop.connect(self._add_owed_stop)
+        self._link.port_lost.connect(self._on_lost)
 
     def _on_lost(self, _: None) -> None:
-        if self._cut_short or not (self._reconciler.busy or self._end_watch.pending):
+        if self._motion_interrupted or not (self._reconciler.busy or self._end_watch.pending):
             return
-        self._cut_short, self._lost_at = True, self._context.now()
-        self._motion_left_behind = None if self._end_watch.pending else self.left_motion()
-        self._status = self._cache.value(op.GetStatus)
+        self._motion_interrupted, self._lost_at = True, self._context.now()
+        self._leftover_motion = None if self._end_watch.pending else self.leftover_motion()
+        self._status_when_lost = self._cache.value(op.GetStatus)
 
-    def left_motion(self) -> LeftMotion | None:
+    def leftover_motion(self) -> Leftover | None:
         """Return the motion that the gateway has begun; None if later positions cannot show whether it continues."""
-        return left_motion(self._reconciler.wanted, self._context.driver.speed, self._end_watch.samples)
+        return find_leftover(self._reconciler.wanted, self._context.driver.speed, self._end_watch.samples)
 
-    def judge_first(self, left: LeftMotion) -> None:
+    def set_leftover_motion(self, motion: Leftover) -> None:
         """Set the motion that an earlier run of the gateway left; when the line is up, it is stopped if it goes on."""
-        self._motion_left_behind = left
+        self._leftover_motion = motion
 
-    def _stop_first(self, _: None) -> None:
-        """Stop the mount if it moved when the port was lost. After a long loss, `_judge` decides."""
-        old = self._motion_left_behind is not None and self._context.now() - self._lost_at >= MAX_AGE
-        if self._cut_short and old and not self._reconciler.wanted.owed:
-            self._cut_short = False
-        elif self._cut_short:
-            self._cut_short, self._motion_left_behind = False, None
+    def _on_reopened(self, _: None) -> None:
+        """Stop the mount if it moved when the port was lost. After a long loss, `_stop_leftover_motion` decides."""
+        old = self._leftover_motion is not None and self._context.now() - self._lost_at >= MAX_MARK_AGE
+        if self._motion_interrupted and old and not self._reconciler.wanted.stop_owed:
+            self._motion_interrupted = False
+        elif self._motion_interrupted:
+            self._motion_interrupted, self._leftover_motion = False, None
             self._context.note(
                 "the connection to the mount was lost during a motion and is open again: the mount is stopped first"
             )
             self._reconciler.begin_stop("stopped when the connection to the mount was lost and restored")
 
-    def _stop_owed(self, commands: list[bytes]) -> None:
+    def _add_owed_stop(self, commands: list[bytes]) -> None:
         """Add the stop commands if the mount has not acknowledged the last stop, or if no position has confirmed that
         the mount stopped and no newer motion is being sent.
         """
         wanted = self._reconciler.wanted
         active = wanted.active_order
         begins = active is not None and isinstance(active.operation, MOVERS)
-        if (wanted.owed or (self._end_watch.pending and not begins)) and self._context.known.is_set():
-            commands += stop_commands(self._driver, self._link.reply_rules, ends_only=True)
+        if (wanted.stop_owed or (self._end_watch.pending and not begins)) and self._context.identified.is_set():
+            commands += stop_commands(self._driver, self._link.reply_rules, without_restores=True)
 
     def _on_up(self, _: None) -> None:
         self._cache.clear()
         self._driver.line_was_lost()
         if self._driver.goto is not None and self._driver.goto.unconfirmed:  # poll it until the mount reports its end
             self._cache.put(op.Slewing, True, self._context.now())
-        self._gate.try_next_read()
+        self._gate.allow_next_read()
         self._sync.pause()
-        if self._asking is not None:
-            self._asking.cancel()
-        self._asking = self._context.tasks.spawn(self._identify())
+        if self._identify_task is not None:
+            self._identify_task.cancel()
+        self._identify_task = self._context.tasks.spawn(self._identify())
 
     async def _identify(self) -> None:
         """Send an unacknowledged stop again, then read the identity, status, site and clock of the mount."""
-        if self._reconciler.wanted.owed:
+        if self._reconciler.wanted.stop_owed:
             with contextlib.suppress(Fault):
-                if not self._context.known.is_set():
+                if not self._context.identified.is_set():
                     await self._runner.drive(self._driver.probe(), STOP)
                 await self._reconciler.stop()
-        elif self._motion_left_behind is not None and self._context.known.is_set():
-            await self._judge(self._motion_left_behind)
+        elif self._leftover_motion is not None and self._context.identified.is_set():
+            await self._stop_leftover_motion(self._leftover_motion)
         identified = False
         while self._cache.value(op.GetIdentity) is None:
-            identified = identified or await self._find()
+            identified = identified or await self._contact_mount()
             if identified:
                 await self.read_once(op.GetIdentity())
             if self._link.state != "up":
                 return  # identification begins again when the line is up
             if self._cache.value(op.GetIdentity) is None:
                 await asyncio.sleep(RETRY_PERIOD)
-        if self._reconciler.wanted.owed:  # the mount did not acknowledge the first stop, but it replies now
+        if self._reconciler.wanted.stop_owed:  # the mount did not acknowledge the first stop, but it replies now
             self._reconciler.begin_stop()
-        elif self._motion_left_behind is not None:
+        elif self._leftover_motion is not None:
             await self.read_once(op.GetStatus())
             await self.read_once(op.GetSite())
-            await self._judge(self._motion_left_behind)
-        await self._check()
+            await self._stop_leftover_motion(self._leftover_motion)
+        await self._check_same_mount()
         self.identified.emit(None)
-        self._context.found.set()
-        self._context.known.set()
+        self._context.replied.set()
+        self._context.identified.set()
         await self.read_once(op.GetStatus())
         await self.read_once(op.GetSite())
-        self._context.site_clock.mount_asked()
+        self._context.site_clock.note_site_requested()
         if self._has_wrong_hemisphere():
             await self.read_once(op.GetStatus())
         await self.read_once(op.GetClock())
         self._sync.resume()
-        self._context.settled.set()
+        self._context.site_read.set()
         note_contradictions(self._context)
 
-    async def _find(self) -> bool:
+    async def _contact_mount(self) -> bool:
         """Return whether a mount replies; cache the position if its first reply contains one."""
         try:
             place = await self._runner.drive(self._driver.contact(), READ)
@@ -170,33 +170,33 @@ class Identification:
                 self._context.note_once(str(fault))
             return False
         if place is not None:
-            self._reader.take(op.Position(), place)
-            self._context.found.set()
+            self._reader.take_reading(op.Position(), place)
+            self._context.replied.set()
         return True
 
     # --- motion that was left behind ----------------------------------------------------------------------------------
 
-    async def _judge(self, left: LeftMotion) -> None:
+    async def _stop_leftover_motion(self, motion: Leftover) -> None:
         """Stop the motion if it continues as the gateway left it, or if that is unclear; stop no other motion."""
         context, reconciler = self._context, self._reconciler
-        self._motion_left_behind = None
+        self._leftover_motion = None
         axes: frozenset[int] = frozenset()
         with contextlib.suppress(Fault, TimeoutError):
             async with asyncio.timeout(SAMPLES_TIMEOUT):
                 slewing = await self._reports_goto() and (
-                    not left.goto or await self._reports_goto()
+                    not motion.goto or await self._reports_goto()
                 )  # bars may be old for a moment
-                if slewing != left.goto:  # a goto has ended, or has replaced an arrow
+                if slewing != motion.goto:  # a goto has ended, or has replaced an arrow
                     self._leave_alone()
                     return
-                rates = (0.0, 0.0) if slewing else await self._turning()
-            axes = frozenset((1, 2)) if slewing else still_left(left, rates)
-            if not axes and not rests(rates):
+                rates = (0.0, 0.0) if slewing else await self._axis_speeds()
+            axes = frozenset((1, 2)) if slewing else axes_still_moving(motion, rates)
+            if not axes and not is_at_rest(rates):
                 self._leave_alone()
                 return
-            if len(axes) == 1 and abs(rates[2 - min(axes)]) >= SLOW:
+            if len(axes) == 1 and abs(rates[2 - min(axes)]) >= MIN_VISIBLE_SPEED:
                 [axis] = axes
-                reconciler.take(op.StopAxis(axis), None, None)
+                reconciler.accept(op.StopAxis(axis), None, None)
                 context.note(f"axis {axis} still moved as the gateway had left it: it is stopped")
                 return
         if axes:
@@ -206,10 +206,10 @@ class Identification:
     def _leave_alone(self) -> None:
         reconciler = self._reconciler
         self._context.note("the mount no longer moves as the gateway had left it: what moves now is left alone")
-        reconciler.want(changes.at_rest(reconciler.wanted))
-        self._context.tasks.spawn(self._resume_later(reconciler.wanted.order_count))
+        reconciler.update(changes.after_acknowledged_stop(reconciler.wanted))
+        self._context.tasks.spawn(self._resume_tracking_later(reconciler.wanted.order_count))
 
-    async def _resume_later(self, order_count: int) -> None:
+    async def _resume_tracking_later(self, order_count: int) -> None:
         """Resume the tracking that the driver suspended for a motion, once the mount is at rest. A newer order, after
         which the number of orders is no longer ``order_count``, cancels this.
         """
@@ -217,7 +217,7 @@ class Identification:
         while self._driver.tracking_suspended and self._reconciler.wanted.order_count == order_count and not resting:
             await asyncio.sleep(CLOSE_WATCH_TIME)
             with contextlib.suppress(Fault):
-                resting = rests(await self._turning()) and not await self._reports_goto()
+                resting = is_at_rest(await self._axis_speeds()) and not await self._reports_goto()
         if resting and self._driver.tracking_suspended and self._reconciler.wanted.order_count == order_count:
             self._reconciler.begin_stop()
 
@@ -226,17 +226,17 @@ class Identification:
         self._driver.moved_by_others = True
         return bool(await self._runner.perform(op.Slewing(), READ))
 
-    async def _turning(self) -> Pair:
+    async def _axis_speeds(self) -> Pair:
         """Return the speeds of both axes, degrees a second, measured from two positions. Raises Fault."""
         before = await self._read_axes()
-        await asyncio.sleep(max(0.0, before.at + SAMPLE_GAP - self._context.now()))
-        return turning(before, await self._read_axes())
+        await asyncio.sleep(max(0.0, before.time + SAMPLE_GAP - self._context.now()))
+        return axis_speeds(before, await self._read_axes())
 
     async def _read_axes(self) -> AxisSample:
         """Read the position and return it as axis readings. Raises Fault."""
         context, astrometry = self._context, self._context.astrometry
-        place = astrometry.from_mount(await self._runner.perform(op.Position(), POSITION))
-        status = self._status or self._cache.value(op.GetStatus)
+        place = astrometry.from_mount_equinox(await self._runner.perform(op.Position(), POSITION))
+        status = self._status_when_lost or self._cache.value(op.GetStatus)
         return axis_sample(astrometry, status, getattr(self._driver, "low", False), context.now(), place)
 
     def _has_wrong_hemisphere(self) -> bool:
@@ -255,6 +255,6 @@ class Identification:
             self._context.note(str(fault))
             return
         if isinstance(value, op.Place | op.Moment):
-            self._sync.take_value(value)
+            self._sync.take_reported_value(value)
         else:
             self._cache.put(type(operation), value, self._context.now())

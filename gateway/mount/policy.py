@@ -21,12 +21,14 @@ LIMIT_TOLERANCE = 0.1
 #: The motion orders that are allowed while a mount is held; all others are refused.
 HOLD_ALLOWS = (op.AbortSlew, op.Choose, op.Focus, op.StopAxis, op.Hibernate, op.Sync, op.TrackRate)
 #: The advice in a refused park or home: how to choose a park position.
-CHOOSE = "Write park = [AZ, ALT] under [mount] for a place of your own choice, which may lie beyond lowest and highest."
+PARK_TIP = (
+    "Write park = [AZ, ALT] under [mount] for a place of your own choice, which may lie beyond lowest and highest."
+)
 
 
 class Limits(Struct, frozen=True):
     """The owner's limits in degrees: lowest and highest altitude, largest sum of syncs, smallest distance from the Sun
-    (0 for none), largest hour angle past the meridian. ``at_keys``: altitude limits for motion by the hand control's
+    (0 for none), largest hour angle past the meridian. ``key_limits``: altitude limits for motion by the hand control's
     keys, -90 and 90 unless the owner has set them. ``by_page``: a web page has narrowed the limits.
     """
 
@@ -35,7 +37,7 @@ class Limits(Struct, frozen=True):
     sync: float = 15.0
     sun: float = 20.0
     hour_angle: float | None = None
-    at_keys: tuple[float, float] = (-90.0, 90.0)
+    key_limits: tuple[float, float] = (-90.0, 90.0)
     by_page: bool = False
 
     def narrowed(
@@ -55,10 +57,10 @@ class Limits(Struct, frozen=True):
             hour_angle=min(angles, default=None),
         )
 
-    def narrowed_by_page(self, **limits_asked: float | None) -> Limits:
+    def narrowed_by_page(self, **requested_limits: float | None) -> Limits:
         """Return these limits, narrowed by a web page for all clients. Raises Invalid for a wider limit."""
-        limits = self.narrowed(**limits_asked)
-        if any(value not in (None, getattr(limits, name)) for name, value in limits_asked.items()):
+        limits = self.narrowed(**requested_limits)
+        if any(value not in (None, getattr(limits, name)) for name, value in requested_limits.items()):
             raise Invalid(f"The configuration allows {self}; a page can only narrow that.")
         if limits.lowest >= limits.highest:
             raise Invalid("Nothing would be allowed: the lowest altitude must be below the highest.")
@@ -84,18 +86,18 @@ class Limits(Struct, frozen=True):
 
     def for_keys(self) -> Limits:
         """Return these limits for motion by the hand control's keys."""
-        return replace(self, lowest=min(self.lowest, self.at_keys[0]), highest=max(self.highest, self.at_keys[1]))
+        return replace(self, lowest=min(self.lowest, self.key_limits[0]), highest=max(self.highest, self.key_limits[1]))
 
-    def written(self) -> Limits:
+    def without_default_altitudes(self) -> Limits:
         """Return these limits without the default altitudes: an altitude limit that neither the owner nor a page or
         program has set becomes -90 or 90 degrees."""
         return replace(
             self,
-            lowest=self.lowest if self.lowest > 0.0 or self.at_keys[0] > -90.0 else -90.0,
+            lowest=self.lowest if self.lowest > 0.0 or self.key_limits[0] > -90.0 else -90.0,
             highest=self.highest if self.highest < 90.0 else 90.0,
         )
 
-    def at_any_altitude(self) -> Limits:
+    def without_altitudes(self) -> Limits:
         """Return these limits without altitude limits, for a park position that the owner has chosen."""
         return replace(self, lowest=-90.0, highest=90.0)
 
@@ -119,7 +121,7 @@ class Policy(Struct, frozen=True):
     run_on: float = 0.5
 
 
-def check_own_park(operation: op.Park | op.Home, limits: Limits) -> None:
+def check_unknown_park(operation: op.Park | op.Home, limits: Limits) -> None:
     """Check whether a mount may park at a position that only the mount knows. Raises Refused.
 
     A Meade parks at the position set at its keypad, which no command reads; the default is the horizon. So it may park
@@ -140,10 +142,10 @@ class Hold:
     """
 
     def __init__(self) -> None:
-        self.on = False
+        self.is_on = False
 
-    def admit(self, operation: op.Operation) -> None:
+    def check_allowed(self, operation: op.Operation) -> None:
         """Check whether this motion order is allowed now. Raises Held if not."""
         stays = isinstance(operation, HOLD_ALLOWS) or (isinstance(operation, op.SetTracking) and not operation.on)
-        if self.on and not stays:
+        if self.is_on and not stays:
             raise Held

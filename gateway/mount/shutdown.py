@@ -21,7 +21,7 @@ from gateway.protocols.base.driver import Driver, Send
 from gateway.protocols.base.reply_rules import ReplyRules
 
 #: Seconds to wait for the stop and for the follow-up commands, and between commands sent without awaiting replies.
-STOP_TIMEOUT, FOLLOW_UP_TIMEOUT, BLIND_GAP = 4.0, 2.5, 0.2
+STOP_TIMEOUT, FOLLOW_UP_TIMEOUT, BLIND_COMMAND_GAP = 4.0, 2.5, 0.2
 #: Seconds for the last status read, which the gateway reports when it ends.
 LAST_READ_TIMEOUT = 1.0
 
@@ -29,7 +29,7 @@ LAST_READ_TIMEOUT = 1.0
 async def end_motion(context: Context, reader: Reader, reconciler: Reconciler) -> None:
     """Stop all motion and resume tracking; takes a few seconds at most, and raises nothing."""
     link = context.link
-    reconciler.want(changes.without_earlier(reconciler.wanted))
+    reconciler.update(changes.refuse_earlier_orders(reconciler.wanted))
     moved = reconciler.busy and link.state != "opening"
     if moved:
         await _stop(context, reconciler)
@@ -37,7 +37,7 @@ async def end_motion(context: Context, reader: Reader, reconciler: Reconciler) -
         async with asyncio.timeout(FOLLOW_UP_TIMEOUT):
             while link.usable and reconciler.wanted.pending:  # some hand controls need the tracking command twice
                 await asyncio.sleep(0.05)
-    if moved and not reconciler.wanted.owed and link.state == "up":
+    if moved and not reconciler.wanted.stop_owed and link.state == "up":
         with contextlib.suppress(TimeoutError, Fault):
             async with asyncio.timeout(LAST_READ_TIMEOUT):
                 await reader.read_now(op.GetStatus())
@@ -46,7 +46,7 @@ async def end_motion(context: Context, reader: Reader, reconciler: Reconciler) -
 async def _stop(context: Context, reconciler: Reconciler) -> None:
     await asyncio.sleep(0)  # if the event loop is being torn down, the line's task is cancelled as well
     try:
-        async with asyncio.timeout(STOP_TIMEOUT if context.link.served else 0.0):
+        async with asyncio.timeout(STOP_TIMEOUT if context.link.is_running else 0.0):
             await reconciler.stop()
     except (TimeoutError, Fault):
         context.note("the mount did not acknowledge the stop at shutdown: sending it once more")
@@ -58,14 +58,14 @@ async def _stop_blindly(context: Context) -> None:
     with contextlib.suppress(Exception):  # nothing is left to try after this
         for command in stop_commands(context.driver, context.link.reply_rules):
             context.link.transaction.send(command)
-            await asyncio.sleep(BLIND_GAP)
+            await asyncio.sleep(BLIND_COMMAND_GAP)
 
 
-def stop_commands(driver: Driver, reply_rules: ReplyRules, ends_only: bool = False) -> list[bytes]:
+def stop_commands(driver: Driver, reply_rules: ReplyRules, without_restores: bool = False) -> list[bytes]:
     """Return the commands of a stop in the present state, for callers that cannot wait for replies. The driver's state
     does not change.
 
-    With ``ends_only``, leave out settings that are restored after the motion, because the mount may have been
+    With ``without_restores``, leave out settings that are restored after the motion, because the mount may have been
     switched off meanwhile.
     """
     twin = copy.copy(driver)
@@ -76,7 +76,7 @@ def stop_commands(driver: Driver, reply_rules: ReplyRules, ends_only: bool = Fal
     with contextlib.suppress(Exception):  # StopIteration at the end, or an error if the driver needs a reply
         step = next(steps)
         while True:
-            if isinstance(step, Send) and not (ends_only and step.command not in driver.ends):
+            if isinstance(step, Send) and not (without_restores and step.command not in driver.ending_commands):
                 commands.append(reply_rules.encode(step))
             step = steps.send({})
     return commands

@@ -39,20 +39,20 @@ def streams() -> list[str]:
     return [name for name in surfaces() if PROTOCOLS[name].web is None]
 
 
-def mounts() -> list[str]:
+def drivers() -> list[str]:
     """Return the protocols that have a driver."""
     return [name for name, spec in PROTOCOLS.items() if spec.make_driver is not None]
 
 
-def simulators() -> list[str]:
+def simulated_protocols() -> list[str]:
     """Return the protocols that have a simulated mount."""
     return [name for name, spec in PROTOCOLS.items() if spec.make_simulator is not None]
 
 
-def pairs() -> list[tuple[str, str]]:
+def protocol_pairs() -> list[tuple[str, str]]:
     """Return every pair of a surface and a mount of another protocol; mounts that are reached over HTTP come last."""
-    found = [(surface, mount) for surface in surfaces() for mount in mounts() if surface != mount]
-    return sorted(found, key=lambda pair: PROTOCOLS[pair[1]].over_http is not None)
+    found = [(surface, mount) for surface in surfaces() for mount in drivers() if surface != mount]
+    return sorted(found, key=lambda pair: PROTOCOLS[pair[1]].make_http_dialect is not None)
 
 
 def other_surface(mount: str) -> str:
@@ -60,7 +60,7 @@ def other_surface(mount: str) -> str:
     return next((name for name in surfaces() if name != mount), mount)
 
 
-def guess(sent: bytes) -> str | None:
+def guess_protocol(sent: bytes) -> str | None:
     """Return the most probable protocol of the bytes a client has sent; None if they look like no protocol."""
     if not sent:
         return None

@@ -27,14 +27,14 @@ class _Timex(ctypes.Structure):
     ]  # fmt: skip
 
 
-def board_without_clock(root: Path = Path("/")) -> bool:
+def lacks_hardware_clock(root: Path = Path("/")) -> bool:
     """Whether this is a board with a device tree and without a hardware clock, such as a Raspberry Pi before the 5."""
     models = (root / name for name in ("proc/device-tree/model", "sys/firmware/devicetree/base/model"))
     # os.path, because a container may forbid to look, and a container keeps the time of its host
     return any(map(os.path.exists, models)) and not any((root / "dev").glob("rtc*"))
 
 
-def synchronised() -> bool | None:
+def is_clock_synchronised() -> bool | None:
     """Whether the kernel reports that its clock is synchronised with a time source; None if unknown."""
     if sys.platform != "linux":
         return None
@@ -46,14 +46,14 @@ def synchronised() -> bool | None:
     return None if result < 0 else not (result == _CLOCK_ERROR_STATE or state.status & _UNSYNCHRONISED_BIT)
 
 
-class Kernel:
+class ClockCheck:
     """Returns, when called, whether this computer's clock may be wrong. It asks the kernel once a minute at most."""
 
     def __init__(self, root: Path = Path("/")) -> None:
-        self._board = sys.platform == "linux" and board_without_clock(root)
-        self._asked, self._lost = float("-inf"), False
+        self._lacks_hardware_clock = sys.platform == "linux" and lacks_hardware_clock(root)
+        self._asked_at, self._is_clock_lost = float("-inf"), False
 
     def __call__(self) -> bool:
-        if self._board and time.monotonic() - self._asked > _QUESTION_PERIOD:
-            self._asked, self._lost = time.monotonic(), synchronised() is False
-        return self._lost
+        if self._lacks_hardware_clock and time.monotonic() - self._asked_at > _QUESTION_PERIOD:
+            self._asked_at, self._is_clock_lost = time.monotonic(), is_clock_synchronised() is False
+        return self._is_clock_lost

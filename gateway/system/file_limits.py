@@ -18,7 +18,7 @@ except ImportError:  # Windows, which has no such limit
 RESERVED_FILES, GATEWAY_FILES, FILES_PER_MOUNT = 16, 24, 6
 
 
-def limit() -> int | None:
+def open_file_limit() -> int | None:
     """Return how many files this process may have open at a time; None if there is no limit."""
     if resource is None:
         return None
@@ -26,10 +26,10 @@ def limit() -> int | None:
     return None if soft == resource.RLIM_INFINITY else soft
 
 
-def raise_limit(programs: int, parts: int) -> str:
-    """Raise the limit for so many clients, and mounts and surfaces (``parts``). Return a warning if it is too low."""
-    wanted = RESERVED_FILES + GATEWAY_FILES + FILES_PER_MOUNT * parts + programs
-    most = limit()
+def raise_limit(client_count: int, ports: int) -> str:
+    """Raise the limit for so many clients, and mounts and surfaces (``ports``). Return a warning if it is too low."""
+    wanted = RESERVED_FILES + GATEWAY_FILES + FILES_PER_MOUNT * ports + client_count
+    most = open_file_limit()
     if most is None or most >= wanted:
         return ""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -37,19 +37,19 @@ def raise_limit(programs: int, parts: int) -> str:
     if allowed > soft:
         with contextlib.suppress(OSError, ValueError):
             resource.setrlimit(resource.RLIMIT_NOFILE, (allowed, hard))
-    most = limit() or wanted
+    most = open_file_limit() or wanted
     if most >= wanted:
         return ""
     return (
         f"this system lets mount-gateway have {most} files open at a time, so no more than about "
-        f"{max(0, most - wanted + programs)} programs can be connected, not the {programs} of max-clients; "
+        f"{max(0, most - wanted + client_count)} programs can be connected, not the {client_count} of max-clients; "
         f"ulimit -n {wanted} before it is started, or LimitNOFILE={wanted} in its systemd unit, makes room"
     )
 
 
-def no_room() -> str:
+def no_room_reason() -> str:
     """Return why no file can be opened for another client; empty if one can."""
-    most = limit()
+    most = open_file_limit()
     if most is None:
         return ""
     held: list[int] = []

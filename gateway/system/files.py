@@ -17,34 +17,34 @@ NOT_PLAIN_FILE = "this is a pipe or a device, and a plain file is needed: name a
 
 def state_folder(configured: str | None = None) -> Path:
     """Return the state folder: as configured, else systemd's ``STATE_DIRECTORY``, else in the user's home."""
-    given = configured or _of_systemd("STATE_DIRECTORY")
-    return Path(given).expanduser() if given else _users("user_state_path")
+    given = configured or _systemd_folder("STATE_DIRECTORY")
+    return Path(given).expanduser() if given else _user_folder("user_state_path")
 
 
 def cache_folder() -> Path:
     """Return the cache folder: systemd's ``CACHE_DIRECTORY``, else in the user's home."""
-    given = _of_systemd("CACHE_DIRECTORY")
-    return Path(given) if given else _users("user_cache_path")
+    given = _systemd_folder("CACHE_DIRECTORY")
+    return Path(given) if given else _user_folder("user_cache_path")
 
 
-def _users(folder: str) -> Path:
+def _user_folder(function_name: str) -> Path:
     """Return the user's folder for state or cache. On Linux without platformdirs, whose import takes 10 ms."""
     home = os.environ.get("HOME", "")
     if sys.platform == "linux" and home.startswith("/"):
-        variable, usual = _ON_LINUX[folder]
+        variable, usual = _ON_LINUX[function_name]
         given = os.environ.get(variable, "")
         return Path(given if given.startswith("/") else f"{home}/{usual}", "mount-gateway")
     import platformdirs
 
-    return Path(getattr(platformdirs, folder)("mount-gateway", appauthor=False))
+    return Path(getattr(platformdirs, function_name)("mount-gateway", appauthor=False))
 
 
-def _of_systemd(name: str) -> str:
+def _systemd_folder(variable: str) -> str:
     """Return the first folder in an environment variable that systemd sets; empty if it is not set."""
-    return os.environ.get(name, "").split(":" if os.name == "posix" else os.pathsep)[0]
+    return os.environ.get(variable, "").split(":" if os.name == "posix" else os.pathsep)[0]
 
 
-def plain_file(path: Path, flags: int = os.O_RDONLY, mode: int = 0o600) -> int:
+def plain_fd(path: Path, flags: int = os.O_RDONLY, mode: int = 0o600) -> int:
     """Open a plain file and return its descriptor. Raises OSError for a pipe, a device or a folder.
 
     Opening a pipe would block until its other end is open, even for signals; a device such as /dev/zero never ends.
@@ -66,7 +66,7 @@ def plain_file(path: Path, flags: int = os.O_RDONLY, mode: int = 0o600) -> int:
 
 def open_plain(path: Path) -> BinaryIO:
     """Open a plain file for reading. Raises OSError."""
-    return open(plain_file(path), "rb")
+    return open(plain_fd(path), "rb")
 
 
 def replace_file(path: Path, data: bytes, *, flush: bool = True) -> None:
@@ -76,7 +76,7 @@ def replace_file(path: Path, data: bytes, *, flush: bool = True) -> None:
     process, but writing is much faster. Each path has one writer, so an unfinished file of a killed writer is replaced.
     """
     beside = path.with_name(f".{path.name}.new")
-    number = plain_file(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    number = plain_fd(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     try:
         with open(number, "wb") as file:
             file.write(data)

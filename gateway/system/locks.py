@@ -31,13 +31,13 @@ class PidLock:
     def __init__(self, path: Path, *, remove: bool = False) -> None:
         """With ``remove`` the file is deleted when the lock is released."""
         self.path, self._remove = path, remove
-        self._number: int | None = None
+        self._descriptor: int | None = None
         #: Whether the file had content already, because a previous holder was killed.
-        self.left_behind = False
+        self.was_left_behind = False
 
     def acquire(self) -> None:
         """Get the lock without waiting. Raises LockHeld, and OSError if the file cannot be created."""
-        while self._number is None:
+        while self._descriptor is None:
             number = os.open(self.path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
             try:
                 status = os.fstat(number)
@@ -46,19 +46,19 @@ class PidLock:
                 if not _lock(number):
                     raise LockHeld(read_pid(self.path))
                 if os.fstat(number).st_nlink:  # else the last holder has just deleted the file
-                    self._number, number = number, -1
+                    self._descriptor, number = number, -1
             finally:
                 if number >= 0:
                     os.close(number)
-        self.left_behind = os.fstat(self._number).st_size > 0
+        self.was_left_behind = os.fstat(self._descriptor).st_size > 0
         with contextlib.suppress(OSError):  # the disk is full, but the lock is held
             content = b"%d\n" % os.getpid()
-            os.write(self._number, content)
-            os.ftruncate(self._number, len(content))
+            os.write(self._descriptor, content)
+            os.ftruncate(self._descriptor, len(content))
 
     def release(self) -> None:
         """Release the lock if it is held. Unless it is removed, the file still contains the id of this process."""
-        number, self._number = self._number, None
+        number, self._descriptor = self._descriptor, None
         if number is None:
             return
         if self._remove:
@@ -77,14 +77,14 @@ def read_pid(path: Path) -> int | None:
     return None
 
 
-def _lock(number: int) -> bool:
+def _lock(descriptor: int) -> bool:
     """Lock an open file. Return False if another process holds the lock."""
     try:
         import fcntl
     except ImportError:
-        return _lock_windows(number)
+        return _lock_windows(descriptor)
     try:
-        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
         if error.errno in (errno.EACCES, errno.EAGAIN, errno.EWOULDBLOCK):
             return False
@@ -92,22 +92,22 @@ def _lock(number: int) -> bool:
     return True
 
 
-def _lock_windows(number: int) -> bool:
+def _lock_windows(descriptor: int) -> bool:
     import msvcrt
 
-    os.lseek(number, LOCK_OFFSET, os.SEEK_SET)
+    os.lseek(descriptor, LOCK_OFFSET, os.SEEK_SET)
     try:
-        msvcrt.locking(number, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
+        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
     except OSError as error:
         if error.errno in (errno.EACCES, errno.EDEADLK):
             return False
         raise
     finally:
-        os.lseek(number, 0, os.SEEK_SET)
+        os.lseek(descriptor, 0, os.SEEK_SET)
     return True
 
 
-class Claim:
+class NameClaim:
     """A name that only one process of this user can hold at a time, by lock files in all its runtime folders.
 
     Raises LockHeld, and OSError with all reasons if there is no usable folder.
@@ -128,9 +128,9 @@ class Claim:
             raise
 
     @property
-    def left_behind(self) -> bool:
+    def was_left_behind(self) -> bool:
         """Whether a process of this user held the name and was killed."""
-        return any(lock.left_behind for lock in self._locks)
+        return any(lock.was_left_behind for lock in self._locks)
 
     def release(self) -> None:
         """Release the name, so that another process can hold it."""

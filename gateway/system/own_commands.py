@@ -12,7 +12,7 @@ import re
 import sys
 
 #: The option with which the single file runs a script; the build script in docs/tools/ implements it.
-RUN_SCRIPT = "--run-script"
+RUN_SCRIPT_OPTION = "--run-script"
 
 
 def is_single_file() -> bool:
@@ -28,7 +28,7 @@ def gateway_argv() -> list[str]:
 def script_argv(path: str) -> list[str]:
     """Return the command that runs a script of the package in a Python with the standard library only."""
     if is_single_file():
-        return [sys.executable, RUN_SCRIPT, path]
+        return [sys.executable, RUN_SCRIPT_OPTION, path]
     return [sys.executable, "-I", "-S", path]
 
 
@@ -51,7 +51,7 @@ def pip_command() -> str:
     return os.path.join(os.path.dirname(sys.executable), "pip")
 
 
-def how_to_add(extra: str) -> str:
+def install_instruction(extra: str) -> str:
     """Return the instruction for the user to install an extra of ``pyproject.toml``: what to type, and where."""
     if is_single_file():
         return f"install mount-gateway with pip instead of this one file: pip install '.[{extra}]' in its folder"

@@ -45,19 +45,20 @@ def own_names() -> frozenset[str]:
     return frozenset(("localhost", name, f"{name}.local", socket.gethostname().lower()))
 
 
-def known_host(header: str | None, local: str, names: Iterable[str] = ()) -> bool:
-    """Whether a ``Host`` header names this computer: any of its addresses or names, or any of ``names``.
+def is_own_host(header: str | None, local_address: str, extra_names: Iterable[str] = ()) -> bool:
+    """Whether a ``Host`` header names this computer: any of its addresses or names, or any of ``extra_names``.
 
-    ``local`` is this computer's address of the connection. A request by DNS rebinding has another name or address.
+    ``local_address`` is this computer's address of the connection. A request by DNS rebinding has another name or
+    address.
     """
     host = host_of(header or "")
-    if host and host in {host_of(name) for name in names}:
+    if host and host in {host_of(name) for name in extra_names}:
         return True
     try:
         address = ip_address(host.partition("%")[0])
     except ValueError:
         return host in own_names()
-    if address.is_loopback or plain_address(str(address)) == plain_address(local):
+    if address.is_loopback or plain_address(str(address)) == plain_address(local_address):
         return True
     return str(address) in {str(own) for _, own in interface_addresses()}
 

@@ -20,20 +20,20 @@ SERVING_COMMANDS = ("run", "demo")
 LISTEN_STATE = "0A"
 
 
-class Process(Struct, frozen=True):
+class GatewayProcess(Struct, frozen=True):
     """A running gateway: its process id, and the id of its user."""
 
     pid: int
-    user: int
+    user_id: int
 
 
-def gateways() -> list[Process]:
+def gateways() -> list[GatewayProcess]:
     """Return all gateways that are visible, except this process; none on systems without ``/proc``."""
     running = []
     for entry in PROC_FOLDER.iterdir() if PROC_FOLDER.is_dir() else ():
-        if entry.name.isdecimal() and int(entry.name) != os.getpid() and serves(_argv(int(entry.name))):
+        if entry.name.isdecimal() and int(entry.name) != os.getpid() and is_gateway_argv(_argv(int(entry.name))):
             try:
-                running.append(Process(int(entry.name), entry.stat().st_uid))
+                running.append(GatewayProcess(int(entry.name), entry.stat().st_uid))
             except OSError:
                 continue  # it has ended meanwhile
     return sorted(running, key=lambda process: process.pid)
@@ -42,7 +42,7 @@ def gateways() -> list[Process]:
 def is_gateway(pid: int) -> bool:
     """Whether a process is a gateway; without ``/proc``, whether the process exists."""
     if PROC_FOLDER.joinpath(str(os.getpid())).is_dir():
-        return pid == os.getpid() or serves(_argv(pid))
+        return pid == os.getpid() or is_gateway_argv(_argv(pid))
     return os.name == "posix" and exists(pid)
 
 
@@ -85,7 +85,7 @@ def _argv(pid: int) -> list[str]:
         return []
 
 
-def serves(argv: list[str]) -> bool:
+def is_gateway_argv(argv: list[str]) -> bool:
     """Whether a command line is that of a gateway: any name of the program, and a subcommand that serves mounts."""
     first = os.path.basename(argv[0]) if argv else ""
     if first != "mount-gateway" and not first.startswith(("python", "pypy")):

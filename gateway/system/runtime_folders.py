@@ -40,9 +40,9 @@ def folders() -> tuple[list[Path], list[str]]:
 def candidates() -> Iterator[Path]:
     """Yield the possible runtime folders of this user."""
     session = os.environ.get("XDG_RUNTIME_DIR", "")
-    if session and _owner(Path(session)) == user():
+    if session and _owner(Path(session)) == user_id():
         yield Path(session, FOLDER_NAME)
-    yield temporary() / (FOLDER_NAME if user() is None else f"{FOLDER_NAME}-{user()}")
+    yield temporary() / (FOLDER_NAME if user_id() is None else f"{FOLDER_NAME}-{user_id()}")
 
 
 def temporary() -> Path:
@@ -54,14 +54,14 @@ def temporary() -> Path:
     return Path(tempfile.gettempdir())
 
 
-def user() -> int | None:
+def user_id() -> int | None:
     """Return the id of this user; None if the system has none (Windows)."""
     return os.getuid() if hasattr(os, "getuid") else None
 
 
 def folders_of_others() -> list[tuple[Path, int]]:
     """Return the runtime folders of all other users with the users' ids; empty unless this user is root."""
-    if user() != 0:
+    if user_id() != 0:
         return []
     present = [*temporary().glob(f"{FOLDER_NAME}-*"), *SESSIONS_FOLDER.glob(f"*/{FOLDER_NAME}")]
     owned = [(folder, _owner(folder)) for folder in sorted(present)]
@@ -107,19 +107,19 @@ def _reason_unusable(folder: Path) -> str:
         return error.strerror or str(error)
     if not stat.S_ISDIR(status.st_mode):
         return "is not a directory"
-    if user() is None:
+    if user_id() is None:
         return ""
-    if status.st_uid != user():
+    if status.st_uid != user_id():
         return f"belongs to {user_name(status.st_uid)}, not to you"
     if status.st_mode & 0o077:
         return "is open to other users; chmod 700 closes it"
     return ""
 
 
-def user_name(number: int) -> str:
+def user_name(uid: int) -> str:
     try:
         import pwd
 
-        return f"the user {pwd.getpwuid(number).pw_name}"
+        return f"the user {pwd.getpwuid(uid).pw_name}"
     except (ImportError, KeyError):
-        return f"user number {number}"
+        return f"user number {uid}"

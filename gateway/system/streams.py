@@ -43,7 +43,7 @@ def reopen_closed() -> None:
         sys.stderr = os.fdopen(2, "w", buffering=1, closefd=False)
 
 
-def say(text: str) -> None:
+def print_line(text: str) -> None:
     """Print a line on stdout. If that fails, warn once on stderr, and print no more lines."""
     try:
         print(text, flush=True)
@@ -56,7 +56,7 @@ def say(text: str) -> None:
         )
 
 
-def _plain(error: UnicodeError) -> tuple[str, int]:
+def _plain_replacement(error: UnicodeError) -> tuple[str, int]:
     """Return the replacement of characters that a stream cannot encode, and the index after them."""
     assert isinstance(error, UnicodeEncodeError)
     return "".join(PLAIN_FORMS.get(character, "?") for character in error.object[error.start : error.end]), error.end
@@ -64,7 +64,7 @@ def _plain(error: UnicodeError) -> tuple[str, int]:
 
 def replace_unencodable() -> None:
     """Make stdout and stderr replace characters that they cannot encode (cp437, ascii) instead of failing."""
-    codecs.register_error("plain", _plain)
+    codecs.register_error("plain", _plain_replacement)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="plain")
@@ -72,7 +72,7 @@ def replace_unencodable() -> None:
 
 def warn(text: str, level: int) -> None:
     """Print a message of this program on stderr, if that is open."""
-    print_to_stderr(message(text, level, sys.stderr))
+    print_to_stderr(message_line(text, level, sys.stderr))
 
 
 def print_to_stderr(line: str) -> None:
@@ -83,7 +83,7 @@ def print_to_stderr(line: str) -> None:
         redirect_to_null(sys.stderr)
 
 
-def in_journal(stream: TextIO) -> bool:
+def is_read_by_journal(stream: TextIO) -> bool:
     """Whether the journal reads this stream, and it was not redirected to a file or a terminal."""
     try:
         status = os.fstat(stream.fileno())
@@ -92,18 +92,18 @@ def in_journal(stream: TextIO) -> bool:
     return os.environ.get("JOURNAL_STREAM") == f"{status.st_dev}:{status.st_ino}"
 
 
-def level(number: int, stream: TextIO) -> str:
+def prefix(syslog_level: int, stream: TextIO) -> str:
     """Return the prefix of a line: ``<4>`` for level 4 if the journal reads the stream, else nothing."""
-    return f"<{number}>" if in_journal(stream) else ""
+    return f"<{syslog_level}>" if is_read_by_journal(stream) else ""
 
 
-def message(text: str, number: int, stream: TextIO) -> str:
+def message_line(text: str, syslog_level: int, stream: TextIO) -> str:
     """Return a message of this program as a line, with the program's name unless the journal adds it.
 
     Control characters are escaped, because parts of the text may come from a file or a command line.
     """
     text = _CONTROL_CHARACTERS.sub(lambda match: f"\\x{ord(match.group()):02x}", text)
-    return f"<{number}>{text}" if in_journal(stream) else f"mount-gateway: {text}"
+    return f"<{syslog_level}>{text}" if is_read_by_journal(stream) else f"mount-gateway: {text}"
 
 
 def is_write_error(error: OSError) -> bool:

@@ -11,14 +11,14 @@ import os
 import socket
 
 
-def is_expected() -> bool:
+def expects_notifications() -> bool:
     """Whether systemd expects notifications: ``NOTIFY_SOCKET`` is a path, or ``@NAME`` for an abstract socket."""
     return os.environ.get("NOTIFY_SOCKET", "").startswith(("/", "@"))
 
 
 def notify(*states: str) -> None:
     """Notify systemd if it listens. Never blocks and never raises. A state is ``KEY=VALUE`` on one line."""
-    if not is_expected():
+    if not expects_notifications():
         return
     address = os.environ["NOTIFY_SOCKET"]
     if address.startswith("@"):
@@ -28,9 +28,9 @@ def notify(*states: str) -> None:
         link.sendto("\n".join(states).encode(), address)
 
 
-def watchdog() -> float | None:
+def watchdog_interval() -> float | None:
     """Return the seconds within which ``WATCHDOG=1`` must be sent, sd_watchdog_enabled(3); None if it is off."""
     micros, pid = os.environ.get("WATCHDOG_USEC", ""), os.environ.get("WATCHDOG_PID")
-    if not is_expected() or not micros.isdecimal() or int(micros) == 0 or pid not in (None, str(os.getpid())):
+    if not expects_notifications() or not micros.isdecimal() or int(micros) == 0 or pid not in (None, str(os.getpid())):
         return None
     return int(micros) / 1e6

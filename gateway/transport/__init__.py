@@ -14,23 +14,23 @@ from gateway.transport.tcp import TcpPort
 __all__ = ["Accept", "ConnectionHandler", "Listener", "open_port"]
 
 
-async def open_port(where: str, accept: Accept, baud: int | None = None) -> Listener:
+async def open_port(address: str, accept: Accept, baud: int | None = None) -> Listener:
     """Open ``tcp://`` or ``rfc2217://HOST:PORT``, ``pty:PATH`` or a serial port. Raises UserError with the reason.
 
     ``baud`` is for the last two; a pseudo-terminal without it accepts any rate.
     """
-    if where.startswith("tcp://"):
-        return await TcpPort.open(where, accept)
-    if where.startswith("rfc2217://"):
-        from gateway.transport.rfc2217 import over_telnet
+    if address.startswith("tcp://"):
+        return await TcpPort.open(address, accept)
+    if address.startswith("rfc2217://"):
+        from gateway.transport.rfc2217 import accept_telnet
 
-        return await TcpPort.open(where, over_telnet(accept))
-    if where.startswith("pty:"):
-        if not where[4:]:
+        return await TcpPort.open(address, accept_telnet(accept))
+    if address.startswith("pty:"):
+        if not address[4:]:
             raise UserError("pty: needs a path, for example pty:/tmp/lx200")
         from gateway.transport.pty import PtyPort
 
-        return PtyPort(where[4:], accept, baud)
-    if "://" not in where and not where.upper().startswith(("/", "~", ".", "COM", "\\\\.\\")):
-        raise UserError(f"{where}: write tcp://HOST:PORT, rfc2217://HOST:PORT, pty:PATH or the name of a serial port")
-    return await SerialPort.open(where, accept, baud or 9600)
+        return PtyPort(address[4:], accept, baud)
+    if "://" not in address and not address.upper().startswith(("/", "~", ".", "COM", "\\\\.\\")):
+        raise UserError(f"{address}: write tcp://HOST:PORT, rfc2217://HOST:PORT, pty:PATH or the name of a serial port")
+    return await SerialPort.open(address, accept, baud or 9600)

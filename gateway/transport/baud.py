@@ -22,7 +22,7 @@ class SerialPace:
     """One direction of a serial line; ``deliver`` is called with bytes when they arrive at the other end."""
 
     def __init__(self, baud: int, deliver: Callable[[bytes], object]) -> None:
-        self._byte = BITS_PER_BYTE / baud
+        self._byte_time = BITS_PER_BYTE / baud
         self._deliver = deliver
         self._waiting = bytearray()
         self._timer: asyncio.TimerHandle | None = None
@@ -33,20 +33,20 @@ class SerialPace:
         self._waiting += data[: MAX_WAITING_BYTES - len(self._waiting)]
         if self._timer is None and self._waiting:
             loop = asyncio.get_running_loop()
-            self._due = loop.time() + self._byte
-            self._timer = loop.call_at(self._due, self._arrived)
+            self._due = loop.time() + self._byte_time
+            self._timer = loop.call_at(self._due, self._deliver_due_bytes)
 
-    def _arrived(self) -> None:
+    def _deliver_due_bytes(self) -> None:
         """Deliver the byte that is due, and those that became due while the computer was busy."""
         loop = asyncio.get_running_loop()
-        count = min(len(self._waiting), 1 + int(max(0.0, loop.time() - self._due) / self._byte))
+        count = min(len(self._waiting), 1 + int(max(0.0, loop.time() - self._due) / self._byte_time))
         data = bytes(self._waiting[:count])
         del self._waiting[:count]
         self._timer = None
-        self._due += (count - 1) * self._byte
+        self._due += (count - 1) * self._byte_time
         if self._waiting:
-            self._due += self._byte
-            self._timer = loop.call_at(self._due, self._arrived)
+            self._due += self._byte_time
+            self._timer = loop.call_at(self._due, self._deliver_due_bytes)
         self._deliver(data)
 
     def close(self) -> None:
@@ -65,28 +65,28 @@ class BaudTrial:
     """
 
     def __init__(self, change_baud: Callable[[int], int]) -> None:
-        self._change = change_baud
+        self._change_baud = change_baud
         self._previous: int | None = None
         self._timer: asyncio.TimerHandle | None = None
 
     def begin(self, baud: int) -> None:
         """Change the rate on trial. If a trial is under way, the rate before that trial remains the fallback."""
-        previous = self._change(baud)
+        previous = self._change_baud(baud)
         self._previous = previous if self._previous is None else self._previous
-        self.end()
+        self.cancel_fallback()
         self._timer = asyncio.get_running_loop().call_later(TRIAL_TIME, self._restore)
 
-    def understood(self) -> None:
+    def confirm(self) -> None:
         """A command was understood: keep the rate."""
-        self.end()
+        self.cancel_fallback()
         self._previous = None
 
     def _restore(self) -> None:
         previous, self._previous, self._timer = self._previous, None, None
         if previous is not None:
-            self._change(previous)
+            self._change_baud(previous)
 
-    def end(self) -> None:
+    def cancel_fallback(self) -> None:
         """Cancel the fallback; also called when the connection ends."""
         if self._timer is not None:
             self._timer.cancel()
@@ -106,14 +106,14 @@ def misread(data: bytes, send_baud: int, receive_baud: int) -> bytes:
     wire += [1] * (1 + int(BITS_PER_BYTE * width))  # idle after the last byte
     received = bytearray()
     at = 0.0
-    while (start := _fall(wire, at)) is not None:
+    while (start := _next_falling_edge(wire, at)) is not None:
         samples = [wire[int(start + (bit + 0.5) * width)] for bit in range(1, 9)]
         received.append(sum(level << place for place, level in enumerate(samples)))
         at = start + (BITS_PER_BYTE - 0.5) * width
     return bytes(received)
 
 
-def _fall(wire: list[int], at: float) -> float | None:
+def _next_falling_edge(bits: list[int], start: float) -> float | None:
     """Return when the line next falls from 1 to 0, or None. A line that is low already must rise first."""
-    falls = (bit for bit in range(math.ceil(at - 1e-9), len(wire)) if wire[bit] == 0 and (not bit or wire[bit - 1]))
+    falls = (bit for bit in range(math.ceil(start - 1e-9), len(bits)) if bits[bit] == 0 and (not bit or bits[bit - 1]))
     return next(map(float, falls), None)

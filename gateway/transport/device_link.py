@@ -10,8 +10,8 @@ import contextlib
 import os
 
 from gateway.core.errors import UserError
-from gateway.system.locks import Claim, LockHeld
-from gateway.system.runtime_folders import user, user_name
+from gateway.system.locks import LockHeld, NameClaim
+from gateway.system.runtime_folders import user_id, user_name
 
 #: Folders of pseudo-terminals, on Linux and on macOS.
 TERMINAL_PREFIXES = ("/dev/pts/", "/dev/ttys")
@@ -30,7 +30,7 @@ class DeviceLink:
             raise UserError(f"cannot make {self.path}: there is no directory {folder}")
         self._claim = _claim(self.path)
 
-    def check(self) -> None:
+    def check_name(self) -> None:
         """Raise UserError if the path belongs to another program."""
         old = os.readlink(self.path) if os.path.islink(self.path) else ""
         if os.path.exists(self.path) and not old.startswith(TERMINAL_PREFIXES):
@@ -41,16 +41,16 @@ class DeviceLink:
         if not old or old == self._target or not os.path.exists(old):
             return
         owner = os.lstat(self.path).st_uid
-        if owner != user() or not self._claim.left_behind:
-            whose = "another program" if owner == user() else user_name(owner)
+        if owner != user_id() or not self._claim.was_left_behind:
+            whose = "another program" if owner == user_id() else user_name(owner)
             raise UserError(
                 f"cannot make {self.path}: {whose} has a link of that name to {old}, which is in use: choose "
                 f"another name"
             )
 
-    def point(self, target: str) -> None:
+    def create(self, target: str) -> None:
         """Create the link to a device, atomically replacing an older link. Raises UserError."""
-        self.check()
+        self.check_name()
         draft = f"{self.path}.{os.urandom(8).hex()}"  # a name that no other program can predict
         try:
             os.symlink(target, draft)
@@ -79,7 +79,7 @@ def is_free(path: str) -> bool:
     except UserError:
         return False
     try:
-        link.check()
+        link.check_name()
         if os.path.islink(link.path):
             os.unlink(link.path)
     except (UserError, OSError):
@@ -89,7 +89,7 @@ def is_free(path: str) -> bool:
     return True
 
 
-def like_a_serial_port(device: str) -> None:
+def set_serial_permissions(device: str) -> None:
     """Set mode 0660 and the group of serial ports, as far as this user may."""
     import grp
 
@@ -101,12 +101,12 @@ def like_a_serial_port(device: str) -> None:
             return
 
 
-def _claim(path: str) -> Claim:
+def _claim(path: str) -> NameClaim:
     """Lock the path of a link, so that no other gateway of this user uses it. Raises UserError."""
     try:
         import hashlib  # for programs on virtual serial ports only
 
-        return Claim(f"link_{hashlib.sha256(os.fsencode(path)).hexdigest()[:32]}")
+        return NameClaim(f"link_{hashlib.sha256(os.fsencode(path)).hexdigest()[:32]}")
     except LockHeld as by:
         raise UserError(f"cannot make {path}: another gateway holds it ({by})") from None
     except OSError as error:

@@ -11,17 +11,17 @@ from msgspec import Struct
 #: Ends a connection after sending these last bytes; the other end gets time to read them.
 HangUp = Callable[[bytes], None]
 #: Takes over an open transport. Gives a connection to such a function, after which its handler gets no more bytes.
-Taker = Callable[[asyncio.Transport], None]
-HandOver = Callable[[Taker], None]
+TakeOver = Callable[[asyncio.Transport], None]
+HandOver = Callable[[TakeOver], None]
 #: Writes to a connection, and returns how many bytes are still to be sent, None if unknown.
 Write = Callable[[bytes], int | None]
 
 
-class Connected(Struct, frozen=True):
+class NewConnection(Struct, frozen=True):
     """A new connection, and the functions that its handler may call.
 
     ``hang_up`` ends the connection; it is set only for a connection from the network, where anyone may be at the other
-    end. ``hand_over`` gives it to another owner. ``change_rate`` sets the port's baud rate and returns the old rate.
+    end. ``hand_over`` gives it to another owner. ``change_baud`` sets the port's baud rate and returns the old rate.
     """
 
     name: str
@@ -29,10 +29,10 @@ class Connected(Struct, frozen=True):
     write: Write
     hang_up: HangUp | None = None
     hand_over: HandOver | None = None
-    change_rate: Callable[[int], int] | None = None
+    change_baud: Callable[[int], int] | None = None
 
     @property
-    def on_a_line(self) -> bool:
+    def is_serial_line(self) -> bool:
         """Whether the connection is a serial line or a pseudo-terminal."""
         return self.host.removeprefix("pty:") == self.name
 
@@ -43,7 +43,7 @@ class ConnectionRefused(Exception):
 
 class ConnectionHandler(Protocol):
     @property
-    def answered(self) -> bool:
+    def all_answered(self) -> bool:
         """Whether no command of this connection waits for its reply."""
 
     @property
@@ -57,12 +57,12 @@ class ConnectionHandler(Protocol):
 
 
 #: Called with a new connection; returns its handler. Raises ConnectionRefused.
-Accept = Callable[[Connected], ConnectionHandler]
+Accept = Callable[[NewConnection], ConnectionHandler]
 
 
 class Listener(Protocol):
-    """Listens until it is closed; ``where`` is its address with the real port number."""
+    """Listens until it is closed; ``address`` is its address with the real port number."""
 
-    where: str
+    address: str
 
     async def close(self) -> None: ...

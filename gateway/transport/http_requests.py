@@ -10,25 +10,25 @@ from collections.abc import Awaitable, Callable, Iterable
 from aiohttp import HttpVersion11, web
 
 from gateway.core.wire_log import WireLog
-from gateway.system.own_names import known_host
+from gateway.system.own_names import is_own_host
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 #: Key of an application's function that tells whether the client of a request may only read and stop.
-READ_ONLY: web.AppKey[Callable[[web.Request], bool]] = web.AppKey("read only")
+READ_ONLY_KEY: web.AppKey[Callable[[web.Request], bool]] = web.AppKey("read only")
 
 
-def turned_away(request: web.Request, reason: str, logs: Iterable[WireLog]) -> None:
+def log_refused_request(request: web.Request, reason: str, logs: Iterable[WireLog]) -> None:
     """Record for ``status`` of each mount that a request is refused, and log it once per host."""
     host = request.remote or "?"
     for log in logs:
-        log.turned_away(host, f"request from {host} over HTTP refused: {reason}", host)
+        log.log_rejection(host, f"request from {host} over HTTP refused: {reason}", host)
 
 
-def addressed_here(request: web.Request, names: Iterable[str] = ()) -> bool:
+def is_for_this_computer(request: web.Request, names: Iterable[str] = ()) -> bool:
     """Whether a request is addressed to this computer. An HTTP/1.0 request may omit the address."""
     if "Host" not in request.headers and request.version < HttpVersion11:
         return True
-    return known_host(request.headers.get("Host"), local_address(request)[0], names)
+    return is_own_host(request.headers.get("Host"), local_address(request)[0], names)
 
 
 def local_address(request: web.Request) -> tuple[str, int]:

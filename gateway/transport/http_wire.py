@@ -35,24 +35,25 @@ PARALLEL_ANSWER_TIME = 1.0
 class HttpRequest(NamedTuple):
     """A request: ``GET`` with its ``fields`` in the query, or ``PUT`` with them in the body.
 
-    ``moves``: True if it begins a motion, False if it ends a motion, None for all others.
+    ``is_motion``: True if it begins a motion, False if it ends a motion, None for all others.
     """
 
     method: str
     path: str
     fields: Mapping[str, str]
-    moves: bool | None = None
+    is_motion: bool | None = None
 
 
 class HttpDialect(Protocol):
     """Converts lines to requests, and answers to lines.
 
-    ``first``: the requests when the wire opens. ``opened`` raises OSError if an answer to them is of the wrong server.
+    ``first_requests``: the requests when the wire opens. ``check_first_answer`` raises OSError if an answer to them is
+    of the wrong server.
     """
 
     @property
-    def first(self) -> Sequence[HttpRequest]: ...
-    def opened(self, request: HttpRequest, status: int, body: bytes) -> None: ...
+    def first_requests(self) -> Sequence[HttpRequest]: ...
+    def check_first_answer(self, request: HttpRequest, status: int, body: bytes) -> None: ...
     def request(self, line: bytes) -> HttpRequest: ...
     def reply(self, status: int, body: bytes) -> bytes: ...
 
@@ -61,7 +62,7 @@ class AddressWatcher(Protocol):
     """Is informed when the connection to a server opens and closes. ``beside``: the server answers while another
     connection is idle."""
 
-    def reached(self, host: str, port: int, beside: bool) -> None: ...
+    def reached(self, host: str, port: int, answers_in_parallel: bool) -> None: ...
     def closed(self) -> None: ...
 
 
@@ -78,14 +79,14 @@ class HttpWire:
         self._server = f"{parts.scheme}://{parts.netloc}"
         self._session: ClientSession | None = None
         self._tasks: set[asyncio.Task[bool]] = set()
-        self._reading: asyncio.Task[bool] | None = None
+        self._read_task: asyncio.Task[bool] | None = None
         #: The unanswered commands that begin a motion, the stops written since the last of them, the task that repeats
         #: these, and the loop time until which they are repeated without an answer.
-        self._orders: set[asyncio.Task[bool]] = set()
-        self._stops: dict[bytes, HttpRequest] = {}
-        self._stopping: asyncio.Task[None] | None = None
+        self._motion_tasks: set[asyncio.Task[bool]] = set()
+        self._recent_stops: dict[bytes, HttpRequest] = {}
+        self._stop_repeat_task: asyncio.Task[None] | None = None
         self._repeat_until = 0.0
-        self._number = 0
+        self._last_request_number = 0
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
         """Send the first requests to the server. Raises OSError with a readable reason."""
@@ -98,12 +99,12 @@ class HttpWire:
         session._retry_connection = False  # it would repeat a PUT, and so a guide pulse
         try:
             async with asyncio.timeout(FIRST_ANSWER_TIMEOUT):
-                for request in self._dialect.first:
-                    self._dialect.opened(request, *await self._ask(session, request))
-                address, beside = await self._reach()
+                for request in self._dialect.first_requests:
+                    self._dialect.check_first_answer(request, *await self._ask(session, request))
+                address, beside = await self._find_address()
         except (aiohttp.ClientError, OSError) as error:
             await session.close()
-            raise OSError(errno.EHOSTUNREACH, reason(error)) from None
+            raise OSError(errno.EHOSTUNREACH, unreachable_reason(error)) from None
         except BaseException:
             await session.close()
             raise
@@ -112,11 +113,11 @@ class HttpWire:
         if self._watcher is not None:
             self._watcher.reached(*address, beside)
 
-    async def _reach(self) -> tuple[tuple[str, int], bool]:
+    async def _find_address(self) -> tuple[tuple[str, int], bool]:
         """Return the numeric address of the server, and whether it answers while another connection is idle."""
         _, idle = await asyncio.open_connection(self._host, self._port)
         reader, asking = await asyncio.open_connection(self._host, self._port)
-        asking.write(request_bytes(self._server, self._dialect.first[0]))
+        asking.write(request_bytes(self._server, self._dialect.first_requests[0]))
         answers = False
         with contextlib.suppress(TimeoutError, ConnectionError):
             async with asyncio.timeout(PARALLEL_ANSWER_TIME):
@@ -129,42 +130,42 @@ class HttpWire:
     def write(self, data: bytes) -> None:
         if self._session is None:
             raise OSError(errno.ENODEV, "the connection is closed")
-        self._number += 1
-        if self._reading is not None:
-            self._reading.cancel()
+        self._last_request_number += 1
+        if self._read_task is not None:
+            self._read_task.cancel()
         request = self._dialect.request(data)
         loop = asyncio.get_running_loop()
-        task = loop.create_task(self._carry_out(self._session, self._number, request))
-        self._reading = task if request.method == "GET" else None
-        if request.moves:
-            self._stops.clear()
-            self._orders.add(task)
-        elif request.moves is False:
-            self._stops[data], self._repeat_until = request, loop.time() + REPEAT_TIMEOUT
-            if self._orders and (self._stopping is None or self._stopping.done()):
-                self._stopping = loop.create_task(self._stop_again(self._session))
+        task = loop.create_task(self._carry_out(self._session, self._last_request_number, request))
+        self._read_task = task if request.method == "GET" else None
+        if request.is_motion:
+            self._recent_stops.clear()
+            self._motion_tasks.add(task)
+        elif request.is_motion is False:
+            self._recent_stops[data], self._repeat_until = request, loop.time() + REPEAT_TIMEOUT
+            if self._motion_tasks and (self._stop_repeat_task is None or self._stop_repeat_task.done()):
+                self._stop_repeat_task = loop.create_task(self._repeat_stops(self._session))
         self._tasks.add(task)
-        for unfinished in (self._tasks, self._orders):
+        for unfinished in (self._tasks, self._motion_tasks):
             task.add_done_callback(unfinished.discard)
 
-    async def _stop_again(self, session: ClientSession) -> None:
+    async def _repeat_stops(self, session: ClientSession) -> None:
         """Repeat the stops while earlier motion commands are unanswered, for ``REPEAT_TIMEOUT`` seconds, and once
         after each of their answers."""
-        overtaken, now = set(self._orders), asyncio.get_running_loop().time
+        overtaken, now = set(self._motion_tasks), asyncio.get_running_loop().time
         while overtaken:
             ended, _ = await asyncio.wait(overtaken, timeout=RETRY_DELAY)
-            unanswered = set(self._orders)
+            unanswered = set(self._motion_tasks)
             if now() < self._repeat_until or any(order.result() for order in ended):
-                await asyncio.gather(*(self._carry_out(session, 0, stop) for stop in self._stops.values()))
-            overtaken = unanswered | self._orders
+                await asyncio.gather(*(self._carry_out(session, 0, stop) for stop in self._recent_stops.values()))
+            overtaken = unanswered | self._motion_tasks
 
-    async def _carry_out(self, session: ClientSession, number: int, request: HttpRequest) -> bool:
+    async def _carry_out(self, session: ClientSession, request_number: int, request: HttpRequest) -> bool:
         """Send a request, and deliver the answer; return whether an answer came."""
         import aiohttp
 
         closed = (aiohttp.ServerDisconnectedError, aiohttp.ClientOSError, ConnectionResetError)
         try:
-            for left in reversed(range(READ_ATTEMPTS if request.method == "GET" or request.moves is False else 1)):
+            for left in reversed(range(READ_ATTEMPTS if request.method == "GET" or request.is_motion is False else 1)):
                 try:
                     answer = await self._ask(session, request)
                     break
@@ -174,9 +175,9 @@ class HttpWire:
         except (aiohttp.ClientError, OSError) as error:
             given_up = isinstance(error, TimeoutError) and not isinstance(error, aiohttp.ServerConnectionError)
             if session is self._session and not given_up:  # the line has long stopped waiting for that answer
-                self._on_lost(reason(error))
+                self._on_lost(unreachable_reason(error))
             return False
-        if session is self._session and number == self._number:
+        if session is self._session and request_number == self._last_request_number:
             self._on_data(self._dialect.reply(*answer))
         return True
 
@@ -193,10 +194,10 @@ class HttpWire:
             return
         if self._watcher is not None:
             self._watcher.closed()
-        orders = [task for task in self._tasks if task is not self._reading]
+        orders = [task for task in self._tasks if task is not self._read_task]
         if orders:  # a stop that was written just before
             await asyncio.wait(orders, timeout=1.0)
-        for task in (*self._tasks, *([self._stopping] if self._stopping is not None else [])):
+        for task in (*self._tasks, *([self._stop_repeat_task] if self._stop_repeat_task is not None else [])):
             task.cancel()
         await session.close()
 
@@ -211,7 +212,7 @@ def request_bytes(url: str, request: HttpRequest) -> bytes:
     ).encode("ascii")
 
 
-def reason(error: Exception) -> str:
+def unreachable_reason(error: Exception) -> str:
     """Return why a server cannot be reached."""
     cause = getattr(error, "os_error", None) or error
     if isinstance(cause, ConnectionRefusedError) or getattr(cause, "errno", None) == errno.ECONNREFUSED:

@@ -20,26 +20,26 @@ NETWORK_SCHEMES = ("tcp://", "rfc2217://")
 WEB_SERVED = "web"
 
 
-async def listen(where: str, make: Callable[[], asyncio.BaseProtocol], others: int = 0) -> tuple[asyncio.Server, str]:
+async def listen(address: str, make: Callable[[], asyncio.BaseProtocol], extras: int = 0) -> tuple[asyncio.Server, str]:
     """Listen on ``SCHEME://HOST:PORT``. Return the server and the address with the real port number. Raises UserError.
 
     ``make`` is called for every connection. Without a host only this computer can connect. Port 0 means any free port.
-    If the port is in use, the ``others`` ports after it are tried. ``[::]`` is every address, IPv4 and IPv6.
+    If the port is in use, the ``extras`` ports after it are tried. ``[::]`` is every address, IPv4 and IPv6.
     """
-    host, port = split_address(where)
+    host, port = split_address(address)
     try:
-        for last in range(port, min(port + others, 65535) if port else 0):
+        for last in range(port, min(port + extras, 65535) if port else 0):
             with contextlib.suppress(OSError):
                 server = await _server(host, last, make)
                 break
         else:
             server = await _server(host, port, make)
     except UnicodeError:
-        raise UserError(f"cannot listen on {where}: {host!r} is not a valid host name") from None
+        raise UserError(f"cannot listen on {address}: {host!r} is not a valid host name") from None
     except OSError as error:
-        raise UserError(f"cannot listen on {where}: {_reason(error, host, port)}") from None
+        raise UserError(f"cannot listen on {address}: {_reason(error, host, port)}") from None
     real = server.sockets[0].getsockname()
-    return server, f"{where.partition('://')[0]}://{in_brackets(real[0])}:{real[1]}"
+    return server, f"{address.partition('://')[0]}://{in_brackets(real[0])}:{real[1]}"
 
 
 async def _server(host: str, port: int, make_protocol: Callable[[], asyncio.BaseProtocol]) -> asyncio.Server:
@@ -63,11 +63,11 @@ def _reason(error: OSError, host: str, port: int) -> str:
     if "assign requested" in str(error):
         return "this computer has no such address; 0.0.0.0 stands for all that it has, 127.0.0.1 for programs on it"
     if error.errno == errno.EADDRINUSE or "in use" in str(error):
-        return f"the port is in use by {_holder(port)}"
+        return f"the port is in use by {_port_holder(port)}"
     return error.strerror or str(error)
 
 
-def _holder(port: int) -> str:
+def _port_holder(port: int) -> str:
     """Return which program listens on a port, by name if it is visible, and what the user can do."""
     for pid, name in (owner for _, owner in processes.listeners([port]) if owner):
         if pid != os.getpid() and processes.is_gateway(pid):
@@ -77,16 +77,16 @@ def _holder(port: int) -> str:
     return "another program (another mount-gateway?); write another port, or end that program"
 
 
-def split_address(where: str) -> tuple[str, int]:
+def split_address(url: str) -> tuple[str, int]:
     """Split ``SCHEME://HOST:PORT`` into (host, port). Raises UserError."""
-    scheme, _, address = where.partition("://")
+    scheme, _, address = url.partition("://")
     host, colon, number = address.rpartition(":")
     digits = number.removeprefix("-")
     decimal = digits.isdecimal() and digits.isascii()
     if decimal and (len(digits) > 5 or not 0 <= int(number) <= 65535):
-        raise UserError(f"{where}: a port is a number from 0 (any free one) to 65535")
+        raise UserError(f"{url}: a port is a number from 0 (any free one) to 65535")
     if not colon or not decimal or (":" in host and not (host.startswith("[") and host.endswith("]"))):
-        raise UserError(f"{where}: write {scheme}://HOST:PORT, for example {scheme}://127.0.0.1:4030")
+        raise UserError(f"{url}: write {scheme}://HOST:PORT, for example {scheme}://127.0.0.1:4030")
     return host.strip("[]") or "127.0.0.1", int(number)
 
 

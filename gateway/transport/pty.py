@@ -18,8 +18,8 @@ from collections.abc import Callable
 
 from gateway.core.errors import UserError
 from gateway.transport.baud import misread
-from gateway.transport.device_link import DeviceLink, like_a_serial_port
-from gateway.transport.handler import Accept, Connected, ConnectionHandler
+from gateway.transport.device_link import DeviceLink, set_serial_permissions
+from gateway.transport.handler import Accept, ConnectionHandler, NewConnection
 
 #: Linux: struct termios2, whose last member is the output rate in baud.
 TCGETS2, TERMIOS2 = 0x802C542A, struct.Struct("=4IB19s2I")
@@ -46,20 +46,20 @@ class PtyPort:
         self._peer_closed = False
         self._link = DeviceLink(path)
         self.path = self._link.path
-        self.where = f"pty:{self.path}"
+        self.address = f"pty:{self.path}"
         try:
             self._pair = self._new_pair()
         except UserError:
             self._link.close()
             raise
 
-    def _new_pair(self) -> _Pair:
+    def _new_pair(self) -> _TerminalPair:
         try:
-            pair = _Pair(self._read)
+            pair = _TerminalPair(self._read)
         except OSError as error:
             raise UserError(f"cannot make {self.path}: no pseudo-terminal: {error.strerror}") from None
         try:
-            self._link.point(pair.device)
+            self._link.create(pair.device)
         except UserError:
             pair.close()
             raise
@@ -81,9 +81,9 @@ class PtyPort:
                 data += pair.read_rest()
                 closed = pair.hung_up()  # else the next program may have sent some of it
             if self.baud is not None:
-                data = misread(data, speed(pair.master), self.baud)
+                data = misread(data, baud_rate_of(pair.master), self.baud)
             if self._handler is None:
-                self._handler = self._accept(Connected(self.path, self.where, self._write))
+                self._handler = self._accept(NewConnection(self.path, self.address, self._write))
             self._peer_closed = closed
             if data:
                 self._handler.feed(data)
@@ -97,7 +97,7 @@ class PtyPort:
         if self._handler is None or self._peer_closed:
             return
         if self.baud is not None:
-            data = misread(data, self.baud, speed(self._pair.master))
+            data = misread(data, self.baud, baud_rate_of(self._pair.master))
         with contextlib.suppress(OSError):
             os.write(self._pair.master, data)
 
@@ -118,7 +118,7 @@ class PtyPort:
         self._pair.close()
 
 
-class _Pair:
+class _TerminalPair:
     """The two ends of a pseudo-terminal: ``master``, read by ``on_readable``, and ``device`` for programs."""
 
     def __init__(self, on_readable: Callable[[], None]) -> None:
@@ -129,7 +129,7 @@ class _Pair:
         self.device = os.ttyname(slave)
         self._on_readable = on_readable
         tty.setraw(slave)
-        like_a_serial_port(self.device)
+        set_serial_permissions(self.device)
         os.set_blocking(self.master, False)
         self._slave, self._epoll = slave, None
         if hasattr(select, "epoll"):
@@ -137,15 +137,15 @@ class _Pair:
             self._slave, self._epoll = -1, select.epoll()
             self._epoll.register(self.master, select.EPOLLIN | select.EPOLLET)
             self._epoll.poll(0)  # discard the event that it is not open yet
-            self._open = select.poll()
-            self._open.register(self.master, 0)
-        asyncio.get_running_loop().add_reader(self._watched, self._wake)
+            self._hang_up_poll = select.poll()
+            self._hang_up_poll.register(self.master, 0)
+        asyncio.get_running_loop().add_reader(self._watched_descriptor, self._on_event)
 
     @property
-    def _watched(self) -> int:
+    def _watched_descriptor(self) -> int:
         return self.master if self._epoll is None else self._epoll.fileno()
 
-    def _wake(self) -> None:
+    def _on_event(self) -> None:
         if self._closed:
             return
         if self._epoll is not None:
@@ -154,11 +154,11 @@ class _Pair:
 
     def read_again(self) -> None:
         """Schedule another read: epoll does not report remaining bytes again."""
-        asyncio.get_running_loop().call_soon(self._wake)
+        asyncio.get_running_loop().call_soon(self._on_event)
 
     def hung_up(self) -> bool:
         """Whether no program has the terminal open; always False on systems that do not report it."""
-        return self._epoll is not None and any(event & select.POLLHUP for _, event in self._open.poll(0))
+        return self._epoll is not None and any(event & select.POLLHUP for _, event in self._hang_up_poll.poll(0))
 
     def read_rest(self) -> bytes:
         rest = b""
@@ -192,7 +192,7 @@ class _Pair:
 
     def close(self) -> None:
         self._closed = True
-        asyncio.get_running_loop().remove_reader(self._watched)
+        asyncio.get_running_loop().remove_reader(self._watched_descriptor)
         if self._epoll is not None:
             self._epoll.close()
         for number in (self.master, self._slave):
@@ -200,7 +200,7 @@ class _Pair:
                 os.close(number)
 
 
-def speed(terminal: int) -> int:
+def baud_rate_of(terminal: int) -> int:
     """Return the baud rate of a terminal, also a non-standard rate (Linux); 0 if it is unknown."""
     import fcntl
     import termios

@@ -17,7 +17,7 @@ from typing import Any
 from msgspec.structs import replace
 from serial.rfc2217 import M_NORMAL, PortManager
 
-from gateway.transport.handler import Accept, Connected
+from gateway.transport.handler import Accept, NewConnection
 
 IAC = b"\xff"
 #: IAC followed by any of these begins Telnet: WILL, WONT, DO, DONT.
@@ -48,14 +48,14 @@ _port_manager: Callable[[Any, Any], PortManager] = PortManager
 class _TelnetFilter:
     """Removes and answers Telnet commands of clients that use Telnet; passes all other bytes to the real handler."""
 
-    def __init__(self, accept: Accept, connected: Connected) -> None:
-        self.write = connected.write
+    def __init__(self, accept: Accept, new_connection: NewConnection) -> None:
+        self.write = new_connection.write
         self._held_iac = b""
         self._telnet: PortManager | None = None
-        hang_up = connected.hang_up
+        hang_up = new_connection.hang_up
         self._handler = accept(
             replace(
-                connected,
+                new_connection,
                 write=self._send,
                 hang_up=None if hang_up is None else lambda last: hang_up(self._escaped(last)),
                 hand_over=None,
@@ -63,7 +63,7 @@ class _TelnetFilter:
         )
 
     def feed(self, data: bytes) -> None:
-        data = self._plain(data) if self._telnet is None else self._filtered(data)
+        data = self._detect_telnet(data) if self._telnet is None else self._filtered(data)
         if data:
             self._handler.feed(data)
 
@@ -74,7 +74,7 @@ class _TelnetFilter:
     def _escaped(self, data: bytes) -> bytes:
         return data if self._telnet is None else data.replace(IAC, IAC + IAC)
 
-    def _plain(self, data: bytes) -> bytes:
+    def _detect_telnet(self, data: bytes) -> bytes:
         """Return the data of a connection that has not used Telnet so far; switch to Telnet if it begins now."""
         data, self._held_iac = self._held_iac + data, b""
         at = data.find(IAC)
@@ -102,8 +102,8 @@ class _TelnetFilter:
         return plain
 
     @property
-    def answered(self) -> bool:
-        return self._handler.answered
+    def all_answered(self) -> bool:
+        return self._handler.all_answered
 
     def peer_closed(self) -> None:
         self._handler.peer_closed()
@@ -112,6 +112,6 @@ class _TelnetFilter:
         self._handler.close()
 
 
-def over_telnet(accept: Accept) -> Accept:
+def accept_telnet(accept: Accept) -> Accept:
     """Return ``accept`` with support for RFC 2217."""
     return lambda connected: _TelnetFilter(accept, connected)

@@ -14,28 +14,28 @@ from gateway.system.own_names import plain_address
 RESERVED_PLACES = 2
 
 
-class Room:
+class ConnectionQuota:
     """A limited number of connections: ``capacity`` places."""
 
     def __init__(self, capacity: int) -> None:
-        self._most = capacity
-        self._taken: Counter[str] = Counter()
+        self._capacity = capacity
+        self._count_by_address: Counter[str] = Counter()
 
-    def enter(self, host: str) -> bool:
+    def take_place(self, host: str) -> bool:
         """Take a place for this host, and return whether any was free."""
-        address, free = plain_address(host), self._most - self._taken.total()
-        has = self._taken[address]
-        if has >= share(address, self._most) or free <= (RESERVED_PLACES if has else 0):
+        address, free = plain_address(host), self._capacity - self._count_by_address.total()
+        has = self._count_by_address[address]
+        if has >= max_places_of(address, self._capacity) or free <= (RESERVED_PLACES if has else 0):
             return False
-        self._taken[address] += 1
+        self._count_by_address[address] += 1
         return True
 
-    def leave(self, host: str) -> None:
+    def give_back_place(self, host: str) -> None:
         """Give a place back."""
-        self._taken -= Counter([plain_address(host)])
+        self._count_by_address -= Counter([plain_address(host)])
 
 
-def share(host: str, capacity: int) -> int:
+def max_places_of(host: str, capacity: int) -> int:
     """Return how many of ``capacity`` places one host may have; this computer and a serial line may have all."""
     try:
         loopback = ip_address(plain_address(host)).is_loopback

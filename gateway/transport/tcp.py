@@ -14,7 +14,7 @@ import socket
 import time
 from typing import cast
 
-from gateway.transport.handler import Accept, Connected, ConnectionHandler, ConnectionRefused, Taker
+from gateway.transport.handler import Accept, ConnectionHandler, ConnectionRefused, NewConnection, TakeOver
 from gateway.transport.listening import NETWORK_SCHEMES, in_brackets, listen, split_address
 
 #: Bytes of a read: about a hundred commands, half a second of a serial line, two milliseconds of work.
@@ -51,7 +51,7 @@ class _Connection(asyncio.BufferedProtocol):
         host = str(peer[0])
         name = f"{in_brackets(host)}:{peer[1]}"
         try:
-            self._handler = self._port.accept(Connected(name, host, self._write, self._hang_up, self._hand_over))
+            self._handler = self._port.accept(NewConnection(name, host, self._write, self._hang_up, self._hand_over))
         except ConnectionRefused:
             stream.abort()
             return
@@ -66,7 +66,7 @@ class _Connection(asyncio.BufferedProtocol):
         if nbytes == READ_BYTES and self._transport is not None and not self._transport.is_closing():
             self._transport.pause_reading()
             pause = max(READ_PAUSE, PAUSE_FACTOR * (time.perf_counter() - began))
-            asyncio.get_running_loop().call_later(pause, self._continue)
+            asyncio.get_running_loop().call_later(pause, self._resume_reading)
 
     def _process(self, data: bytes) -> None:
         """Process bytes, and send the replies to them together."""
@@ -78,7 +78,7 @@ class _Connection(asyncio.BufferedProtocol):
         if replies:
             self._write(replies[0] if len(replies) == 1 else b"".join(replies))
 
-    def _continue(self) -> None:
+    def _resume_reading(self) -> None:
         if self._transport is not None and not self._transport.is_closing():
             self._transport.resume_reading()
 
@@ -92,7 +92,7 @@ class _Connection(asyncio.BufferedProtocol):
     def _close_when_answered(self) -> None:
         if self._transport is None or self._transport.is_closing():
             return
-        if self._handler is None or self._handler.answered:
+        if self._handler is None or self._handler.all_answered:
             self._transport.close()
         else:
             asyncio.get_running_loop().call_later(CHECK_EVERY, self._close_when_answered)
@@ -123,7 +123,7 @@ class _Connection(asyncio.BufferedProtocol):
         loop.call_soon(self._send_eof)  # after the replies to the bytes being processed
         loop.call_later(LINGER_TIME, self.abort)
 
-    def _hand_over(self, take_transport: Taker) -> None:
+    def _hand_over(self, take_transport: TakeOver) -> None:
         """Give the connection to a new owner, who sets another asyncio protocol."""
         self._leave()
         transport, self._transport = self._transport, None
@@ -164,22 +164,22 @@ def _enable_keepalive(connection: socket.socket) -> None:
 
 
 class TcpPort:
-    """A listening TCP port; ``where`` is its address with the real port number."""
+    """A listening TCP port; ``address`` is its address with the real port number."""
 
     def __init__(self, accept: Accept) -> None:
         self.accept = accept
         self.connections: set[_Connection] = set()
-        self.where = ""
+        self.address = ""
         self._server: asyncio.Server | None = None
 
     @classmethod
-    async def open(cls, where: str, accept: Accept) -> TcpPort:
+    async def open(cls, address: str, accept: Accept) -> TcpPort:
         """Open ``SCHEME://HOST:PORT``; without a host on this computer only. Port 0: any free port. Raises UserError.
 
         The address ``[::]`` means every address of this computer, IPv4 and IPv6.
         """
         self = cls(accept)
-        self._server, self.where = await listen(where, lambda: _Connection(self))
+        self._server, self.address = await listen(address, lambda: _Connection(self))
         return self
 
     async def close(self) -> None:
@@ -190,11 +190,11 @@ class TcpPort:
             await asyncio.sleep(0)
 
 
-def exposed(where: str) -> bool:
+def is_exposed(address: str) -> bool:
     """Whether the real address of a port, ``SCHEME://HOST:PORT``, can be reached from other computers."""
-    if not where.startswith(NETWORK_SCHEMES):
+    if not address.startswith(NETWORK_SCHEMES):
         return False
     try:
-        return not ipaddress.ip_address(split_address(where)[0]).is_loopback
+        return not ipaddress.ip_address(split_address(address)[0]).is_loopback
     except ValueError:
         return True

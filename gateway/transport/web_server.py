@@ -17,10 +17,10 @@ from typing import Any, Protocol, cast
 from msgspec import Struct
 
 from gateway.core.wire_log import WireLog
-from gateway.system.file_limits import no_room
+from gateway.system.file_limits import no_room_reason
 from gateway.transport.handler import Accept
 from gateway.transport.listening import WEB_SERVED, listen
-from gateway.transport.room import Room
+from gateway.transport.room import ConnectionQuota
 
 #: Connections at a time. Seconds until a request must be complete, an idle connection ends, and answers end at close.
 MAX_CONNECTIONS, REQUEST_TIMEOUT, IDLE_TIMEOUT, CLOSE_TIMEOUT = 256, 10.0, 60.0, 0.5
@@ -41,8 +41,8 @@ BUSY_RESPONSE = (
 class WebPort:
     """A port of the web server; without ``server``, a port that only receives connections from other ports."""
 
-    def __init__(self, where: str = WEB_SERVED, server: asyncio.Server | None = None) -> None:
-        self.where, self._server = where, server
+    def __init__(self, address: str = WEB_SERVED, server: asyncio.Server | None = None) -> None:
+        self.address, self._server = address, server
 
     async def close(self) -> None:
         """Accept no more connections; those that are open belong to the web server."""
@@ -54,27 +54,27 @@ class WebServer:
     """Serves the aiohttp application that ``load_site`` returns, until ``close``; without it, refuses all requests."""
 
     def __init__(self, load_site: Callable[[], Awaitable[Any]] | None = None) -> None:
-        self._load = load_site
+        self._load_site = load_site
         self._loading: asyncio.Task[None] | None = None
         self._runner: Any = None
         self._ports: list[WebPort] = []
-        self.room = Room(MAX_CONNECTIONS)
+        self.quota = ConnectionQuota(MAX_CONNECTIONS)
         #: The address of the console, if it has a port of its own.
         self.address = ""
 
-    async def listen(self, where: str, ports_tried: int = 0) -> WebPort:
-        """Open a port, or the first free port of the ``ports_tried`` that follow it. Raises UserError."""
-        server, real = await listen(where, lambda: HttpConnection(self), ports_tried)
+    async def listen(self, address: str, further_port_count: int = 0) -> WebPort:
+        """Open a port, or the first free port of the ``further_port_count`` that follow it. Raises UserError."""
+        server, real = await listen(address, lambda: HttpConnection(self), further_port_count)
         self._ports.append(WebPort(real, server))
         return self._ports[-1]
 
-    def take(self, transport: asyncio.Transport, sent: bytes) -> None:
+    def take_over(self, transport: asyncio.Transport, received: bytes) -> None:
         """Take over a connection that was accepted elsewhere and has sent these bytes."""
         protocol = HttpConnection(self)
         transport.set_protocol(protocol)
         protocol.connection_made(transport)
-        if sent:
-            protocol.data_received(sent)
+        if received:
+            protocol.data_received(received)
 
     def loading(self) -> asyncio.Task[None]:
         """Return the task that loads the application. It is loaded once."""
@@ -83,12 +83,12 @@ class WebServer:
         return self._loading
 
     async def _start(self) -> None:
-        if self._load is None:
+        if self._load_site is None:
             return
-        app = await self._load()
+        app = await self._load_site()
         from aiohttp import web
 
-        app.middlewares.insert(0, web.middleware(_whole))
+        app.middlewares.insert(0, web.middleware(_answer_whole_request))
         runner = web.AppRunner(
             app,
             access_log=None,
@@ -108,7 +108,7 @@ class WebServer:
         """Close the ports, stop answering, and close all connections."""
         for port in self._ports:
             await port.close()
-        self._load = None
+        self._load_site = None
         if self._loading is not None:
             self._loading.cancel()
         runner, self._runner = self._runner, None
@@ -121,31 +121,31 @@ class HttpConnection(asyncio.Protocol):
 
     def __init__(self, server: WebServer) -> None:
         self._server = server
-        self._inner: asyncio.Protocol | None = None
+        self._aiohttp_handler: asyncio.Protocol | None = None
         self._host: str | None = None
-        self._sent = b""
+        self._early_bytes = b""
         self._deadline: asyncio.TimerHandle | None = None
         self._answering = False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = cast(asyncio.Transport, transport)
         host = str((transport.get_extra_info("peername") or ("?", 0))[0])
-        if no_room() or not self._server.room.enter(host):
+        if no_room_reason() or not self._server.quota.take_place(host):
             self._refuse(BUSY_RESPONSE)
             return
         self._host = host
-        self._expect()
+        self._start_deadline()
 
     def data_received(self, data: bytes) -> None:
-        if self._inner is not None:
+        if self._aiohttp_handler is not None:
             if self._deadline is None and not self._answering:
-                self._expect()
-            self._inner.data_received(data)
+                self._start_deadline()
+            self._aiohttp_handler.data_received(data)
         elif self._host is not None:
-            first, self._sent = not self._sent, self._sent + data
+            first, self._early_bytes = not self._early_bytes, self._early_bytes + data
             if first:
                 self._server.loading().add_done_callback(self._loaded)
-            if len(self._sent) > MAX_EARLY_BYTES:
+            if len(self._early_bytes) > MAX_EARLY_BYTES:
                 self._refuse(BUSY_RESPONSE)
 
     def _loaded(self, load_task: asyncio.Task[None]) -> None:
@@ -153,19 +153,19 @@ class HttpConnection(asyncio.Protocol):
             return
         if not load_task.cancelled():
             load_task.result()  # the log shows our own faults, and this connection ends in a while
-        inner = self._inner = self._server.handler()
+        inner = self._aiohttp_handler = self._server.handler()
         if inner is None:
             self._refuse(NO_PAGE_RESPONSE)
         else:
             inner.connection_made(self._transport)
-            inner.data_received(self._sent)
+            inner.data_received(self._early_bytes)
 
-    def _expect(self) -> None:
+    def _start_deadline(self) -> None:
         """Start the timeout of the next request."""
         self._deadline = asyncio.get_running_loop().call_later(REQUEST_TIMEOUT, self._deadline_passed)
 
     def _deadline_passed(self) -> None:
-        if self._inner is None and self._sent:
+        if self._aiohttp_handler is None and self._early_bytes:
             self._refuse(BUSY_RESPONSE)
         else:
             self._transport.abort()
@@ -181,30 +181,30 @@ class HttpConnection(asyncio.Protocol):
             self._answering = False
 
     def _refuse(self, answer: tuple[str, str]) -> None:
-        self._leave()
-        self._transport.write(answer_of(*answer))
+        self._give_back_place()
+        self._transport.write(response_bytes(*answer))
         self._transport.close()
 
     def eof_received(self) -> bool | None:
-        return self._inner.eof_received() if self._inner is not None else None
+        return self._aiohttp_handler.eof_received() if self._aiohttp_handler is not None else None
 
     def pause_writing(self) -> None:
-        if self._inner is not None:
-            self._inner.pause_writing()
+        if self._aiohttp_handler is not None:
+            self._aiohttp_handler.pause_writing()
 
     def resume_writing(self) -> None:
-        if self._inner is not None:
-            self._inner.resume_writing()
+        if self._aiohttp_handler is not None:
+            self._aiohttp_handler.resume_writing()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._leave()
-        if self._inner is not None:
-            self._inner.connection_lost(exc)
+        self._give_back_place()
+        if self._aiohttp_handler is not None:
+            self._aiohttp_handler.connection_lost(exc)
 
-    def _leave(self) -> None:
+    def _give_back_place(self) -> None:
         self._end_deadline()
         if self._host is not None:
-            self._server.room.leave(self._host)
+            self._server.quota.give_back_place(self._host)
             self._host = None
 
     def _end_deadline(self) -> None:
@@ -213,7 +213,7 @@ class HttpConnection(asyncio.Protocol):
             self._deadline = None
 
 
-async def _whole(request: Any, handler: Callable[[Any], Awaitable[Any]]) -> Any:
+async def _answer_whole_request(request: Any, handler: Callable[[Any], Awaitable[Any]]) -> Any:
     """Answer a request after its whole body has arrived, because half a body could mean something else."""
     connection = request.transport.get_protocol() if request.transport is not None else None
     await request.read()
@@ -238,7 +238,7 @@ def web_log() -> logging.Logger:
     return log
 
 
-def answer_of(status: str, text: str) -> bytes:
+def response_bytes(status: str, text: str) -> bytes:
     """Return the bytes of a short answer, after which the connection ends."""
     body = text.encode()
     head = (
@@ -262,14 +262,14 @@ class WebDevice(Struct, frozen=True):
     port: int = 0
 
 
-class Web(Protocol):
+class WebProtocol(Protocol):
     """The HTTP side of a protocol: it converts requests to lines, and reply lines to responses."""
 
-    def load(self) -> None:
+    def load_modules(self) -> None:
         """Import the modules that serve requests. This is slow, so call it on a thread before the first request."""
 
     def add_routes(self, app: Any, devices: Sequence[WebDevice]) -> None:
         """Add the devices to an aiohttp application."""
 
-    async def answer_discovery(self, places: Sequence[tuple[str, int]]) -> Callable[[], None]:
+    async def answer_discovery(self, addresses: Sequence[tuple[str, int]]) -> Callable[[], None]:
         """Let clients discover these (address, port) pairs. Return a function that ends this. Raises OSError."""

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 from urllib.parse import urlsplit
 
-from gateway.core.waiting import in_thread
+from gateway.core.waiting import run_in_thread
 
 if TYPE_CHECKING:
     from serial import Serial
@@ -126,7 +126,7 @@ class SerialTransport:
             raise OSError(errno.EINVAL, f"{baud} baud: {error}") from None
         self.baud = baud
 
-    async def change_rate(self) -> None:
+    async def apply_baud(self) -> None:
         """Change to the rate ``baud`` as soon as all bytes are sent. A port that cannot change keeps its rate."""
         port = self._port
         if port is not None:
@@ -139,7 +139,7 @@ class SerialTransport:
         if port is not None:
             if self._watcher is not None:
                 self._watcher.closed()
-            await in_thread(self._close_port, port)
+            await run_in_thread(self._close_port, port)
 
     def _close_port(self, port: Serial) -> None:
         cancel = getattr(port, "cancel_read", None)
@@ -151,7 +151,7 @@ class SerialTransport:
         port.close()
 
 
-def on_the_wire(url: str, data: bytes) -> bytes:
+def bytes_on_wire(url: str, data: bytes) -> bytes:
     """Return bytes as the port sends them: RFC 2217 doubles 0xFF, which begins a Telnet command."""
     return data.replace(b"\xff", b"\xff\xff") if url.startswith("rfc2217://") else data
 
@@ -196,7 +196,7 @@ def open_port(url: str, baud: int) -> Serial:
             ) from None
         for numbers, part, reason, message in _OPEN_FAILURES:
             if number in numbers or part in text:
-                raise OSError(reason, message.format(who=_who_may_use(url))) from None
+                raise OSError(reason, message.format(who=_permission_advice(url))) from None
         if url.startswith(("socket://", "rfc2217://")) and "NoneType" in text:
             raise OSError(errno.EINVAL, "the port number is missing, for example socket://192.168.1.50:4030") from None
         raise OSError(number or errno.EIO, text.rpartition(": ")[2] or text) from None
@@ -209,13 +209,13 @@ def open_port(url: str, baud: int) -> Serial:
 
 
 #: Connects to a simulated mount: gets a function that delivers bytes later, returns a function from bytes to reply.
-Connection = Callable[[Callable[[float, bytes], None]], Callable[[bytes], bytes]]
+SimulatedConnection = Callable[[Callable[[float, bytes], None]], Callable[[bytes], bytes]]
 
 
 class SimulatedTransport:
     """A simulated mount in this process; ``latency`` is its response time in seconds."""
 
-    def __init__(self, name: str, connection: Connection, latency: float = 0.0) -> None:
+    def __init__(self, name: str, connection: SimulatedConnection, latency: float = 0.0) -> None:
         self.name, self._latency = name, latency
         self._on_data: OnData | None = None
         self.feed = connection(self._deliver_later)
@@ -244,7 +244,7 @@ class SimulatedTransport:
         self._on_data = None
 
 
-def _who_may_use(device: str) -> str:
+def _permission_advice(device: str) -> str:
     """Return what to do about a port that this user may not use, by its group and mode."""
     with contextlib.suppress(OSError):
         if os.stat(device).st_mode & 0o060 != 0o060:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
+from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalMount
 from gateway.protocols.alpaca.http.requests import signatures
 from tests.support import exact_sky
 from tests.support.each import each
@@ -94,7 +94,7 @@ def test_alpaca_surface_has_exactly_the_members_of_the_reference() -> None:
     }
 
 
-async def answer(program: Visitor, line: str) -> Any:
+async def answer(program: RehearsalClient, line: str) -> Any:
     """A value; an error as its number."""
     told = json.loads(await program.ask(line.encode() + b"\n", until=b"\n"))
     return -told["ErrorNumber"] if isinstance(told, dict) else told

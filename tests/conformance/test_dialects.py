@@ -45,7 +45,7 @@ def test_simulated_teenastro_answers_as_its_sources_and_its_emulator_say(state: 
 @each("model", ["onstep", "teenastro"])
 def test_onstep_and_teenastro_are_never_sent_dangerous_commands(model: str) -> None:
     """Nothing of this is in its table, so that no row and no program of the gateway can send it."""
-    commands = load("lx200").of(model).commands
+    commands = load("lx200").in_dialect_of(model).commands
     assert not {"AP", "AL", "AA", "hF", "hS", "U", "h?", "I", "hN", "Sw", "Rg"} & commands.keys()
     frames = [command.request.prefix for command in commands.values()]
     assert not [frame for frame in frames if frame.startswith((b";", b":A", b":hF", b":hS", b":U"))]
@@ -60,7 +60,7 @@ def test_every_onstep_and_teenastro_command_has_a_form_in_its_sources(model: str
         "Sg": b"+001*02", "SL": b"01:02:03", "SC": b"01/02/26", "Mg": b"n0100", "ST": b"060.1", "SXT2": b"1768514400",
         "SG": b"+01:00" if model == "onstep" else b"+01.0",
     }  # fmt: skip
-    for name, command in load("lx200").of(model).commands.items():
+    for name, command in load("lx200").in_dialect_of(model).commands.items():
         frame = command.request.prefix.removesuffix(b"#") + arguments.get(name, b"") + (b"#" if name != "ACK" else b"")
         assert forms.fullmatch(frame), frame
 
@@ -83,10 +83,10 @@ def test_simulated_onstep_ends_an_arrow_by_itself() -> None:
 @pytest.mark.parametrize("separate", [True, False])
 def test_simulated_onstep_pulse_may_have_the_rate_of_the_arrows(separate: bool) -> None:
     sim, clock = controller("onstep")
-    sim.separate_pulses = separate
+    sim.has_pulse_rate = separate
     sim.feed(b":MS#")
     clock.now += 200.0
-    before = sim.truth()[1]
+    before = sim.true_position()[1]
     sim.feed(b":RS#:Mgn1000#")
     clock.now += 10.0
-    assert (abs(sim.truth()[1] - before) > 1.0) is not separate
+    assert (abs(sim.true_position()[1] - before) > 1.0) is not separate

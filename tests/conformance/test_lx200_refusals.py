@@ -19,7 +19,7 @@ from gateway.app.config.programs import hold
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon
 from gateway.diagnostics.virtual_time import run
-from gateway.transport.handler import Connected
+from gateway.transport.handler import NewConnection
 from tests.conformance.test_lx200_transcripts import FILES, _set_up, _settings
 from tests.support.each import each
 from tests.support.fake_gateway import FakeGateway
@@ -67,7 +67,7 @@ class Program:
 
     def connect(self) -> None:
         hang_up = (lambda last: None) if self._network else None
-        self._guest = self._gateway.acceptor.accept(Connected("192.168.4.2:1", "192.168.4.2", self._hear, hang_up))
+        self._guest = self._gateway.acceptor.accept(NewConnection("192.168.4.2:1", "192.168.4.2", self._hear, hang_up))
 
     def reconnect(self) -> None:
         self._guest.close()

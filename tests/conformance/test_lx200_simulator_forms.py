@@ -68,7 +68,7 @@ def test_simulated_lx200gps_answers_0_to_an_invalid_value(said: bytes) -> None:
 def test_simulated_meade_ignores_a_malformed_command_that_has_no_reply(said: bytes) -> None:
     sim, _ = meade("lx200gps")
     assert sim.feed(said) == b""
-    assert not sim.parts and "custom" not in sim.stored
+    assert not sim.accessories and "custom" not in sim.stored_values
 
 
 def test_every_example_of_the_manual_is_well_formed() -> None:

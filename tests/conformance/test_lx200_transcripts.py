@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from gateway.core import operations as op
-from gateway.protocols.base.session import NamedSite, Shared
+from gateway.protocols.base.session import NamedSite, SharedSettings
 from tests.support.conversations import check_whole, degrees, play, receive
 from tests.support.each import each
 from tests.support.fake_gateway import FakeConnection, FakeGateway
@@ -23,7 +23,7 @@ WAYS: dict[str, Callable[[bytes], list[bytes]]] = {
 }
 
 
-def _set_up(mount: Mount, common: Shared, text: str) -> None:
+def _set_up(mount: Mount, common: SharedSettings, text: str) -> None:
     """Carry out a ``!`` line."""
     match text.split():
         case ["position", ra, dec]:
@@ -47,7 +47,7 @@ def _settings(talk: Conversation) -> dict[str, Any]:
 def test_lx200_conversation_gets_the_same_replies_however_bytes_are_cut(path: Path, way: str) -> None:
     conversation = read(path)
     talk = Talk(**_settings(conversation))
-    play(conversation, talk, WAYS[way], lambda text: _set_up(talk.mount, talk.session.common, text))
+    play(conversation, talk, WAYS[way], lambda text: _set_up(talk.mount, talk.session.settings_holder, text))
 
 
 @each("path", FILES)

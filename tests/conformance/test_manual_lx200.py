@@ -29,7 +29,7 @@ def test_all_145_request_forms_of_the_meade_manual_have_a_row() -> None:
 
 
 def test_lx200_surface_answers_every_form_of_the_manual() -> None:
-    assert LX200.commands.keys() == LX200.surface.keys()
+    assert LX200.commands.keys() == LX200.surface_rows.keys()
 
 
 @pytest.mark.parametrize("model", ["autostar", "lx200", "lx200-16", "lx200gps"])

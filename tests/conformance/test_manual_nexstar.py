@@ -34,7 +34,7 @@ def test_all_23_opcodes_and_21_pass_through_rows_of_the_celestron_manual_have_a_
         if name == "P":  # the opcode itself is any of its rows
             continue
         assert found[0].name == name
-        assert found[0].since == parse_version(since), name
+        assert found[0].first_version == parse_version(since), name
         assert found[0].beyond is None
 
 

@@ -8,8 +8,8 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, NoAnswer, SyncTooFar
-from gateway.protocols.nexstar.surface.presented import lacks
-from gateway.protocols.nexstar.versions import made_with, numbered
+from gateway.protocols.nexstar.surface.presented import missing_command_text
+from gateway.protocols.nexstar.versions import parse, versions_of
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import parse_version
 from tests.support.each import each
@@ -19,7 +19,7 @@ from tests.support.sampling import as_a_rule, chosen
 
 NEXSTAR = load("nexstar")
 MODELS = sorted(NEXSTAR.models)
-CASES = [(model, version) for model in MODELS for version in made_with(NEXSTAR.models[model])]
+CASES = [(model, version) for model in MODELS for version in versions_of(NEXSTAR.models[model])]
 #: As a rule every model and every version once.
 SOME = [CASES[number] for number in chosen(CASES, as_a_rule(1, whole=len(CASES)))]
 REFUSED = [row[1:] for row in rows("refused_and_silent.txt") if row[0] == "nexstar"]
@@ -184,16 +184,18 @@ def frames_of(name: str) -> list[bytes]:
 @each("model, version", SOME)
 def test_nexstar_surface_answers_every_row_in_its_form(model: str, version: str) -> None:
     talk = talk_to(model, version=version)
-    for name in NEXSTAR.surface:
+    for name in NEXSTAR.surface_rows:
         command = NEXSTAR.commands[name]
         for frame in frames_of(name):
-            assert talk.binding.framing().feed(frame, talk.now) == [frame]
-            if lacks(talk.binding.model, frame):
-                assert model in command.lacking or (command.since or (1, 2)) > (1, 2), "what every version has is read"
+            assert talk.binding.make_framer().feed(frame, talk.now) == [frame]
+            if missing_command_text(talk.binding.model, frame):
+                assert model in command.lacking_models or (command.first_version or (1, 2)) > (1, 2), (
+                    "what every version has is read"
+                )
                 assert talk.send(frame) == b""
                 continue
             reply = talk.send(frame)
-            form = command.form(talk.binding.model.get("dialect"))
+            form = command.reply_form(talk.binding.model.get("dialect"))
             assert form is not None
             width = form.width
             if (name, version) == ("t", "starsense-1.20"):
@@ -208,7 +210,7 @@ def test_nexstar_surface_answers_every_row_in_its_form(model: str, version: str)
 
 
 @pytest.mark.parametrize("model", ["6-8se", "cge", "cpc"])
-@each("name", sorted(NEXSTAR.surface))
+@each("name", sorted(NEXSTAR.surface_rows))
 def test_nexstar_surface_survives_a_silent_mount_in_every_row(model: str, name: str) -> None:
     mount = Mount()
     mount.fault = NoAnswer()
@@ -241,7 +243,7 @@ def test_nexstar_surface_tells_the_model_and_version_of_the_presented_mount(mode
 
 def test_no_nexstar_version_has_a_minor_number_that_reads_as_a_terminator() -> None:
     for model, version in CASES:
-        assert 35 not in numbered(version).shown
+        assert 35 not in parse(version).reported
         assert 35 not in parse_version(NEXSTAR.models[model]["motors"])
 
 

@@ -12,8 +12,8 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
-from gateway.mount.site.places import PLACE_FUNCTIONS
-from gateway.protocols.nexstar.versions import made_with
+from gateway.mount.site.places import POSITION_FUNCTIONS
+from gateway.protocols.nexstar.versions import versions_of
 from gateway.protocols.wireformat.command_set import load
 from tests.support import sampling
 from tests.support.operations_matrix import CHECKS, outcomes
@@ -217,7 +217,7 @@ def test_tables_list_every_operation_model_and_version() -> None:
     operations = {kind for kind in below(op.Operation) if kind.__module__.startswith(op.__name__)}
     for_its_kind = {op.PassThrough, op.NativeRequest, op.Choose}  # tests/integration/sharing/test_transparent.py
     own = {
-        *PLACE_FUNCTIONS,
+        *POSITION_FUNCTIONS,
         op.GetActivity,
         op.GetAbilities,
         op.TubeSide,
@@ -227,5 +227,5 @@ def test_tables_list_every_operation_model_and_version() -> None:
     assert set(MEADE) == set(load("lx200").models)
     assert set(ALPACA) == set(load("alpaca").models)
     assert {model: list(rows) for model, rows in NEXSTAR.items()} == {
-        model: made_with(row) for model, row in load("nexstar").models.items()
+        model: versions_of(row) for model, row in load("nexstar").models.items()
     }

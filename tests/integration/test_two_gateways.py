@@ -62,7 +62,7 @@ async def test_positions_of_a_nexstar_program_reach_a_nexstar_mount_unchanged() 
         for ra, dec in places(as_a_rule(24, whole=60)):
             assert await client.ask(b"r" + hex_place(ra, dec)) == b"#"
             await asyncio.sleep(1.0)
-            last = next(sent for sent in reversed(bridge.sent()) if sent[:1] == b"r")
+            last = next(sent for sent in reversed(bridge.sent_requests()) if sent[:1] == b"r")
             there = equatorial(last[1:] + b"#")
             assert abs((there.ra - ra + 180) % 360 - 180) <= RA_HALF, (ra, dec, there)
             assert abs(there.dec - dec) <= DEC_HALF, (ra, dec, there)
@@ -127,7 +127,7 @@ async def test_positions_survive_a_round_trip_within_a_second_of_time() -> None:
     async with TwoGateways(bridge, "lx200", "nexstar", "cge") as chain:
         client = chain.client()
         told = equatorial(await client.ask(b"e"))
-        truth = bridge.sim.truth()
+        truth = bridge.sim.true_position()
         assert separation(told.ra, told.dec, *truth) < 10 * ARCSECOND
 
 
@@ -146,7 +146,7 @@ async def test_positions_of_an_lx200_program_reach_a_meade_through_a_nexstar_sur
             command = f":Sr{h:02d}:{m:02d}:{s:02d}#:Sd{dec}#:MS#".encode()
             assert (await client.ask(command, 5, until=b"110")).startswith(b"11")
             await asyncio.sleep(1.0)
-            sent = bridge.sent()
+            sent = bridge.sent_requests()
             # the identity, to the byte
             assert f":Sr{h:02d}:{m:02d}:{s:02d}#".encode() in sent
             assert f":Sd{dec}#".encode() in sent

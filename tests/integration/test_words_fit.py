@@ -19,7 +19,7 @@ OPEN = {"lowest": -90.0, "sun": 0.0}
 async def test_log_names_who_ended_a_goto(driven: str, model: str, stop: str) -> None:
     presented, surface = ("nexstar", "cge") if stop == "M" else ("lx200", "autostar")
     async with Bridge(model, driven=driven, presented=presented, surface=surface, config=OPEN) as bridge:
-        ra, dec = bridge.sim.truth()
+        ra, dec = bridge.sim.true_position()
         await bridge.controller.perform(op.Goto(ra - 60.0, min(dec, 40.0)))
         await asyncio.sleep(2.0)
         who = "10.0.0.7"
@@ -38,13 +38,13 @@ async def test_log_names_who_ended_a_goto(driven: str, model: str, stop: str) ->
         await asyncio.sleep(3.0)
         told = [entry.note for entry in bridge.entries if "goto was stopped" in entry.note]
         assert len(told) == 1 and who in told[0]
-        assert any(told[0] in line for line in mount_state(bridge.controller).drawn().lately)
+        assert any(told[0] in line for line in mount_state(bridge.controller).to_state().lately)
 
 
 @pytest.mark.parametrize(("driven", "model"), [("lx200", "onstep"), ("lx200", "teenastro"), ("nexstar", "cge")])
 async def test_parked_mount_answers_the_home_query_as_at_home(driven: str, model: str) -> None:
     async with Bridge(model, driven=driven, config=OPEN, speed=10.0) as bridge:
-        await bridge.controller.perform(op.Goto(bridge.sim.truth()[0] - 30.0, 40.0))
+        await bridge.controller.perform(op.Goto(bridge.sim.true_position()[0] - 30.0, 40.0))
         await asyncio.sleep(30.0)
         await bridge.controller.perform(op.Park())
         assert await bridge.controller.answer(op.HomeState()) == 2
@@ -101,4 +101,4 @@ async def test_refusals_that_differ_only_in_numbers_are_logged_once() -> None:
         client.tell(b":RE99.9#")
         await asyncio.sleep(1.0)
         assert [entry.note[:5] for entry in bridge.entries if "refused" in entry.note] == ["`:RA3", "`:RE9"]
-        assert "59.5" in mount_state(bridge.controller).drawn().lately[-2]
+        assert "59.5" in mount_state(bridge.controller).to_state().lately[-2]

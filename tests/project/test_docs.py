@@ -16,7 +16,7 @@ import pytest
 
 from gateway.app.control import stop_command
 from gateway.cli import main
-from gateway.cli.command_line import COMMANDS, parser
+from gateway.cli.command_line import COMMANDS, make_parser
 from tests.support.doc_blocks import PAGES, blocks, commands, installed, spans
 from tests.support.each import each
 from tests.support.process import GATEWAY, Running, ask
@@ -128,7 +128,7 @@ def test_both_install_commands_of_the_readme_install_the_same_way() -> None:
 def test_commands_within_sentences_of_the_docs_are_accepted(page: str, span: str) -> None:
     words = [word for word in shlex.split(span.partition(" … ")[0].partition(" | ")[0])[1:] if word != "…"]
     if words[0] in COMMANDS:
-        parser(words[0]).parse_args(words)
+        make_parser(words[0]).parse_args(words)
     else:
         assert words in (["COMMAND", "--help"], ["--help"], ["--version"])
 

@@ -11,7 +11,7 @@ import pytest
 
 from gateway.astro.ephemeris import keeper
 from gateway.cli import main
-from gateway.cli.serve.service import unit, word
+from gateway.cli.serve.service import escape_word, unit_text
 from tests.support.each import each
 
 
@@ -29,7 +29,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_systemd_unit_runs_and_stops_this_program() -> None:
-    text = unit(["/opt/a b/python", "-m", "gateway"], "/etc/gate way.toml", "daemon", "uucp", "mount-gateway-east")
+    text = unit_text(["/opt/a b/python", "-m", "gateway"], "/etc/gate way.toml", "daemon", "uucp", "mount-gateway-east")
     assert lines(text, "ExecStart") == ['"/opt/a b/python" -m gateway run --wait --config "/etc/gate way.toml"']
     assert lines(text, "ExecStopPost") == ['"/opt/a b/python" -m gateway stop']
     assert lines(text, "Type") == ["notify"] and lines(text, "Restart") == ["on-failure"]
@@ -47,11 +47,11 @@ def test_systemd_unit_runs_and_stops_this_program() -> None:
     [("/a/b", "/a/b"), ("/a b", '"/a b"'), ("50%", "50%%"), ("$x", "$$x"), ('a"b', '"a\\"b"'), ("a\\b", '"a\\\\b"')],
 )
 def test_service_command_quotes_words_as_systemd_reads_them(text: str, written: str) -> None:
-    assert word(text) == written
+    assert escape_word(text) == written
 
 
 def test_dollar_in_the_programs_path_is_not_expanded_by_systemd() -> None:
-    text = unit(["/opt/$x/python", "$y"], "/etc/g.toml", "daemon", "dialout", "mount-gateway")
+    text = unit_text(["/opt/$x/python", "$y"], "/etc/g.toml", "daemon", "dialout", "mount-gateway")
     assert lines(text, "ExecStopPost") == ["/opt/$x/python $$y stop"]
 
 

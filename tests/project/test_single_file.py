@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 
 from gateway.astro.ephemeris import keeper
-from gateway.astro.ephemeris.almanac import DAY, stored
+from gateway.astro.ephemeris.almanac import DAY, load_stored
 from tests.support.doc_blocks import ROOT
 from tests.support.process import Running, ask
 
@@ -76,7 +76,7 @@ def test_gateway_of_the_single_file_calculates_its_almanac(
         [mount] = json.loads(status.stdout)
         sky = mount["sky"]
     assert run.end() == 0 and sky.startswith("almanac of "), run.said
-    assert stored().days_from(int(time.time() // DAY)) >= keeper.DAYS_PER_CALCULATION - 1
+    assert load_stored().consecutive_days_from(int(time.time() // DAY)) >= keeper.DAYS_PER_CALCULATION - 1
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the child of the file that unpacks itself is looked for in /proc")

@@ -20,7 +20,7 @@ from tests.property.judge import Judge
 from tests.property.line_of_faults import FaultyLine
 from tests.property.orders import Event, Keypad, lx200, nexstar, set_up
 from tests.property.scripts import DAY, MOUNTS, NIGHT, Script, draw, shrink
-from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.in_process_gateway import Bridge, RehearsalClient
 
 #: How often the truth is looked at, seconds: while anything moves, and while the mount has been at rest.
 GLANCE, GLANCE_AT_REST = 0.2, 0.5
@@ -89,7 +89,7 @@ class _Stage:
         self.now = asyncio.get_running_loop().time
         self.began = wire.began = self.now()
         self.say = lx200 if script.presented == "lx200" else nexstar
-        self.programs: dict[int, Visitor] = {}
+        self.programs: dict[int, RehearsalClient] = {}
         self.keypad = Keypad(bridge.sim)
         self.judge = Judge(bridge, script, wire, self.began)
         self.arrows: dict[int, set[str]] = {}
@@ -110,7 +110,7 @@ class _Stage:
                 self._polled = self.now()
                 self.program(9).tell(b":GR#" if self.script.presented == "lx200" else b"e")
 
-    def program(self, number: int) -> Visitor:
+    def program(self, number: int) -> RehearsalClient:
         if number not in self.programs:
             self.programs[number] = self.bridge.client(f"10.0.0.{number}")
         return self.programs[number]

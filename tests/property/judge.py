@@ -16,7 +16,7 @@ from gateway.protocols.mechanics.truth import Truth, truth_of
 from tests.property.line_of_faults import FaultyLine
 from tests.property.orders import Event, polar, sited
 from tests.property.scripts import KEEPS_TRACKING, MOUNTS, STEPS, TELLS_NO_SITE, Script
-from tests.support.in_process_gateway import Visitor
+from tests.support.in_process_gateway import RehearsalClient
 
 #: Degrees: what rounding and refraction explain. Seconds: from one look of the gateway at a mount that it moves to the
 #: next, and at one that it does not; and what it takes after a fault until a command is heard.
@@ -75,7 +75,7 @@ class Judge:
 
     def look(self) -> bool:
         """Compare with the limits -> whether anything moves."""
-        truth, now, fastest = truth_of(self.sim), self.now(), float(self.sim.mechanics.fastest)
+        truth, now, fastest = truth_of(self.sim), self.now(), float(self.sim.mechanics.max_rate)
         speed = hypot(truth.rate1, truth.rate2)
         if self.sim.now < getattr(self.sim, "busy_until", 0.0):  # it hears nothing
             self._busy = [(self._busy[0][0] if self._busy else now, now)]
@@ -129,8 +129,8 @@ class Judge:
 
     def _sync_error(self) -> float:
         """How far syncs have moved what the mount, or the gateway for it, believes."""
-        first, second = self.sim.mechanics.correction
-        kept = getattr(self.bridge.driver, "offset", (0.0, 0.0))
+        first, second = self.sim.mechanics.sync_correction
+        kept = getattr(self.bridge.driver, "sync_offset", (0.0, 0.0))
         moved = any(event.what in ("site", "own site", "clock") for event in self.events)
         return hypot(wrap180(first), wrap180(second)) + hypot(*kept) + 0.6 * moved
 
@@ -165,7 +165,7 @@ class Judge:
                 on.clear()
         return bool(on) and self.script.ending == "leave"
 
-    async def verdict(self, until: Until, client: Visitor) -> None:
+    async def verdict(self, until: Until, client: RehearsalClient) -> None:
         """All is over: look for some seconds, and ask."""
         sim, at = self.sim, self.now() - self.began
         truth, rates = truth_of(sim), self._rate(truth_of(sim))
@@ -175,9 +175,9 @@ class Judge:
             self.complain("moves", f"{rates} degrees a second, slewing {sim.slewing}")
         if self.bridge.controller.moving and not truth.moving:
             self.complain("told moving", "while it rests")
-        before = sim.truth()
+        before = sim.true_position()
         await until(at + 10.0)
-        after, truth = sim.truth(), truth_of(sim)
+        after, truth = sim.true_position(), truth_of(sim)
         synced = any(event.what == "sync" for event in self.events) and not polar(sim)  # follows another place's sky
         drift = wrap180(after[0] - before[0]) * 360.0
         wanted = self.tracking_wanted()
@@ -241,7 +241,7 @@ class Judge:
                 wanted = None  # the hand control goes on at its own rate
         return wanted
 
-    async def _settings(self, until: Until, client: Visitor) -> None:
+    async def _settings(self, until: Until, client: RehearsalClient) -> None:
         """The site that is told is the last one that was set, or the mount's."""
         sites = [event for event in self.events if event.what in ("site", "own site")]
         if not sites or (self.script.mount in TELLS_NO_SITE and sites[-1].what == "own site"):

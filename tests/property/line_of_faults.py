@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from msgspec import Struct
 
-from gateway.transport.wires import Connection, OnData, OnLost
+from gateway.transport.wires import OnData, OnLost, SimulatedConnection
 
 #: What can happen: to one exchange, or (busy, late, cut) for some seconds.
 KINDS = ("unheard", "lost", "broken", "altered", "doubled", "late", "busy", "cut")
@@ -38,7 +38,7 @@ class FaultyLine:
     name = "a line of faults"
 
     def __init__(
-        self, connection: Connection, latency: float, faults: tuple[Fault, ...], busy: Callable[[float], bool]
+        self, connection: SimulatedConnection, latency: float, faults: tuple[Fault, ...], busy: Callable[[float], bool]
     ) -> None:
         self._feed = connection(self._later)
         self._latency, self._busy = latency, busy

@@ -39,7 +39,7 @@ def sky(sim: Any, az: float, alt: float) -> tuple[float, float]:
     """Right ascension and declination of date of a place over the true horizon."""
     ground = sim.mechanics.true_sky
     hour_angle, dec = horizon_to_hour_angle(az, alt, ground.latitude)
-    return wrap360(ground.sidereal(sim.clock()) - hour_angle), dec
+    return wrap360(ground.lst(sim.clock()) - hour_angle), dec
 
 
 # --- programs -----------------------------------------------------------------------------------------------------
@@ -147,7 +147,7 @@ class Keypad:
 
     def do(self, event: Event) -> None:
         sim = self._sim
-        sim.truth()
+        sim.true_position()
         if event.what == "key":
             self._press(*event.how)
         elif event.what == "unkey":
@@ -171,21 +171,21 @@ class Keypad:
         sim = self._sim
         self.pressed.add(letter)
         if self._meade:
-            kept, sim.stored["rate"] = sim.stored["rate"], _MEADE_RATE[rate].decode()
-            motion.arrow(sim, f"M{letter}", {})
-            sim.stored["rate"] = kept
+            kept, sim.stored_values["rate"] = sim.stored_values["rate"], _MEADE_RATE[rate].decode()
+            motion.press_arrow(sim, f"M{letter}", {})
+            sim.stored_values["rate"] = kept
             return
         motor, sense = _MOTOR[letter]
         sim.mechanics.cancel(sim.now)
-        sim.mechanics.move(sim.now, motor - 15, (1 if sense == 36 else -1) * sim.keys[_KEY[rate] - 1])
+        sim.mechanics.move(sim.now, motor - 15, (1 if sense == 36 else -1) * sim.key_speeds[_KEY[rate] - 1])
 
     def release(self) -> None:
         """Every key is let go; a hand control goes on tracking then."""
         sim = self._sim
-        sim.truth()
+        sim.true_position()
         for letter in self.pressed:
             if self._meade:
-                motion.let_go(sim, f"Q{letter}", {})
+                motion.release_arrow(sim, f"Q{letter}", {})
             else:
                 sim.mechanics.move(sim.now, _MOTOR[letter][0] - 15, 0.0)
         if self.pressed and not self._meade and sim.mode:
@@ -195,13 +195,13 @@ class Keypad:
     def _track(self, on: bool) -> None:
         sim = self._sim
         if self._meade:
-            tracking.align(sim, ("AP" if polar(sim) else "AA") if on else "AL", {})
+            tracking.set_alignment_mode(sim, ("AP" if polar(sim) else "AA") if on else "AL", {})
         else:
             sim.track((2 if polar(sim) else 1) if on else 0)
 
 
 def set_up(sim: Any, az: float, alt: float) -> None:
     """Point a mount somewhere before a play begins: let a minute pass afterwards."""
-    sim.truth()
+    sim.true_position()
     ra, dec = sky(sim, az, alt)
     sim.mechanics.goto_sky(sim.now, ra, dec)

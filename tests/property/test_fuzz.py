@@ -11,7 +11,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.queue import READ
-from gateway.mount.motion.seen import Observed, PositionSample
+from gateway.mount.motion.seen import ObservedMotion, PositionSample
 from gateway.protocols.lx200.simulator.server import SimulatedLx200
 from tests.support.each import each
 from tests.support.fuzz_bytes import KINDS
@@ -159,12 +159,12 @@ async def test_defect_in_a_deferred_action_is_logged() -> None:
             raise ArithmeticError("as if")
 
         surface = bridge.acceptor.binding.surface
-        surface.handlers = {**surface.handlers, "clock.commit_quiet": lambda *_: (broken() for _ in "x")}
+        surface.handlers = {**surface.handlers, "clock.commit_draft_after_pause": lambda *_: (broken() for _ in "x")}
         client = bridge.client()
         await client.ask(b":SL20:15:30#")
         await asyncio.sleep(5)
         assert await client.ask(b":GR#")
-    assert [entry for entry in bridge.entries if "internal error at clock.commit_quiet" in entry.note]
+    assert [entry for entry in bridge.entries if "internal error at clock.commit_draft_after_pause" in entry.note]
     assert not left
 
 
@@ -180,7 +180,7 @@ async def test_position_read_before_the_site_was_known_is_checked_against_the_su
     async with Bridge(start=EVENING - 10 * 3600.0) as bridge:
         guard = bridge.controller.watch
         seen = await bridge.controller.read(op.Position())
-        guard.observed = Observed(last=PositionSample(bridge.controller.now() - 1.0, seen))
+        guard.observed = ObservedMotion(last=PositionSample(bridge.controller.now() - 1.0, seen))
         guard._coasts_until = 0.0
         assert bridge.controller.suns.distances(seen)
         guard.check_position(seen)

@@ -84,12 +84,12 @@ async def test_preview_foresees_a_mount_that_refuses_every_goto(state: str, driv
     async with Bridge(model, driven=driven, aligned=state != "not aligned", config={"sun": 0.0}) as bridge:
         await rested(bridge, random)
         if state == "held":
-            bridge.controller.hold.on = True
+            bridge.controller.hold.is_on = True
         elif state == "asleep":
             with contextlib.suppress(Fault):
                 await bridge.controller.perform(op.Hibernate())
         elif state == "gone":
-            bridge.controller.line._down("the mount does not answer")
+            bridge.controller.line._mark_down("the mount does not answer")
         for alt in (40.0, -30.0):
             goal = _above(bridge, random.uniform(0.0, 360.0), alt)
             foreseen, answer = await told(bridge, *goal)
@@ -115,8 +115,13 @@ def test_preview_of_a_goto_leaves_no_trace(model: str) -> None:
             await asyncio.sleep(1.0)
 
             def traces() -> list[object]:
-                watched = controller.watch.path.floor, controller.watch.path.clear
-                return [watched, len(bridge.entries), len(bridge.sent()), dict(controller.cache._last_interest)]
+                watched = controller.watch.next_path.min_altitude, controller.watch.next_path.allowed
+                return [
+                    watched,
+                    len(bridge.entries),
+                    len(bridge.sent_requests()),
+                    dict(controller.cache._last_polled_at),
+                ]
 
             before = traces()
             refused = [
@@ -130,5 +135,5 @@ def test_preview_of_a_goto_leaves_no_trace(model: str) -> None:
 
 def _above(bridge: Bridge, azimuth: float, altitude: float) -> tuple[float, float]:
     """Return the position that is there now."""
-    goal = bridge.controller.astrometry.equatorial(op.Horizontal(azimuth, altitude))
+    goal = bridge.controller.astrometry.equatorial_of(op.Horizontal(azimuth, altitude))
     return goal.ra, goal.dec

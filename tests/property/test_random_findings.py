@@ -41,7 +41,7 @@ async def test_arrow_made_of_small_gotos_is_refused_without_an_alignment(arrow: 
     async with Bridge("nexstar-gps", "1.2", aligned=False, config=config) as bridge:
         bridge.client().tell(b":RS#" + arrow)
         await asyncio.sleep(5)
-        assert not [sent for sent in bridge.sent() if sent.startswith(b"R")]
+        assert not [sent for sent in bridge.sent_requests() if sent.startswith(b"R")]
         assert any(entry.note == "Arrow: Mount not aligned." for entry in bridge.entries)
         assert not bridge.controller.moving
 
@@ -70,7 +70,7 @@ async def test_goto_right_after_tracking_off_is_checked_against_the_sun() -> Non
         assert await client.ask(b"T\x00") == b"#"
         assert await client.ask(b"P\x02\x10\x25\x09\x00\x00\x00") == b"#"  # azimuth falls, 8 degrees a second
         await asyncio.sleep(1)
-        assert b":Me#" not in bridge.sent()
+        assert b":Me#" not in bridge.sent_requests()
         assert any("Too close to the Sun" in entry.note for entry in bridge.entries)
 
 
@@ -100,7 +100,7 @@ async def test_meade_that_starts_seeking_home_while_moved_is_stopped() -> None:
         await asyncio.sleep(1)
         client.tell(b":hS#")
         await asyncio.sleep(3)
-        assert b":Q#" in bridge.sent()
+        assert b":Q#" in bridge.sent_requests()
         assert not bridge.controller.moving
 
 
@@ -133,18 +133,18 @@ async def test_moving_mount_is_sent_no_change_between_alt_az_and_equatorial(moti
         client = bridge.client()
         client.tell(b"T\x02")
         await asyncio.sleep(5)
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         client.tell(motion)
         await asyncio.sleep(1)
         client.tell(b"T\x01")
         await asyncio.sleep(1)
         client.tell(b"M" + b"P\x02\x11\x24\x00\x00\x00\x00")
         await asyncio.sleep(10)
-        assert b"T\x01" not in bridge.sent()[before:]
+        assert b"T\x01" not in bridge.sent_requests()[before:]
         assert await client.ask(b"t") == b"\x02#"
         client.tell(b"T\x01")  # at rest it is told
         await asyncio.sleep(2)
-        assert b"T\x01" in bridge.sent()[before:]
+        assert b"T\x01" in bridge.sent_requests()[before:]
 
 
 @each("aligned", [True, False])
@@ -152,7 +152,7 @@ async def test_aligned_hand_control_keeps_its_clock_when_the_gps_is_read(aligned
     async with Bridge("cpc", surface="lx200gps", aligned=aligned) as bridge:
         assert await bridge.client().ask(b":gT#") == b"1"
         await asyncio.sleep(1)
-        assert any(sent.startswith(b"H") for sent in bridge.sent()) is not aligned
+        assert any(sent.startswith(b"H") for sent in bridge.sent_requests()) is not aligned
 
 
 async def test_telescope_without_a_home_search_reports_home_not_found() -> None:
@@ -167,9 +167,9 @@ async def test_faster_of_two_motors_is_stopped_first(axis: int, first: bytes, ot
         await bridge.controller.perform(op.MoveAxis(axis - 15, 1, op.Rate(key=5)))
         if other:
             await bridge.controller.perform(op.MoveAxis(3 - (axis - 15), 1, op.Rate(key=other)))
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         await bridge.controller.perform(op.AbortMotion())
-        stops = [sent for sent in bridge.sent()[before:] if sent.startswith(b"P\x02") and sent[4] == 0]
+        stops = [sent for sent in bridge.sent_requests()[before:] if sent.startswith(b"P\x02") and sent[4] == 0]
         assert stops[0] == first
         assert len(stops) == 2
 
@@ -179,9 +179,9 @@ async def test_sync_after_an_aligning_first_sync_is_held_to_the_limit(driven: st
     async with Bridge(model, driven=driven, presented="nexstar", surface="6-8se", aligned=False) as bridge:
         client = bridge.client()
         assert await client.ask(b"SFC12,2163") == b"#"
-        syncs = [sent for sent in bridge.sent() if sent.startswith((b"s", b"S", b":CM"))]
+        syncs = [sent for sent in bridge.sent_requests() if sent.startswith((b"s", b"S", b":CM"))]
         await client.ask(b"S3A6F,1B8D", 2.0)
-        again = [sent for sent in bridge.sent() if sent.startswith((b"s", b"S", b":CM"))]
+        again = [sent for sent in bridge.sent_requests() if sent.startswith((b"s", b"S", b":CM"))]
         assert bridge.sim.aligned is aligns
         if aligns:
             assert again == syncs
@@ -192,7 +192,7 @@ async def test_axis_position_is_reported_though_a_goto_begins_during_the_read() 
     """A Meade tells azimuth and altitude in halves, which never agree on the way: the position says the same."""
     async with Bridge("lx200", driven="lx200", presented="nexstar", surface="lcm", latency=0.2) as bridge:
         first, second = bridge.client(), bridge.client()
-        sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+        sidereal = bridge.sim.mechanics.sky.lst(bridge.clock())
         await asyncio.sleep(5.0)
         goal = f"r{int(((sidereal + 100.0) % 360.0) / 360.0 * 2**32):08X},{int(70.0 / 360.0 * 2**32):08X}"
         first.tell(goal.encode())

@@ -33,7 +33,7 @@ def _save_on(directory: Path, first: int, report: int) -> None:
 
     async def program() -> None:
         kept = store.StateStore("nexstar", "proof", MarkerContent("nexstar@proof", 9600), str(directory), print)
-        assert kept.held
+        assert kept.has_lock
         number = first
         while True:
             number += 1

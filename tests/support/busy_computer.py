@@ -13,7 +13,7 @@ from gateway.core.wire_log import WireLog
 from gateway.diagnostics.virtual_time import VirtualLoop, run
 from gateway.mount.link.line import MountLink
 from gateway.transport import ConnectionHandler
-from gateway.transport.handler import Connected
+from gateway.transport.handler import NewConnection
 from gateway.transport.wires import SimulatedTransport
 
 #: 2026-01-15 22:00 UTC
@@ -54,10 +54,10 @@ class Busy:
 
     def arrive(self, name: str, write: Any) -> ConnectionHandler:
         """Open a new connection. Raises ConnectionRefused."""
-        return self.gateway.acceptors[0].accept(Connected(name, name.partition(":")[0], write, lambda last: None))
+        return self.gateway.acceptors[0].accept(NewConnection(name, name.partition(":")[0], write, lambda last: None))
 
     async def __aenter__(self) -> Busy:
-        self.gateway.begin()
+        self.gateway.open_line()
         return self
 
     async def __aexit__(self, *_: object) -> None:

@@ -96,7 +96,7 @@ def _bridge(case: Scenario) -> Bridge:
         return Bridge(case.mount, case.version, site=case.site, config=config, surface="lx200gps")
     bridge = Bridge(case.mount, driven="lx200", presented="nexstar", surface="cge", site=case.site, config=config)
     if case.build.startswith("german"):
-        bridge.sim.letter = "P"
+        bridge.sim.mode_letter = "P"
         bridge.sim.mechanics.rebuild(bridge.sim.now, Build.GERMAN)
     elif case.build == "fork":
         bridge.sim.feed(b":AP#")

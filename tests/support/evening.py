@@ -57,7 +57,7 @@ class Play:
 
     def high(self, east: float, height: float = 30.0) -> tuple[float, float]:
         """Return a place east of the meridian, in round seconds."""
-        ra = wrap360(self.sim.mechanics.true_sky.sidereal(self.bridge.clock()) + east)
+        ra = wrap360(self.sim.mechanics.true_sky.lst(self.bridge.clock()) + east)
         north = 1.0 if self.sim.mechanics.true_sky.latitude > 0 else -1.0
         return round(ra * 240.0) / 240.0, north * height
 
@@ -72,14 +72,17 @@ class Play:
     async def stands(self) -> None:
         """It tracks, and stands among the stars."""
         await asyncio.sleep(2.0)
-        before = self.sim.truth()
+        before = self.sim.true_position()
         await asyncio.sleep(4.0)
-        must(off(self.sim.truth(), before) < 3.0, f"it does not stand: {off(self.sim.truth(), before):.0f}″ in 4 s")
+        must(
+            off(self.sim.true_position(), before) < 3.0,
+            f"it does not stand: {off(self.sim.true_position(), before):.0f}″ in 4 s",
+        )
 
     async def follows(self) -> float:
         """Return how far the program's position is from the truth."""
         await asyncio.sleep(3.0)
-        found = off(await self.one.place(), self.sim.truth())
+        found = off(await self.one.place(), self.sim.true_position())
         must(found < EXACT, f"told {found:.0f}″ from the truth")
         return found
 
@@ -94,7 +97,7 @@ class Play:
             there = self.high(east)
             await self.one.goto(*there)
             await self.rests()
-            worst = max(worst, off(self.sim.truth(), there))
+            worst = max(worst, off(self.sim.true_position(), there))
             must(worst < EXACT, f"{worst:.0f}″ off")
             await self.follows()
             await self.stands()
@@ -113,16 +116,16 @@ class Play:
         there = self.high(25.0)
         await self.one.goto(*there)
         await self.rests()
-        must(off(self.sim.truth(), there) < EXACT, "a goto just after an abort does not arrive")
+        must(off(self.sim.true_position(), there) < EXACT, "a goto just after an abort does not arrive")
         return f"{seconds:.1f} s"
 
     async def sync(self) -> str:
-        stood = self.sim.truth()
+        stood = self.sim.true_position()
         ra, dec = await self.one.place()
         there = round(wrap360(ra + 0.5) * 240.0) / 240.0, round((dec + 0.5) * 3600.0) / 3600.0
         await self.one.sync(*there)
         await asyncio.sleep(2.0)
-        must(off(self.sim.truth(), stood) < EXACT, "the tube has moved")
+        must(off(self.sim.true_position(), stood) < EXACT, "the tube has moved")
         found = off(await self.one.place(), there)
         must(found < EXACT, f"told {found:.0f}″ from what was synced")
         await self.one.sync(*stood)
@@ -141,9 +144,9 @@ class Play:
         return {"n": dec, "s": -dec, "w": -wrap180(ra), "e": wrap180(ra)}[direction]
 
     def _now(self) -> tuple[float, float, float, float]:
-        ra, dec = self.sim.truth()
+        ra, dec = self.sim.true_position()
         ground = self.sim.mechanics.true_sky
-        return ra, dec, *hour_angle_to_horizon(ground.sidereal(self.sim.now) - ra, dec, ground.latitude)
+        return ra, dec, *hour_angle_to_horizon(ground.lst(self.sim.now) - ra, dec, ground.latitude)
 
     async def arrows(self) -> str:
         """On both sides of the meridian, and so of the pier."""
@@ -196,10 +199,10 @@ class Play:
             await asyncio.sleep(3.0)
             turned = self._turned(direction, before) * 3600.0
             if "pulseguide" in getattr(self.sim, "lacks", ()):
-                must(off(self.sim.truth(), before[:2]) < 1.0, "it moves without PulseGuide")
+                must(off(self.sim.true_position(), before[:2]) < 1.0, "it moves without PulseGuide")
                 raise Refusal("nothing moves")
             if self.altaz:
-                turned = off(self.sim.truth(), before[:2])
+                turned = off(self.sim.true_position(), before[:2])
             if self.one.nexstar:
                 turned = abs(turned)
             must(2.0 < turned < 30.0, f"{direction}: {turned:.1f}″")
@@ -216,12 +219,12 @@ class Play:
         return "off, on"
 
     async def limits(self) -> str:
-        before = self.sim.truth()[1]  # right ascension passes where it does not track
+        before = self.sim.true_position()[1]  # right ascension passes where it does not track
         with contextlib.suppress(Refusal):
             await self.one.leave(*self.high(0.0, -70.0))
             must(self.one.nexstar, "a goto below the limit is not refused")  # it has no words for that
         await asyncio.sleep(3.0)
-        must(abs(self.sim.truth()[1] - before) < 0.1, "the refused goto moves it")
+        must(abs(self.sim.true_position()[1] - before) < 0.1, "the refused goto moves it")
         latitude = self.sim.mechanics.true_sky.latitude
         await self.one.goto(self.high(0.0)[0], round(latitude - math.copysign(80.0, latitude)))
         if self.one.arrow is None:
@@ -323,15 +326,15 @@ class Evening(Play):
         """A goto that the gateway allows, below the mount's own horizon. A SynScan has none."""
         if self.synscan:
             return "-"
-        kept, stood = self.sim.stored["lowest"], self.sim.truth()
-        self.sim.stored["lowest"] = 60.0
+        kept, stood = self.sim.stored_values["lowest"], self.sim.true_position()
+        self.sim.stored_values["lowest"] = 60.0
         try:
             await self.one.leave(*self.high(50.0, 0.0))
             must(self.one.nexstar or self.one.stop is None, "the goto is not refused")  # these have no words for that
         finally:
             await asyncio.sleep(2.0)
-            self.sim.stored["lowest"] = kept
-            must(off(self.sim.truth(), stood) < EXACT, "it went")
+            self.sim.stored_values["lowest"] = kept
+            must(off(self.sim.true_position(), stood) < EXACT, "it went")
         raise Refusal("without words")
 
     async def site(self) -> str:

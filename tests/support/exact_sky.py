@@ -15,7 +15,7 @@ def _day(day: int) -> bytes:
     go_offline()
     from gateway.astro.ephemeris import by_astropy
 
-    return by_astropy.almanac([day]).days[day]
+    return by_astropy.calculate_almanac([day]).days[day]
 
 
 class _Days(dict[int, bytes]):

@@ -18,11 +18,11 @@ from gateway.core.errors import Fault
 from gateway.core.wire_log import WireLog
 from gateway.mount.motion.wanted import Wanted
 from gateway.mount.policy import Limits
-from gateway.mount.presence import NO_PROGRAM, HostActivity, Presence, ProgramId
+from gateway.mount.presence import NO_PROGRAM, ClientPresence, HostActivity, ProgramId
 from gateway.mount.readings.cache import NOT_CACHED
 from gateway.mount.site.pending_settings import IncomingSettings
-from gateway.protocols.base.session import Shared
-from gateway.transport.handler import Connected
+from gateway.protocols.base.session import SharedSettings
+from gateway.transport.handler import NewConnection
 from tests.support.fake_mount import Mount
 
 
@@ -33,8 +33,8 @@ class FakeController:
         self.mount, self.loop = mount, asyncio.get_running_loop()
         self.now = self.loop.time
         self.wire_log = WireLog(self.clock)
-        self.presence = Presence(self.now)
-        self.version = self.stops = 0
+        self.presence = ClientPresence(self.now)
+        self.answer_version = self.stops = 0
         self.closed = self.slewing = False
         self.reconciler = self.wanted = self.context = self
         self.incoming = IncomingSettings()
@@ -45,19 +45,19 @@ class FakeController:
     @property
     def value(self) -> Wanted:
         """Return that nothing moves or waits, because everything is done at once."""
-        return Wanted(stops=self.stops)
+        return Wanted(n_stops=self.stops)
 
     def clock(self) -> float:
         """Return the host's time."""
         return self._epoch + self.now()
 
     def changed(self) -> None:
-        self.version += 1
+        self.answer_version += 1
 
-    def halt_is_pending(self, operation: op.Operation) -> None:
+    def merge_halt(self, operation: op.Operation) -> None:
         """Do nothing: no stop is ever under way here, because each is done at once."""
 
-    def releases_arrow(self, activity: HostActivity) -> bool:
+    def treat_as_release(self, activity: HostActivity) -> bool:
         """Return that no arrow waits: everything is done at once."""
         return False
 
@@ -66,7 +66,7 @@ class FakeController:
             return self.mount.perform(operation)
         return NOT_CACHED
 
-    def impossible(self, operation: op.Operation) -> None:
+    def certain_fault(self, operation: op.Operation) -> None:
         """Accept every operation."""
 
     def touch(self, kinds: list[type[op.Operation]], now: float) -> None:
@@ -78,10 +78,10 @@ class FakeController:
     async def perform(
         self,
         operation: op.Operation,
-        stops: int | None = None,
+        n_stops: int | None = None,
         activity: HostActivity | None = None,
-        patience: float = 3.5,
-        asked: float | None = None,
+        max_delay: float = 3.5,
+        arrived_at: float | None = None,
     ) -> Any:
         await asyncio.sleep(0)
         self.mount.clock = op.Moment(self.clock() + self._ahead, self.mount.clock.offset)
@@ -128,7 +128,7 @@ class FakeGateway:
         self.mount = mount or Mount()
         self.controller = FakeController(self.mount)
         binding = make_surface(Endpoint(protocol, "-", model, version), SurfaceConfig(at="-", **settings), Limits())
-        self.shared = Shared()
+        self.shared = SharedSettings()
         self.acceptor = ConnectionAcceptor(cast(Any, self.controller), binding, self.shared, self.controller.clock)
 
     def connect(self, host: str = "192.168.4.2") -> FakeConnection:
@@ -140,7 +140,7 @@ class FakeConnection:
 
     def __init__(self, gateway: FakeGateway, host: str) -> None:
         self._heard = b""
-        self.guest = gateway.acceptor.accept(Connected(f"{host}:1", host, self._hear))
+        self.guest = gateway.acceptor.accept(NewConnection(f"{host}:1", host, self._hear))
 
     def _hear(self, data: bytes) -> None:
         self._heard += data

@@ -22,8 +22,8 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, SyncTooFar, Unsupported
 from gateway.mount.policy import Limits
 from gateway.mount.site.astrometry import SiteAstrometry
-from gateway.mount.site.places import PLACE_FUNCTIONS
-from gateway.mount.site.site_clock import BestSources, SiteClock
+from gateway.mount.site.places import POSITION_FUNCTIONS
+from gateway.mount.site.site_clock import SiteClock, SiteTimeSources
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.wants import ChangeBaudRate, CheckPossible, Defer, FireAndForget, ReuseLastReading
 
@@ -82,10 +82,10 @@ class Mount:
             return self.gps
         if isinstance(operation, op.GetGps | op.GuideRate):
             raise Unsupported
-        if type(operation) in PLACE_FUNCTIONS:
+        if type(operation) in POSITION_FUNCTIONS:
             site_clock = SiteClock(lambda: self.clock.unix, lambda: self.clock.unix, self.site)
-            return PLACE_FUNCTIONS[type(operation)](
-                SiteAstrometry(self.sky, BestSources(site_clock), "jnow"), operation
+            return POSITION_FUNCTIONS[type(operation)](
+                SiteAstrometry(self.sky, SiteTimeSources(site_clock), "jnow"), operation
             )
         if isinstance(operation, op.SiderealTime):
             return self.sky.sidereal_time(self.clock.unix, self.site.longitude)
@@ -143,8 +143,8 @@ class Talk:
         endpoint = Endpoint(protocol, "-", model, version)
         self.binding: SurfaceBinding = make_surface(endpoint, SurfaceConfig(at="-", **settings), Limits())
         self.now = self.mount.clock.unix
-        self.session = self.binding.surface.session(self.binding.model, self.binding.settings, lambda: self.now)
-        self.framer = self.binding.framing()
+        self.session = self.binding.surface.session_type(self.binding.model, self.binding.settings, lambda: self.now)
+        self.framer = self.binding.make_framer()
         self.deferred: list[tuple[float, Session, str]] = []
         self._told: dict[type[Any], tuple[float, Any]] = {}
 
@@ -190,9 +190,9 @@ class Talk:
     def reconnect(self) -> None:
         """Close the connection and open the next one, which inherits what the session keeps across connections."""
         before = self.session
-        self.session = type(before)(before.model, before.settings, before.clock, before.common)
+        self.session = type(before)(before.model, before.settings, before.clock, before.settings_holder)
         self.session.client = copy(before.client)
-        self.framer = self.binding.framing()
+        self.framer = self.binding.make_framer()
 
     def wait(self, seconds: float) -> None:
         """Let time pass on the host and on the mount, and run each deferred handler at its time."""

@@ -122,16 +122,16 @@ def load() -> None:
     """Import everything that a product process may need."""
     import gateway
     from gateway.astro.ephemeris import keeper
-    from gateway.protocols.registry import pairs
+    from gateway.protocols.registry import protocol_pairs
     from gateway.protocols.wireformat.command_set import load as tables
 
     keeper.DAYS_PER_CALCULATION = 0
     for module in pkgutil.walk_packages(gateway.__path__, "gateway."):
         if module.name not in LEFT_OUT:
             importlib.import_module(module.name)
-    for name in {name for pair in pairs() for name in pair}:
+    for name in {name for pair in protocol_pairs() for name in pair}:
         one = tables(name)
-        _ = one.surface, one.own, one.driver, one.models
+        _ = one.surface_rows, one.own_rows, one.driver_rows, one.models
     gc.collect()
     gc.freeze()
 

@@ -114,7 +114,7 @@ _RATES = [op.Rate(name="guide"), op.Rate(name="max"), op.Rate(key=1), op.Rate(ke
           op.Rate(degrees=2.0), op.Rate(degrees=99.0), op.Rate(name="max", degrees=4.0)]  # fmt: skip
 #: Operations for a mount of the surface's own protocol, which need a command of it.
 FOR_ITS_KIND = (op.PassThrough, op.NativeRequest, op.Choose)
-KINDS = [kind for name in sorted(vars(op)) if (kind := op.named(name)) and kind not in FOR_ITS_KIND]
+KINDS = [kind for name in sorted(vars(op)) if (kind := op.operation_class(name)) and kind not in FOR_ITS_KIND]
 
 
 def any_operation(rng: Random) -> op.Operation:
@@ -227,7 +227,7 @@ async def corrupt(driven: str, mount: str, rng: Random, size: int, findings: Fin
     bridge.controller.start()
     try:
         async with asyncio.timeout(120.0):
-            await bridge.controller.settled.wait()
+            await bridge.controller.site_read.wait()
     except TimeoutError:
         findings.ended["never identified"] += 1
     transport.manner = None
@@ -264,7 +264,7 @@ async def _recover(bridge: Bridge, findings: Findings, label: str) -> None:
     except TimeoutError:
         line, known = bridge.controller.line, bridge.controller.identified.is_set()
         findings.say(f"{label.partition(':')[0]}: does not recover",
-                     f"{label}, line {line.state} {line.reason!r}, identified {known}")  # fmt: skip
+                     f"{label}, line {line.state} {line.down_cause!r}, identified {known}")  # fmt: skip
 
 
 def _hear(entry: Entry, driven: str, findings: Findings) -> None:

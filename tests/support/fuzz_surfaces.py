@@ -23,7 +23,7 @@ from gateway.clients.commands.turn import MAX_CACHED_REPLIES, MAX_WAITING_COMMAN
 from gateway.core.wire_log import MAX_NOTES_ONCE, Entry
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
-from gateway.protocols.nexstar.versions import made_with
+from gateway.protocols.nexstar.versions import versions_of
 from gateway.protocols.wireformat.command_set import load
 from tests.support.fuzz_bytes import KINDS, packets, thrown
 from tests.support.fuzz_forms import PROTOCOLS, of_reply, of_request
@@ -59,9 +59,9 @@ def cases() -> list[Case]:
     NexStar models come in their oldest and newest versions, and with a StarSense if one can replace the hand control.
     """
     mounts = (("nexstar", "6-8se"), ("lx200", "autostar"), ("nexstar", "cge"), ("lx200", "lx200gps"))
-    faces = [("lx200", model, None) for model in load("lx200").presented]
+    faces = [("lx200", model, None) for model in load("lx200").presented_models]
     for model, row in load("nexstar").models.items():
-        newest = row["versions"][-1], made_with(row)[-1]
+        newest = row["versions"][-1], versions_of(row)[-1]
         faces += [("nexstar", model, version) for version in dict.fromkeys((row["versions"][0], *newest))]
     lx200 = [Case(*face, *mount) for face in faces[:4] for mount in mounts]
     return lx200 + [Case(*face, *mounts[n % 4]) for n, face in enumerate(faces[4:])]
@@ -113,9 +113,10 @@ class Judge:
         pending = len(framer._frame if self.case.presented == "lx200" else framer._pending)
         for what, size, most in (
             ("inbox", len(client._inbox), MAX_WAITING_COMMANDS),
-            ("memo", len(client._cache._replies), MAX_CACHED_REPLIES), ("framer", pending, 64),
+            ("memo", len(client._reply_cache._replies), MAX_CACHED_REPLIES), ("framer", pending, 64),
             ("kept", len(repr(client.session.client)), KEPT), ("shared", len(repr(client.session.shared)), KEPT),
-            ("told", len(client.runner._sent_operations), 40), ("deferred", len(client.runner._deferred_operations), 4),
+            ("told", len(client.command_runner._sent_readings), 40),
+            ("deferred", len(client.command_runner._deferral_timers), 4),
             ("said", len(bridge.wire_log._notes_logged_once), MAX_NOTES_ONCE),
             ("tasks", len(bridge.controller.context.tasks), 600), ("line", len(bridge.controller.line.queue), 600),
             ("hosts", len(bridge.acceptor._saved_states), 200),
@@ -142,7 +143,7 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
     )
     endpoint = Endpoint(case.presented, "-", case.model, case.version)
     face = make_surface(endpoint, SurfaceConfig(at="-"), Limits())
-    face.surface.verbatim = case.presented == case.driven
+    face.surface.mount_speaks_same = case.presented == case.driven
     bridge.acceptor.binding = face
     bridge.controller.astrometry.sky = SKY
     bridge.wire_log.sinks[:] = [judge.hear]
@@ -167,7 +168,7 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
             visitor.close()
         await asyncio.sleep(5.0)
         began = bridge.controller.now()
-        while any(client.busy for client in clients):
+        while any(client.has_running_operations for client in clients):
             if bridge.controller.now() - began > PATIENCE:
                 judge.say(f"{case.presented}: requests do not end", f"{case}, {kind}")
                 break

@@ -8,8 +8,8 @@ from collections.abc import Iterable
 from itertools import cycle
 from typing import Any
 
-from gateway.transport.handler import Connected
-from gateway.transport.rfc2217 import over_telnet
+from gateway.transport.handler import NewConnection
+from gateway.transport.rfc2217 import accept_telnet
 
 
 class Caller:
@@ -24,9 +24,9 @@ class Caller:
         self.heard = b""
         self.gone = False
         self._told = asyncio.Event()
-        arrive = over_telnet(acceptor.accept) if transport == "rfc2217" else acceptor.accept
+        arrive = accept_telnet(acceptor.accept) if transport == "rfc2217" else acceptor.accept
         hang_up = None if trusted else self._hang_up
-        self.guest = arrive(Connected(f"{host}:{number}", host, self._hear, hang_up))
+        self.guest = arrive(NewConnection(f"{host}:{number}", host, self._hear, hang_up))
 
     def _hear(self, data: bytes) -> None:
         assert not self.gone, "the gateway sends something after closing the connection"

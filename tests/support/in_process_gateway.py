@@ -10,11 +10,11 @@ from typing import Any
 from gateway.app.state.file import MarkerContent
 from gateway.app.state.motion_marker import InThread
 from gateway.app.state.store import StateStore
-from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
+from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalMount
 from gateway.protocols.wireformat.command_set import load
 from tests.support.sent_forms import malformed
 
-__all__ = ["EVENING", "Bridge", "Visitor", "here"]
+__all__ = ["EVENING", "Bridge", "RehearsalClient", "here"]
 
 #: 2026-01-15 22:00 UTC
 EVENING = 1768514400.0
@@ -46,12 +46,12 @@ class Bridge(RehearsalMount):
         """``state`` is the folder of the state files; the other settings are those of a stage."""
         self._state, self._in_thread = state, in_thread
         self._driven, self._hands_on = driven, presented == driven == "nexstar"
-        dialect = load(driven).of(mount).other
+        dialect = load(driven).in_dialect_of(mount).other
         self._spoken = mount if dialect is not None else driven
         self.warned: list[str] = []
         super().__init__(mount, version, surface=surface, start=start, driven=driven, presented=presented, **settings)
 
-    def open_store(self) -> None:
+    def open_state_store(self) -> None:
         if self._state is not None:
             marked, folder = MarkerContent(f"{self._driven}@bridge", 9600), str(self._state)
             in_thread = self._in_thread or here
@@ -63,7 +63,7 @@ class Bridge(RehearsalMount):
         if self.store is not None:
             await self.store.close()
         if failed is None and not self._hands_on:  # these commands are the program's own
-            assert not (wrong := malformed(self._spoken, self.sent())), f"not a form of the manual: {wrong}"
+            assert not (wrong := malformed(self._spoken, self.sent_requests())), f"not a form of the manual: {wrong}"
 
     async def kill(self) -> None:
         """End like a killed process: send and write nothing more, and only release the lock."""

@@ -25,7 +25,7 @@ from gateway.mount.link.line import MountLink
 from gateway.mount.readings.cache import NOT_CACHED
 from gateway.protocols.base.driver import Send
 from tests.support.faulty_line import FaultyWire, Kind
-from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.in_process_gateway import Bridge, RehearsalClient
 
 #: Degrees: the coarsest resolution of a reply, and the error of a garbled one beyond what a slew explains.
 RESOLUTION, MARGIN = 0.01, 0.06
@@ -65,7 +65,7 @@ class Trial:
         self.line: MountLink = line
         self.strange: list[Send] = []
         self.acknowledged: list[tuple[Send, bool]] = []
-        in_step, exchange = line.in_step, line.transaction.exchange
+        in_step, exchange = line.is_in_step, line.transaction.exchange
 
         async def exchanging(ask: Send, **more: Any) -> Any:
             self.wire.strange, self.wire.of_other_command = None, False
@@ -98,7 +98,7 @@ class Trial:
             finally:
                 self.wire.proving = False
 
-        line.in_step = proving  # type: ignore[method-assign]
+        line.is_in_step = proving  # type: ignore[method-assign]
         self.bridge.wire_log.sinks.append(self.wire.follow)
         self.trail: deque[tuple[float, float, float]] = deque(maxlen=4000)
         self.wrong: Counter[str] = Counter()
@@ -133,12 +133,12 @@ class Trial:
         self.still_since = None if slewing else (now if self.still_since is None else self.still_since)
 
     def _position(self) -> tuple[float, float]:
-        self.sim.truth()
+        self.sim.true_position()
         if self.driven == "lx200":
             return self.sim.position()  # type: ignore[no-any-return]
         from gateway.astro.spherical import fold_declination
 
-        return fold_declination(*self.sim.mechanics.believed(self.sim.now))
+        return fold_declination(*self.sim.mechanics.believed_position(self.sim.now))
 
     def _rebooted(self) -> Any:
         """Power-cycle the mount: it loses its alignment, precision and motion, and keeps its position and clock."""
@@ -176,7 +176,7 @@ class Trial:
             ]
             while wire.exchanges < exchanges:
                 await asyncio.sleep(5.0)
-                assert self.line.served, "the task of the mount's line has ended"
+                assert self.line.is_running, "the task of the mount's line has ended"
                 for task in tasks:
                     if task.done():
                         task.result()
@@ -186,7 +186,7 @@ class Trial:
             await asyncio.gather(*tasks, return_exceptions=True)
             await asyncio.sleep(60.0)  # a line without faults must recover
             if self.line.state != "up" or not await self._request(bridge.client(), POSITION[self.driven], 1):
-                self._is_wrong("hang", f"line {self.line.state}: {self.line.reason}")
+                self._is_wrong("hang", f"line {self.line.state}: {self.line.down_cause}")
 
     async def _follow(self) -> None:
         """Sample the truth between requests too: the gateway extrapolates positions."""
@@ -208,7 +208,7 @@ class Trial:
                     self._check_position(*_nexstar_position(raw), paired=False)
             await asyncio.sleep(every * self.random.uniform(0.8, 1.2))
 
-    async def _request(self, client: Visitor, data: bytes, replies: int) -> bytes:
+    async def _request(self, client: RehearsalClient, data: bytes, replies: int) -> bytes:
         """Send a request and wait; then a command that needs no mount must be answered."""
         loop = asyncio.get_running_loop()
         began = loop.time()
@@ -226,7 +226,7 @@ class Trial:
         self.asked["answered" if answer else "silent"] += 1
         return answer
 
-    async def _mover(self, client: Visitor) -> None:
+    async def _mover(self, client: RehearsalClient) -> None:
         """A program that slews, moves by direction keys and stops."""
         draw = self.random
         while True:
@@ -312,20 +312,20 @@ class Trial:
             self._is_wrong("position", f"{ra:.4f} {dec:.4f} {said}; line {self.line.state}")
 
     def _fastest(self) -> float:
-        return float(self.sim.mechanics.fastest) * math.sqrt(2.0)
+        return float(self.sim.mechanics.max_rate) * math.sqrt(2.0)
 
     def _check(self, operation: op.Operation, value: Any, now: float) -> None:
         self.asked[type(operation).__name__] += 1
         if isinstance(operation, op.Slewing):
             self._sample()
-            if value != self.said or self.bridge.controller.wanted.goto_waits:  # one that waits counts as under way
+            if value != self.said or self.bridge.controller.wanted.goto_pending:  # one that waits counts as under way
                 self.said_since, self.said = now, bool(value)
             since = self.still_since if value else self.slewing_since
             if since is not None and min(now - since, now - self.said_since) > SETTLED and self.line.state == "up":
                 said, true = now - self.said_since, now - since
                 self._is_wrong("slewing", f"said {value} for {said:.1f} s, {not value} for {true:.1f} s")
         elif isinstance(operation, op.GetStatus):
-            equatorial = self.sim.german if self.driven == "nexstar" else self.sim.letter == "P"
+            equatorial = self.sim.german if self.driven == "nexstar" else self.sim.mode_letter == "P"
             old = now - self.rebooted < 30.0
             if not old and (value.aligned != self.sim.aligned or value.equatorial != equatorial):
                 self._is_wrong("status", f"{value}, aligned {self.sim.aligned}")

@@ -66,7 +66,7 @@ async def goes(bridge: Any, operation: op.Operation, seconds: float = 60.0) -> t
             fault = refused
         for _ in range(round(seconds)):
             await asyncio.sleep(1.0)
-            if not bridge.controller.movement.anything:
+            if not bridge.controller.movement.any_motion:
                 break
         await asyncio.sleep(2.0)
     return fault, nearest.distance
@@ -74,7 +74,7 @@ async def goes(bridge: Any, operation: op.Operation, seconds: float = 60.0) -> t
 
 async def believed(bridge: Any, az: float, alt: float) -> op.Equatorial:
     """Right ascension and declination that the mount puts at an azimuth and altitude."""
-    return bridge.controller.astrometry.equatorial(op.Horizontal(az, alt))
+    return bridge.controller.astrometry.equatorial_of(op.Horizontal(az, alt))
 
 
 async def to(bridge: Any, az: float, alt: float) -> tuple[Fault | None, float]:

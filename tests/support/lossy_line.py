@@ -36,7 +36,7 @@ class LossyLine:
         self._framer: TimedFramer = bridge.sim.framer()
         self._hand_control = isinstance(self._framer, NexStarFramer)
         if self._hand_control and keeps_half:
-            self._framer = KeepsHalf(remembers=False)
+            self._framer = KeepsHalf(drops_late_ends=False)
         self._busy_until = 0.0
         self.heard: list[tuple[float, bytes]] = []
         self._replies = 0

@@ -105,7 +105,7 @@ async def _play(case: Case) -> Outcome:
         line = Swallowing(bridge, case)
         client, other = bridge.client(), bridge.client("10.0.0.9")
         question = b":GR#" if lx200 else b"e"
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         if case.after == "order":
             line.arm()
         client.tell((LX200_MOTIONS if lx200 else NEXSTAR_MOTIONS)[case.motion])
@@ -121,7 +121,7 @@ async def _play(case: Case) -> Outcome:
             if truth.moving(bridge.sim):
                 moved = tenth / 10.0
         moves = truth.moving(bridge.sim)
-        sent = tuple(bridge.sent()[before:]) if moves else ()
+        sent = tuple(bridge.sent_requests()[before:]) if moves else ()
         return Outcome(case, moved, moves, (line.commands, line.replies, line.bytes), line.swallowed, sent)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from gateway.astro.ephemeris.closed_forms import sidereal_time
 from gateway.astro.spherical import separation, wrap360
 from gateway.diagnostics.virtual_time import run
-from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.in_process_gateway import Bridge, RehearsalClient
 
 ARCSECOND = 1 / 3600
 NORTH = bytes((80, 2, 17, 36, 9, 0, 0, 0))
@@ -53,10 +53,10 @@ def up(bridge: Bridge, east: float = 20.0, dec: float = 40.0) -> tuple[float, fl
 
 def off(bridge: Bridge, ra: float, dec: float) -> float:
     """Return how far the tube really points from these coordinates, degrees."""
-    return separation(*bridge.sim.truth(), ra, dec)
+    return separation(*bridge.sim.true_position(), ra, dec)
 
 
-async def settled(client: Visitor, seconds: float = 120.0) -> None:
+async def settled(client: RehearsalClient, seconds: float = 120.0) -> None:
     """Poll ``L`` as INDIGO does until it is 0."""
     end = asyncio.get_running_loop().time() + seconds
     while asyncio.get_running_loop().time() < end:
@@ -66,7 +66,7 @@ async def settled(client: Visitor, seconds: float = 120.0) -> None:
     raise AssertionError("still slewing")
 
 
-async def polled(client: Visitor) -> None:
+async def polled(client: RehearsalClient) -> None:
     """Poll like a program that has been connected for a while."""
     for _ in range(3):
         await client.ask(b"L")

@@ -24,14 +24,14 @@ LUNAR = 14.685 / 15.041067
 
 
 def _axes(b: Bridge) -> tuple[float, float]:
-    b.sim.truth()
+    b.sim.true_position()
     first, second = b.sim.mechanics.axes(b.sim.now)
     return float(first), float(second)
 
 
 def _place(b: Bridge) -> tuple[float, float]:
-    b.sim.truth()
-    ra, dec = b.sim.mechanics.believed(b.sim.now)
+    b.sim.true_position()
+    ra, dec = b.sim.mechanics.believed_position(b.sim.now)
     return fold_declination(ra, dec)
 
 
@@ -50,7 +50,7 @@ def _alpaca(b: Bridge) -> bool:
 
 def _high(b: Bridge, east: float = 20.0) -> tuple[float, float]:
     """Return a target well above the horizon, ``east`` degrees east of the meridian."""
-    return (b.sim.mechanics.sky.sidereal(b.clock()) + east) % 360.0, 0.5 * _site(b)[0]
+    return (b.sim.mechanics.sky.lst(b.clock()) + east) % 360.0, 0.5 * _site(b)[0]
 
 
 async def _settle(b: Bridge, seconds: float = 240.0) -> None:
@@ -75,7 +75,7 @@ async def position(b: Bridge) -> bool:
 
 async def horizon(b: Bridge) -> bool:
     seen = await b.controller.answer(op.HorizontalPosition())
-    here = b.controller.astrometry.horizon(await b.controller.answer(op.Position()))
+    here = b.controller.astrometry.horizontal(await b.controller.answer(op.Position()))
     return _near((seen.az, seen.alt), (here.az, here.alt), 0.3)
 
 
@@ -98,9 +98,9 @@ async def identity(b: Bridge) -> bool:
     seen = await b.controller.answer(op.GetIdentity())
     if _alpaca(b):
         return bool(seen.product == "Simulated mount")
-    if hasattr(b.sim, "shown_version"):
+    if hasattr(b.sim, "reported_version"):
         name = next(model for model, row in load("nexstar").models.items() if row is b.sim.row)
-        major, minor, *patch = b.sim.shown_version
+        major, minor, *patch = b.sim.reported_version
         named = b.sim.version >= (2, 2) or major >= 100  # only a GT counts from 100
         version = f"{major}.{minor:02d}" if 3 <= major < 100 else f"{major}.{minor}"
         if name.startswith("synscan"):  # six digits, two for each number
@@ -134,7 +134,7 @@ async def gps(b: Bridge) -> bool:
 
 
 async def sidereal(b: Bridge) -> bool:
-    return abs(wrap180(await b.controller.answer(op.SiderealTime()) - b.sim.mechanics.sky.sidereal(b.clock()))) < 0.05
+    return abs(wrap180(await b.controller.answer(op.SiderealTime()) - b.sim.mechanics.sky.lst(b.clock()))) < 0.05
 
 
 async def pier_side(b: Bridge) -> bool:
@@ -357,15 +357,15 @@ async def clock_from_gps(b: Bridge) -> bool:
 
 async def set_guide_rate(b: Bridge) -> bool:
     await b.controller.perform(op.SetGuideRate(1, 0.25))
-    if hasattr(b.sim, "pulse_rate"):  # that of the next pulse
+    if hasattr(b.sim, "pulse_rate_number"):  # that of the next pulse
         await b.controller.perform(op.Pulse(op.Direction.NORTH, 1000))
-        return bool(b.sim.times(b.sim.pulse_rate) == 0.25)
+        return bool(b.sim.times(b.sim.pulse_rate_number) == 0.25)
     if _alpaca(b):
         return bool(abs(b.sim.guides[0] / SIDEREAL_RATE - 0.25) < 0.01)
     return (
         bool(b.sim.settings["guide rate", 16] == 64)
         if hasattr(b.sim, "settings")
-        else bool(abs(b.sim.stored["Rg"] - 3.8) < 0.1)
+        else bool(abs(b.sim.stored_values["Rg"] - 3.8) < 0.1)
     )
 
 
@@ -373,7 +373,7 @@ async def backlash(b: Bridge) -> bool:
     await b.controller.perform(op.Backlash(2, 25))
     if hasattr(b.sim, "settings"):
         return bool(b.sim.settings["positive backlash", 17] == b.sim.settings["negative backlash", 17] == 25)
-    return bool(b.sim.parts["backlash 2"] == 25)
+    return bool(b.sim.accessories["backlash 2"] == 25)
 
 
 async def periodic_error(b: Bridge) -> bool:
@@ -381,20 +381,22 @@ async def periodic_error(b: Bridge) -> bool:
         await b.controller.perform(op.PeriodicError(1, True))
     if hasattr(b.sim, "settings"):
         return bool(b.sim.settings["periodic error", 16] == 1)
-    return bool(b.sim.parts["pec 1"])
+    return bool(b.sim.accessories["pec 1"])
 
 
 async def focus(b: Bridge) -> bool:
     before = b.sim.focuser.position(b.sim.clock()) if hasattr(b.sim, "focuser") else 0
     await b.controller.perform(op.Focus(1, 4))
     await asyncio.sleep(2.0)
-    inward = b.sim.parts.get("focuser") if hasattr(b.sim, "parts") else b.sim.focuser.moving(b.sim.clock())
+    inward = (
+        b.sim.accessories.get("focuser") if hasattr(b.sim, "accessories") else b.sim.focuser.is_moving(b.sim.clock())
+    )
     await b.controller.perform(op.Focus(0))
-    if hasattr(b.sim, "parts"):
-        return inward == 1 and b.sim.parts["focuser"] == 0 and b.sim.parts["focus speed"] == 4
+    if hasattr(b.sim, "accessories"):
+        return inward == 1 and b.sim.accessories["focuser"] == 0 and b.sim.accessories["focus speed"] == 4
     if b.sim.focuser.position(b.sim.clock()) > before:
         return False  # it counts outward
-    return inward and not b.sim.focuser.moving(b.sim.clock()) and b.sim.focuser.position(b.sim.clock()) != before
+    return inward and not b.sim.focuser.is_moving(b.sim.clock()) and b.sim.focuser.position(b.sim.clock()) != before
 
 
 #: The order on one mount: operations that put it out of service come last.

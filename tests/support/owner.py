@@ -66,7 +66,7 @@ class Owner:
     def keys(self, *names: str) -> None:
         for name in names:
             self._speak(KEYS[self._driven][name])
-        self._before = len(self._bridge.sent())
+        self._before = len(self._bridge.sent_requests())
 
     def goto(self, ra: float, dec: float) -> None:
         """Send the mount to a position of date, degrees."""
@@ -79,25 +79,25 @@ class Owner:
             hours = b"%02d:%02d:%02d" % (seconds // 3600, seconds // 60 % 60, seconds % 60)
             degrees = b"%02d*%02d:%02d" % (arcseconds // 3600, arcseconds // 60 % 60, arcseconds % 60)
             self._speak(b":Sr" + hours + b"#:Sd" + sign + degrees + b"#:MS#")
-        self._before = len(self._bridge.sent())
+        self._before = len(self._bridge.sent_requests())
 
     async def cable_out(self, seconds: float) -> None:
         self.cable.pull()
         await asyncio.sleep(seconds)
         self.cable.out = False
-        self._before = len(self._bridge.sent())
+        self._before = len(self._bridge.sent_requests())
 
     async def power_cycle(self, seconds: float) -> None:
         """Switch off and on: the motors stop, the alignment is lost, and the mount does not reply for a while."""
         sim = self._bridge.sim
-        sim.truth()
+        sim.true_position()
         sim.mechanics.cancel(sim.now)
         for axis in (1, 2):
             sim.mechanics.move(sim.now, axis, 0.0)
             sim.mechanics.pulse(sim.now, axis, 0.0, 0.0)
         if self._driven == "lx200":
             release(sim)
-            sim.forget()
+            sim.lose_alignment()
             sim.power_on()
         else:
             sim.aligned = False
@@ -105,16 +105,16 @@ class Owner:
         self.cable.mute = True
         await asyncio.sleep(seconds)
         self.cable.mute = False
-        self._before = len(self._bridge.sent())
+        self._before = len(self._bridge.sent_requests())
 
     def align(self, done: bool) -> None:
         """Begin a new alignment, or complete it."""
         self._bridge.sim.aligned = done
-        self._before = len(self._bridge.sent())
+        self._before = len(self._bridge.sent_requests())
 
     @property
     def since(self) -> list[bytes]:
-        return list(self._bridge.sent()[self._before :])
+        return list(self._bridge.sent_requests()[self._before :])
 
     def begun(self) -> list[bytes]:
         """Return the commands of ``since`` that start a motion or tracking."""

@@ -16,7 +16,7 @@ from msgspec import Struct
 
 from gateway.astro.spherical import fold_declination, separation
 from gateway.transport.wires import OnData, OnLost
-from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.in_process_gateway import Bridge, RehearsalClient
 
 #: Seconds: from a reply to the next request, until a program gives up, and per byte at 9600 baud.
 EVERY, PATIENCE, BYTE = 0.3, 4.0, 0.001
@@ -115,7 +115,7 @@ async def poll(bridge: Bridge, seconds: float, request: bytes = b":GR#:GD#") -> 
     return polls
 
 
-async def ask(client: Visitor, request: bytes) -> bytes:
+async def ask(client: RehearsalClient, request: bytes) -> bytes:
     """Return the whole reply to ``:GR#:GD#`` or ``e``; empty if it does not arrive in time."""
     until = asyncio.get_running_loop().time() + PATIENCE
     client.received = b""
@@ -135,8 +135,8 @@ async def _trail(bridge: Bridge, places: list[tuple[float, tuple[float, float]]]
 
 def _truth(bridge: Bridge) -> tuple[float, float]:
     sim: Any = bridge.sim
-    sim.truth()
-    ra, dec = sim.mechanics.believed(sim.now)
+    sim.true_position()
+    ra, dec = sim.mechanics.believed_position(sim.now)
     return fold_declination(ra, dec)
 
 

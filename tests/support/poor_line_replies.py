@@ -33,13 +33,13 @@ async def polled(model: str, driven: str, poor: LineFaults, seconds: float, movi
     bridge.controller.start()
     try:
         async with asyncio.timeout(90.0):
-            await bridge.controller.settled.wait()
+            await bridge.controller.site_read.wait()
     except TimeoutError:
         pass
     if moving:
         mover = bridge.client("10.0.0.8")
         mover.tell(b":Sr08:00:00#:Sd+60*00:00#:MS#")
-        bridge.sim.mechanics.speed = 0.2
+        bridge.sim.mechanics.speedup = 0.2
     polls = await poll(bridge, seconds)
     await bridge.controller.close()
     return polls
@@ -52,7 +52,7 @@ async def first_answer(model: str, named: bool, latency: float) -> float:
     loop, client = asyncio.get_running_loop(), bridge.client()
     began = loop.time()
     while client.received.count(b"#") < 2 and loop.time() < began + 60.0:
-        if client.answered:
+        if client.all_answered:
             client.tell(b":GR#:GD#")
         await asyncio.sleep(0.05)
     took = loop.time() - began

@@ -19,7 +19,7 @@ from gateway.app.gateway import Gateway
 from gateway.app.simulated import DEFAULT_SITE, make_simulator
 from gateway.core.wire_log import WireLog
 from gateway.diagnostics.prove import small_motions
-from gateway.diagnostics.prove.findings import Finding, Findings, write
+from gateway.diagnostics.prove.findings import Finding, Findings, write_proof_file
 from gateway.diagnostics.prove.guide import GuidedCheck
 from gateway.diagnostics.virtual_time import VirtualLoop, run
 from gateway.mount.link.line import MountLink
@@ -64,11 +64,11 @@ class Onlooker:
         self.said.append(text)
         self._meet(text)
 
-    def progress(self, part: float, what: str) -> None:
+    def show_progress(self, part: float, what: str) -> None:
         assert 0.0 <= part <= 1.0
         self._meet(what)
 
-    async def key(self, question: str, keys: str) -> str:
+    async def ask_for_key(self, question: str, keys: str) -> str:
         self.asked.append(question)
         if self.stop.is_set():
             return " "
@@ -117,9 +117,9 @@ class Proven:
             lambda entry: self._sent.append(entry.data) if (entry.side, entry.arrow) == ("mount", ">") else None
         )
         self._change(self)
-        self.gateway.begin()
-        await self.gateway.surfaces_fitted.wait()
-        await self.controller.settled.wait()
+        self.gateway.open_line()
+        await self.gateway.models_presented.wait()
+        await self.controller.site_read.wait()
         self.owner = Owner(self, self.gateway.mount.protocol)
         self._sampling = asyncio.ensure_future(sample(self.sim, self.truths.append, self._every))
         return self
@@ -155,11 +155,11 @@ def checked(mount: str, keys: tuple[int, ...] = (9, 6, 1), **simulated: Any) -> 
         async with Proven(mount, every=9.0, **simulated) as proven:
             return await proven.check(Onlooker())
 
-    with patch.object(small_motions, "KEYS", keys):
+    with patch.object(small_motions, "RATE_KEYS", keys):
         findings: Findings = run_calm(check())
     return findings
 
 
 if __name__ == "__main__":
     for kind in KINDS:
-        print(write(CHECKED, checked(kind), simulated=True))
+        print(write_proof_file(CHECKED, checked(kind), simulated=True))

@@ -99,7 +99,7 @@ async def replug(cycles: int, seed: int, polls: float = 0.2) -> dict[str, Any]:
         await gateway.open()
         assert await gateway.wait_identified(20.0)
         line = gateway.controller.line
-        host, port = gateway.ports[0].where.removeprefix("tcp://").split(":")
+        host, port = gateway.ports[0].address.removeprefix("tcp://").split(":")
         programs = [Program(*await asyncio.open_connection(host, int(port))) for _ in range(3)]
         over = asyncio.Event()
 
@@ -139,7 +139,7 @@ async def replug(cycles: int, seed: int, polls: float = 0.2) -> dict[str, Any]:
         last = await gateway.controller.read(Position())
         over.set()
         await asyncio.gather(*tasks)
-        truth = simulator.truth()
+        truth = simulator.true_position()
         figures |= {
             "up": line.state == "up",
             "position": (last.ra, last.dec),

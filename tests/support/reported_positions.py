@@ -9,7 +9,7 @@ from contextlib import asynccontextmanager
 from typing import Any
 
 from gateway.astro.spherical import separation
-from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.in_process_gateway import Bridge, RehearsalClient
 from tests.support.nexstar_flows import place
 
 MEADES = ("lx200", "lx200-16", "autostar", "lx200gps")
@@ -30,7 +30,7 @@ def degrees(told: bytes) -> float:
     return sign * (int(first) + int(minutes) / 60.0 + int(seconds) / 3600.0)
 
 
-async def reported_position(client: Visitor, presented: str) -> Place:
+async def reported_position(client: RehearsalClient, presented: str) -> Place:
     """Return right ascension and declination, degrees."""
     if presented == "nexstar":
         return place(await client.ask(b"e", until=b"#"))
@@ -38,7 +38,7 @@ async def reported_position(client: Visitor, presented: str) -> Place:
     return ra * 15.0, degrees(await client.ask(b":GD#", until=b"#"))
 
 
-async def start_moving(client: Visitor, presented: str, by_hand: bool) -> None:
+async def start_moving(client: RehearsalClient, presented: str, by_hand: bool) -> None:
     """Move both axes at full speed, by direction keys or by a goto to 8h, 30 degrees."""
     if presented == "nexstar":
         await client.ask(b"P\x02\x10\x24\x09\0\0\0" if by_hand else b"r55555555,15555555", until=b"#")
@@ -68,7 +68,7 @@ async def tracked(bridge: Bridge, every: float = 0.01) -> AsyncIterator[Track]:
 
     async def watch() -> None:
         while True:
-            track.points.append((now(), bridge.sim.truth()))
+            track.points.append((now(), bridge.sim.true_position()))
             await asyncio.sleep(every)
 
     watching = asyncio.ensure_future(watch())

@@ -38,5 +38,5 @@ class Line:
 
 def overhead(sim: SimulatedLx200) -> bytes:
     """Return ``:Sr…#:Sd…#`` near the meridian, a little south of the zenith (north of it in the southern half)."""
-    hours = int(sim.mechanics.sky.sidereal(sim.now) / 15.0)
+    hours = int(sim.mechanics.sky.lst(sim.now) / 15.0)
     return f":Sr{hours:02d}:00:00#:Sd{sim.site[0] * 0.6:+03.0f}*00:00#".encode()

@@ -117,7 +117,7 @@ async def tap(face: str, mount: str, seconds: float, latency: float) -> Tapped:
     """Tap an arrow once."""
     async with stage(face, mount, latency) as own:
         one, axes, speeds = FACES[face], Axes(own), list[float]()
-        own.controller.reconciler.begins.connect(
+        own.controller.reconciler.acknowledged.connect(
             lambda operation: (
                 speeds.append(own.driver.speed(operation.rate))
                 if isinstance(operation, op.Move | op.MoveAxis)
@@ -138,7 +138,7 @@ async def tap(face: str, mount: str, seconds: float, latency: float) -> Tapped:
         rest = await axes.rest(3.0)
         await asyncio.sleep(2.0)
         assert not own.controller.wanted.by_hand
-        told = [notice.text for notice in own.controller.wire_log.recent]
+        told = [notice.text for notice in own.controller.wire_log.recent_notices]
         return Tapped(axes.moved, speeds[0] if speeds else 0.0, rest, told)
 
 

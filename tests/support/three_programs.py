@@ -14,7 +14,7 @@ from gateway.app.bindings import AcceptorFactory
 from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.core.waiting import TimedEvent
 from gateway.protocols.alpaca.http.programs import AlpacaClient
-from gateway.transport.handler import Connected
+from gateway.transport.handler import NewConnection
 from gateway.transport.web_server import WebServer
 from tests.support.in_process_gateway import Bridge
 
@@ -26,7 +26,7 @@ class Wire:
 
     def __init__(self, acceptor: Any, host: str) -> None:
         self.heard, self._more = b"", TimedEvent()
-        self.guest = acceptor.accept(Connected(f"{host}:50000", host, self._hear))
+        self.guest = acceptor.accept(NewConnection(f"{host}:50000", host, self._hear))
 
     def _hear(self, data: bytes) -> None:
         self.heard += data
@@ -39,7 +39,7 @@ class Wire:
         until = asyncio.get_running_loop().time() + seconds
         while len(self.heard) < length or not self.heard.endswith(end):
             self._more.clear()
-            if not await self._more.within(until - asyncio.get_running_loop().time()):
+            if not await self._more.wait_within(until - asyncio.get_running_loop().time()):
                 break
         return self.heard
 

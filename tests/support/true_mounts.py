@@ -63,7 +63,7 @@ def conditions(mount: str, seed: int) -> Conditions:
         sim = proven.sim
         sim.mechanics.sky = sim.mechanics.sky._replace(clock_ahead=ahead)
         if protocol == "lx200":
-            sim.ahead = ahead  # type: ignore[attr-defined]
+            sim.clock_ahead = ahead  # type: ignore[attr-defined]
         point(proven, *horizon_to_hour_angle(azimuth, altitude, latitude))
 
     return f"{mount}/{version}" if version else mount, settings, begin, by.random() < 0.8
@@ -73,10 +73,10 @@ def point(proven: Proven, hour_angle: float, dec: float) -> None:
     """Let the mount slew there by itself, but for a fork's wedge to where its tube does not pass; it takes SLEWS."""
     sim = proven.sim
     if sim.mechanics.build is not Build.WEDGE or abs(dec) < 80.0:
-        sim.mechanics.goto_sky(sim.now, sim.mechanics.sky.sidereal(sim.now) - hour_angle, dec)
+        sim.mechanics.goto_sky(sim.now, sim.mechanics.sky.lst(sim.now) - hour_angle, dec)
 
 
-def alarms(mount: str, seed: int, keys: tuple[int, ...] = tuple(small_motions.KEYS)) -> list[str]:
+def alarms(mount: str, seed: int, keys: tuple[int, ...] = tuple(small_motions.RATE_KEYS)) -> list[str]:
     """Check one true mount and return what is wrong with that; ``keys`` are the rates tried."""
     named, settings, begin, tracks = conditions(mount, seed)
 
@@ -89,7 +89,7 @@ def alarms(mount: str, seed: int, keys: tuple[int, ...] = tuple(small_motions.KE
             before, person, notes = proven.sim.tracking, Onlooker(), list[str]()
             proven.gateway.wire_log.sinks.append(lambda entry: notes.append(entry.note))
             findings = await proven.check(person)
-            wrong = [one.line for one in findings.of("differs")]
+            wrong = [one.as_line for one in findings.select("differs")]
             ended = [line for line in person.said if line.startswith("This stage ends")]
             wrong += [line for line in ended if not any(words in line for words in ENDS)]
             wrong += [line for line in person.said if line.endswith("..")]
@@ -101,6 +101,6 @@ def alarms(mount: str, seed: int, keys: tuple[int, ...] = tuple(small_motions.KE
             lowest = min(truth.altitude for truth in proven.truths)
             return wrong + [f"it was at an altitude of {lowest:.1f}°"] * (lowest < -0.1)
 
-    with patch.object(small_motions, "KEYS", keys):
+    with patch.object(small_motions, "RATE_KEYS", keys):
         found: list[str] = run_calm(check())
     return found

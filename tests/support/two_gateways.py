@@ -16,11 +16,11 @@ from gateway.mount.controller import MountController
 from gateway.mount.link.line import MountLink
 from gateway.mount.policy import Limits, Policy
 from gateway.mount.site.site_clock import SiteClock
-from gateway.protocols.base.session import Shared
+from gateway.protocols.base.session import SharedSettings
 from gateway.transport import ConnectionHandler
-from gateway.transport.handler import Connected
+from gateway.transport.handler import NewConnection
 from gateway.transport.wires import OnData, OnLost
-from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.in_process_gateway import Bridge, RehearsalClient
 from tests.support.sent_forms import malformed
 
 #: Seconds within which the outer gateway must have identified what it drives.
@@ -38,7 +38,7 @@ class SurfaceTransport:
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
         loop = asyncio.get_running_loop()
-        connected = Connected("chain", "chain", lambda data: loop.call_soon(on_data, bytes(data)))
+        connected = NewConnection("chain", "chain", lambda data: loop.call_soon(on_data, bytes(data)))
         self.guest = self._acceptor.accept(connected)
 
     def write(self, data: bytes) -> None:
@@ -69,13 +69,13 @@ class TwoGateways:
             Context(driver, Policy(limits), self.wire_log, line, Sky(), site_clock), follow_ups
         )
         face = make_surface(Endpoint(presented, "-", surface), SurfaceConfig(at="-"), limits)
-        self.acceptor = ConnectionAcceptor(self.controller, face, Shared(), inner.clock)
+        self.acceptor = ConnectionAcceptor(self.controller, face, SharedSettings(), inner.clock)
 
     async def __aenter__(self) -> TwoGateways:
         await self.inner.__aenter__()
         self.controller.start()
         async with asyncio.timeout(MOST):  # otherwise a mount that is never identified is asked for ever
-            await self.controller.settled.wait()
+            await self.controller.site_read.wait()
         return self
 
     async def __aexit__(self, failed: object = None, *_: object) -> None:
@@ -84,8 +84,8 @@ class TwoGateways:
         if failed is None:
             assert not (wrong := malformed(self._link, self.sent())), f"not a form of the manual: {wrong}"
 
-    def client(self) -> Visitor:
-        return Visitor(self, "127.0.0.1")
+    def client(self) -> RehearsalClient:
+        return RehearsalClient(self, "127.0.0.1")
 
     def sent(self) -> list[bytes]:
         """Return what the outer gateway has sent to the inner one."""

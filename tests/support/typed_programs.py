@@ -12,7 +12,7 @@ from typing import Any
 from gateway.astro.axes import Build
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import wrap360
-from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.in_process_gateway import Bridge, RehearsalClient
 from tests.support.two_gateways import equatorial
 
 FACES = ("lx200", "nexstar", "stellarium", "alpaca")
@@ -70,7 +70,7 @@ def unix_of(told: bytes) -> float:
 class Face:
     """An LX200 or a NexStar program. Directions are n, s, e, w."""
 
-    def __init__(self, bridge: Bridge, client: Visitor, nexstar: bool = False) -> None:
+    def __init__(self, bridge: Bridge, client: RehearsalClient, nexstar: bool = False) -> None:
         self.bridge, self.client, self.nexstar = bridge, client, nexstar
 
     @property

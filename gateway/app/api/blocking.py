@@ -26,22 +26,22 @@ CTRL_C_CHECK_PERIOD = 0.2
 CLOSED_MESSAGE = "The gateway is closed."
 
 
-class Run(Protocol):
+class CoroutineRunner(Protocol):
     """Begins a coroutine, waits for it, and returns its result."""
 
-    def __call__(self, begin: Callable[[], Coroutine[object, object, _T]], /) -> _T: ...
+    def __call__(self, make_coroutine: Callable[[], Coroutine[object, object, _T]], /) -> _T: ...
 
 
-def _waits(
+def _make_blocking(
     method: Callable[Concatenate[Mount, _P], Coroutine[object, object, _T]],
 ) -> Callable[Concatenate[BlockingMount, _P], _T]:
     """Return the version for ``BlockingMount`` of a method of ``Mount``: it waits for the result."""
 
     @functools.wraps(method)
-    def waits(self: BlockingMount, /, *arguments: _P.args, **named: _P.kwargs) -> _T:
-        return self._run(lambda: method(self._mount, *arguments, **named))
+    def wait_for_result(self: BlockingMount, /, *arguments: _P.args, **named: _P.kwargs) -> _T:
+        return self._run_coroutine(lambda: method(self._mount, *arguments, **named))
 
-    return waits
+    return wait_for_result
 
 
 class BlockingMount:
@@ -50,39 +50,39 @@ class BlockingMount:
     Ctrl-C ends the wait. If it also leaves the ``with`` block of ``open_blocking_gateway``, the mount is stopped.
     """
 
-    def __init__(self, mount: Mount, run: Run) -> None:
-        self._mount, self._run, self.name = mount, run, mount.name
+    def __init__(self, mount: Mount, run_coroutine: CoroutineRunner) -> None:
+        self._mount, self._run_coroutine, self.name = mount, run_coroutine, mount.name
 
-    ready = _waits(Mount.ready)
-    addresses = _waits(Mount.addresses)
-    status = _waits(Mount.status)
-    position = _waits(Mount.position)
-    moving = _waits(Mount.moving)
-    site = _waits(Mount.site)
-    time = _waits(Mount.time)
-    goto = _waits(Mount.goto)
-    goto_object = _waits(Mount.goto_object)
-    park = _waits(Mount.park)
-    unpark = _waits(Mount.unpark)
-    arrived = _waits(Mount.arrived)
-    sync = _waits(Mount.sync)
-    move = _waits(Mount.move)
-    stop = _waits(Mount.stop)
-    hold = _waits(Mount.hold)
-    release = _waits(Mount.release)
-    perform = _waits(Mount.perform)
+    ready = _make_blocking(Mount.ready)
+    addresses = _make_blocking(Mount.addresses)
+    status = _make_blocking(Mount.status)
+    position = _make_blocking(Mount.position)
+    moving = _make_blocking(Mount.moving)
+    site = _make_blocking(Mount.site)
+    time = _make_blocking(Mount.time)
+    goto = _make_blocking(Mount.goto)
+    goto_object = _make_blocking(Mount.goto_object)
+    park = _make_blocking(Mount.park)
+    unpark = _make_blocking(Mount.unpark)
+    arrived = _make_blocking(Mount.arrived)
+    sync = _make_blocking(Mount.sync)
+    move = _make_blocking(Mount.move)
+    stop = _make_blocking(Mount.stop)
+    hold = _make_blocking(Mount.hold)
+    release = _make_blocking(Mount.release)
+    perform = _make_blocking(Mount.perform)
 
 
-class _Thread(threading.Thread):
+class _GatewayThread(threading.Thread):
     """Runs an event loop on which one gateway is open until ``end``; ``atexit`` calls ``end`` at the latest. The thread
     is a daemon: Python would wait for any other thread before ``atexit``, and so for ever.
     """
 
     mount: Mount
 
-    def __init__(self, opened_mount: contextlib.AbstractAsyncContextManager[Mount]) -> None:
+    def __init__(self, gateway_context: contextlib.AbstractAsyncContextManager[Mount]) -> None:
         super().__init__(name="mount-gateway", daemon=True)
-        self._open_gateway, self._close_requested = opened_mount, False
+        self._gateway_context, self._close_requested = gateway_context, False
         #: These queues get an item when the gateway is open, and when it is closed. A Future would not do: Ctrl-C
         #: during a wait can leave its lock locked, and this thread would wait for that lock for ever. ``is_alive`` and
         #: ``join`` would not do either: interrupted by Ctrl-C, they may report that the thread has ended.
@@ -107,7 +107,7 @@ class _Thread(threading.Thread):
         self._loop = asyncio.get_running_loop()
         with contextlib.suppress(asyncio.CancelledError):
             if not self._close_requested:
-                async with self._open_gateway as self.mount:
+                async with self._gateway_context as self.mount:
                     self._opened_queue.put(None)
                     await asyncio.Event().wait()
         self._was_open = True
@@ -115,19 +115,19 @@ class _Thread(threading.Thread):
     def wait_until_open(self) -> None:
         """Wait until the gateway is open. Raises what opening it raises."""
         try:
-            self._get(self._opened_queue)
+            self._wait_for_item(self._opened_queue)
         except NoAnswer:
             failure, self._open_error = self._open_error, None
             raise failure or NoAnswer(CLOSED_MESSAGE) from None
 
-    def _get(self, queue: SimpleQueue[_T]) -> _T:
+    def _wait_for_item(self, queue: SimpleQueue[_T]) -> _T:
         """Wait for an item; Ctrl-C ends the wait on every system. Raises NoAnswer once the thread has ended."""
         while not (self._ended and queue.empty()):
             with contextlib.suppress(Empty):
                 return queue.get(timeout=CTRL_C_CHECK_PERIOD)
         raise NoAnswer(CLOSED_MESSAGE)
 
-    def result(self, begin: Callable[[], Coroutine[object, object, _T]]) -> _T:
+    def run_coroutine(self, make_coroutine: Callable[[], Coroutine[object, object, _T]]) -> _T:
         """Begin a coroutine on the thread, wait for it, and return its result. Raises what it raises."""
         if threading.current_thread() is self:
             raise RuntimeError("A gateway that waits cannot be used on its own thread, by watch or warn.")
@@ -137,12 +137,12 @@ class _Thread(threading.Thread):
         answers = SimpleQueue[asyncio.Task[_T]]()
 
         def start() -> None:
-            calling.append(self._loop.create_task(begin()))
+            calling.append(self._loop.create_task(make_coroutine()))
             calling[0].add_done_callback(answers.put)
 
         try:
             self._call(start)
-            return self._get(answers).result()
+            return self._wait_for_item(answers).result()
         except asyncio.CancelledError:  # another thread has left the block meanwhile
             raise NoAnswer(CLOSED_MESSAGE) from None
         finally:
@@ -169,7 +169,7 @@ class _Thread(threading.Thread):
             raise failure
 
 
-def _in_a_thread(
+def _make_blocking_opener(
     open_mount: Callable[_P, contextlib.AbstractAsyncContextManager[Mount]],
 ) -> Callable[_P, contextlib.AbstractContextManager[BlockingMount]]:
     """Return a version of ``open_gateway``, with the same parameters, for programs without an event loop."""
@@ -182,19 +182,19 @@ def _in_a_thread(
         ``warn`` and ``watch`` are called on the gateway's thread. Leaving the block stops the mount and closes
         everything; if the program ends inside the block, its end does the same.
         """
-        thread = _Thread(open_mount(*arguments, **settings))
+        thread = _GatewayThread(open_mount(*arguments, **settings))
         thread.start()
         atexit.register(thread.end)
         try:
             thread.wait_until_open()
-            yield BlockingMount(thread.mount, thread.result)
+            yield BlockingMount(thread.mount, thread.run_coroutine)
         finally:
             thread.end()
 
     return open_blocking_gateway
 
 
-open_blocking_gateway = _in_a_thread(open_gateway)
+open_blocking_gateway = _make_blocking_opener(open_gateway)
 
 
 def connect_blocking(mount: str | None = None, *, state: str | None = None) -> BlockingMount:

@@ -45,7 +45,7 @@ def decode(protocol: str, frame: bytes, /) -> Frame:
     >>> decode("lx200", b":Sr05:34:32#").values
     {'ra': 83.63333333333334}
     """
-    match = load(_known(protocol)).find(frame)
+    match = load(_checked_protocol(protocol)).find(frame)
     if match is None:
         raise FrameError(f"{frame!r} is not a command of the {protocol} protocol")
     command, template = match
@@ -63,10 +63,10 @@ def encode(protocol: str, name: str, /, **values: object) -> bytes:
     >>> encode("nexstar", "e")
     b'e'
     """
-    command = _command(protocol, name)
+    command = _find_command(protocol, name)
     if strange := sorted(values.keys() - command.request.fields.keys()):
-        raise FrameError(f"{name} ({command.help}) has no {strange[0]}; it has {_listed(command.request.fields)}")
-    return _filled(command, command.request, values)
+        raise FrameError(f"{name} ({command.help}) has no {strange[0]}; it has {_join(command.request.fields)}")
+    return _encode(command, command.request, values)
 
 
 def decode_reply(protocol: str, name: str, reply: bytes, /) -> Frame:
@@ -77,7 +77,7 @@ def decode_reply(protocol: str, name: str, reply: bytes, /) -> Frame:
     >>> decode_reply("lx200", "MS", b"1Object Below Horizon.#").fault
     'BelowHorizon'
     """
-    command = _command(protocol, name)
+    command = _find_command(protocol, name)
     why = f"{name} ({command.help}) has no reply"
     for form, template in command.replies:
         try:
@@ -95,12 +95,12 @@ def encode_reply(protocol: str, name: str, /, *, precision: str = "high", **valu
     >>> encode_reply("lx200", "GR", ra=83.6333, precision="low")
     b'05:34.5#'
     """
-    command = _command(protocol, name)
+    command = _find_command(protocol, name)
     for form, template in command.replies:
         if form.fault is None and form.when in (None, precision) and values.keys() == template.fields.keys():
-            return _filled(command, template, values)
-    forms = [_listed(template.fields) for form, template in command.replies if form.fault is None]
-    raise FrameError(f"{name} ({command.help}) has no reply with {_listed(values)}; {' or '.join(forms) or 'none'}")
+            return _encode(command, template, values)
+    forms = [_join(template.fields) for form, template in command.replies if form.fault is None]
+    raise FrameError(f"{name} ({command.help}) has no reply with {_join(values)}; {' or '.join(forms) or 'none'}")
 
 
 class Splitter:
@@ -111,22 +111,22 @@ class Splitter:
     """
 
     def __init__(self, protocol: str, now: Callable[[], float] = time.monotonic) -> None:
-        self._framer, self._clock = PROTOCOLS[_known(protocol)].framing(), now
+        self._framer, self._clock = PROTOCOLS[_checked_protocol(protocol)].framing(), now
 
     def feed(self, data: bytes) -> list[bytes]:
         """Take received bytes and return the commands that are now complete, in order, each ready for ``decode``."""
         return self._framer.feed(data, self._clock())
 
 
-def _known(protocol: str) -> str:
+def _checked_protocol(protocol: str) -> str:
     """Return ``protocol``. Raises FrameError if the registry does not have it."""
     if protocol not in PROTOCOLS:
-        raise FrameError(f"{protocol!r} is not a protocol; there are {_listed(PROTOCOLS)}")
+        raise FrameError(f"{protocol!r} is not a protocol; there are {_join(PROTOCOLS)}")
     return protocol
 
 
-def _command(protocol: str, name: str) -> Command:
-    command = load(_known(protocol)).commands.get(name)
+def _find_command(protocol: str, name: str) -> Command:
+    command = load(_checked_protocol(protocol)).commands.get(name)
     if command is None:
         raise FrameError(
             f"the {protocol} protocol has no command called {name!r}; see mappings/{protocol}/commands.toml"
@@ -134,17 +134,17 @@ def _command(protocol: str, name: str) -> Command:
     return command
 
 
-def _filled(command: Command, template: FrameTemplate, values: Mapping[str, object]) -> bytes:
+def _encode(command: Command, template: FrameTemplate, values: Mapping[str, object]) -> bytes:
     """Encode a template with values. Raises FrameError that names the value that is missing or does not fit."""
     try:
         return template.encode(values)
     except KeyError as missing:
         raise FrameError(f"{command.name} ({command.help}) needs {missing.args[0]}") from None
     except (AttributeError, OverflowError, TypeError, ValueError) as error:
-        raise FrameError(f"{command.name} ({command.help}): {_unfit(template, values) or error}") from None
+        raise FrameError(f"{command.name} ({command.help}): {_mismatch(template, values) or error}") from None
 
 
-def _unfit(template: FrameTemplate, values: Mapping[str, object]) -> str:
+def _mismatch(template: FrameTemplate, values: Mapping[str, object]) -> str:
     """Return which value does not fit, and why if the error is one of this package, not of Python; empty if all fit."""
     for field, codec in template.fields.items():
         value = values[field]
@@ -156,5 +156,5 @@ def _unfit(template: FrameTemplate, values: Mapping[str, object]) -> str:
     return ""
 
 
-def _listed(names: Iterable[str]) -> str:
+def _join(names: Iterable[str]) -> str:
     return ", ".join(names) or "no values"

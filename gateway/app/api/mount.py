@@ -13,7 +13,7 @@ from typing import cast
 import msgspec
 from msgspec.structs import replace
 
-from gateway.app.control.operations import answer_of, checked, packed
+from gateway.app.control.operations import answer_of, checked, pack_operation
 from gateway.app.discovery.served import CONSOLE_PROTOCOL
 from gateway.app.status import State
 from gateway.core import errors, requests
@@ -40,13 +40,13 @@ class Mount:
     either does not answer. ``BlockingMount`` has the same methods for programs without an event loop.
     """
 
-    def __init__(self, name: str, send: Send, who: str) -> None:
+    def __init__(self, name: str, send_request: Send, client_name: str) -> None:
         self.name = name
-        self._send_request, self._client_name = send, who
+        self._send_request, self._client_name = send_request, client_name
         #: The request number that all operations but gotos share: each of them keeps a motion by hand alive.
-        self._operation_number = requests.new_number()
+        self._operation_number = requests.new_request_number()
         #: The number of the last request for a goto, park or home; empty before the first, and after arrival.
-        self._goal = ""
+        self._goto_id = ""
 
     # --- what is known ------------------------------------------------------------------------------------------------
 
@@ -57,7 +57,7 @@ class Mount:
         """
         now = asyncio.get_running_loop().time
         end = now() + seconds
-        while (state := await self._state(fresh=False)).look.status is None or not state.look.online:
+        while (state := await self._get_state(fresh=False)).look.status is None or not state.look.online:
             if state.unopened:
                 raise UserError(state.unopened)
             if now() >= end:
@@ -68,13 +68,13 @@ class Mount:
         """Return the surfaces as ``PROTOCOL:MODEL@WHERE``, each with the TCP port that was really opened."""
         return [
             f"{surface.name}@{surface.at}"
-            for surface in (await self._state(fresh=False)).served
+            for surface in (await self._get_state(fresh=False)).served
             if surface.name != CONSOLE_PROTOCOL
         ]
 
     async def status(self) -> State:
         """Ask the mount, and return its state: what ``mount-gateway status --json`` shows."""
-        return await self._state(fresh=True)
+        return await self._get_state(fresh=True)
 
     async def position(self) -> tuple[float, float]:
         """Return where the telescope points: right ascension in [0, 360), declination in [-90, 90]."""
@@ -86,7 +86,7 @@ class Mount:
 
         Raises NoAnswer if that is not known, because it has not reported its position since a motion was ended.
         """
-        look = (await self._state(fresh=False)).look
+        look = (await self._get_state(fresh=False)).look
         if look.unknown:
             raise NoAnswer("It is not known whether the mount moves: it has not reported its position.")
         return look.moves
@@ -106,19 +106,19 @@ class Mount:
 
         ``j2000``: the position is of the equinox J2000, as in catalogues. Raises Invalid for a bad number.
         """
-        await self._ask(requests.GotoRequest(_spot(op.Goto(ra, dec), j2000)))
+        await self._get_answer_text(requests.GotoRequest(_target_of(op.Goto(ra, dec), j2000)))
 
     async def goto_object(self, name: str) -> None:
         """Slew to a planet, star or other object as ``goto`` does. Raises UserError for a name that is not known."""
-        await self._ask(requests.GotoRequest(checked(requests.Named(name))))
+        await self._get_answer_text(requests.GotoRequest(checked(requests.ByName(name))))
 
     async def park(self) -> None:
         """Slew to the park position and turn tracking off; return when the mount has accepted it."""
-        await self._ask(requests.ParkRequest())
+        await self._get_answer_text(requests.ParkRequest())
 
     async def unpark(self) -> None:
         """Unpark the mount, or wake it, so that it tracks."""
-        await self._ask(requests.UnparkRequest())
+        await self._get_answer_text(requests.UnparkRequest())
 
     async def arrived(self, seconds: float = 300.0) -> tuple[float, float]:
         """Wait until the goto, park or home of this program has ended, and return the position.
@@ -130,8 +130,8 @@ class Mount:
         heard, gone = now(), ""
         try:
             async with asyncio.timeout(seconds):
-                while await self._under_way():
-                    look = (await self._state(fresh=False)).look
+                while await self._is_goto_under_way():
+                    look = (await self._get_state(fresh=False)).look
                     if look.online:
                         heard, gone = now(), ""
                     else:
@@ -142,35 +142,35 @@ class Mount:
         except TimeoutError:
             ending = f", and it is not known whether it goes on: {gone}." if gone else "; it goes on."
             raise TimeoutError(f"The motion has not ended within {seconds:g} s{ending}") from None
-        if not self._goal and (short := (await self.perform(op.GetActivity())).short):
+        if not self._goto_id and (short := (await self.perform(op.GetActivity())).short):
             raise Stopped(short)
-        self._goal = ""
+        self._goto_id = ""
         return await self.position()
 
-    async def _under_way(self) -> bool:
-        if self._goal:
-            return (await self._answer(requests.ProgressRequest(self._goal))).outcome == requests.UNDER_WAY
+    async def _is_goto_under_way(self) -> bool:
+        if self._goto_id:
+            return (await self._get_answer(requests.ProgressRequest(self._goto_id))).outcome == requests.UNDER_WAY
         return await self.perform(op.Slewing())
 
     async def sync(self, ra: float, dec: float, *, j2000: bool = False) -> None:
         """Tell the mount that it points at this position now. Raises SyncTooFar beyond ``sync_limit``."""
-        await self._ask(requests.SyncRequest(_spot(op.Sync(ra, dec), j2000)))
+        await self._get_answer_text(requests.SyncRequest(_target_of(op.Sync(ra, dec), j2000)))
 
     async def move(self, direction: op.Direction, key: int, seconds: float) -> None:
         """Press an arrow for some seconds, at rate ``key``, 1 to 9 as on a hand control. The gateway releases it."""
-        await self._ask(requests.MoveRequest(direction=direction, key=key, seconds=seconds), seconds)
+        await self._get_answer_text(requests.MoveRequest(direction=direction, key=key, seconds=seconds), seconds)
 
     async def stop(self) -> None:
         """End every motion, whoever began it, ahead of all orders; return when the position shows the mount at rest."""
-        await self._answer(requests.StopRequest(self._client_name))
+        await self._get_answer(requests.StopRequest(self._client_name))
 
     async def hold(self) -> None:
         """Stop the mount, and let nothing move it until ``release``, even after a restart of the gateway."""
-        await self._answer(requests.HoldRequest(self._client_name))
+        await self._get_answer(requests.HoldRequest(self._client_name))
 
     async def release(self) -> None:
         """End ``hold``: the mount may be moved again."""
-        await self._answer(requests.ReleaseHoldRequest(self._client_name))
+        await self._get_answer(requests.ReleaseHoldRequest(self._client_name))
 
     # --- any operation ------------------------------------------------------------------------------------------------
 
@@ -181,32 +181,32 @@ class Mount:
         Invalid if the argument is no operation, or a field has a wrong type.
         """
         towards = isinstance(operation, GOTOS)
-        request = packed(operation, requests.new_number() if towards else self._operation_number)
-        answer = await self._ask(request)
+        request = pack_operation(operation, requests.new_request_number() if towards else self._operation_number)
+        answer = await self._get_answer_text(request)
         if towards:
-            self._goal = request.number
+            self._goto_id = request.number
         return answer_of(operation, answer)
 
     # --- requests -----------------------------------------------------------------------------------------------------
 
-    async def _state(self, fresh: bool) -> State:
-        return msgspec.json.decode((await self._answer(requests.StateRequest(fresh))).text, type=State)
+    async def _get_state(self, fresh: bool) -> State:
+        return msgspec.json.decode((await self._get_answer(requests.StateRequest(fresh))).text, type=State)
 
-    async def _ask(self, request: requests.Base, duration: float = 0.0) -> str:
+    async def _get_answer_text(self, request: requests.ChangeRequest, duration: float = 0.0) -> str:
         """Send a request, and return the text of the answer. Raises Fault."""
         named = cast(requests.Request, checked(replace(request, who=self._client_name)))
-        text = (await self._answer(named, duration)).text
+        text = (await self._get_answer(named, duration)).text
         if isinstance(request, requests.GotoRequest | requests.ParkRequest):
-            self._goal = request.number
+            self._goto_id = request.number
         return text
 
-    async def _answer(self, request: requests.Request, duration: float = 0.0) -> requests.Answer:
+    async def _get_answer(self, request: requests.Request, duration: float = 0.0) -> requests.Answer:
         answer = await self._send_request(request, duration)
         if answer.outcome == requests.FAILED:
             raise getattr(errors, answer.fault or NoAnswer.__name__, Fault)(answer.text)
         return answer
 
 
-def _spot(place: op.Goto | op.Sync, j2000: bool) -> requests.Spot:
-    place = checked(place)
-    return requests.Spot(place.ra % 360.0, place.dec, bool(j2000))
+def _target_of(operation: op.Goto | op.Sync, j2000: bool) -> requests.SkyPosition:
+    operation = checked(operation)
+    return requests.SkyPosition(operation.ra % 360.0, operation.dec, bool(j2000))

@@ -60,15 +60,15 @@ async def open_gateway(
     for name in settings.keys() & RUN_ONLY_KEYS:
         raise UserError(f"open_gateway: {name} is not a setting of this function: {RUN_ONLY_KEYS[name]}.")
     tables: dict[str, object] = {
-        "mount": [_keys({"at": mount, **settings})],
+        "mount": [_to_config_keys({"at": mount, **settings})],
         "surface": [
-            _keys(surface if isinstance(surface, Mapping) else {"at": surface})
+            _to_config_keys(surface if isinstance(surface, Mapping) else {"at": surface})
             for surface in ([surfaces] if isinstance(surfaces, str) else surfaces)
         ],
     }
     config = make_config(tables, Source("open_gateway"), must_serve=False)
     from gateway.app.gateway import Gateway
-    from gateway.app.site import load_site
+    from gateway.app.site import load_web_application
 
     sky, wire_log = Sky(), WireLog(time.time)
     if watch is not None:
@@ -76,7 +76,7 @@ async def open_gateway(
     real = parse_endpoint(mount).where != "sim"
     guard = Watchdog(warn or (lambda text: None)) if watchdog and real and available() else None
     opened = Gateway(config.mount[0], config.surface, wire_log, sky, warn=warn, watchdog=guard)
-    opened.web = WebServer(lambda: load_site([opened]))
+    opened.web = WebServer(lambda: load_web_application([opened]))
 
     almanac = AlmanacKeeper(sky, opened.warn, is_quiet=lambda: not opened.busy)
     almanac.open()
@@ -85,10 +85,10 @@ async def open_gateway(
         await opened.open()
         if guard is not None:
             guard.start()
-        for caution in opened.cautions():
+        for caution in opened.start_warnings():
             opened.warn(caution)
-        keeping = asyncio.ensure_future(almanac.keep())
-        yield inside(opened)
+        keeping = asyncio.ensure_future(almanac.run())
+        yield mount_in_process(opened)
     finally:
         if keeping is not None:
             keeping.cancel()
@@ -97,7 +97,7 @@ async def open_gateway(
             guard.close()
 
 
-def inside(gateway: Gateway) -> Mount:
+def mount_in_process(gateway: Gateway) -> Mount:
     """Return the mount of a gateway in this process."""
 
     async def send(wish: requests.Request, _: float) -> requests.Answer:
@@ -119,10 +119,10 @@ def connect(mount: str | None = None, *, state: str | None = None) -> Mount:
     if len(gateways) > 1:
         names = ", ".join(sorted(endpoint.title for endpoint in gateways))
         raise UserError(f"{len(gateways)} mounts run on this computer; choose one: {names}")
-    return connected(gateways[0])
+    return mount_at_endpoint(gateways[0])
 
 
-def connected(endpoint: ControlEndpoint) -> Mount:
+def mount_at_endpoint(endpoint: ControlEndpoint) -> Mount:
     """Return the mount of the gateway that has this control endpoint."""
 
     async def send(wish: requests.Request, duration: float) -> requests.Answer:
@@ -131,6 +131,6 @@ def connected(endpoint: ControlEndpoint) -> Mount:
     return Mount(endpoint.title, send, f"a Python program (process {os.getpid()})")
 
 
-def _keys(settings: Mapping[str, object]) -> dict[str, object]:
+def _to_config_keys(settings: Mapping[str, object]) -> dict[str, object]:
     """Return keyword arguments under the key names of ``gateway.toml``."""
     return {name.replace("_", "-"): value for name, value in settings.items()}

@@ -15,11 +15,11 @@ from gateway.app.config.keys import MountConfig
 from gateway.app.config.programs import programs
 from gateway.app.config.source import Place
 from gateway.app.config.tables import Config
-from gateway.clients.access import AccessRules, Networks, networks
+from gateway.clients.access import AccessRules, Networks, parse_networks
 from gateway.core.errors import UserError
-from gateway.protocols.registry import ANY, PROTOCOLS, mounts, surface_protocols
+from gateway.protocols.registry import ANY, PROTOCOLS, drivers, surface_protocols
 from gateway.transport.listening import NETWORK_SCHEMES, split_address
-from gateway.transport.tcp import exposed
+from gateway.transport.tcp import is_exposed
 
 #: The name that stands for all gateways on a broker.
 ALL_GATEWAYS = "all"
@@ -33,53 +33,53 @@ class Mistake(NamedTuple):
     message: str
 
 
-def mistakes(config: Config, must_serve: bool = True, in_file: bool = False) -> Iterator[Mistake]:
+def mistakes(config: Config, must_serve: bool = True, has_file: bool = False) -> Iterator[Mistake]:
     """Yield the mistakes of a configuration whose values all have the right types, the most important first.
 
-    ``must_serve``: at least one surface is required. ``in_file``: the configuration is a file, not only flags.
+    ``must_serve``: at least one surface is required. ``has_file``: the configuration is a file, not only flags.
     """
-    yield from _endpoints(config)
+    yield from _check_endpoints(config)
     for number, mount in enumerate(config.mount):
         lowest, highest = mount.limits.lowest, mount.limits.highest
         if lowest >= highest:
             yield Mistake(("mount", number, "lowest"), f"{lowest:g}: write less than highest, which is {highest:g}")
-        yield from _park(number, mount)
-    yield from _names(config)
-    yield from _clients(config)
-    yield from _access(config)
-    yield from _console(config)
-    yield from _mqtt(config)
-    yield from _used_twice(config)
+        yield from _check_park(number, mount)
+    yield from _check_names(config)
+    yield from _check_clients(config)
+    yield from _check_access(config)
+    yield from _check_console(config)
+    yield from _check_mqtt(config)
+    yield from _check_ports_unique(config)
     if must_serve and not config.surface:
         driven = parse_endpoint(config.mount[0].at).protocol
-        at = f"{next(name for name in mounts() if name != driven)}@tcp://127.0.0.1:4030"
-        how = f'write [[surface]] into the file, and below it at = "{at}"' if in_file else f"--surface {at}"
+        at = f"{next(name for name in drivers() if name != driven)}@tcp://127.0.0.1:4030"
+        how = f'write [[surface]] into the file, and below it at = "{at}"' if has_file else f"--surface {at}"
         yield Mistake(("surface",), f"at least one surface is needed, where programs connect: {how}")
 
 
-def _park(number: int, mount: MountConfig) -> Iterator[Mistake]:
+def _check_park(mount_index: int, mount: MountConfig) -> Iterator[Mistake]:
     """Check that ``park`` fits: a mount that parks itself takes no AZ,ALT, and no other mount takes ``"mount"``."""
     try:
         spec = PROTOCOLS[parse_endpoint(mount.at).protocol]
     except (UserError, KeyError):
         return  # the check of the endpoint reports it
     if mount.park == "mount" and not spec.parks_itself:
-        reason = f"{spec.a_mount} has no park position of its own; write AZ,ALT or nothing"
-        yield Mistake(("mount", number, "park"), reason)
+        reason = f"{spec.mount_phrase} has no park position of its own; write AZ,ALT or nothing"
+        yield Mistake(("mount", mount_index, "park"), reason)
     elif isinstance(mount.park, tuple) and spec.parks_itself:
         reason = (
-            f'{spec.a_mount} parks at the position set with its keypad; write "mount" to allow that whatever lowest '
-            "and highest say"
+            f'{spec.mount_phrase} parks at the position set with its keypad; write "mount" to allow that whatever '
+            "lowest and highest say"
         )
-        yield Mistake(("mount", number, "park"), reason)
+        yield Mistake(("mount", mount_index, "park"), reason)
 
 
-def _endpoints(config: Config) -> Iterator[Mistake]:
+def _check_endpoints(config: Config) -> Iterator[Mistake]:
     for place, at in _all_endpoints(config):
         try:
             where = parse_endpoint(at, str(place[0])).where
             if place[0] == "mount" and at.startswith(f"{ANY}@"):
-                listed = " or ".join(f"{name}@" for name in mounts())
+                listed = " or ".join(f"{name}@" for name in drivers())
                 yield Mistake(place, f"{at}: {ANY} is for surfaces; write {listed} before a mount")
                 continue
             if meant := suggest_address(where, place[0] == "surface"):
@@ -102,7 +102,7 @@ def _all_endpoints(config: Config) -> Iterator[tuple[Place, str]]:
     yield from ((("surface", number, "at"), surface.at) for number, surface in enumerate(config.surface))
 
 
-def _names(config: Config) -> Iterator[Mistake]:
+def _check_names(config: Config) -> Iterator[Mistake]:
     """Check that several mounts have unique names, and that every surface names its mount."""
     names = [mount.name for mount in config.mount]
     if not names:
@@ -122,11 +122,11 @@ def _names(config: Config) -> Iterator[Mistake]:
             hint = suggest(surface.mount, known) if known else "the mount has no name"
             yield Mistake(("surface", number, "mount"), f"no mount is called {surface.mount!r}; {hint}")
     for number, mount in enumerate(config.mount):
-        if config.surface and not config.of(mount):
+        if config.surface and not config.surfaces_of(mount):
             yield Mistake(("mount", number), f"no [[surface]] has mount = {mount.name!r}, so no program can reach it")
 
 
-def _clients(config: Config) -> Iterator[Mistake]:
+def _check_clients(config: Config) -> Iterator[Mistake]:
     for number, surface in enumerate(config.surface):
         if surface.client in ("auto", "any"):
             continue
@@ -137,7 +137,7 @@ def _clients(config: Config) -> Iterator[Mistake]:
             yield Mistake(("surface", number, "client"), reason)
 
 
-def _access(config: Config) -> Iterator[Mistake]:
+def _check_access(config: Config) -> Iterator[Mistake]:
     """Check that networks are valid and only on surfaces with network connections, and ``names`` only on HTTP ones."""
     for number, surface in enumerate(config.surface):
         if surface.names and not speaks_http(surface.at):
@@ -151,11 +151,11 @@ def _access(config: Config) -> Iterator[Mistake]:
                 yield Mistake(place, f"this surface has no network connections; write {instead}")
                 continue
             try:
-                allowed = networks(value)
+                allowed = parse_networks(value)
             except UserError as error:
                 yield Mistake(place, str(error))
                 continue
-            if key == "allow" and (reason := _excludes_all(parse_endpoint(surface.at).where, allowed)):
+            if key == "allow" and (reason := _explain_excluded_hosts(parse_endpoint(surface.at).where, allowed)):
                 yield Mistake(place, reason)
 
 
@@ -165,10 +165,10 @@ def speaks_http(endpoint: str) -> bool:
     return protocol == ANY or PROTOCOLS[protocol].web is not None
 
 
-def _excludes_all(where: str, allowed: Networks) -> str:
+def _explain_excluded_hosts(where: str, allowed: Networks) -> str:
     """Return the message if no host in ``allowed`` can connect to this address; empty if any can."""
     host, port = split_address(where)
-    if exposed(where) or AccessRules(allow=allowed).admits(host) or any(network.is_loopback for network in allowed):
+    if is_exposed(where) or AccessRules(allow=allowed).admits(host) or any(network.is_loopback for network in allowed):
         return ""
     return (
         f"no program could connect: only those of this computer reach {host}, and {host} is not among these networks; "
@@ -176,7 +176,7 @@ def _excludes_all(where: str, allowed: Networks) -> str:
     )
 
 
-def _console(config: Config) -> Iterator[Mistake]:
+def _check_console(config: Config) -> Iterator[Mistake]:
     """Check the address of the console, and that its networks are valid."""
     console = config.page
     if console is None:
@@ -189,12 +189,12 @@ def _console(config: Config) -> Iterator[Mistake]:
         yield Mistake(("console", "at"), str(error))
     for key, value in (("allow", console.allow), ("read-only", console.read_only)):
         try:
-            networks(value if isinstance(value, list) else [])
+            parse_networks(value if isinstance(value, list) else [])
         except UserError as error:
             yield Mistake(("console", key), str(error))
 
 
-def _mqtt(config: Config) -> Iterator[Mistake]:
+def _check_mqtt(config: Config) -> Iterator[Mistake]:
     """Check the broker's address, and that the gateway's name is not the name for all gateways."""
     mqtt = config.mqtt
     if mqtt is None:
@@ -210,22 +210,22 @@ def _mqtt(config: Config) -> Iterator[Mistake]:
         yield Mistake(("mqtt", "id"), f"{ALL_GATEWAYS!r} means every gateway on the broker; write another name")
 
 
-def _used_twice(config: Config) -> Iterator[Mistake]:
+def _check_ports_unique(config: Config) -> Iterator[Mistake]:
     """Check that no port is used twice, by mounts or by surfaces."""
     taken: list[tuple[str, str]] = []
     for place, at in _all_endpoints(config):
         where = parse_endpoint(at).where
         if where == "sim":
             continue
-        address = _address(where, place[0] == "surface")
-        if any(_overlap(address, other) for other in taken):
+        address = _port_identity(where, place[0] == "surface")
+        if any(_addresses_overlap(address, other) for other in taken):
             yield Mistake(place, f"{where} is already in use by another mount or surface; each needs its own")
         taken.append(address)
 
 
-def _address(where: str, listening: bool) -> tuple[str, str]:
+def _port_identity(where: str, is_surface: bool) -> tuple[str, str]:
     """Return what identifies a port: (host, port) if it listens on a network, else (path or URL, '')."""
-    if listening and where.startswith(NETWORK_SCHEMES):
+    if is_surface and where.startswith(NETWORK_SCHEMES):
         host, port = split_address(where)
         return host.replace("localhost", "127.0.0.1"), f"tcp {port}"
     if "://" in where:
@@ -233,7 +233,7 @@ def _address(where: str, listening: bool) -> tuple[str, str]:
     return os.path.abspath(os.path.expanduser(where.removeprefix("pty:"))), ""
 
 
-def _overlap(address: tuple[str, str], other: tuple[str, str]) -> bool:
+def _addresses_overlap(address: tuple[str, str], other: tuple[str, str]) -> bool:
     if address[1] != other[1] or address[1] == "tcp 0":
         return False
     return address[0] == other[0] or (address[1] != "" and (address[0] in _WILDCARDS or other[0] in _WILDCARDS))

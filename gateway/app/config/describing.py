@@ -18,12 +18,12 @@ class Key(NamedTuple):
     name: str
     description: str
     metavar: str
-    right: str
+    allowed: str
     choices: tuple[str, ...]
-    kind: object
+    value_type: object
     default: object
     example: object
-    flag: bool
+    has_flag: bool
     #: Whether ``run --help`` shows its flag; ``run --help all`` shows every flag.
     in_short_help: bool
     required: bool
@@ -47,7 +47,7 @@ def keys(table: str) -> tuple[Key, ...]:
     return tuple(_key(field, hints[field.name]) for field in msgspec.structs.fields(struct) if _meta(hints[field.name]))
 
 
-def title(table: str) -> str:
+def header(table: str) -> str:
     """Return the header of a table as the file writes it."""
     return {"surface": "[[surface]]", "": "the first lines of the file"}.get(table, f"[{table}]")
 
@@ -60,7 +60,7 @@ def find_key(table: str, name: str) -> Key | None:
 def _key(field: Any, type_hint: Any) -> Key:
     meta = _meta(type_hint)
     assert meta is not None and meta.extra is not None
-    kind, choices, right = get_args(type_hint)[0], _choices(type_hint), _right(type_hint)
+    kind, choices, right = get_args(type_hint)[0], _choices(type_hint), _describe_values(type_hint)
     default = None if field.required else field.default
     if field.default_factory is not msgspec.NODEFAULT:
         default = field.default_factory()
@@ -68,12 +68,12 @@ def _key(field: Any, type_hint: Any) -> Key:
         name=field.encode_name,
         description=meta.description or "",
         metavar=meta.extra["shown"] or "|".join(choices),
-        right=right,
+        allowed=right,
         choices=choices,
-        kind=Annotated[kind, meta],
+        value_type=Annotated[kind, meta],
         default=default,
         example=default if meta.extra["example"] is None else meta.extra["example"],
-        flag=meta.extra["flag"],
+        has_flag=meta.extra["flag"],
         in_short_help=meta.extra["common"],
         required=field.required,
         is_list=any(get_origin(part) in (tuple, list) for part, _ in _types(type_hint)),
@@ -102,7 +102,7 @@ def _choices(type_hint: object) -> tuple[str, ...]:
     return tuple(word for kind, _ in _types(type_hint) if get_origin(kind) is Literal for word in get_args(kind))
 
 
-def _right(type_hint: object) -> str:
+def _describe_values(type_hint: object) -> str:
     """Return a description of the valid values."""
     return " or ".join(_valid_values(kind, metas) for kind, metas in _types(type_hint))
 
@@ -111,9 +111,9 @@ def _valid_values(kind: object, meta_values: list[msgspec.Meta]) -> str:
     if get_origin(kind) is Literal:
         return f"one of {', '.join(get_args(kind))}"
     if get_origin(kind) is tuple:
-        return f"[{', '.join(_right(part) for part in get_args(kind))}]"
+        return f"[{', '.join(_describe_values(part) for part in get_args(kind))}]"
     if get_origin(kind) is list:
-        return f"a list, each {_right(get_args(kind)[0])}"
+        return f"a list, each {_describe_values(get_args(kind)[0])}"
     if kind is bool:
         return "true or false"
     if kind in (int, float):

@@ -18,11 +18,11 @@ import msgspec
 
 from gateway.core.errors import UserError, similar
 from gateway.protocols.base.spec import ProtocolSpec
-from gateway.protocols.registry import ANY, PROTOCOLS, mounts, streams, surfaces
+from gateway.protocols.registry import ANY, PROTOCOLS, drivers, streams, surfaces
 from gateway.protocols.wireformat.command_set import load
 
 #: The row of ``called.toml`` whose names stand for a protocol without a model.
-OPEN_MODEL = "any"
+ANY_MODEL = "any"
 
 
 def resolve_name(text: str) -> str | None:
@@ -64,22 +64,22 @@ def _all_names() -> Mapping[str, str]:
     rows = {_normalised(model): f"{protocol}:{model}" for protocol in PROTOCOLS for model in load(protocol).models}
     for protocol in PROTOCOLS:
         for model, names in names_by_model(protocol).items():
-            rows |= dict.fromkeys(names, protocol if model == OPEN_MODEL else f"{protocol}:{model}")
+            rows |= dict.fromkeys(names, protocol if model == ANY_MODEL else f"{protocol}:{model}")
     return rows | {protocol: protocol for protocol in PROTOCOLS}
 
 
 def names_by_model(protocol: str) -> dict[str, Sequence[str]]:
     """Return the names of each model of a protocol. Raises MappingError."""
-    return {model: row["words"] for model, row in load(protocol).extra("called.toml").items()}
+    return {model: row["words"] for model, row in load(protocol).extra_table("called.toml").items()}
 
 
 def _look_up(table: Mapping[str, str], text: str) -> str | None:
     plain = _normalised(text)
-    return table.get(plain) or table.get(_makers().sub("", plain))
+    return table.get(plain) or table.get(_maker_pattern().sub("", plain))
 
 
 @cache
-def _makers() -> re.Pattern[str]:
+def _maker_pattern() -> re.Pattern[str]:
     """Return the pattern of a maker or brand that may stand before the name of a mount."""
     specs = PROTOCOLS.values()
     makers = "|".join(maker for spec in specs for maker in spec.makers)
@@ -108,32 +108,32 @@ class Endpoint(msgspec.Struct, frozen=True):
     version: str | None = None
 
     def __str__(self) -> str:
-        return f"{shown(self.protocol, self.model, self.version)}@{self.where}"
+        return f"{device_text(self.protocol, self.model, self.version)}@{self.where}"
 
 
-def shown(protocol: str, model: str | None = None, version: str | None = None) -> str:
+def device_text(protocol: str, model: str | None = None, version: str | None = None) -> str:
     """Return the part of an endpoint before its ``@``."""
-    return protocol if protocol == ANY else PROTOCOLS[protocol].shown(model, version)
+    return protocol if protocol == ANY else PROTOCOLS[protocol].endpoint_text(model, version)
 
 
-def parse_endpoint(text: str, part: str = "") -> Endpoint:
-    """Parse an endpoint of a ``mount`` or a ``surface`` (``part``, empty: of either). Raises UserError."""
+def parse_endpoint(text: str, role: str = "") -> Endpoint:
+    """Parse an endpoint of a ``mount`` or a ``surface`` (``role``, empty: of either). Raises UserError."""
     what, at, where = text.partition("@")
     if not at or not where:
         raise UserError(
-            f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example {_example(text.strip('@'), part)}"
+            f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example {_example(text.strip('@'), role)}"
         )
-    endpoint = _of_any(what, where) if what.partition(":")[0] == ANY else parse_device(what, where, part)
-    if part == "mount" and endpoint.protocol not in (*mounts(), ANY):
-        raise UserError(f"{endpoint}: {endpoint.protocol} mounts cannot be driven; {' or '.join(mounts())} can")
-    return _over_http(endpoint, part) if where.startswith("http") or part == "mount" else endpoint
+    endpoint = _parse_any_surface(what, where) if what.partition(":")[0] == ANY else parse_device(what, where, role)
+    if role == "mount" and endpoint.protocol not in (*drivers(), ANY):
+        raise UserError(f"{endpoint}: {endpoint.protocol} mounts cannot be driven; {' or '.join(drivers())} can")
+    return _check_http_address(endpoint, role) if where.startswith("http") or role == "mount" else endpoint
 
 
-def _over_http(endpoint: Endpoint, part: str) -> Endpoint:
+def _check_http_address(endpoint: Endpoint, role: str) -> Endpoint:
     """Return the endpoint. Raises UserError if its protocol needs an HTTP address and it has none, or the reverse."""
-    where, over = endpoint.where, [name for name, spec in PROTOCOLS.items() if spec.over_http is not None]
+    where, over = endpoint.where, [name for name, spec in PROTOCOLS.items() if spec.make_http_dialect is not None]
     meant = "HOST:PORT" if (match := _ADDRESS.fullmatch(where)) is None else f"{match[2]}:{match[3]}"
-    if where.startswith("http") and (endpoint.protocol not in over or part == "surface"):
+    if where.startswith("http") and (endpoint.protocol not in over or role == "surface"):
         raise UserError(f"{endpoint}: only a mount is reached over HTTP; write {over[0]}@http://HOST:PORT")
     if endpoint.protocol in over and where != "sim" and not HTTP_ADDRESS.fullmatch(where):
         raise UserError(
@@ -143,13 +143,13 @@ def _over_http(endpoint: Endpoint, part: str) -> Endpoint:
     return endpoint
 
 
-def _of_any(text: str, where: str) -> Endpoint:
+def _parse_any_surface(text: str, where: str) -> Endpoint:
     """Parse an endpoint ``any@…`` of a surface that serves every protocol. Raises UserError."""
     if text != ANY:
         raise UserError(f"{text!r}: a surface for every protocol presents no single model; write {ANY}@{where}")
     if not where.startswith("tcp://"):
         allowed = " or ".join(f"{name}@" for name in streams())
-        mount = " or ".join(f"{name}@" for name in mounts())
+        mount = " or ".join(f"{name}@" for name in drivers())
         raise UserError(
             f"{ANY}@{where}: {ANY} recognises programs by the first bytes of a connection, and needs tcp://; "
             f"write {ANY}@{suggest_address(where, True) or 'tcp://HOST:PORT'}, "
@@ -158,32 +158,32 @@ def _of_any(text: str, where: str) -> Endpoint:
     return Endpoint(ANY, where)
 
 
-def _example(text: str, part: str) -> str:
+def _example(text: str, role: str) -> str:
     """Return an example of an endpoint that completes the half that the user wrote."""
-    if part == "surface":
-        return f"{_on_lines()[0]}@tcp://127.0.0.1:4030"
+    if role == "surface":
+        return f"{_on_serial()[0]}@tcp://127.0.0.1:4030"
     if resolve_name(text.partition("/")[0]):
         return f"{text}@/dev/ttyUSB0"
     if text.startswith(("/dev/", "COM", "tcp://", "socket://", "rfc2217://", "pty:")) or text == "sim":
-        return " or ".join(f"{name}@{text} ({PROTOCOLS[name].makers[0].title()})" for name in reversed(_on_lines()))
-    return f"{_on_lines()[-1]}@/dev/ttyUSB0"
+        return " or ".join(f"{name}@{text} ({PROTOCOLS[name].makers[0].title()})" for name in reversed(_on_serial()))
+    return f"{_on_serial()[-1]}@/dev/ttyUSB0"
 
 
-def _on_lines() -> list[str]:
+def _on_serial() -> list[str]:
     """Return the protocols of mounts on serial lines."""
-    return [name for name in mounts() if PROTOCOLS[name].over_http is None]
+    return [name for name in drivers() if PROTOCOLS[name].make_http_dialect is None]
 
 
-def parse_device(text: str, where: str = "", part: str = "") -> Endpoint:
+def parse_device(text: str, where: str = "", role: str = "") -> Endpoint:
     """Parse ``PROTOCOL[:MODEL[/VERSION]]``, or an owner's name for a mount in place of protocol or model.
 
-    ``part`` is ``mount`` or ``surface``, for the message.
+    ``role`` is ``mount`` or ``surface``, for the message.
     A StarSense hand control may be written as a version or as a model. Raises UserError.
     """
     name, slash, version = text.partition("/")
     device = resolve_name(name)
     if device is None:
-        among = {"mount": mounts(), "surface": [*surfaces(), ANY]}.get(part, list(PROTOCOLS))
+        among = {"mount": drivers(), "surface": [*surfaces(), ANY]}.get(role, list(PROTOCOLS))
         raise UserError(f"{name!r} is neither a protocol ({', '.join(among)}) nor a model; {suggest_name(name, among)}")
     protocol, _, model = device.partition(":")
     spec = PROTOCOLS[protocol]
@@ -196,10 +196,10 @@ def parse_device(text: str, where: str = "", part: str = "") -> Endpoint:
         other = resolve_name(model)
         right = f"write {other}" if other else suggest(model, possible)
         raise UserError(f"{protocol} has no model {model!r}; {right}")
-    return Endpoint(protocol, where, model or None, _version(spec, version) if version else None)
+    return Endpoint(protocol, where, model or None, _check_version(spec, version) if version else None)
 
 
-def _version(spec: ProtocolSpec, text: str) -> str:
+def _check_version(spec: ProtocolSpec, text: str) -> str:
     """Return the version in its standard form. Raises UserError for a version that never existed."""
     try:
         return spec.check_version(text)
@@ -207,23 +207,23 @@ def _version(spec: ProtocolSpec, text: str) -> str:
         raise UserError(f"{text!r} is not a version; write it like 4.21") from None
 
 
-def suggest_address(where: str, listening: bool, devices: Path = Path("/dev")) -> str:
-    """Return the probable correction of an address of a surface (``listening``) or a mount; empty if it may be right.
+def suggest_address(where: str, is_surface: bool, devices: Path = Path("/dev")) -> str:
+    """Return the probable correction of an address of a surface (``is_surface``) or a mount; empty if it may be right.
 
     It recognises a missing scheme, a surface's scheme on a mount or the reverse, and a port without its folder.
     """
     scheme, slashes, rest = where.partition("://")
     if slashes:
-        wrong, good = ("socket", "tcp") if listening else ("tcp", "socket")
+        wrong, good = ("socket", "tcp") if is_surface else ("tcp", "socket")
         return f"{good}://{rest}" if scheme == wrong else ""
     if match := _ADDRESS.fullmatch(where):
-        known = match[1] if match[1] == "rfc2217" else "tcp" if listening else "socket"
+        known = match[1] if match[1] == "rfc2217" else "tcp" if is_surface else "socket"
         return f"{known}://{match[2]}:{match[3]}"
-    if listening and re.fullmatch(r":?\d{1,5}", where):
+    if is_surface and re.fullmatch(r":?\d{1,5}", where):
         return f"tcp://127.0.0.1:{where.lstrip(':')}"
-    if listening and where in ("pty", "pty:"):
+    if is_surface and where in ("pty", "pty:"):
         return "pty:/tmp/telescope"
-    if not listening and where.startswith("pty:"):
+    if not is_surface and where.startswith("pty:"):
         return where.removeprefix("pty:")
     if re.fullmatch(r"[\w.-]+", where) and not os.path.exists(where) and (devices / where).exists():
         return str(devices / where)
@@ -244,7 +244,7 @@ def parse_site(text: str) -> tuple[float, float]:
     try:
         latitude, longitude = (float(part) for part in parts)
     except ValueError:
-        latitude, longitude = _as_on_maps(text, parts)
+        latitude, longitude = _parse_map_coordinates(text, parts)
     if wrong := site_mistake(latitude, longitude):
         raise UserError(f"{text!r}: {wrong}")
     return latitude, longitude
@@ -257,7 +257,7 @@ _MAP_COORDINATE = re.compile(
 )
 
 
-def _as_on_maps(text: str, parts: Sequence[str]) -> tuple[float, float]:
+def _parse_map_coordinates(text: str, parts: Sequence[str]) -> tuple[float, float]:
     """Parse a latitude and a longitude with minutes, or with N, S, E or W. Raises UserError."""
     values = [_angle(part, sides) for part, sides in zip(parts, ("NS", "EW"), strict=False)]
     if len(parts) != 2 or None in values or abs(values[0] or 0.0) > 90.0:

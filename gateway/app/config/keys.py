@@ -238,7 +238,7 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
             self.sync_limit,
             sun=self.sun,
             hour_angle=None if self.hour_angle_limit is None else self.hour_angle_limit * 15.0,
-            at_keys=(-90.0 if lowest is None else lowest, 90.0 if highest is None else highest),
+            key_limits=(-90.0 if lowest is None else lowest, 90.0 if highest is None else highest),
         )
 
 

@@ -21,7 +21,7 @@ from gateway.transport.listening import NETWORK_SCHEMES
 NEWEST = (99,)
 
 
-class Need(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class NeededSetting(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A value that a program needs for a key of the surface, and why."""
 
     key: str
@@ -35,7 +35,7 @@ class KnownProgram(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A program that connects to surfaces, and how it differs from others."""
 
     name: str
-    needs: list[Need] = []
+    needs: list[NeededSetting] = []
     #: First bytes that only this program sends, and how that is known.
     first: str | None = None
     evidence: str = ""
@@ -49,7 +49,7 @@ class KnownProgram(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def programs(protocol: str) -> dict[str, KnownProgram]:
     """Return the known programs that speak a protocol, by key. Raises MappingError."""
     rows = {}
-    for key, row in load(protocol).extra("clients.toml").items():
+    for key, row in load(protocol).extra_table("clients.toml").items():
         try:
             rows[key] = msgspec.convert(row, KnownProgram)
         except msgspec.ValidationError as error:
@@ -57,13 +57,13 @@ def programs(protocol: str) -> dict[str, KnownProgram]:
     return rows
 
 
-def open_needs(surface: SurfaceConfig, program: str | None = None) -> list[Need]:
+def unmet_needs(surface: SurfaceConfig, program: str | None = None) -> list[NeededSetting]:
     """Return a program's needs (default: of the surface's ``client``) for keys that surface and model do not set."""
     endpoint, name = parse_endpoint(surface.at), program or surface.client
     row = None if ANY in (endpoint.protocol, name) or name == "auto" else programs(endpoint.protocol).get(name)
     if row is None:
         return []
-    numbers = _numbers(endpoint)
+    numbers = _presented_version(endpoint)
     decided = load(endpoint.protocol).models.get(endpoint.model or "", {})
     return [
         need
@@ -74,7 +74,7 @@ def open_needs(surface: SurfaceConfig, program: str | None = None) -> list[Need]
     ]
 
 
-def _numbers(endpoint: Endpoint) -> Version:
+def _presented_version(endpoint: Endpoint) -> Version:
     """Return the version that the surface reports to programs; ``NEWEST`` for none and for ``starsense``."""
     spec = PROTOCOLS[endpoint.protocol]
     version = endpoint.version or spec.presented_version
@@ -85,10 +85,10 @@ def _numbers(endpoint: Endpoint) -> Version:
 
 def with_needs(surface: SurfaceConfig, program: str | None = None) -> SurfaceConfig:
     """Return the surface with the needs of the program filled in."""
-    return msgspec.structs.replace(surface, **as_fields(open_needs(surface, program)))
+    return msgspec.structs.replace(surface, **as_fields(unmet_needs(surface, program)))
 
 
-def as_fields(needs: list[Need]) -> dict[str, object]:
+def as_fields(needs: list[NeededSetting]) -> dict[str, object]:
     """Return the values of needs by the names of the fields of ``SurfaceConfig``."""
     return {need.key.replace("-", "_"): need.value for need in needs}
 
@@ -118,5 +118,5 @@ def first_bytes(surface: SurfaceConfig) -> dict[bytes, str]:
     return {
         row.first.encode("latin-1"): key
         for key, row in programs(endpoint.protocol).items()
-        if row.first is not None and (row.leaves_text or row.stops_arrows or open_needs(surface, key))
+        if row.first is not None and (row.leaves_text or row.stops_arrows or unmet_needs(surface, key))
     }

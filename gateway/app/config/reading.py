@@ -14,12 +14,12 @@ import msgspec
 import tomli
 
 from gateway.app.config.checks import Mistake, mistakes
-from gateway.app.config.describing import Key, find_key, keys, title
+from gateway.app.config.describing import Key, find_key, header, keys
 from gateway.app.config.endpoints import parse_site, site_mistake, suggest
 from gateway.app.config.source import Place, Source
 from gateway.app.config.tables import TABLES, Config
 from gateway.core.errors import UserError, explain_file_error
-from gateway.system.files import plain_file
+from gateway.system.files import plain_fd
 
 #: Beginning of a message of the parser -> hint: what the user may have meant.
 _PARSER_HINTS = {
@@ -50,7 +50,7 @@ _UNREADABLE_TOML: dict[type[Exception], str] = {
 def read_tables(path: Path) -> tuple[dict[str, object], Source]:
     """Read a file; return its tables, and the source of their values. Raises UserError with the file and the line."""
     try:
-        with open(plain_file(path), encoding="utf-8-sig") as file:
+        with open(plain_fd(path), encoding="utf-8-sig") as file:
             text = file.read()
     except OSError as error:
         reason = explain_file_error(path, error, reading=True)
@@ -76,7 +76,7 @@ def read_tables(path: Path) -> tuple[dict[str, object], Source]:
     if isinstance(tables.get("mount"), dict):
         tables["mount"] = [tables["mount"]]
     if isinstance(tables.get("surface"), dict):
-        raise UserError(f"{source.where(('surface',))}: [surface]: write [[surface]], because there may be several")
+        raise UserError(f"{source.locate(('surface',))}: [surface]: write [[surface]], because there may be several")
     return tables, source
 
 
@@ -84,7 +84,7 @@ def _failing_line(text: str) -> int:
     """Return the line, from 1, at which the parser fails on a text that TOML allows (``_UNREADABLE_TOML``)."""
     lines = text.split("\n")
 
-    def given_up(line: int) -> bool:
+    def fails_up_to(line: int) -> bool:
         try:
             tomli.loads("\n".join(lines[:line]))
         except tomli.TOMLDecodeError:  # cut within a statement of several lines
@@ -93,20 +93,20 @@ def _failing_line(text: str) -> int:
             return True
         return False
 
-    return bisect_left(range(1, len(lines)), True, key=given_up) + 1
+    return bisect_left(range(1, len(lines)), True, key=fails_up_to) + 1
 
 
-def _control_characters(tables: object, place: Place = ()) -> Iterator[Mistake]:
+def _control_characters(tables: object, path: Place = ()) -> Iterator[Mistake]:
     """Yield a mistake for every text in the tables that has a control character."""
     if isinstance(tables, str):
         if not tables.isprintable() and (match := re.search(_CONTROL_CHARACTERS, tables)):
-            yield Mistake(place, f"there is a control character (U+{ord(match.group()):04X}) in it; write it without")
+            yield Mistake(path, f"there is a control character (U+{ord(match.group()):04X}) in it; write it without")
     elif isinstance(tables, dict):
         for key, value in tables.items():
-            yield from _control_characters(value, (*place, key))
+            yield from _control_characters(value, (*path, key))
     elif isinstance(tables, list):
         for number, value in enumerate(tables):
-            yield from _control_characters(value, (*place, number))
+            yield from _control_characters(value, (*path, number))
 
 
 def make_config(tables: dict[str, object], source: Source, must_serve: bool = True) -> Config:
@@ -115,17 +115,17 @@ def make_config(tables: dict[str, object], source: Source, must_serve: bool = Tr
     ``must_serve``: at least one surface is required.
     """
     for place, reason in _control_characters(tables):
-        raise _located(source, Mistake(_key_place(place), reason))
+        raise _to_error(source, Mistake(_cut_after_key(place), reason))
     try:
         config = msgspec.convert(tables, Config)
     except msgspec.ValidationError as error:
-        raise _msgspec_error(tables, source, *_read_error(str(error))) from None
+        raise _msgspec_error(tables, source, *_parse_msgspec_error(str(error))) from None
     for mistake in mistakes(config, must_serve, source.is_file):
-        raise _located(source, mistake)
+        raise _to_error(source, mistake)
     return config
 
 
-def _read_error(message: str) -> tuple[Place, str | None, str]:
+def _parse_msgspec_error(message: str) -> tuple[Place, str | None, str]:
     """Parse msgspec's message: return the path, the key (None for a wrong value), and if it is unknown or missing."""
     where = re.search(r" - at `\$\.?([^`]*)`$", message)
     steps = re.findall(r"[^.\[\]]+|\[\d+\]", where.group(1) if where else "")
@@ -134,16 +134,16 @@ def _read_error(message: str) -> tuple[Place, str | None, str]:
     return (place, field.group(2), field.group(1)) if field else (place, None, "")
 
 
-def _msgspec_error(tables: dict[str, object], source: Source, place: Place, field: str | None, what: str) -> UserError:
+def _msgspec_error(tables: dict[str, object], source: Source, path: Place, field: str | None, kind: str) -> UserError:
     """Return the error for a value or a key that msgspec did not accept."""
-    table = str(place[0]) if place and place[0] in TABLES else ""
+    table = str(path[0]) if path and path[0] in TABLES else ""
     if field is None:
-        return _wrong_value(tables, source, table, place)
-    if what == "unknown":
+        return _wrong_value(tables, source, table, path)
+    if kind == "unknown":
         home = next((name for name in TABLES if name != table and find_key(name, field)), None)
         known = [key.name for key in keys(table)] + ([] if table else ["mount", "surface"])
-        hint = suggest(field, known) if home is None else f"it belongs under {title(home)}"
-        return _located(source, Mistake((*place, field), f"there is no such key; {hint}"))
+        hint = suggest(field, known) if home is None else f"it belongs under {header(home)}"
+        return _to_error(source, Mistake((*path, field), f"there is no such key; {hint}"))
     key = find_key(table, field)
     if (key is None or (table == "mount" and not source.text)) and source.is_file:
         return UserError(
@@ -155,25 +155,25 @@ def _msgspec_error(tables: dict[str, object], source: Source, place: Place, fiel
             f"{source.name}: which mount? Write --mount nexstar@/dev/ttyUSB0 (mount-gateway detect finds "
             "the port), or --config FILE with a gateway.toml"
         )
-    return _located(source, Mistake((*place, field), f'is needed: {key.description}; for example "{key.example}"'))
+    return _to_error(source, Mistake((*path, field), f'is needed: {key.description}; for example "{key.example}"'))
 
 
-def _wrong_value(tables: dict[str, object], source: Source, table: str, place: Place) -> UserError:
+def _wrong_value(tables: dict[str, object], source: Source, table: str, key_path: Place) -> UserError:
     """Return the error for a value of the wrong type or out of range, or for a value in place of a table."""
-    whole = _key_place(place)
+    whole = _cut_after_key(key_path)
     key = find_key(table, str(whole[-1]))
     if key is None:
-        return _located(source, Mistake(place, f"write {title(table)} and KEY = VALUE under it"))
-    value = _value(tables, whole)
-    example = f", for example {key.name} = {_in_its_form(key, value)}" if key.right.startswith("[") else ""
-    if "a word of" in key.right and isinstance(value, str) and (plain := re.sub(r"[^\w.-]+", "_", value, flags=re.A)):
+        return _to_error(source, Mistake(key_path, f"write {header(table)} and KEY = VALUE under it"))
+    value = _value_at(tables, whole)
+    example = f", for example {key.name} = {_example_value(key, value)}" if key.allowed.startswith("[") else ""
+    if "a word of" in key.allowed and isinstance(value, str) and (plain := re.sub(r"[^\w.-]+", "_", value, flags=re.A)):
         example = f', for example "{plain}"'
-    return _located(
-        source, Mistake(whole, f"{_show(value)}: write {key.right}{example}{_swapped_hint(key.name, value)}")
+    return _to_error(
+        source, Mistake(whole, f"{_show(value)}: write {key.allowed}{example}{_swapped_hint(key.name, value)}")
     )
 
 
-def _in_its_form(key: Key, value: object) -> Any:
+def _example_value(key: Key, value: object) -> Any:
     """Return the key's example; for a site written as ``LAT,LON``, that site in the form of the file."""
     with contextlib.suppress(UserError):
         if key.name == "site" and isinstance(value, str):
@@ -181,13 +181,13 @@ def _in_its_form(key: Key, value: object) -> Any:
     return key.example
 
 
-def _key_place(place: Place) -> Place:
+def _cut_after_key(key_path: Place) -> Place:
     """Return the path up to its key: msgspec's paths may lead further, into the value of the key."""
-    return place[: 3 if place[0] in ("mount", "surface") else 2 if place[0] in TABLES else 1]
+    return key_path[: 3 if key_path[0] in ("mount", "surface") else 2 if key_path[0] in TABLES else 1]
 
 
-def _value(tables: Any, place: Place) -> Any:
-    for step in place:
+def _value_at(tables: Any, key_path: Place) -> Any:
+    for step in key_path:
         tables = tables[step]
     return tables
 
@@ -201,15 +201,15 @@ def _swapped_hint(name: str, value: object) -> str:
     return f"; {hint}" if hint else "; the latitude comes first"
 
 
-def _located(source: Source, mistake: Mistake) -> UserError:
+def _to_error(source: Source, mistake: Mistake) -> UserError:
     """Return the error for a mistake: ``gateway.toml:12: [mount] lowest: …``."""
     table, key = mistake.key_path[0], mistake.key_path[-1]
-    where = source.where(mistake.key_path)
+    where = source.locate(mistake.key_path)
     if where.startswith("--") or not (source.is_file or len(mistake.key_path) > 1):
         return UserError(
             f"{where} {mistake.message}" if mistake.message[:1] in "'0123456789-" else f"{where}: {mistake.message}"
         )
-    head = f"{title(str(table))} " if table in TABLES else ""
+    head = f"{header(str(table))} " if table in TABLES else ""
     name = key if isinstance(key, str) and (len(mistake.key_path) > 1 or key not in TABLES) else ""
     return UserError(f"{where}: {f'{head}{name}'.strip()}: {mistake.message}")
 

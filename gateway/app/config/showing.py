@@ -8,37 +8,37 @@ from typing import Any
 
 from gateway.app.config.describing import Key, keys
 from gateway.app.config.keys import SurfaceConfig
-from gateway.app.config.programs import open_needs, with_needs
+from gateway.app.config.programs import unmet_needs, with_needs
 from gateway.app.config.source import Place, Source
 from gateway.app.config.tables import Config
 
 
-def effective(config: Config, source: Source) -> str:
+def effective_toml(config: Config, source: Source) -> str:
     """Return the configuration that ``run`` would use, as ``gateway.toml``, with the origin of changed values."""
     lines = ["# The configuration in effect. Values that are not defaults say where they come from.", ""]
     lines += [_line(key, getattr(config, key.name), source.origin((key.name,))) for key in keys("")]
-    lines += ["", "[console]", *_table("console", config.console, source, ("console",))]
+    lines += ["", "[console]", *_table_lines("console", config.console, source, ("console",))]
     if config.mqtt is not None:
-        lines += ["", "[mqtt]", *_table("mqtt", config.mqtt, source, ("mqtt",))]
+        lines += ["", "[mqtt]", *_table_lines("mqtt", config.mqtt, source, ("mqtt",))]
     for number, mount in enumerate(config.mount):
         lines += ["", "[mount]" if len(config.mount) == 1 else "[[mount]]"]
-        lines += _table("mount", mount, source, ("mount", number))
+        lines += _table_lines("mount", mount, source, ("mount", number))
     for number, surface in enumerate(config.surface):
         lines += ["", "[[surface]]"]
-        lines += _table("surface", surface, source, ("surface", number))
+        lines += _table_lines("surface", surface, source, ("surface", number))
     return "\n".join(lines) + "\n"
 
 
-def _table(table: str, struct: Any, source: Source, place: Place) -> Iterator[str]:
+def _table_lines(table: str, struct: Any, source: Source, key_path: Place) -> Iterator[str]:
     by_program: dict[str, str] = {}
     if isinstance(struct, SurfaceConfig):
-        by_program = {need.key: need.why for need in open_needs(struct)}
+        by_program = {need.key: need.why for need in unmet_needs(struct)}
         struct = with_needs(struct)
     for key in keys(table):
         value = getattr(struct, key.name.replace("-", "_"))
-        origin = source.origin((*place, key.name))
+        origin = source.origin((*key_path, key.name))
         if key.name == "at" and origin is None:
-            origin = source.origin(place)
+            origin = source.origin(key_path)
         if origin is None and key.name in by_program:
             origin = f"client {struct.client}: {by_program[key.name]}"
         yield _line(key, value, origin)
@@ -51,24 +51,24 @@ def _line(key: Key, value: Any, origin: str | None) -> str:
     return f"{key.name} = {toml(value)}" + (f"  # {origin}" if changed else "")
 
 
-def example() -> str:
+def example_toml() -> str:
     """Return a complete ``gateway.toml``: every key with its description. Keys without a default are commented out."""
     lines = ["# gateway.toml: every key. A flag of the same name wins over the file.", ""]
-    lines += _sample("")
+    lines += _example_lines("")
     lines += [
         "",
         "# Several mounts: write [[mount]] for each, with a name, and the name in every [[surface]].",
         "[mount]",
-        *_sample("mount"),
+        *_example_lines("mount"),
     ]
-    lines += ["", "# The page that a browser shows.", "[console]", *_sample("console")]
+    lines += ["", "# The page that a browser shows.", "[console]", *_example_lines("console")]
     lines += ["", "# An MQTT broker that shows the mounts.", "#[mqtt]"]
-    lines += [line if line.startswith("#") else f"#{line}" for line in _sample("mqtt")]
-    lines += ["", "# One for each place where programs connect.", "[[surface]]", *_sample("surface")]
+    lines += [line if line.startswith("#") else f"#{line}" for line in _example_lines("mqtt")]
+    lines += ["", "# One for each place where programs connect.", "[[surface]]", *_example_lines("surface")]
     return "\n".join(lines) + "\n"
 
 
-def _sample(table: str) -> Iterator[str]:
+def _example_lines(table: str) -> Iterator[str]:
     for key in keys(table):
         choice = f" ({', '.join(key.choices)})" if key.choices else ""
         yield f"# {key.description}{choice}"

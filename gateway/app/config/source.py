@@ -23,34 +23,34 @@ class Source(msgspec.Struct):
     flags: dict[Place, str] = {}
     is_file: bool = False
 
-    def where(self, place: Place) -> str:
+    def locate(self, key_path: Place) -> str:
         """Return ``--lowest``, ``gateway.toml:12``, or only the file's name. A single mount has number 0 in a path."""
-        prefixes = [place[:length] for length in range(len(place), 0, -1)]
+        prefixes = [key_path[:length] for length in range(len(key_path), 0, -1)]
         for prefix in prefixes:
             if prefix in self.flags:
                 return self.flags[prefix]
         for prefix in prefixes:
-            line = line_of(self.text, self._written(prefix)) if self.text else None
+            line = line_of(self.text, self._path_in_file(prefix)) if self.text else None
             if line is not None:
                 return f"{self.name}:{line}"
         return self.name
 
-    def origin(self, place: Place) -> str | None:
+    def origin(self, key_path: Place) -> str | None:
         """Return the flag or the line that sets exactly this key; None if it was not set."""
-        if place in self.flags:
-            return self.flags[place]
-        line = line_of(self.text, self._written(place)) if self.text else None
-        overridden = any(place[:length] in self.flags for length in range(1, len(place)))
+        if key_path in self.flags:
+            return self.flags[key_path]
+        line = line_of(self.text, self._path_in_file(key_path)) if self.text else None
+        overridden = any(key_path[:length] in self.flags for length in range(1, len(key_path)))
         return None if line is None or overridden else f"{self.name}:{line}"
 
-    def _written(self, place: Place) -> Place:
+    def _path_in_file(self, key_path: Place) -> Place:
         """Return the path as in the file, where a single ``[mount]`` has no number."""
-        single = place[:2] == ("mount", 0) and isinstance(tomli.loads(self.text).get("mount"), dict)
-        return ("mount", *place[2:]) if single else place
+        single = key_path[:2] == ("mount", 0) and isinstance(tomli.loads(self.text).get("mount"), dict)
+        return ("mount", *key_path[2:]) if single else key_path
 
 
-def line_of(text: str, place: Place) -> int | None:
-    """Return the line, from 1, on which the statement that sets ``place`` begins; None if the text does not set it.
+def line_of(text: str, key_path: Place) -> int | None:
+    """Return the line, from 1, on which the statement that sets ``key_path`` begins; None if the text does not set it.
 
     ``("mount", "lowest")`` is a key, ``("surface", 1)`` the second of several tables. The text must be valid TOML.
     """
@@ -61,14 +61,14 @@ def line_of(text: str, place: Place) -> int | None:
             tables = tomli.loads("\n".join(lines[:end]))
         except tomli.TOMLDecodeError:
             continue  # the text is cut within a statement of several lines
-        if _has(tables, place):
+        if _has_key(tables, key_path):
             return began
         began = end + 1
     return None
 
 
-def _has(tables: Any, place: Place) -> bool:
-    for step in place:
+def _has_key(tables: Any, key_path: Place) -> bool:
+    for step in key_path:
         try:
             tables = tables[step]
         except (KeyError, IndexError, TypeError):

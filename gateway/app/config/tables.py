@@ -149,7 +149,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
         """The console's settings; None if the console is off."""
         return None if self.console.at == OFF else self.console
 
-    def of(self, mount: MountConfig) -> list[SurfaceConfig]:
+    def surfaces_of(self, mount: MountConfig) -> list[SurfaceConfig]:
         """Return the surfaces of a mount."""
         return [surface for surface in self.surface if surface.mount == mount.name or len(self.mount) == 1]
 

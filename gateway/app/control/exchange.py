@@ -19,7 +19,7 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
-from gateway.system.runtime_folders import user
+from gateway.system.runtime_folders import user_id
 
 ENDPOINT_SUFFIX = ".control"
 #: At most so many bytes of an endpoint file are read.
@@ -50,7 +50,7 @@ class ControlEndpoint(Struct, frozen=True):
         """The mount's name; its port if it has no name."""
         return self.name or self.mount
 
-    def called(self, mount_name: str | None) -> bool:
+    def matches(self, mount_name: str | None) -> bool:
         """Whether ``mount_name`` is this mount's name, endpoint or port; None matches every mount."""
         return mount_name is None or mount_name in (self.name, self.mount, self.mount.partition("@")[2])
 
@@ -86,22 +86,22 @@ def is_listening(endpoint: ControlEndpoint) -> bool:
     return False
 
 
-def left_moving(endpoint: ControlEndpoint) -> list[Path]:
+def motion_markers(endpoint: ControlEndpoint) -> list[Path]:
     """Return the motion markers (``*.moving``) in the state folder of a gateway."""
     return sorted(Path(endpoint.state).glob("*.moving")) if endpoint.state else []
 
 
 def remove_stale(folder: Path) -> None:
     """Delete the endpoint files of gateways that no longer run, unless they lead to a motion marker. Raises OSError."""
-    for path, endpoint in read_endpoints(folder, user()):
-        if not is_listening(endpoint) and not left_moving(endpoint):
+    for path, endpoint in read_endpoints(folder, user_id()):
+        if not is_listening(endpoint) and not motion_markers(endpoint):
             with contextlib.suppress(OSError):
                 path.unlink()
 
 
-def seal(secret: str, number: str, text: str) -> bytes:
+def seal(secret: str, request_number: str, text: str) -> bytes:
     """Return a datagram that begins with an HMAC of its content."""
-    sealed = f"{number} {text}"
+    sealed = f"{request_number} {text}"
     return f"{_seal(secret, sealed)} {sealed}".encode()
 
 
@@ -114,17 +114,17 @@ def unseal(secret: str, data: bytes) -> tuple[str, str] | None:
     return number, text
 
 
-def _seal(secret: str, sealed: str) -> str:
-    return hmac.digest(secret.encode(), sealed.encode(), "sha256").hex()
+def _seal(secret: str, content: str) -> str:
+    return hmac.digest(secret.encode(), content.encode(), "sha256").hex()
 
 
-def parts(text: str) -> list[str]:
+def split_answer(text: str) -> list[str]:
     """Split an answer into texts ``tell INDEX COUNT PART`` that each fit into a datagram."""
     pieces = [text[start : start + MAX_PART_CHARACTERS] for start in range(0, len(text), MAX_PART_CHARACTERS)] or [""]
     return [f"tell {place} {len(pieces)} {piece}" for place, piece in enumerate(pieces)]
 
 
-class Parts:
+class AnswerParts:
     """Collects the parts of an answer, in whatever order they arrive."""
 
     def __init__(self) -> None:

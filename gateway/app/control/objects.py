@@ -15,8 +15,8 @@ from msgspec.structs import replace
 from gateway.astro.catalog import deepsky, names, stars, supplied
 from gateway.astro.catalog.objects import CatalogObject, NotInstalled
 from gateway.core.errors import Fault, SunIsNoGoal, UserError
-from gateway.core.requests import Body, Spot, Where
-from gateway.system.own_commands import how_to_add
+from gateway.core.requests import ResolvedTarget, SkyPosition, SolarSystemBody
+from gateway.system.own_commands import install_instruction
 
 BODIES = ("Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
 TARGET_SYNTAX = "write RA DEC, like 05:34:32 +22:00:52, or a name, like M42, Vega or Jupiter"
@@ -29,11 +29,11 @@ _KINDS = {"G": "galaxy", "P": "planetary nebula", "D": "diffuse nebula", "C": "g
 _YEAR = 365.25 * 86400.0
 
 
-class Object(NamedTuple):
+class SkyObject(NamedTuple):
     """An object: its name, position and kind (as text); its magnitude, length and width (arcminutes) if known."""
 
     name: str
-    where: Where
+    where: ResolvedTarget
     kind: str
     magnitude: float | None = None
     size: float | None = None
@@ -44,7 +44,7 @@ class Object(NamedTuple):
     seen: str = ""
 
 
-class NotSupplied(UserError):
+class LibraryMissing(UserError):
     """The object is in an object library that is not installed; ``remedy`` says how to install it."""
 
     def __init__(self, reason: str, remedy: str) -> None:
@@ -52,44 +52,44 @@ class NotSupplied(UserError):
         self.remedy = remedy
 
 
-def find(text: str) -> Where:
+def find_target(text: str) -> ResolvedTarget:
     """Return the position of an object; for a planet or the Moon, its name. Raises UserError."""
     return describe(text).where
 
 
-def describe(text: str) -> Object:
+def describe(text: str) -> SkyObject:
     """Return what is known of an object. Raises UserError that suggests what the user may have meant."""
     text = text.strip()
     if body := next((body for body in BODIES if body.lower() == text.lower()), None):
-        return Object(body, Body(body), "moon" if body == "Moon" else "planet")
+        return SkyObject(body, SolarSystemBody(body), "moon" if body == "Moon" else "planet")
     if text.lower().removeprefix("the ") == "sun":
         raise SunIsNoGoal(
             "no goto to the Sun: without a solar filter on the tube it blinds you and burns the optics. With a filter, "
             "start the gateway with --sun 0 and give coordinates: mount-gateway goto RA DEC"
         )
     if match := re.fullmatch(r"([A-Za-z]+)[ -]*(\d{1,6})", text):
-        name, entry = _numbered(match[1], int(match[2]))
+        name, entry = _find_by_number(match[1], int(match[2]))
     else:
-        name, entry = _named(text)
-    star = int(match[2]) if match and match[1].lower() == "hip" else names.star(text)
-    double = supplied.doubles().get(star or 0, "")
+        name, entry = _find_by_name(text)
+    star = int(match[2]) if match and match[1].lower() == "hip" else names.star_number(text)
+    double = supplied.double_star_texts().get(star or 0, "")
     kind = "double star" if double or name == "M40" else _KINDS.get(entry.kinds, _KINDS.get(entry.kinds[:1], "object"))
-    place = Spot(entry.ra, entry.dec, j2000=True)
-    return Object(name, place, kind, entry.magnitude, entry.size, entry.width, entry.also, double)
+    place = SkyPosition(entry.ra, entry.dec, j2000=True)
+    return SkyObject(name, place, kind, entry.magnitude, entry.size, entry.width, entry.also, double)
 
 
-def completions(text: str, most: int) -> list[str]:
-    """Return at most ``most`` names that begin with a text: planets, catalogue numbers, stars and nebulae.
+def completions(text: str, limit: int) -> list[str]:
+    """Return at most ``limit`` names that begin with a text: planets, catalogue numbers, stars and nebulae.
 
     If there are none, those that are similar.
     """
     typed = supplied.normalized(text)
     bodies = [body for body in (*BODIES, "Sun") if typed and body.lower().startswith(typed)]
-    begun = list(dict.fromkeys((*bodies, *_numbers(text.strip()), *names.names_beginning_with(text, most))))[:most]
-    return begun or ([text.strip()] if names.star(text) else names.suggestions(text, BODIES))
+    begun = list(dict.fromkeys((*bodies, *_match_ids(text.strip()), *names.names_beginning_with(text, limit))))[:limit]
+    return begun or ([text.strip()] if names.star_number(text) else names.suggestions(text, BODIES))
 
 
-def _numbers(text: str) -> list[str]:
+def _match_ids(text: str) -> list[str]:
     """Return catalogue numbers that begin with a text: all of Messier's, of larger catalogues only the typed number."""
     match = re.fullmatch(r"([A-Za-z]+)[ -]*(\d{1,6})", text)
     if match is None or not _exists(text):
@@ -107,7 +107,7 @@ def _exists(text: str) -> bool:
     return True
 
 
-def _numbered(catalogue: str, number: int) -> tuple[str, CatalogObject]:
+def _find_by_number(catalogue: str, number: int) -> tuple[str, CatalogObject]:
     called = _CATALOGUES.get(catalogue.lower())
     if called is None:
         raise UserError(f"no catalogue is called {catalogue!r}; there are M, NGC, IC, C, UGC and HIP")
@@ -121,7 +121,7 @@ def _numbered(catalogue: str, number: int) -> tuple[str, CatalogObject]:
     if called == "HIP" and number in supplied.stars():
         entry = names.entry_of_star(number, _year())
     elif called == "HIP":
-        entry = _from_library(name, lambda: stars.hipparcos(number, _year()))
+        entry = _from_library(name, lambda: stars.hipparcos_star(number, _year()))
     else:
         entry = _from_library(name, lambda: deepsky.look_up(called, number))
     if entry is None:
@@ -129,7 +129,7 @@ def _numbered(catalogue: str, number: int) -> tuple[str, CatalogObject]:
     return name, entry
 
 
-def _named(text: str) -> tuple[str, CatalogObject]:
+def _find_by_name(text: str) -> tuple[str, CatalogObject]:
     entry = _from_library(text, lambda: names.look_up(text, _year()))
     if entry is None:
         close = names.suggestions(text, BODIES)
@@ -145,9 +145,9 @@ def _from_library(name: str, look_up: Callable[[], CatalogObject | None]) -> Cat
     try:
         return look_up()
     except NotInstalled:
-        raise NotSupplied(
+        raise LibraryMissing(
             f"{name} is in the object library, which is not installed. Its RA and DEC work without it",
-            how_to_add("library"),
+            install_instruction("library"),
         ) from None
     except Fault as fault:
         raise UserError(f"{name}: {fault}") from None

@@ -24,19 +24,19 @@ _S = TypeVar("_S", bound=Struct)
 EXAMPLE_VALUES = {"Direction": "Direction.NORTH", "Rate": "Rate(key=5)", "Tracking": "Tracking.ALTAZ"}
 
 
-def packed(operation: op.Operation[AnswerT], number: str) -> requests.OperationRequest:
+def pack_operation(operation: op.Operation[AnswerT], request_number: str) -> requests.OperationRequest:
     """Return the request for an operation. Raises Invalid if it is no operation, or a field is wrong."""
     if not isinstance(operation, op.Operation):
         raise Invalid(f"{repr(operation)[:40]} is not an operation; write one like op.Position().")
-    fields: dict[str, Any] = msgspec.to_builtins(_in_range(checked(operation)), enc_hook=_plain)
-    return requests.OperationRequest(number=number, operation=type(operation).__name__, fields=fields)
+    fields: dict[str, Any] = msgspec.to_builtins(_check_ranges(checked(operation)), enc_hook=_to_plain_number)
+    return requests.OperationRequest(number=request_number, operation=type(operation).__name__, fields=fields)
 
 
-def unpacked(request: requests.OperationRequest) -> op.Operation[Any]:
+def unpack_operation(request: requests.OperationRequest) -> op.Operation[Any]:
     """Return the operation of a request. Raises Invalid."""
-    if (kind := op.named(request.operation)) is None:
+    if (kind := op.operation_class(request.operation)) is None:
         raise Invalid(f"There is no operation {request.operation[:40]!r}.")
-    return _in_range(_converted(request.fields, kind))
+    return _check_ranges(_converted(request.fields, kind))
 
 
 def answer_of(operation: op.Operation[AnswerT], reply: str) -> AnswerT:
@@ -53,7 +53,7 @@ def answer_type(kind: type[op.Operation]) -> Any:
 def checked(value: _S) -> _S:
     """Return a copy with plain Python numbers. Raises Invalid for a field of a wrong type or an infinite number."""
     kind = type(value)
-    fields = {name: _plain(getattr(value, name)) for name in value.__struct_fields__}
+    fields = {name: _to_plain_number(getattr(value, name)) for name in value.__struct_fields__}
     for name, field in fields.items():
         if isinstance(field, float) and not isfinite(field):
             raise Invalid(f"{kind.__name__}: {name}: Expected a number, got {field}.")
@@ -65,10 +65,10 @@ def _converted(fields: dict[str, Any], kind: type[_S]) -> _S:
         return convert(fields, kind)
     except ValidationError as error:
         why, _, field = str(error).strip("`").partition(" - at `$.")
-        raise Invalid(f"{kind.__name__}: {field}: {why}{_right(kind, field)}.") from None
+        raise Invalid(f"{kind.__name__}: {field}: {why}{_correct_form(kind, field)}.") from None
 
 
-def _in_range(operation: op.Operation[AnswerT]) -> op.Operation[AnswerT]:
+def _check_ranges(operation: op.Operation[AnswerT]) -> op.Operation[AnswerT]:
     """Return the operation. Raises Invalid if a value is out of range."""
     if isinstance(operation, op.SetGuideRate) and not 0.0 <= operation.rate <= 1.0:
         raise Invalid(f"The guide rate must be from 0 to 1, a fraction of sidereal, not {operation.rate:g}.")
@@ -79,13 +79,13 @@ def _in_range(operation: op.Operation[AnswerT]) -> op.Operation[AnswerT]:
     return operation
 
 
-def _right(kind: type[Struct], field: str) -> str:
+def _correct_form(kind: type[Struct], field: str) -> str:
     """Return the correct form for a field whose type programs often get wrong at first."""
     hint = str(kind.__annotations__.get(field, ""))
     return next((f"; write op.{right}" for name, right in EXAMPLE_VALUES.items() if name in hint), "")
 
 
-def _plain(value: object) -> object:
+def _to_plain_number(value: object) -> object:
     """Convert a number of another library to Python's type; return everything else unchanged."""
     if isinstance(value, bool) or not isinstance(value, Real):
         return value

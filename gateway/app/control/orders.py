@@ -12,7 +12,7 @@ from gateway.app.state.store import StateStore
 from gateway.core.errors import Fault, explain_os_error
 from gateway.core.requests import DONE, FAILED, Answer, HoldRequest, ReleaseHoldRequest, StopOrHold
 from gateway.mount.controller import MountController
-from gateway.mount.readings.rest import TIME_TO_REST, come_to_rest
+from gateway.mount.readings.rest import TIME_TO_REST, wait_for_rest
 
 #: The client's name in the log and in messages that say who stopped the mount.
 STOP_CLIENT = "mount-gateway stop"
@@ -23,29 +23,29 @@ STOP_ACK_TIMEOUT = 5.0
 STOP_TIMEOUT = STOP_ACK_TIMEOUT + TIME_TO_REST + 2.0
 
 
-async def halt(request: StopOrHold, controller: MountController, store: StateStore) -> Answer:
+async def carry_out_stop(request: StopOrHold, controller: MountController, store: StateStore) -> Answer:
     """Stop, hold or release the mount."""
     who = request.who or STOP_CLIENT
-    answer = await _answer(request, who, controller, store)
+    answer = await _execute(request, who, controller, store)
     controller.wire_log.put(who, "*", note=f"{str(request.__struct_config__.tag).capitalize()}: {answer.text}")
     return answer
 
 
-async def _answer(request: StopOrHold, client_name: str, controller: MountController, store: StateStore) -> Answer:
+async def _execute(request: StopOrHold, client_name: str, controller: MountController, store: StateStore) -> Answer:
     if isinstance(request, ReleaseHoldRequest):
-        trouble = await _on_disk(store, hold=False)
-        controller.hold.on = False
+        trouble = await _update_hold_file(store, hold=False)
+        controller.hold.is_on = False
         return Answer(FAILED, f"it is released{trouble}") if trouble else Answer(DONE, "released")
     if not isinstance(request, HoldRequest):
-        return await stopped(controller, client_name)
-    controller.hold.on = True
-    answer, trouble = await asyncio.gather(stopped(controller, client_name), _on_disk(store, hold=True))
-    if not answer.done:
+        return await stop_mount(controller, client_name)
+    controller.hold.is_on = True
+    answer, trouble = await asyncio.gather(stop_mount(controller, client_name), _update_hold_file(store, hold=True))
+    if not answer.is_ok:
         return Answer(FAILED, f"not stopped: {answer.text}; it is held from now on{trouble}")
     return Answer(FAILED, f"it is stopped and held{trouble}") if trouble else Answer(DONE, "stopped and held")
 
 
-async def stopped(controller: MountController, client_name: str = STOP_CLIENT) -> Answer:
+async def stop_mount(controller: MountController, client_name: str = STOP_CLIENT) -> Answer:
     """Stop the mount for a client, and watch it until it is at rest."""
     try:
         async with asyncio.timeout(STOP_ACK_TIMEOUT):
@@ -53,17 +53,17 @@ async def stopped(controller: MountController, client_name: str = STOP_CLIENT) -
     except (TimeoutError, Fault) as fault:
         if controller.driver.asleep and controller.line.state != "down":
             return STOPPED_ANSWER  # a hibernating mount is at rest, and does not answer
-        why = controller.line.reason or str(fault) or f"no answer from the mount within {STOP_ACK_TIMEOUT:.0f} s"
-        owed = "; the gateway sends the stop first as soon as the mount answers again" * controller.wanted.owed
+        why = controller.line.down_cause or str(fault) or f"no answer from the mount within {STOP_ACK_TIMEOUT:.0f} s"
+        owed = "; the gateway sends the stop first as soon as the mount answers again" * controller.wanted.stop_owed
         return Answer(FAILED, f"{why}{owed}")
     try:
-        await come_to_rest(controller.context, controller.reader)
+        await wait_for_rest(controller.context, controller.reader)
     except Fault as fault:
         return Answer(FAILED, str(fault))
     return STOPPED_ANSWER
 
 
-async def _on_disk(store: StateStore, *, hold: bool) -> str:
+async def _update_hold_file(store: StateStore, *, hold: bool) -> str:
     """Write or remove the hold file; return an empty text, or what went wrong as the rest of a sentence."""
     try:
         async with asyncio.timeout(STOP_ACK_TIMEOUT):

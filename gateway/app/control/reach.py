@@ -19,14 +19,14 @@ import msgspec
 from msgspec import Struct
 
 from gateway.app.control import exchange
-from gateway.app.control.exchange import ControlEndpoint, left_moving
+from gateway.app.control.exchange import ControlEndpoint, motion_markers
 from gateway.app.state.file import MarkerContent, read_marker
 from gateway.app.status import State
 from gateway.core.errors import NoAnswer
-from gateway.core.requests import FAILED, Answer, Request, StateRequest, encode, new_number
+from gateway.core.requests import FAILED, Answer, Request, StateRequest, encode, new_request_number
 from gateway.system import processes
 from gateway.system.files import state_folder
-from gateway.system.runtime_folders import folders, folders_of_others, user, user_name
+from gateway.system.runtime_folders import folders, folders_of_others, user_id, user_name
 
 #: Seconds until a request is sent again: a datagram may be lost.
 RESEND_PERIOD = 0.5
@@ -41,32 +41,32 @@ class SearchResult(Struct):
 
     gateways: list[tuple[Path, ControlEndpoint]]
     markers: list[tuple[Path, MarkerContent]]
-    doubts: list[str]
+    warnings: list[str]
 
 
 class Scope(Struct, frozen=True):
     """Where to search: only one state folder, or also all gateways of this user (root: of all users)."""
 
     folder: Path
-    alone: bool = False
+    folder_only: bool = False
 
 
-def scope_of(state: str | None) -> Scope:
+def scope_of(folder: str | None) -> Scope:
     """Return the scope of a state folder named by ``--state`` or systemd, else of this user's default folder."""
-    return Scope(state_folder(state), alone=bool(state or os.environ.get("STATE_DIRECTORY")))
+    return Scope(state_folder(folder), folder_only=bool(folder or os.environ.get("STATE_DIRECTORY")))
 
 
-def unreachable_gateways(scope: Scope) -> list[processes.Process]:
+def unreachable_gateways(scope: Scope) -> list[processes.GatewayProcess]:
     """Return the gateway processes that (may) belong to the scope and have no endpoint file that can be read."""
-    if scope.alone and _must_hold_endpoint(scope.folder):
+    if scope.folder_only and _must_hold_endpoint(scope.folder):
         return []
     known = {endpoint.pid for _, endpoint in _all_endpoints(scope.folder)[0]}
     return [process for process in processes.gateways() if process.pid not in known]
 
 
-def reachable(process: processes.Process) -> bool:
+def may_reach(process: processes.GatewayProcess) -> bool:
     """Whether this user has the right to send requests to a gateway, once its control endpoint is open."""
-    return user() in (0, process.user)
+    return user_id() in (0, process.user_id)
 
 
 def search(scope: Scope) -> SearchResult:
@@ -79,9 +79,9 @@ def search(scope: Scope) -> SearchResult:
     folder = os.path.realpath(scope.folder)
     gateways: dict[tuple[int, int], tuple[Path, ControlEndpoint]] = {}
     for path, endpoint in endpoints:
-        if not scope.alone or path.parent == scope.folder or os.path.realpath(endpoint.state) == folder:
+        if not scope.folder_only or path.parent == scope.folder or os.path.realpath(endpoint.state) == folder:
             gateways.setdefault((endpoint.pid, endpoint.port), (path, endpoint))
-    of_gateways = (left_moving(endpoint) for path, endpoint in gateways.values() if belongs_to_user(path.parent))
+    of_gateways = (motion_markers(endpoint) for path, endpoint in gateways.values() if belongs_to_user(path.parent))
     paths = {os.path.realpath(path): path for path in chain(scope.folder.glob("*.moving"), *of_gateways)}
     markers = [(path.parent, mark) for path in sorted(paths.values()) if (mark := read_marker(path)) is not None]
     return SearchResult(list(gateways.values()), markers, doubts)
@@ -90,7 +90,7 @@ def search(scope: Scope) -> SearchResult:
 def belongs_to_user(folder: Path) -> bool:
     """Whether a folder exists and belongs to this user."""
     try:
-        return user() is None or os.lstat(folder).st_uid == user()
+        return user_id() is None or os.lstat(folder).st_uid == user_id()
     except OSError:
         return False
 
@@ -109,13 +109,13 @@ def _all_endpoints(folder: Path) -> tuple[list[tuple[Path, ControlEndpoint]], li
             "run this command as the user who runs the gateway"
         )
     for own_folder in folders()[0]:
-        endpoints += _readable(own_folder, user())
+        endpoints += _read_endpoints(own_folder, user_id())
     for other, owner in folders_of_others():
-        endpoints += _readable(other, owner)
+        endpoints += _read_endpoints(other, owner)
     return endpoints, doubts
 
 
-def _readable(folder: Path, owner: int | None) -> Sequence[tuple[Path, ControlEndpoint]]:
+def _read_endpoints(folder: Path, owner: int | None) -> Sequence[tuple[Path, ControlEndpoint]]:
     try:
         return exchange.read_endpoints(folder, owner)
     except OSError:
@@ -131,20 +131,20 @@ def _must_hold_endpoint(folder: Path) -> bool:
         if os.name != "posix":
             return os.access(folder, os.W_OK)
         room = os.statvfs(folder)
-        mine = user() in (0, os.lstat(folder).st_uid)
+        mine = user_id() in (0, os.lstat(folder).st_uid)
         return mine and os.access(folder, os.W_OK) and room.f_bavail > 0 and (room.f_files == 0 or room.f_favail > 0)
     except OSError:
         return False
 
 
-def explain_unreachable(process: processes.Process) -> str:
+def explain_unreachable(process: processes.GatewayProcess) -> str:
     """Return a sentence about a gateway that cannot be asked: what it is, and how to stop its mount."""
-    if reachable(process):
+    if may_reach(process):
         return (
             f"process {process.pid} is a gateway that commands cannot reach, because it had no folder to write to; "
             f"kill {process.pid} ends it, which stops its mount"
         )
-    whose = user_name(process.user)
+    whose = user_name(process.user_id)
     return f"a gateway of {whose} runs as process {process.pid}: stop it as {whose}, or as root"
 
 
@@ -157,7 +157,7 @@ def explain_no_answer(pid: int) -> str:
 
 async def ask(endpoint: ControlEndpoint, request: Request, seconds: float) -> Answer | None:
     """Send a request and return the answer; None if no gateway has this endpoint any more."""
-    number, parts, heard = new_number(), exchange.Parts(), False
+    number, parts, heard = new_request_number(), exchange.AnswerParts(), False
     asked, loop = exchange.seal(endpoint.secret, number, f"ask {encode(request)}"), asyncio.get_running_loop()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
         port.setblocking(False)
@@ -191,10 +191,10 @@ def _no_answer(reason: str) -> Answer:
     return Answer(FAILED, reason, NoAnswer.__name__)
 
 
-def running_gateways(mount_name: str | None, state: str | None) -> list[ControlEndpoint]:
+def running_gateways(mount_name: str | None, folder: str | None) -> list[ControlEndpoint]:
     """Return the gateways on this computer that accept requests: of one mount or all, of a state folder or all."""
-    gateways = search(scope_of(state)).gateways
-    return [endpoint for _, endpoint in gateways if exchange.is_listening(endpoint) and endpoint.called(mount_name)]
+    gateways = search(scope_of(folder)).gateways
+    return [endpoint for _, endpoint in gateways if exchange.is_listening(endpoint) and endpoint.matches(mount_name)]
 
 
 async def request(endpoint: ControlEndpoint, request: Request, seconds: float = ANSWER_TIMEOUT) -> Answer:

@@ -13,16 +13,16 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec.structs import replace
 
-from gateway.app.control.operations import unpacked
-from gateway.app.discovery.served import Serving, served
+from gateway.app.control.operations import unpack_operation
+from gateway.app.discovery.served import ServedGateway, served_surfaces
 from gateway.app.status import State, format_position
 from gateway.core import operations as op
 from gateway.core import requests
 from gateway.core.errors import BelowHorizon, Busy, Fault, Invalid, NearSun, PastMeridian, Stopped, TooHigh, UserError
 from gateway.core.requests import DONE, FAILED, UNDER_WAY, Answer
 from gateway.mount.controller import MountController
-from gateway.mount.motion.taps import holder
-from gateway.mount.motion.wanted import ByHand, Slew
+from gateway.mount.motion.taps import arrow_holder
+from gateway.mount.motion.wanted import HandMove, Slew
 from gateway.mount.policy import Limits
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.reader import missed
@@ -46,7 +46,7 @@ class ActiveRequest:
         self.goal: op.Equatorial | None = None
         self.is_park = False
         self.cancelled = asyncio.Event()
-        #: Direction and rate key of the motion by hand that a ``PressRequest`` began.
+        #: Direction and rate key of the motion by hand that a ``PressKeyRequest`` began.
         self.pressed: tuple[op.Direction, int] | None = None
 
 
@@ -64,13 +64,13 @@ def title(request: msgspec.Struct) -> str:
 
 def _operation(request: object) -> type[op.Operation] | None:
     """Return the type of the operation in an ``OperationRequest``; None for every other request."""
-    return op.named(request.operation) if isinstance(request, requests.OperationRequest) else None
+    return op.operation_class(request.operation) if isinstance(request, requests.OperationRequest) else None
 
 
 #: Refusals by limits that a page may have narrowed.
 NARROWED = BelowHorizon | TooHigh | NearSun | PastMeridian
 #: The sentence that is added to such a refusal for a person.
-PAGE_WORDING = (
+NARROWED_LIMITS_TEXT = (
     "A page of the console has narrowed the limits until the gateway ends ({0}); it can take that back under More."
 )
 
@@ -78,18 +78,18 @@ PAGE_WORDING = (
 def explain(fault: Fault, limits: Limits) -> str:
     """Return a refusal for a person: the text that programs get, followed by an explanation."""
     if limits.by_page and isinstance(fault, NARROWED):
-        return f"{fault} {PAGE_WORDING.format(limits)}"
+        return f"{fault} {NARROWED_LIMITS_TEXT.format(limits)}"
     if fault.brief or not fault.explanation:  # a text with a brief form says what to do
         return str(fault)
     return f"{fault} {fault.explanation.format(sun=limits.sun, sync=limits.sync)}"
 
 
-async def of_date(controller: MountController, target: requests.Target) -> op.Equatorial:
+async def position_of_date(controller: MountController, target: requests.Target) -> op.Equatorial:
     """Return the position of a target for the equinox of date, in degrees. Raises Fault."""
-    if isinstance(target, requests.Named):
+    if isinstance(target, requests.ByName):
         raise Invalid(f"The position of {target.name} has not been looked up.")
-    if isinstance(target, requests.Body):
-        await _know_site(controller)
+    if isinstance(target, requests.SolarSystemBody):
+        await _wait_for_site(controller)
         reads: op.Read[op.Equatorial] = op.MoonPlace() if target.name.lower() == "moon" else op.PlanetPlace(target.name)
     elif not (-90.0 <= target.dec <= 90.0 and 0.0 <= target.ra <= 360.0):
         raise Invalid("There is no such place on the sky.")
@@ -100,7 +100,7 @@ async def of_date(controller: MountController, target: requests.Target) -> op.Eq
     return await controller.answer(reads)
 
 
-async def _know_site(controller: MountController) -> None:
+async def _wait_for_site(controller: MountController) -> None:
     """Wait for the mount's site if it is unknown; without a site, the operation that needs it is refused."""
     with contextlib.suppress(Fault):
         await controller.answer(op.GetSite())
@@ -109,30 +109,30 @@ async def _know_site(controller: MountController) -> None:
 class RequestHandler:
     """Carries out the requests of people for one gateway."""
 
-    def __init__(self, controller: MountController, gateway: Serving) -> None:
+    def __init__(self, controller: MountController, gateway: ServedGateway) -> None:
         self._controller, self._gateway = controller, gateway
         self._active: dict[str, ActiveRequest] = {}
 
     def state(self) -> State:
         """Return the known state of the mount, without an exchange with it."""
-        ports = tuple(served(self._gateway))
+        ports = tuple(served_surfaces(self._gateway))
         surfaces = [f"{port.name} {port.at}" for port in ports]
-        state = self._gateway.state().drawn(surfaces)
+        state = self._gateway.state().to_state(surfaces)
         folder = "" if self._gateway.store is None else str(self._gateway.store.directory)
-        return replace(state, served=ports, folder=folder, unopened=self._gateway.unopened)
+        return replace(state, served=ports, folder=folder, unopened=self._gateway.open_failure)
 
-    async def take(self, request: requests.Request) -> Answer:
+    async def carry_out(self, request: requests.Request) -> Answer:
         """Carry out any request but a stop or a hold. First look up the position of a named object."""
         named = "It"
         if isinstance(request, requests.GotoRequest | requests.SyncRequest) and isinstance(
-            request.where, requests.Named
+            request.where, requests.ByName
         ):
             named = request.where.name[:1].upper() + request.where.name[1:]
             from gateway.app.control import objects  # loads the catalogues, which only names of objects need
 
             stops = self._controller.stops
             try:
-                request = replace(request, where=await asyncio.to_thread(objects.find, request.where.name))
+                request = replace(request, where=await asyncio.to_thread(objects.find_target, request.where.name))
             except UserError as error:
                 return Answer(FAILED, str(error), UserError.__name__)
             if self._controller.stops != stops:
@@ -143,22 +143,22 @@ class RequestHandler:
                     await self._refresh()
                 return Answer(DONE, msgspec.json.encode(self.state()).decode())
             case requests.ReadSlowRequest():
-                return Answer(DONE, msgspec.json.encode(await self._look()).decode())
+                return Answer(DONE, msgspec.json.encode(await self._read_unpolled()).decode())
             case requests.ProgressRequest():
-                return await self._follow(request.number)
+                return await self._report_progress(request.number)
             case requests.CancelRequest():
                 return await self._cancel(request.number)
-        assert isinstance(request, requests.Base)
+        assert isinstance(request, requests.ChangeRequest)
         what, wire_log = title(request), self._controller.wire_log
         active = self._remember(request.number, request.who or f"mount-gateway {what.lower()}")
-        kept_alive = isinstance(request, requests.PressRequest) and active.pressed is not None
+        kept_alive = isinstance(request, requests.PressKeyRequest) and active.pressed is not None
         asks = issubclass(_operation(request) or op.Operation, op.Read)
         try:
-            message = await self._do(request, active)
+            message = await self._carry_out_change(request, active)
         except Fault as fault:
-            message = f"{what} ended by a stop" if isinstance(fault, Stopped) else fault.of(what)
+            message = f"{what} ended by a stop" if isinstance(fault, Stopped) else fault.with_summary(what)
             if not asks:
-                wire_log.refused(active.activity.who, message)
+                wire_log.log_refusal(active.activity.host, message)
             explanation = explain(fault, self._controller.policy.limits)
             return Answer(
                 FAILED,
@@ -167,28 +167,28 @@ class RequestHandler:
             )
         if not (asks or kept_alive):
             answer = "" if isinstance(request, requests.OperationRequest) else f": {message}"
-            wire_log.put(active.activity.who, "*", note=f"{what}{answer}")
+            wire_log.put(active.activity.host, "*", note=f"{what}{answer}")
         return Answer(DONE, message)
 
-    def _remember(self, number: str, who: str) -> ActiveRequest:
+    def _remember(self, number: str, client: str) -> ActiveRequest:
         active, presence = self._active.get(number), self._controller.presence
         if active is None:
-            active = self._active[number] = ActiveRequest(presence.connected(who), self._controller.stops)
+            active = self._active[number] = ActiveRequest(presence.add_connection(client), self._controller.stops)
             if len(self._active) > MAX_REMEMBERED_REQUESTS:
                 oldest = next((begun for begun, known in self._active.items() if not self._holds(known)), number)
-                presence.disconnected(self._active.pop(oldest).activity)
+                presence.mark_closed(self._active.pop(oldest).activity)
         return active
 
     # --- carrying out -----------------------------------------------------------------------------------------------
 
-    async def _do(self, request: Any, active: ActiveRequest) -> str:
+    async def _carry_out_change(self, request: Any, active: ActiveRequest) -> str:
         match request:
             case requests.GotoRequest():
-                active.goal = await of_date(self._controller, request.where)
+                active.goal = await position_of_date(self._controller, request.where)
                 await self._perform(op.Goto(active.goal.ra, active.goal.dec), active)
                 return f"it goes to {format_position(active.goal)}"
             case requests.SyncRequest():
-                goal = await of_date(self._controller, request.where)
+                goal = await position_of_date(self._controller, request.where)
                 await self._perform(op.Sync(goal.ra, goal.dec), active)
                 return f"it now points to {format_position(goal)}"
             case requests.ParkRequest():
@@ -198,7 +198,7 @@ class RequestHandler:
             case requests.HomeRequest():
                 await self._perform(op.Home(), active)
                 return "it goes to its home position"
-            case requests.PressRequest():
+            case requests.PressKeyRequest():
                 return await self._press(request, active)
             case requests.ReleaseKeyRequest():
                 return await self._let_go(request, active)
@@ -208,25 +208,25 @@ class RequestHandler:
                 await self._controller.perform(op.SetClock(request.unix, request.offset), None, active.activity)
                 return "the time is set"
             case requests.SetSiteRequest():
-                holds = self._controller.settings.holds_for()
-                self._controller.site_clock.confirmed = op.Place(request.latitude, request.longitude)
+                holds = self._controller.settings.site_scope()
+                self._controller.site_clock.confirmed_site = op.Place(request.latitude, request.longitude)
                 await self._controller.perform(op.SetSite(request.latitude, request.longitude), None, active.activity)
                 return f"the site is set; it holds for {holds}" if holds else "the site is set"
             case requests.GuideRequest():
                 await self._perform(op.Pulse(request.direction, request.ms, sky=True), active)
-                return f"it was guided {request.direction.word} for {request.ms} ms"
+                return f"it was guided {request.direction.label} for {request.ms} ms"
             case requests.SetGuideRateRequest():
                 for axis in (1, 2):
                     await self._controller.perform(op.SetGuideRate(axis, request.rate), None, active.activity)
                 return f"the guide rate is {request.rate:g} of sidereal"
             case requests.NarrowLimitsRequest():
                 asked = {name: getattr(request, name) for name in ("lowest", "highest", "sun", "hour_angle")}
-                return f"allowed now: {self._controller.narrow(**asked)}"
+                return f"allowed now: {self._controller.narrow_limits(**asked)}"
             case requests.UnparkRequest():
                 await self._perform(op.Wake() if self._controller.driver.asleep else op.Unpark(), active)
                 return "unparked and tracking"
             case requests.OperationRequest():
-                return await self._carry_out_operation(unpacked(request), active)
+                return await self._carry_out_operation(unpack_operation(request), active)
         return await self._move(request, active)
 
     async def _carry_out_operation(self, operation: op.Operation[object], active: ActiveRequest) -> str:
@@ -236,7 +236,7 @@ class RequestHandler:
         active.goal = op.Equatorial(operation.ra, operation.dec) if isinstance(operation, op.Goto) else None
         active.is_park = isinstance(operation, op.Park)
         if isinstance(operation, NEEDS_SITE):
-            await _know_site(self._controller)
+            await _wait_for_site(self._controller)
         return msgspec.json.encode(await self._perform(operation, active)).decode()
 
     async def _perform(self, operation: op.Operation[_T], active: ActiveRequest) -> _T:
@@ -270,9 +270,9 @@ class RequestHandler:
         if stopped:
             raise Stopped
         away = "; it is no longer parked" if parked and not controller.driver.parked else ""
-        return f"it was moved {request.direction.word} for {lasted:.1f} s{away}"
+        return f"it was moved {request.direction.label} for {lasted:.1f} s{away}"
 
-    async def _press(self, request: requests.PressRequest, active: ActiveRequest) -> str:
+    async def _press(self, request: requests.PressKeyRequest, active: ActiveRequest) -> str:
         """Begin a motion by hand, or keep it alive. Raises Fault."""
         if not 1 <= request.key <= 9:
             raise Invalid("Rates are from 1 to 9.")
@@ -280,7 +280,7 @@ class RequestHandler:
         if active.stop_count != self._controller.stops:
             raise Stopped
         if active.pressed == (request.direction, request.key):
-            return f"it is moved {request.direction.word}"
+            return f"it is moved {request.direction.label}"
         if active.pressed is not None and not self._holds(active):  # another rate, after something else has ended it
             raise Stopped
         active.pressed = request.direction, request.key
@@ -289,10 +289,10 @@ class RequestHandler:
         except Stopped:
             if not active.cancelled.is_set():
                 raise
-        return f"it is moved {request.direction.word}"
+        return f"it is moved {request.direction.label}"
 
     async def _let_go(self, request: requests.ReleaseKeyRequest, active: ActiveRequest) -> str:
-        """End the motion that a ``PressRequest`` began, unless another arrow has replaced it. Raises Fault."""
+        """End the motion that a ``PressKeyRequest`` began, unless another arrow has replaced it. Raises Fault."""
         active.cancelled.set()
         if active.pressed is not None and self._holds(active):
             by = None if request.lost else active.activity
@@ -303,7 +303,7 @@ class RequestHandler:
         """Whether this request has pressed the newest arrow of its axis."""
         return (
             active.pressed is not None
-            and holder(self._controller.wanted.value, active.pressed[0].axis) is active.activity
+            and arrow_holder(self._controller.wanted.value, active.pressed[0].axis) is active.activity
         )
 
     async def _track(self, request: requests.TrackRequest, active: ActiveRequest) -> str:
@@ -318,13 +318,13 @@ class RequestHandler:
     def _in_motion(self, active: ActiveRequest) -> bool:
         """Whether a motion that this request has begun is in progress or waits to begin."""
         wanted = self._controller.wanted.value
-        moving = [wanted.motion.by] if isinstance(wanted.motion, Slew) else []
-        if isinstance(wanted.motion, ByHand):
-            moving = [motion.by for _, motion in wanted.motion]
-        return any(by is active.activity for by in (*moving, *(order.by for order in wanted.pending)))
+        moving = [wanted.motion.client] if isinstance(wanted.motion, Slew) else []
+        if isinstance(wanted.motion, HandMove):
+            moving = [motion.client for _, motion in wanted.motion]
+        return any(by is active.activity for by in (*moving, *(order.client for order in wanted.pending)))
 
-    async def _follow(self, number: str) -> Answer:
-        active, controller = self._active.get(number), self._controller
+    async def _report_progress(self, request_number: str) -> Answer:
+        active, controller = self._active.get(request_number), self._controller
         if active is None:
             return Answer(FAILED, "the gateway does not know this request: it may have been restarted meanwhile")
         await self._refresh()
@@ -335,32 +335,32 @@ class RequestHandler:
         if self._in_motion(active) or follows:
             return Answer(UNDER_WAY, format_position(look.position) if look.position else "")
         at = f", at {format_position(look.position)}" if look.position else ""
-        if controller.wanted.value.short:
-            return Answer(FAILED, f"{controller.wanted.value.short}{at}", "Stopped")
+        if controller.wanted.value.failure:
+            return Answer(FAILED, f"{controller.wanted.value.failure}{at}", "Stopped")
         if controller.stops != active.stop_count:
             by = controller.wanted.stopped_by
             return Answer(FAILED, f"it was stopped on the way{f' by {by}' if by else ''}{at}", "Stopped")
         if active.goal is not None and look.position is not None and (short := missed(active.goal, look.position)):
             slew = controller.wanted.value.motion
-            other = f"another goto came from {slew.by.who}" if isinstance(slew, Slew) and slew.by else ""
+            other = f"another goto came from {slew.client.host}" if isinstance(slew, Slew) and slew.client else ""
             return Answer(FAILED, f"{other or f'{short}, or another request came'}{at}", "Stopped")
         if active.is_park:
             return Answer(DONE, "it is parked")
         return Answer(DONE, f"it is there{': ' + format_position(look.position) if look.position else ''}")
 
-    async def _cancel(self, number: str) -> Answer:
-        controller, active = self._controller, self._remember(number, "mount-gateway stop")
+    async def _cancel(self, request_number: str) -> Answer:
+        controller, active = self._controller, self._remember(request_number, "mount-gateway stop")
         active.cancelled.set()  # if the request arrives later than its cancellation, it is not begun
         if not self._in_motion(active):
             return Answer(DONE, "nothing that was started here is under way")
         wanted = controller.wanted.value
         halts: list[op.Operation] = (
-            [op.StopAxis(axis) for axis, motion in wanted.motion if motion.by is active.activity]
-            if isinstance(wanted.motion, ByHand)
+            [op.StopAxis(axis) for axis, motion in wanted.motion if motion.client is active.activity]
+            if isinstance(wanted.motion, HandMove)
             else []
         )
         # a goto of another client that waits will replace this goto anyway
-        if not halts and all(order.by is active.activity for order in wanted.waiting_gotos):
+        if not halts and all(order.client is active.activity for order in wanted.waiting_gotos):
             halts = [op.AbortSlew()]
         try:
             for halt in halts:
@@ -369,10 +369,10 @@ class RequestHandler:
             return Answer(
                 FAILED, f"the mount has not acknowledged the stop: {explain(fault, controller.policy.limits)}"
             )
-        controller.wire_log.put(active.activity.who, "*", note="Cancel: the mount was stopped")
+        controller.wire_log.put(active.activity.host, "*", note="Cancel: the mount was stopped")
         return Answer(DONE, "the mount was stopped")
 
-    async def _look(self) -> dict[str, Any]:
+    async def _read_unpolled(self) -> dict[str, Any]:
         """Read the pier side and the drive rate, which no task polls; None for one that the mount does not report."""
         controller = self._controller
         reported: dict[str, Any] = {"pier": None, "drive": None}

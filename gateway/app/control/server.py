@@ -24,7 +24,7 @@ from gateway.system.runtime_folders import protect_from_cleanup
 
 #: How many requests are remembered, so that a repeated request gets the same answer.
 MAX_REMEMBERED_REQUESTS = 64
-ENDING = Answer(
+SHUTDOWN = Answer(
     FAILED, "the gateway is shutting down and stops its mount; run the command again to be sure", NoAnswer.__name__
 )
 
@@ -32,23 +32,23 @@ ENDING = Answer(
 Requests = dict[str, asyncio.Task[Answer]]
 
 
-class Control(asyncio.DatagramProtocol):
+class ControlServer(asyncio.DatagramProtocol):
     """Receives requests, carries them out with ``carry_out``, and sends the answers.
 
-    Endpoint files are written to ``folders``, the state folder first. ``mount_names`` is the mount's name, or empty.
+    Endpoint files are written to ``folders``, the state folder first. ``mount_name`` is the mount's name, or empty.
     """
 
     def __init__(
         self,
         folders: Sequence[Path],
-        name: str,
+        file_stem: str,
         mount: str,
         carry_out: Callable[[Request], Awaitable[Answer]],
-        mount_names: str = "",
+        mount_name: str = "",
     ) -> None:
-        self.paths = [folder / f"{name}.{os.getpid()}{exchange.ENDPOINT_SUFFIX}" for folder in folders]
-        self._state = str(folders[0].absolute())
-        self._mount, self._carry_out, self._names = mount, carry_out, mount_names
+        self.paths = [folder / f"{file_stem}.{os.getpid()}{exchange.ENDPOINT_SUFFIX}" for folder in folders]
+        self._state_folder = str(folders[0].absolute())
+        self._mount, self._carry_out, self._mount_name = mount, carry_out, mount_name
         self._secret = os.urandom(16).hex()
         self._transport: asyncio.DatagramTransport | None = None
         self._requests: Requests = {}
@@ -64,7 +64,7 @@ class Control(asyncio.DatagramProtocol):
         self._transport = transport
         port = transport.get_extra_info("sockname")[1]
         endpoint = msgspec.json.encode(
-            ControlEndpoint(self._mount, os.getpid(), port, self._secret, self._state, self._names)
+            ControlEndpoint(self._mount, os.getpid(), port, self._secret, self._state_folder, self._mount_name)
         )
         failed: list[OSError] = []
         for path in self.paths:
@@ -88,12 +88,12 @@ class Control(asyncio.DatagramProtocol):
         if task is None:
             if len(self._requests) >= MAX_REMEMBERED_REQUESTS and not self._forget():
                 return
-            task = self._requests[number] = asyncio.get_running_loop().create_task(self._answer_to(line))
+            task = self._requests[number] = asyncio.get_running_loop().create_task(self._answer_request(line))
         elif not task.done():
             self._send(number, exchange.WAIT_REPLY, addr)
             return
         self._send(number, exchange.WAIT_REPLY, addr)
-        task.add_done_callback(lambda done: self._answer(number, ENDING if done.cancelled() else done.result(), addr))
+        task.add_done_callback(lambda done: self._reply(number, SHUTDOWN if done.cancelled() else done.result(), addr))
 
     def error_received(self, exc: Exception) -> None:
         """Do nothing: the caller has ended."""
@@ -106,27 +106,27 @@ class Control(asyncio.DatagramProtocol):
         del self._requests[old]
         return True
 
-    async def _answer_to(self, line: str) -> Answer:
+    async def _answer_request(self, request_json: str) -> Answer:
         try:
-            request = decode(line)
+            request = decode(request_json)
         except ValueError:
             return Answer(FAILED, "the gateway has another version than this command, and does not understand it")
         try:
             return await self._carry_out(request)
         except asyncio.CancelledError:
-            return ENDING
+            return SHUTDOWN
         except Fault as fault:
             return Answer(FAILED, str(fault), type(fault).__name__)
         except Exception as error:  # a defect must not look like a gateway that has ended
             return Answer(FAILED, f"internal error, please report it: {error!r}")
 
-    def _answer(self, number: str, answer: Answer, addr: object) -> None:
-        for part in exchange.parts(msgspec.json.encode(answer).decode()):
-            self._send(number, part, addr)
+    def _reply(self, request_number: str, answer: Answer, addr: object) -> None:
+        for part in exchange.split_answer(msgspec.json.encode(answer).decode()):
+            self._send(request_number, part, addr)
 
-    def _send(self, number: str, text: str, addr: Any) -> None:
+    def _send(self, request_number: str, text: str, addr: Any) -> None:
         if self._transport is not None and not self._transport.is_closing():
-            self._transport.sendto(exchange.seal(self._secret, number, text), addr)
+            self._transport.sendto(exchange.seal(self._secret, request_number, text), addr)
 
     async def close(self) -> None:
         """Delete the endpoint files, answer the callers that still wait, and close the port."""

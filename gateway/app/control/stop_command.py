@@ -14,26 +14,26 @@ from pathlib import Path
 
 from msgspec import Struct, field
 
-from gateway.app.control.exchange import ControlEndpoint, is_listening, left_moving
+from gateway.app.control.exchange import ControlEndpoint, is_listening, motion_markers
 from gateway.app.control.orders import STOP_ACK_TIMEOUT, STOP_TIMEOUT, STOPPED_ANSWER
 from gateway.app.control.reach import (
     Scope,
     ask,
     belongs_to_user,
     explain_unreachable,
-    reachable,
+    may_reach,
     search,
     unreachable_gateways,
 )
 from gateway.app.state.file import MarkerContent
 from gateway.core.errors import Fault, UserError
 from gateway.core.requests import FAILED, Answer, ReleaseHoldRequest, StopOrHold
-from gateway.mount.readings.rest import come_to_rest
+from gateway.mount.readings.rest import wait_for_rest
 from gateway.system.processes import age
 
 #: A gateway process without an endpoint may be starting: search so many times, so many seconds apart. After the last
 #: number of seconds it is no longer starting but may be ending: search once more only, and report it.
-TRIES, SEARCH_PERIOD, OLD_AGE = 9, 0.125, 30.0
+TRIES, SEARCH_PERIOD, MAX_START = 9, 0.125, 30.0
 
 
 class StopReport(Struct):
@@ -43,11 +43,11 @@ class StopReport(Struct):
     """
 
     outcomes: list[tuple[str, Answer]]
-    doubts: list[str]
-    others: set[str] = field(default_factory=set)
+    warnings: list[str]
+    other_mounts: set[str] = field(default_factory=set)
 
 
-async def order_all(scope: Scope, mount_name: str | None, request: StopOrHold) -> StopReport:
+async def request_all(scope: Scope, mount_name: str | None, request: StopOrHold) -> StopReport:
     """Send a request to every gateway in the scope; unless it is ``ReleaseHoldRequest``, also stop mounts left moving.
 
     All mounts are stopped in parallel: a gateway that does not answer delays no other mount.
@@ -59,7 +59,7 @@ async def order_all(scope: Scope, mount_name: str | None, request: StopOrHold) -
         new = [
             (path, endpoint)
             for path, endpoint in scan.gateways
-            if (not endpoint.mount or endpoint.called(mount_name)) and (endpoint.pid, endpoint.port) not in asked
+            if (not endpoint.mount or endpoint.matches(mount_name)) and (endpoint.pid, endpoint.port) not in asked
         ]
         asked |= {(endpoint.pid, endpoint.port) for _, endpoint in new}
         names = {endpoint.mount: endpoint.title for _, endpoint in scan.gateways}
@@ -69,7 +69,7 @@ async def order_all(scope: Scope, mount_name: str | None, request: StopOrHold) -
             for folder, mark in scan.markers
             if mount_name in (None, mark.mount, mark.mount.partition("@")[2]) or mark.mount in ("", *meant)
         }
-        report.others |= {
+        report.other_mounts |= {
             names.get(mount, mount)
             for mount in (
                 *(endpoint.mount for _, endpoint in scan.gateways if is_listening(endpoint)),
@@ -82,7 +82,7 @@ async def order_all(scope: Scope, mount_name: str | None, request: StopOrHold) -
         mounts = list(dict.fromkeys([*(endpoint.mount for _, endpoint in new), *markers]))
         answers_by_mount = await asyncio.gather(
             *(
-                _order_mount([entry for entry in new if entry[1].mount == mount], request, markers.get(mount))
+                _request_mount([entry for entry in new if entry[1].mount == mount], request, markers.get(mount))
                 for mount in mounts
             )
         )
@@ -92,15 +92,15 @@ async def order_all(scope: Scope, mount_name: str | None, request: StopOrHold) -
             for answer in answers
         ]
         others = unreachable_gateways(scope)
-        report.doubts = [*scan.doubts, *map(explain_unreachable, others)]
-        coming = [process for process in others if reachable(process)]
-        if not coming or attempt == TRIES - 1 or (attempt and all(age(process.pid) > OLD_AGE for process in coming)):
+        report.warnings = [*scan.warnings, *map(explain_unreachable, others)]
+        coming = [process for process in others if may_reach(process)]
+        if not coming or attempt == TRIES - 1 or (attempt and all(age(process.pid) > MAX_START for process in coming)):
             break
         await asyncio.sleep(SEARCH_PERIOD)
     return report
 
 
-async def _order_mount(
+async def _request_mount(
     gateways: Sequence[tuple[Path, ControlEndpoint]], request: StopOrHold, marker: tuple[Path, MarkerContent] | None
 ) -> list[Answer]:
     """Return the answers of a mount's gateways; if none runs any more, stop the mount directly, return its result."""
@@ -110,13 +110,13 @@ async def _order_mount(
         folder, mark = marker
         answers = [await _stop_directly(mark, folder)]
     for (path, endpoint), answer in zip(gateways, asked, strict=True):
-        if answer is None and not left_moving(endpoint) and belongs_to_user(path.parent):
+        if answer is None and not motion_markers(endpoint) and belongs_to_user(path.parent):
             with contextlib.suppress(OSError):  # it has ended, and has left its endpoint file
                 path.unlink()
     return answers
 
 
-async def _stop_directly(mark: MarkerContent, folder: Path) -> Answer:
+async def _stop_directly(marker: MarkerContent, folder: Path) -> Answer:
     """Stop a mount that a killed gateway has left moving.
 
     This opens a gateway without surfaces: a gateway that finds a marker sends the stop before anything else.
@@ -124,25 +124,25 @@ async def _stop_directly(mark: MarkerContent, folder: Path) -> Answer:
     from gateway.app.config import MountConfig
     from gateway.app.gateway import Gateway
 
-    if not mark.mount:
+    if not marker.mount:
         return Answer(FAILED, "its motion marker cannot be read; start its gateway, which stops the mount first")
     try:
-        gateway = Gateway(MountConfig(mark.mount, baud=mark.baud, state=str(folder)), [])
+        gateway = Gateway(MountConfig(marker.mount, baud=marker.baud, state=str(folder)), [])
         await gateway.open()
     except UserError as error:
         return Answer(FAILED, str(error))
     assert gateway.store is not None
     wanted, line = gateway.controller.wanted, gateway.controller.line
     try:
-        if not gateway.store.held:
+        if not gateway.store.has_lock:
             return Answer(FAILED, "a gateway uses its state files, but does not answer")
         async with asyncio.timeout(STOP_ACK_TIMEOUT):
-            while wanted.owed:
+            while wanted.stop_owed:
                 await asyncio.sleep(0.02)
-        await come_to_rest(gateway.controller.context, gateway.controller.reader)
+        await wait_for_rest(gateway.controller.context, gateway.controller.reader)
         return STOPPED_ANSWER
     except TimeoutError:
-        return Answer(FAILED, line.reason or "no answer from the mount")
+        return Answer(FAILED, line.down_cause or "no answer from the mount")
     except Fault as fault:
         return Answer(FAILED, str(fault))
     finally:

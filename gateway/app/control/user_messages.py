@@ -22,7 +22,7 @@ class UserMessage(Struct, frozen=True):
     """A message, or a warning about which the user should do something."""
 
     text: str
-    warns: bool = False
+    is_warning: bool = False
 
 
 def first_messages(controller: MountController, model: str | None, version: str | None) -> Iterator[UserMessage]:
@@ -31,28 +31,28 @@ def first_messages(controller: MountController, model: str | None, version: str 
     identity, status = state.identity, state.look.status
     if identity is None:
         return
-    yield UserMessage(f"found {state.drawn().found}")
+    yield UserMessage(f"found {state.to_state().identity_text}")
     where = f"site {state.site}" if state.site else "site not known (--site LAT,LON sets it)"
     yield UserMessage(f"{where}; clock {state.time or 'not known'}")
     if warning := _contradiction(controller, identity, model, version):
-        yield UserMessage(warning, warns=True)
+        yield UserMessage(warning, is_warning=True)
     if status is not None and not status.aligned:
         yield UserMessage(
             "the mount is not aligned, so its position and limits mean nothing yet; align it at its hand control",
-            warns=True,
+            is_warning=True,
         )
     if not state.site:
         yield UserMessage(
             "the site is not known: gotos are not checked against the horizon, and a program that asks for it or for "
             "the sidereal time gets no answer; --site LAT,LON sets it (north and east are positive)",
-            warns=True,
+            is_warning=True,
         )
     if state.german and state.policy.limits.hour_angle is None:
         yield UserMessage("hour-angle-limit is not set: nothing keeps the tube of this German mount from its pier")
-    if state.policy.limits.hour_angle is not None and not state.pier_kept:
-        yield UserMessage(NO_LIMIT_MESSAGE, warns=True)
+    if state.policy.limits.hour_angle is not None and not state.can_enforce_hour_angle:
+        yield UserMessage(NO_LIMIT_MESSAGE, is_warning=True)
     if warning := contradiction_warning(controller.context):
-        yield UserMessage(warning.removeprefix("WARNING: "), warns=True)
+        yield UserMessage(warning.removeprefix("WARNING: "), is_warning=True)
 
 
 def _contradiction(controller: MountController, identity: op.Identity, model: str | None, version: str | None) -> str:
@@ -70,17 +70,17 @@ def _numbers(version: str) -> list[int]:
     return [int(number) for number in re.findall(r"\d+", version)]
 
 
-def last_message(controller: MountController, moved: bool) -> UserMessage | None:
-    """Return the message at the end; ``moved``: there was a motion to stop. None if no mount was found."""
+def last_message(controller: MountController, was_moving: bool) -> UserMessage | None:
+    """Return the message at the end; ``was_moving``: there was a motion to stop. None if no mount was found."""
     state = mount_state(controller)
     status = state.look.status
     if state.identity is None:
         return None
-    if state.wanted.owed:
+    if state.wanted.stop_owed:
         return UserMessage(
-            "the mount has not acknowledged the stop: look at it, and switch it off if it moves", warns=True
+            "the mount has not acknowledged the stop: look at it, and switch it off if it moves", is_warning=True
         )
-    outcome = "stopped the mount" if moved else "the mount was not moving"
+    outcome = "stopped the mount" if was_moving else "the mount was not moving"
     if status is None:
         return UserMessage(outcome)
     how, age = (

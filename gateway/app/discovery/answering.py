@@ -21,7 +21,7 @@ from gateway.protocols.registry import PROTOCOLS
 SKYFI_DISCOVERY_PORT = 4031
 #: The port in SkySafari's default settings.
 SKYSAFARI_PORT = 4030
-_QUESTION = rb"(?i)(skyfi(?::[^?\x00-\x1f]{0,64})?)\?[\r\n\0]*"
+_SKYFI_QUESTION = rb"(?i)(skyfi(?::[^?\x00-\x1f]{0,64})?)\?[\r\n\0]*"
 
 
 class DiscoveryAnswers:
@@ -31,9 +31,9 @@ class DiscoveryAnswers:
         self._warn = warn
         self._skyfi: asyncio.DatagramTransport | None = None
         #: Functions that end the discovery answers of protocols that have a discovery of their own.
-        self._discovery_ends: list[Callable[[], None]] = []
+        self._close_functions: list[Callable[[], None]] = []
 
-    async def answer(self, offers: Sequence[Offer], host: str = "0.0.0.0", port: int = SKYFI_DISCOVERY_PORT) -> None:
+    async def start(self, offers: Sequence[Offer], host: str = "0.0.0.0", port: int = SKYFI_DISCOVERY_PORT) -> None:
         """Answer SkySafari's SkyFi discovery from now on, if there is a surface that it can use."""
         offers = [offer for offer in offers if offer.protocol not in PROTOCOLS or PROTOCOLS[offer.protocol].web is None]
         if not any(offer.reached_by_ipv4 for offer in offers):
@@ -57,7 +57,7 @@ class DiscoveryAnswers:
             if spec.web is None or not places:
                 continue
             try:
-                self._discovery_ends.append(await spec.web().answer_discovery(places))
+                self._close_functions.append(await spec.web().answer_discovery(places))
             except OSError as error:
                 self._warn(
                     f"{spec.title} programs will not find this gateway by themselves: {error.strerror or error}; "
@@ -71,7 +71,7 @@ class DiscoveryAnswers:
 
     def close(self) -> None:
         """Stop answering discovery requests."""
-        for end in self._discovery_ends:
+        for end in self._close_functions:
             end()
         if self._skyfi is not None:
             self._skyfi.close()
@@ -79,7 +79,7 @@ class DiscoveryAnswers:
 
 class _SkyFiProtocol(asyncio.DatagramProtocol):
     def __init__(self, offers: Sequence[Offer]) -> None:
-        self._list_offers = offers
+        self._offers = offers
         self._transport: asyncio.DatagramTransport | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -87,14 +87,14 @@ class _SkyFiProtocol(asyncio.DatagramProtocol):
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
         assert self._transport is not None
-        reply = answer(data, self._list_offers, addr)
+        reply = skyfi_answer(data, self._offers, addr)
         if reply:
             self._transport.sendto(reply, addr)
 
 
-def answer(question: bytes, offers: Sequence[Offer], sender: tuple[str, int]) -> bytes:
+def skyfi_answer(question: bytes, offers: Sequence[Offer], sender: tuple[str, int]) -> bytes:
     """Return the answer to a SkyFi question from (host, port); empty for any other datagram."""
-    match = re.fullmatch(_QUESTION, question)
+    match = re.fullmatch(_SKYFI_QUESTION, question)
     able = [offer for offer in offers if offer.reached_by_ipv4]
     if match is None or not able:
         return b""

@@ -34,7 +34,7 @@ class Offer(Struct, frozen=True):
     port: int
 
     @property
-    def wide(self) -> bool:
+    def is_reachable_by_others(self) -> bool:
         """Whether other computers can reach this port."""
         return not ipaddress.ip_address(self.host.partition("%")[0]).is_loopback
 
@@ -43,10 +43,10 @@ class Offer(Struct, frozen=True):
         return "." in self.host or self.host == "::"
 
 
-def network_offers(names: Iterable[str]) -> list[Offer]:
+def network_offers(endpoint_texts: Iterable[str]) -> list[Offer]:
     """Return the network surfaces among texts ``PROTOCOL:MODEL@WHERE [NAME]``, as in the ready lines."""
     offers = []
-    for name in names:
+    for name in endpoint_texts:
         what, _, rest = name.partition("@")
         where = rest.partition(" ")[0]
         scheme = where.partition("://")[0]
@@ -68,11 +68,11 @@ def address_towards(client_address: tuple[str, int]) -> str:
 def reachable_addresses(
     offer: Offer,
     list_interfaces: Callable[[], Held] = interface_addresses,
-    first: Callable[[tuple[str, int]], str] = address_towards,
+    get_main_address: Callable[[tuple[str, int]], str] = address_towards,
 ) -> list[str]:
     """Return the addresses at which others reach an offer, the likeliest first; IPv6 only if there is no IPv4."""
     if offer.host not in WILDCARD_ADDRESSES:
-        return [offer.host] if offer.wide else []
+        return [offer.host] if offer.is_reachable_by_others else []
     outer = [
         address
         for name, address in list_interfaces()
@@ -80,7 +80,7 @@ def reachable_addresses(
     ]
     old = [str(address) for address in outer if address.version == 4]
     new = [str(address) for address in outer if address.version == 6] if offer.host == "::" else []
-    likeliest = first(_REMOTE_ADDRESS)
+    likeliest = get_main_address(_REMOTE_ADDRESS)
     return sorted(dict.fromkeys(old or new), key=lambda address: address != likeliest)
 
 
@@ -98,7 +98,7 @@ def web_address(host: str, port: int) -> str:
     return f"http://{ {'0.0.0.0': '127.0.0.1', '::': '[::1]'}.get(host, in_brackets(host)) }:{port}/"
 
 
-def phone_line(offer: Offer, addresses: list[str]) -> str:
+def phone_instruction(offer: Offer, addresses: list[str]) -> str:
     """Return the line that says what to type on a phone or another computer; for a web page, in its browser."""
     page = offer.protocol == HTTP
     if not addresses:

@@ -1,7 +1,7 @@
 """The present addresses of a gateway's surfaces and console, as users type them into a program.
 
 A computer gets its addresses after the gateway has started (Wi-Fi), and new ones later (a new lease). So they are
-looked up whenever they are shown, and ``PhoneLines`` shows each of them once.
+looked up whenever they are shown, and ``PhoneInstructions`` shows each of them once.
 """
 
 from __future__ import annotations
@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Protocol
 
-from gateway.app.discovery.offer import HTTP, Offer, network_offers, phone_line, reachable_addresses, web_address
+from gateway.app.discovery.offer import HTTP, Offer, network_offers, phone_instruction, reachable_addresses, web_address
 from gateway.app.mount_state import MountState
 from gateway.app.state.store import StateStore
-from gateway.app.status import Served
+from gateway.app.status import ServedSurface
 from gateway.transport.listening import split_address
 from gateway.transport.web_server import WebServer
 
@@ -20,40 +20,40 @@ from gateway.transport.web_server import WebServer
 CONSOLE_PROTOCOL = "console"
 
 
-class Serving(Protocol):
+class ServedGateway(Protocol):
     """The attributes of ``Gateway`` that this module needs."""
 
     web: WebServer
     store: StateStore | None
 
     @property
-    def unopened(self) -> str: ...
+    def open_failure(self) -> str: ...
     def names(self) -> Sequence[str]: ...
     def state(self) -> MountState: ...
 
 
-def served(gateway: Serving) -> Iterator[Served]:
+def served_surfaces(gateway: ServedGateway) -> Iterator[ServedSurface]:
     """Yield every surface of a gateway, then its console."""
     for name in gateway.names():
         what, _, rest = name.partition("@")
         where = rest.partition(" ")[0]
-        yield _served(what, where, next(iter(network_offers([name])), None))
+        yield _make_served(what, where, next(iter(network_offers([name])), None))
     if gateway.web.address:
         host, port = split_address(gateway.web.address)
-        yield _served(CONSOLE_PROTOCOL, web_address(host, port), Offer(HTTP, "tcp", host, port))
+        yield _make_served(CONSOLE_PROTOCOL, web_address(host, port), Offer(HTTP, "tcp", host, port))
 
 
-def _served(name: str, where: str, offer: Offer | None) -> Served:
+def _make_served(name: str, where: str, offer: Offer | None) -> ServedSurface:
     """Return a surface with its addresses; ``offer`` is None for a serial port, real or virtual."""
     if offer is None:
-        return Served(name, where)
-    if not offer.wide:
-        return Served(name, where, (), "this computer only")
+        return ServedSurface(name, where)
+    if not offer.is_reachable_by_others:
+        return ServedSurface(name, where, (), "this computer only")
     addresses = reachable_addresses(offer)
-    return Served(name, where, tuple(addresses), phone_line(offer, addresses))
+    return ServedSurface(name, where, tuple(addresses), phone_instruction(offer, addresses))
 
 
-class PhoneLines:
+class PhoneInstructions:
     """The lines that show what to type on a phone; each is printed when it is new, and again when it changes."""
 
     def __init__(self) -> None:
@@ -63,8 +63,8 @@ class PhoneLines:
         """Return the lines of new and changed offers."""
         lines = []
         for offer in offers:
-            key, line = (offer.protocol, offer.port), phone_line(offer, reachable_addresses(offer))
-            if offer.wide and self._logged_lines.get(key) != line:
+            key, line = (offer.protocol, offer.port), phone_instruction(offer, reachable_addresses(offer))
+            if offer.is_reachable_by_others and self._logged_lines.get(key) != line:
                 self._logged_lines[key] = line
                 lines.append(line)
         return lines

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 from gateway.core.errors import UserError, explain_file_error
-from gateway.core.wire_log import show
+from gateway.core.wire_log import printable
 from gateway.system.files import open_plain
 
 FILE_HEADER = "# mount-gateway recording "
@@ -32,7 +32,7 @@ _LINE = re.compile(rf"(\d+\.\d+) (\S+) ([{re.escape(ARROWS)}])(?: (.*))?")
 class Event(NamedTuple):
     """One recorded event; its time is in seconds since the recording began."""
 
-    at: float
+    time: float
     side: str
     arrow: str
     data: bytes
@@ -40,7 +40,7 @@ class Event(NamedTuple):
 
 def escape(data: bytes) -> str:
     """Return bytes as text, with unprintable characters, backslashes and blanks as ``\\xHH``."""
-    return show(data).replace(" ", "\\x20")
+    return printable(data).replace(" ", "\\x20")
 
 
 def unescape(text: str) -> bytes:
@@ -54,28 +54,28 @@ class Recording:
 
     def __init__(self, parts: list[Path]) -> None:
         self.parts = parts
-        self.settings = _head(parts[0])
+        self.settings = _read_settings(parts[0])
         #: After iterating: a sentence that says why the recording is incomplete; empty if it is complete.
-        self.cut = ""
+        self.incomplete_reason = ""
 
     def __iter__(self) -> Iterator[Event]:
         """Yield the events, reading the files step by step. Raises UserError with file and line."""
-        self.cut, last = "", None
+        self.incomplete_reason, last = "", None
         for part in self.parts:
             with open_plain(part) as file:
                 for event in self._read(part, file):
                     last = event
                     yield event
-        if not self.cut:
-            self.cut = self._missing(last)
+        if not self.incomplete_reason:
+            self.incomplete_reason = self._missing_end_reason(last)
 
-    def _missing(self, last_event: Event | None) -> str:
+    def _missing_end_reason(self, last_event: Event | None) -> str:
         """Return why the recording is incomplete, judged by its last event; empty if it is complete."""
         if last_event is not None and (last_event.side, last_event.arrow) == (RECORDER_SIDE, "!"):
             return ""
         return (
-            f"{self.parts[-1]}: the recording ends{_when(last_event)}, because the gateway was killed or still runs, "
-            "the disk was full, or it continues in a newer file; everything before that is complete"
+            f"{self.parts[-1]}: the recording ends{_after_event(last_event)}, because the gateway was killed or still "
+            "runs, the disk was full, or it continues in a newer file; everything before that is complete"
         )
 
     def _read(self, part: Path, file: BinaryIO) -> Iterator[Event]:
@@ -85,9 +85,9 @@ class Recording:
         while raw := file.readline(LONGEST_LINE):
             number += 1
             if (not raw.endswith(b"\n") and len(raw) < LONGEST_LINE) or raw.startswith(b"\0"):
-                self.cut = (
-                    f"{part}:{number}: the recording is cut off in the middle of a line{_when(last)}; everything "
-                    f"before that is complete"
+                self.incomplete_reason = (
+                    f"{part}:{number}: the recording is cut off in the middle of a line{_after_event(last)}; "
+                    f"everything before that is complete"
                 )
                 return
             line = raw.decode("latin-1").rstrip("\n")
@@ -102,8 +102,8 @@ class Recording:
             yield last
 
 
-def _when(last_event: Event | None) -> str:
-    return f" after {last_event.at:.3f} s" if last_event is not None else ""
+def _after_event(last_event: Event | None) -> str:
+    return f" after {last_event.time:.3f} s" if last_event is not None else ""
 
 
 def part_path(path: Path, number: int) -> Path:
@@ -116,14 +116,14 @@ def read(path: Path) -> Recording:
 
     Raises UserError with file and line.
     """
-    settings, parts = _head(path), [path]
+    settings, parts = _read_settings(path), [path]
     base, dot, number = str(path).rpartition(".")
     first, name = (int(number) + 1, Path(base)) if dot and number.isdecimal() else (1, path)
     while settings["from"] or first == 1:
         older = part_path(name, first)
         if not older.exists() or not is_recording(older):
             break
-        head = _head(older)
+        head = _read_settings(older)
         if head["began"] != settings["began"]:
             break  # it belongs to another run
         parts.append(older)
@@ -133,10 +133,10 @@ def read(path: Path) -> Recording:
 
 def is_recording(path: Path) -> bool:
     """Whether a file begins like a recording. Raises UserError if it cannot be read."""
-    return _format(path) is not None
+    return _read_format_version(path) is not None
 
 
-def _format(path: Path) -> int | None:
+def _read_format_version(path: Path) -> int | None:
     """Return the format number of a recording; None for any other file. Raises UserError."""
     try:
         with open_plain(path) as file:
@@ -156,7 +156,7 @@ def _format(path: Path) -> int | None:
     return int(number)
 
 
-def _head(path: Path) -> dict[str, Any]:
+def _read_settings(path: Path) -> dict[str, Any]:
     """Return the settings in the header of a file. Raises UserError."""
     if not is_recording(path):
         raise UserError(f"{path}: this is not a recording of mount-gateway (run --record {path} makes one)")

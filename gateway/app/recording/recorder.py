@@ -25,9 +25,9 @@ import msgspec
 from gateway.app.recording.format import FILE_HEADER, FORMAT_VERSION, RECORDER_SIDE, escape, is_recording, part_path
 from gateway.core.about import commit, version
 from gateway.core.errors import UserError, explain_file_error, explain_os_error
-from gateway.core.waiting import TimedEvent, in_thread, mark_retrieved
+from gateway.core.waiting import TimedEvent, mark_exception_retrieved, run_in_thread
 from gateway.core.wire_log import MOUNT_SIDE, Entry
-from gateway.system.files import plain_file
+from gateway.system.files import plain_fd
 
 if TYPE_CHECKING:
     from gateway.app.gateway import Gateway
@@ -51,22 +51,22 @@ class Recorder:
         self,
         path: Path,
         settings: dict[str, Any],
-        longest: int = MAX_FILE_BYTES,
+        max_bytes: int = MAX_FILE_BYTES,
         max_files: int = MAX_FILES,
         warn: Callable[[str], object] = lambda text: None,
         clock: Callable[[], float] = time.time,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._path, self._max_bytes, self._max_files, self._warn = path, longest, max_files, warn
+        self._path, self._max_bytes, self._max_files, self._warn = path, max_bytes, max_files, warn
         self._clock, self._loop_time, self._start_time = clock, now, now()
         self._settings = {**settings, "python": "{}.{}".format(*sys.version_info)}
         self._unwritten: deque[Entry] = deque(maxlen=MAX_UNWRITTEN_LINES)
         #: Takes an entry of the wire log. Nothing more is done then: a program waits for its reply.
         self.put = self._unwritten.append
         self._lock, self._flush_event = asyncio.Lock(), TimedEvent()
-        self._closing = self._lost = False
+        self._closing = self._has_failed = False
         # What follows belongs to the thread that writes; only one runs at a time.
-        self._file, self._size = -1, 0
+        self._descriptor, self._size = -1, 0
         self._last_time, self._has_warned = 0.0, False
         try:
             _rotate(path, max_files)
@@ -79,23 +79,23 @@ class Recorder:
     # --- on the event loop --------------------------------------------------------------------------------------------
 
     async def _write(self) -> None:
-        while not (self._closing or self._lost):
-            await self._flush_event.within(WRITE_DELAY)
+        while not (self._closing or self._has_failed):
+            await self._flush_event.wait_within(WRITE_DELAY)
             await self.flush()
 
     async def flush(self) -> None:
         """Write all entries so far, and wait until they are in the file."""
         async with self._lock:
-            if self._unwritten and not self._lost:
+            if self._unwritten and not self._has_failed:
                 await self._write_entries([self._unwritten.popleft() for _ in range(len(self._unwritten))])
 
     async def _write_entries(self, entries: list[Entry]) -> None:
         ahead, until = self._clock() - self._loop_time(), self._loop_time() - self._start_time
-        work = asyncio.ensure_future(in_thread(self._write_out, entries, ahead + self._start_time, until))
+        work = asyncio.ensure_future(run_in_thread(self._write_out, entries, ahead + self._start_time, until))
         while not (await asyncio.wait((work,), timeout=DISK_CHECK_PERIOD))[0]:
             if len(self._unwritten) == MAX_UNWRITTEN_LINES:
-                work.add_done_callback(mark_retrieved)
-                self._end("the disk does not answer")
+                work.add_done_callback(mark_exception_retrieved)
+                self._give_up("the disk does not answer")
                 return
         try:
             if work.result():
@@ -104,11 +104,11 @@ class Recorder:
                     f"replaces the oldest"
                 )
         except Exception as error:  # neither a full disk nor a defect may end the night
-            self._end(explain_os_error(error) if isinstance(error, OSError) else str(error))
+            self._give_up(explain_os_error(error) if isinstance(error, OSError) else str(error))
 
-    def _end(self, reason: str) -> None:
+    def _give_up(self, reason: str) -> None:
         """End a recording that cannot be written any more."""
-        self._lost = True
+        self._has_failed = True
         self._warn(
             f"the recording {self._path} ends here: {reason}. The gateway "
             "continues without it; free space on the disk and restart the gateway to record again"
@@ -121,7 +121,7 @@ class Recorder:
         self._flush_event.set()
         await asyncio.wait((self._write_task,))
         await self.flush()
-        await in_thread(self._close_file)
+        await run_in_thread(self._close_file)
 
     # --- on a thread --------------------------------------------------------------------------------------------------
 
@@ -133,7 +133,7 @@ class Recorder:
         then raises OSError.
         """
         full = False
-        for start in range(0, len(entries) if self._file >= 0 else 0, LINES_PER_WRITE):
+        for start in range(0, len(entries) if self._descriptor >= 0 else 0, LINES_PER_WRITE):
             lines = []
             for entry in entries[start : start + LINES_PER_WRITE]:
                 self._last_time = min(max(self._last_time, entry.time - start_time), end_time)
@@ -146,16 +146,16 @@ class Recorder:
                 raise
         return full
 
-    def _open(self, start: float) -> None:
-        """Begin a file whose first event is ``start`` seconds into the recording. Raises OSError."""
-        self._file, self._size = _open_private(self._path), 0
-        self._append(f"{FILE_HEADER}{FORMAT_VERSION}\n# {json.dumps({**self._settings, 'from': round(start, 6)})}\n")
+    def _open(self, elapsed: float) -> None:
+        """Begin a file whose first event is ``elapsed`` seconds into the recording. Raises OSError."""
+        self._descriptor, self._size = _open_private(self._path), 0
+        self._append(f"{FILE_HEADER}{FORMAT_VERSION}\n# {json.dumps({**self._settings, 'from': round(elapsed, 6)})}\n")
 
     def _append(self, text: str) -> None:
         """Write the whole text to the file. Raises OSError."""
         data = text.encode("latin-1", "replace")
         while data:
-            written = os.write(self._file, data)
+            written = os.write(self._descriptor, data)
             data = data[written:]
             self._size += written
 
@@ -168,7 +168,7 @@ class Recorder:
         return first
 
     def _close_file(self) -> None:
-        file, self._file = self._file, -1
+        file, self._descriptor = self._descriptor, -1
         if file >= 0:
             with contextlib.suppress(OSError):
                 os.close(file)
@@ -190,8 +190,8 @@ def _line(time: float, entry: Entry) -> str:
     return f"{time:.6f} {'_'.join(side.split()) or '?'} {arrow} {text}".rstrip(" ") + "\n"
 
 
-def record(path: Path, gateway: Gateway, longest: int = MAX_FILE_BYTES) -> Recorder:
-    """Record what happens from now on, in files of ``longest`` bytes. Raises UserError."""
+def record(path: Path, gateway: Gateway, max_bytes: int = MAX_FILE_BYTES) -> Recorder:
+    """Record what happens from now on, in files of ``max_bytes`` bytes. Raises UserError."""
     settings = {
         "began": gateway.clock(),
         "config": {"mount": gateway.config, "surface": gateway.surfaces},
@@ -199,7 +199,7 @@ def record(path: Path, gateway: Gateway, longest: int = MAX_FILE_BYTES) -> Recor
         "commit": commit(),
     }
     keep, clock = gateway.config.record_keep, gateway.wire_log.clock
-    recorder = Recorder(path, msgspec.to_builtins(settings), longest, keep, gateway.warn, clock)
+    recorder = Recorder(path, msgspec.to_builtins(settings), max_bytes, keep, gateway.warn, clock)
     gateway.wire_log.sinks.append(recorder.put)
     return recorder
 
@@ -230,7 +230,7 @@ def _rotate(path: Path, max_files: int) -> bool:
 
 def _open_private(path: Path) -> int:
     """Open a file for writing that only its owner can read, whatever the umask. Raises OSError."""
-    file = plain_file(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, OWNER_ONLY_MODE)
+    file = plain_fd(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, OWNER_ONLY_MODE)
     with contextlib.suppress(OSError, AttributeError):  # Windows has no such modes
         os.fchmod(file, OWNER_ONLY_MODE)
     return file

@@ -16,12 +16,12 @@ import msgspec
 from msgspec import Meta, Struct
 
 from gateway.core.operations import Values
-from gateway.mount.as_left import AsLeft
-from gateway.mount.motion.left_moving import LeftMotion
+from gateway.mount.as_left import MountSnapshot
+from gateway.mount.motion.left_moving import Leftover
 from gateway.mount.safety.sync_sum import SyncSum
 from gateway.mount.site.program_settings import SiteOfProgram
 from gateway.protocols.base.session import UNNAMED, MountSettings, NamedSite
-from gateway.system.files import flush_folder, open_plain, plain_file
+from gateway.system.files import flush_folder, open_plain, plain_fd
 
 FORMAT_VERSION: Final = 1
 #: Maximum length of the name of a mount's files: with an ending it must fit into a directory entry.
@@ -50,7 +50,7 @@ class SavedState(Struct, omit_defaults=True):
     #: How far all syncs since the mount's alignment have moved the sky in total.
     synced: SyncSum = SyncSum()
     #: The mount's last known position, if other stored values become wrong once the mount is switched off.
-    left: AsLeft | None = None
+    left: MountSnapshot | None = None
     #: The site that a program has set last, if the mount reports none.
     site_of_program: SiteOfProgram | None = None
 
@@ -64,7 +64,7 @@ class MarkerContent(Struct):
     memory: Values = {}
     #: Unix time at which the marker was written, by this computer's clock.
     at: float = 0.0
-    motion: LeftMotion | None = None
+    motion: Leftover | None = None
 
 
 def file_name(protocol: str, where: str) -> str:
@@ -125,7 +125,7 @@ def hold_folder(folder: Path) -> None:
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if is_held(folder):
         return
-    number = plain_file(folder / HOLD_FILE, os.O_WRONLY | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0))
+    number = plain_fd(folder / HOLD_FILE, os.O_WRONLY | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0))
     with contextlib.suppress(OSError):  # on a full disk an empty file is enough
         os.write(number, _HOLD_TEXT)
         os.fsync(number)
@@ -159,10 +159,10 @@ def to_shared(state: SavedState) -> MountSettings:
 
 def from_shared(
     shared: MountSettings,
-    mount: Values,
+    driver_state: Values,
     sync_sum: SyncSum = SyncSum(),
     site: SiteOfProgram | None = None,
-    as_left: AsLeft | None = None,
+    last_observation: MountSnapshot | None = None,
 ) -> SavedState:
     """Return the lasting part of the shared settings; the rest (a guide pulse, a drive rate) ends with the run."""
     return SavedState(
@@ -172,8 +172,8 @@ def from_shared(
         zone=shared.zone,
         pec=shared.pec,
         motors=dict(shared.motors),
-        mount=mount,
+        mount=driver_state,
         synced=sync_sum,
-        left=as_left,
+        left=last_observation,
         site_of_program=site,
     )

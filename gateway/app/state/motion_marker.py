@@ -16,7 +16,7 @@ import msgspec
 
 from gateway.app.state.file import MarkerContent
 from gateway.core.errors import explain_os_error
-from gateway.core.waiting import in_thread
+from gateway.core.waiting import run_in_thread
 from gateway.system.files import replace_file
 
 #: Seconds. A write takes a fraction of a millisecond; a disk that is busy must not delay an arrow noticeably.
@@ -37,14 +37,14 @@ class MotionMarker:
         content: Callable[[], MarkerContent],
         busy: Callable[[], bool],
         warn: Callable[[str], None],
-        in_thread: InThread = in_thread,
+        in_thread: InThread = run_in_thread,
         *,
         exists: bool = False,
     ) -> None:
         self.path, self._content, self._busy, self._warn, self._run_in_thread = path, content, busy, warn, in_thread
         self._wanted_content: bytes | None = b"" if exists else None
         self._written_content = self._wanted_content
-        self._quiet_since = 0.0
+        self._quiet_time = 0.0
         self._write_task: asyncio.Task[None] | None = None
         self._watch_task: asyncio.Task[None] | None = None
         if exists:
@@ -53,8 +53,8 @@ class MotionMarker:
     async def before_motion(self) -> None:
         """Write the marker; return once it is written, or after ``WRITE_TIMEOUT`` seconds on a busy disk."""
         marked = self._written_content is not None and self._wanted_content is not None
-        self._want(msgspec.json.encode(self._content()))
-        self._quiet_since = 0.0
+        self._request_write(msgspec.json.encode(self._content()))
+        self._quiet_time = 0.0
         self._watch()
         if not marked and self._write_task is not None:
             await asyncio.wait({self._write_task}, timeout=WRITE_TIMEOUT)
@@ -62,9 +62,9 @@ class MotionMarker:
     def renew(self) -> None:
         """Update the marker after a change that matters for stopping, for example suspended tracking."""
         if self._wanted_content is not None:
-            self._want(msgspec.json.encode(self._content()))
+            self._request_write(msgspec.json.encode(self._content()))
 
-    def _want(self, content: bytes | None) -> None:
+    def _request_write(self, content: bytes | None) -> None:
         """Write this content, or delete the file (None); writes run one after another, and the last write wins."""
         self._wanted_content = content
         if self._write_task is None and self._written_content != content:
@@ -75,7 +75,7 @@ class MotionMarker:
             while self._written_content != self._wanted_content:
                 content = self._wanted_content
                 try:
-                    await self._run_in_thread(self._put, content)
+                    await self._run_in_thread(self._write_or_delete, content)
                 except OSError as error:
                     self._warn(
                         f"cannot write the motion marker {self.path} "
@@ -85,7 +85,7 @@ class MotionMarker:
         finally:
             self._write_task = None
 
-    def _put(self, content: bytes | None) -> None:
+    def _write_or_delete(self, content: bytes | None) -> None:
         if content is None:
             self.path.unlink(missing_ok=True)
         else:
@@ -93,21 +93,21 @@ class MotionMarker:
 
     def _watch(self) -> None:
         if self._watch_task is None or self._watch_task.done():
-            self._watch_task = asyncio.get_running_loop().create_task(self._until_quiet())
+            self._watch_task = asyncio.get_running_loop().create_task(self._delete_when_quiet())
 
-    async def _until_quiet(self) -> None:
+    async def _delete_when_quiet(self) -> None:
         """Delete the marker once nothing has moved for ``REST_DELAY`` seconds; a guiding program moves all the time."""
-        self._quiet_since = 0.0
-        while self._quiet_since < REST_DELAY:
+        self._quiet_time = 0.0
+        while self._quiet_time < REST_DELAY:
             await asyncio.sleep(CHECK_PERIOD)
-            self._quiet_since = 0.0 if self._busy() else self._quiet_since + CHECK_PERIOD
-        self._want(None)
+            self._quiet_time = 0.0 if self._busy() else self._quiet_time + CHECK_PERIOD
+        self._request_write(None)
 
     async def close(self) -> None:
         """Delete the marker, unless the mount could not be stopped: then the next gateway needs it."""
         if self._watch_task is not None:
             self._watch_task.cancel()
         if not self._busy():
-            self._want(None)
+            self._request_write(None)
         if self._write_task is not None:
             await asyncio.wait({self._write_task})

@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 
 from gateway.app.config import Endpoint
 from gateway.core.errors import UserError
-from gateway.system.locks import Claim, LockHeld
+from gateway.system.locks import LockHeld, NameClaim
 
 NETWORK_SCHEMES = ("socket", "rfc2217", "http")
 #: Names and addresses that all mean this computer.
@@ -27,14 +27,14 @@ class MountTaken(UserError):
         self.holder = holder
 
 
-def claim(mount: Endpoint, warn: Callable[[str], None]) -> Claim | None:
+def claim(mount: Endpoint, warn: Callable[[str], None]) -> NameClaim | None:
     """Take the lock of a mount until it is released; return None for a mount that has no network address.
 
     Without a folder for locks, ``warn`` gets a message and no lock is taken. Raises MountTaken if it is locked.
     """
-    name = address(mount.where)
+    name = lock_name(mount.where)
     try:
-        return None if name is None else Claim(name)
+        return None if name is None else NameClaim(name)
     except LockHeld as by:
         raise MountTaken(taken_message(str(mount), str(by)), str(by)) from None
     except OSError as error:
@@ -47,7 +47,7 @@ def taken_message(mount: str, holder: str) -> str:
     return f"{mount}: another gateway ({holder}) already drives this mount; connect programs to its surfaces"
 
 
-def address(where: str) -> str | None:
+def lock_name(where: str) -> str | None:
     """Return the name of a mount's lock, made from host and port; None if it has no network address."""
     try:
         url = urlsplit(where)

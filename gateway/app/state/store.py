@@ -18,13 +18,13 @@ from gateway.app.state.file import MarkerContent, SavedState
 from gateway.app.state.motion_marker import InThread, MotionMarker
 from gateway.core.errors import explain_file_error, explain_os_error
 from gateway.core.operations import Values
-from gateway.core.waiting import in_thread
-from gateway.mount.as_left import AsLeft
+from gateway.core.waiting import run_in_thread
+from gateway.mount.as_left import MountSnapshot
 from gateway.mount.controller import MountController
-from gateway.mount.motion.left_moving import MAX_AGE, LeftMotion
+from gateway.mount.motion.left_moving import MAX_MARK_AGE, Leftover
 from gateway.mount.safety.sync_sum import SyncSum
 from gateway.mount.site.program_settings import SiteOfProgram
-from gateway.protocols.base.session import Shared
+from gateway.protocols.base.session import SharedSettings
 from gateway.system.files import replace_file, state_folder
 from gateway.system.locks import LockHeld, PidLock
 
@@ -36,23 +36,23 @@ class PreviousRun(Struct, frozen=True):
     """The state that the previous run saved, and the motion marker if it ended while the mount moved."""
 
     saved: SavedState
-    left: MarkerContent | None = None
+    marker: MarkerContent | None = None
 
 
 def restore(controller: MountController, previous_run: PreviousRun) -> None:
     """Restore the state of the previous run. A mount left moving is stopped, or only examined if that was long ago."""
     controller.driver.restore_state(previous_run.saved.mount, moving=False)
     controller.synced.value = previous_run.saved.synced
-    controller.same_mount.left = previous_run.saved.left
-    controller.site_clock.stored = previous_run.saved.site_of_program
-    if previous_run.left is not None:
-        controller.driver.restore_state(previous_run.left.memory, moving=True)
-        controller.context.run_on.may_move()
-        left = previous_run.left
-        if left.motion is not None and controller.site_clock.host() - left.at >= MAX_AGE:
-            controller.identification.judge_first(left.motion)
+    controller.same_mount.snapshot = previous_run.saved.left
+    controller.site_clock.stored_site = previous_run.saved.site_of_program
+    if previous_run.marker is not None:
+        controller.driver.restore_state(previous_run.marker.memory, moving=True)
+        controller.context.run_on.note_may_move()
+        left = previous_run.marker
+        if left.motion is not None and controller.site_clock.computer_time() - left.at >= MAX_MARK_AGE:
+            controller.identification.set_leftover_motion(left.motion)
         else:
-            controller.reconciler.want(replace(controller.reconciler.wanted, owed=True))
+            controller.reconciler.update(replace(controller.reconciler.wanted, stop_owed=True))
 
 
 class StateStore:
@@ -63,18 +63,18 @@ class StateStore:
         protocol: str,
         where: str,
         marker_defaults: MarkerContent,
-        configured: str | None,
+        configured_folder: str | None,
         warn: Callable[[str], None],
-        in_thread: InThread = in_thread,
+        in_thread: InThread = run_in_thread,
     ) -> None:
-        self.directory, self.name = state_folder(configured), file.file_name(protocol, where)
+        self.directory, self.name = state_folder(configured_folder), file.file_name(protocol, where)
         self.path, self._marker_path = (self.directory / f"{self.name}.{ending}" for ending in ("json", "moving"))
         #: Holds the number of the process that owns these files; another number in it means another gateway.
         self.lock_path = self.directory / f"{self.name}.lock"
-        self.held = False
+        self.has_lock = False
         #: A simulated mount ends with this process: it needs no marker, and a second gateway is no conflict.
         self._simulated = where == "sim"
-        self._marker_base, self.in_thread = marker_defaults, in_thread
+        self._marker_defaults, self.in_thread = marker_defaults, in_thread
         self._warn, self._has_warned = warn, False
         #: A warning for the user, once this gateway serves, that another gateway has these files; else empty.
         self.other_gateway = ""
@@ -83,15 +83,15 @@ class StateStore:
         self._lock = PidLock(self.lock_path)
         self._take_lock()
         saved = self._read()
-        self.shared = Shared(file.to_shared(saved), self.changed)
-        self._uses_marker = self.held and not self._simulated
+        self.shared = SharedSettings(file.to_shared(saved), self.save_soon)
+        self._uses_marker = self.has_lock and not self._simulated
         self.previous_run = PreviousRun(saved, file.read_marker(self._marker_path) if self._uses_marker else None)
         self._written_bytes = file.encode(saved)
         self._get_driver_memory: Callable[[bool], Values] = lambda moving: saved.mount
         self._get_sync_sum: Callable[[], SyncSum] = lambda: saved.synced
-        self._get_as_left: Callable[[], AsLeft | None] = lambda: saved.left
+        self._get_as_left: Callable[[], MountSnapshot | None] = lambda: saved.left
         self._site: Callable[[], SiteOfProgram | None] = lambda: saved.site_of_program
-        self._motion: Callable[[], LeftMotion | None] = lambda: None
+        self._get_motion: Callable[[], Leftover | None] = lambda: None
         self._host_clock: Callable[[], float] = lambda: 0.0
         self._marker: MotionMarker | None = None
         self._has_changes = False
@@ -111,7 +111,7 @@ class StateStore:
         try:
             self.directory.mkdir(mode=0o700, parents=True, exist_ok=True)
             self._lock.acquire()
-            self.held = True
+            self.has_lock = True
         except LockHeld as by:
             self.holder = str(by)
             if not self._simulated:
@@ -129,13 +129,13 @@ class StateStore:
         try:
             return file.read_state(self.path)
         except OSError as error:
-            if self.held:
+            if self.has_lock:
                 why = explain_file_error(self.path, error, reading=True)
                 self._warn_once(
                     f"cannot read the state file {self.path} ({why}): the gateway starts without the saved settings"
                 )
         except ValueError as error:
-            if self.held:
+            if self.has_lock:
                 where = "left in place"
                 with contextlib.suppress(OSError):
                     where = f"moved to {file.move_aside(self.path).name}"
@@ -150,31 +150,35 @@ class StateStore:
         self._get_driver_memory = controller.driver.saved_state
         self._get_sync_sum = lambda: controller.synced.value
         restore(controller, self.previous_run)
-        self._motion, self._host_clock = controller.identification.left_motion, controller.site_clock.host
-        self._site = controller.site_clock.lasting_site
-        self._get_as_left = lambda: controller.same_mount.left
+        self._get_motion, self._host_clock = (
+            controller.identification.leftover_motion,
+            controller.site_clock.computer_time,
+        )
+        self._site = controller.site_clock.site_to_store
+        self._get_as_left = lambda: controller.same_mount.snapshot
         for lasting in (controller.changed, controller.site_clock.lasting, controller.same_mount.lasting):
-            lasting.connect(lambda _: self.changed())
-        controller.hold.on = file.is_held(self.directory)
-        if controller.hold.on:
+            lasting.connect(lambda _: self.save_soon())
+        controller.hold.is_on = file.is_held(self.directory)
+        if controller.hold.is_on:
             self._warn(
-                f"{self._marker_base.mount}: the mount is held: no program moves it until mount-gateway stop --release"
+                f"{self._marker_defaults.mount}: the mount is held: no program moves it until mount-gateway stop "
+                "--release"
             )
         if self._uses_marker:
-            if (left := self.previous_run.left) is not None:
+            if (left := self.previous_run.marker) is not None:
                 why = "the last run ended while the mount was moving"
                 if not left.mount:
                     unreadable = f"the motion marker {self._marker_path} cannot be read"
                     why = f"{unreadable}, as if the last run had ended during a motion"
-                what = "the mount is" if controller.reconciler.wanted.owed else "what still moves so is"
-                self._warn(f"{self._marker_base.mount}: {why}: {what} stopped first")
+                what = "the mount is" if controller.reconciler.wanted.stop_owed else "what still moves so is"
+                self._warn(f"{self._marker_defaults.mount}: {why}: {what} stopped first")
             self._marker = MotionMarker(
                 self._marker_path,
                 self._content,
                 lambda: controller.reconciler.busy,
                 self._warn_once,
                 self.in_thread,
-                exists=self.previous_run.left is not None,
+                exists=self.previous_run.marker is not None,
             )
 
     async def before_motion(self) -> None:
@@ -183,18 +187,18 @@ class StateStore:
             await self._marker.before_motion()
 
     def _content(self) -> MarkerContent:
-        base, motion = self._marker_base, self._motion()
+        base, motion = self._marker_defaults, self._get_motion()
         at = 0.0 if motion is None else self._host_clock()  # guide pulses must not write the marker again and again
         return MarkerContent(base.mount, base.baud, self._get_driver_memory(True), at, motion)
 
     # --- saving -----------------------------------------------------------------------------------------------------
 
-    def changed(self) -> None:
+    def save_soon(self) -> None:
         """Save soon: saved state may have changed."""
         if self._marker is not None:
             self._marker.renew()
         self._has_changes = True
-        if self.held and self._writer is None and not self._closing.is_set():
+        if self.has_lock and self._writer is None and not self._closing.is_set():
             self._writer = asyncio.get_running_loop().create_task(self._save())
 
     async def _save(self) -> None:
@@ -230,7 +234,7 @@ class StateStore:
         self._closing.set()
         if self._writer is not None:
             await asyncio.wait({self._writer})
-        if self.held:
+        if self.has_lock:
             await self._write()  # where the mount is now
         if self._marker is not None:
             await self._marker.close()

@@ -3,8 +3,8 @@
 Every message is one line of ASCII: ``line NUMBER TITLE LOCK``, sent with a duplicate of the line's descriptor, or
 ``server NUMBER TITLE LOCK HOST PORT WHEN`` (``beside`` or ``alone``: see ``ServedMount``); ``gone NUMBER``; ``moving
 NUMBER COMMAND…`` with the commands that stop the mount, or ``clear NUMBER COMMAND…`` if it is on a path that was
-checked; ``rest NUMBER``; and ``beat``. Texts and commands are in hexadecimal. The process answers ``stopped NUMBER``.
-The event loop sends heartbeats only while a mount moves; they cost no exchange with the mount.
+checked; ``rest NUMBER``; and ``start_heartbeats``. Texts and commands are in hexadecimal. The process answers ``stopped
+NUMBER``. The event loop sends heartbeats only while a mount moves; they cost no exchange with the mount.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Watchdog:
     def __init__(self, warn: Callable[[str], None] = lambda text: None) -> None:
         self.warn = warn
         self._mounts: list[WatchedMount] = []
-        self._beating: asyncio.TimerHandle | None = None
+        self._heartbeat_timer: asyncio.TimerHandle | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._started_at: float | None = None
         self._connection: socket.socket | None = None
@@ -95,7 +95,7 @@ class Watchdog:
         finally:
             theirs.close()
 
-    def mount(
+    def watch(
         self,
         title: str,
         lock: Path | None,
@@ -115,19 +115,19 @@ class Watchdog:
             with contextlib.suppress(OSError):
                 socket.send_fds(self._connection, [f"{text}\n".encode()], list(descriptors))
 
-    def beat(self) -> None:
+    def start_heartbeats(self) -> None:
         """Send heartbeats from now on, as long as any mount moves."""
-        if self._beating is None and self._loop is not None:
-            self._beating = self._loop.call_later(HEARTBEAT_PERIOD, self._on_beat)
+        if self._heartbeat_timer is None and self._loop is not None:
+            self._heartbeat_timer = self._loop.call_later(HEARTBEAT_PERIOD, self._on_beat)
 
     def _on_beat(self) -> None:
-        self._beating = None
+        self._heartbeat_timer = None
         moving = [mount for mount in self._mounts if mount.moving]
         for mount in moving:
             mount.renew()
         if any(mount.moving for mount in moving):
             self.send("beat")
-            self.beat()
+            self.start_heartbeats()
 
     def _on_readable(self) -> None:
         """Read the messages of the process, or notice that it has ended."""
@@ -139,12 +139,12 @@ class Watchdog:
         except OSError:
             data = b""
         if not data:
-            self._ended()
+            self._on_process_end()
             return
         for line in data.decode("ascii").splitlines():
-            self._mounts[int(line.rpartition(" ")[2])].was_stopped()
+            self._mounts[int(line.rpartition(" ")[2])].on_watchdog_stop()
 
-    def _ended(self) -> None:
+    def _on_process_end(self) -> None:
         """Restart the process after it was killed, unless it ended right after its start."""
         assert self._loop is not None and self._started_at is not None
         self._disconnect()
@@ -168,8 +168,8 @@ class Watchdog:
 
     def close(self) -> None:
         """End the watchdog, which first stops every mount that still moves."""
-        if self._beating is not None:
-            self._beating.cancel()
+        if self._heartbeat_timer is not None:
+            self._heartbeat_timer.cancel()
         for mount in self._mounts:
             mount.renew()
         self._disconnect()
@@ -195,9 +195,9 @@ class WatchedMount:
         path_is_clear: Callable[[], bool],
     ) -> None:
         self._watchdog, self._mount_number, self._title, self._lock = watchdog, number, title, lock
-        self._stop_commands, self._busy, self._stopped, self._clear = stop_commands, busy, on_stopped, path_is_clear
+        self._stop_commands, self._busy, self._on_stopped, self._clear = stop_commands, busy, on_stopped, path_is_clear
         self._descriptor: int | None = None
-        self._server: tuple[str, ...] = ()
+        self._server_fields: tuple[str, ...] = ()
         self._last_state: tuple[str, tuple[bytes, ...]] = REST_STATE
         self.moving = False
 
@@ -206,21 +206,21 @@ class WatchedMount:
         self._descriptor = descriptor
         self.register()
 
-    def reached(self, host: str, port: int, beside: bool) -> None:
+    def reached(self, host: str, port: int, answers_in_parallel: bool) -> None:
         """Pass the address of the mount's server to the process, and whether it may connect to it in advance."""
-        self._server = host, str(port), "beside" if beside else "alone"
+        self._server_fields = host, str(port), "beside" if answers_in_parallel else "alone"
         self.register()
 
     def closed(self) -> None:
         """Tell the process to close its duplicate: the line is about to be closed."""
-        self._descriptor, self._server = None, ()
+        self._descriptor, self._server_fields = None, ()
         self._watchdog.send(f"gone {self._mount_number}")
 
     def register(self) -> None:
         """Send the line's descriptor or the server's address to the process, and the stop commands if it moves."""
-        if self._descriptor is not None or self._server:
+        if self._descriptor is not None or self._server_fields:
             kind, files = ("server", []) if self._descriptor is None else ("line", [self._descriptor])
-            parts = (self._title, str(self._lock or ""), *self._server)
+            parts = (self._title, str(self._lock or ""), *self._server_fields)
             self._watchdog.send(
                 f"{kind} {self._mount_number} {' '.join(word.encode().hex() or '00' for word in parts)}", files
             )
@@ -228,16 +228,16 @@ class WatchedMount:
             if self.moving:
                 self.renew()
 
-    def begin(self) -> None:
+    def report_motion_start(self) -> None:
         """Tell the process that a motion is about to begin."""
         self._watchdog.start()
         self.moving = True
         self._report()
-        self._watchdog.beat()
+        self._watchdog.start_heartbeats()
 
     async def before_motion(self) -> None:
         """Tell the process that a motion is about to begin; this never waits. The ``Reconciler`` calls it."""
-        self.begin()
+        self.report_motion_start()
 
     def renew(self, _: None = None) -> None:
         """Check whether the mount still moves, and send its stop commands again if they have changed."""
@@ -253,7 +253,7 @@ class WatchedMount:
             text = "".join(f" {command.hex()}" for command in commands)
             self._watchdog.send(f"{kind} {self._mount_number}{text}")
 
-    def was_stopped(self) -> None:
+    def on_watchdog_stop(self) -> None:
         """Report that the process has stopped the mount because heartbeats were missing."""
         self._last_state = REST_STATE
-        self._stopped()
+        self._on_stopped()

@@ -33,16 +33,16 @@ FREEZE_TIME = 0.5
 class GuardedMount:
     """One mount: a duplicate of its descriptor, who holds its lock, and the commands that stop it while it moves."""
 
-    def __init__(self, title: str, lock: str, descriptor: int) -> None:
-        self.title, self.lock, self.descriptor = title, lock, descriptor
-        self.holder = read(lock)
-        self.stop: list[bytes] = []
+    def __init__(self, title: str, lock_path: str, descriptor: int) -> None:
+        self.title, self.lock_path, self.descriptor = title, lock_path, descriptor
+        self.holder = read(lock_path)
+        self.stop_commands: list[bytes] = []
         #: Whether it is on a path that was checked.
         self.path_is_clear = False
 
     def taken_over(self) -> bool:
         """Whether another gateway has taken this mount."""
-        return read(self.lock) != self.holder
+        return read(self.lock_path) != self.holder
 
     def send(self, command: bytes) -> None:
         """Write a command, unless the line is lost or its buffer is full."""
@@ -52,7 +52,7 @@ class GuardedMount:
         except OSError:
             pass  # the stop is repeated a second later
 
-    def get_ready(self) -> None:
+    def prepare_stop(self) -> None:
         """Prepare for a stop that may be needed soon."""
 
     def close(self) -> None:
@@ -74,18 +74,18 @@ class ServedMount(GuardedMount):
     a connection after an answer. The first is opened in advance if an idle connection does no harm (``beside``).
     """
 
-    def __init__(self, title: str, lock: str, host: str, port: str, connect_mode: str) -> None:
-        super().__init__(title, lock, -1)
+    def __init__(self, title: str, lock_path: str, host: str, port: str, connect_mode: str) -> None:
+        super().__init__(title, lock_path, -1)
         self.address, self.preconnected = (host, int(port)), connect_mode == "beside"
         self.next_connections: list[_socket.socket] = []
         #: The connections that were used last: closing a connection could cancel its request.
         self.used_connections: list[_socket.socket] = []
 
-    def get_ready(self, now: bool = False) -> None:
+    def prepare_stop(self, connect_now: bool = False) -> None:
         """Connect, unless there is a connection that the server has not closed meanwhile."""
         if self.next_connections and select.select(self.next_connections, [], [], 0.0)[0]:
             self.next_connections.pop().close()
-        if (now or self.preconnected) and self.stop and not self.next_connections:
+        if (connect_now or self.preconnected) and self.stop_commands and not self.next_connections:
             family = _socket.AF_INET6 if ":" in self.address[0] else _socket.AF_INET
             made = _socket.socket(family, _socket.SOCK_STREAM)
             try:
@@ -96,7 +96,7 @@ class ServedMount(GuardedMount):
                 made.close()  # it is tried again with the next command
 
     def send(self, command: bytes) -> None:
-        self.get_ready(now=True)
+        self.prepare_stop(connect_now=True)
         try:
             self.next_connections[0].send(command)
         except (IndexError, OSError):
@@ -125,48 +125,48 @@ def read(path: str) -> bytes:
         os.close(descriptor)
 
 
-def waited(process: str) -> float:
+def cpu_wait(pid: str) -> float:
     """Return the seconds for which a process has waited for a processor; NaN if the system does not say (not Linux)."""
-    columns = read(f"/proc/{process}/schedstat").split()
+    columns = read(f"/proc/{pid}/schedstat").split()
     return int(columns[1]) / 1e9 if len(columns) == 3 else float("nan")
 
 
 class Watch:
     """Watches a gateway by its messages; stops its moving mounts if it dies or hangs."""
 
-    def __init__(self, connection: _socket.socket, gateway: str) -> None:
-        self.connection, self.gateway = connection, gateway
+    def __init__(self, connection: _socket.socket, gateway_pid: str) -> None:
+        self.connection, self.gateway = connection, gateway_pid
         self.mounts: dict[str, GuardedMount] = {}
         self.last_heard = 0.0
         #: Seconds that the gateway had waited for a processor at its last message; seconds of silence now tolerated.
-        self._waited, self._patience = 0.0, MAX_SILENCE
+        self._cpu_wait, self._timeout = 0.0, MAX_SILENCE
         self._partial_line = b""
 
     def run(self) -> None:
         """Watch until the gateway has ended and its moving mounts were sent their stops."""
         while True:
-            moving = [mount for mount in self.mounts.values() if mount.stop]
+            moving = [mount for mount in self.mounts.values() if mount.stop_commands]
             asked = time.monotonic()
-            left = max(0.0, self.last_heard + self._patience - asked) if moving else None
+            left = max(0.0, self.last_heard + self._timeout - asked) if moving else None
             if select.select([self.connection], [], [], left)[0]:
                 if not self.listen():
                     self.stop_for_ended_gateway(moving)
                     return
-            elif left is not None and self._patience == MAX_SILENCE and time.monotonic() - asked > left + FREEZE_TIME:
+            elif left is not None and self._timeout == MAX_SILENCE and time.monotonic() - asked > left + FREEZE_TIME:
                 self.restart_silence()  # the whole computer was suspended or overloaded
             elif all(mount.path_is_clear for mount in moving) and self.starved():
-                self._patience = min(MAX_STARVED_SILENCE, time.monotonic() - self.last_heard + WAITING_CHECK_PERIOD)
+                self._timeout = min(MAX_STARVED_SILENCE, time.monotonic() - self.last_heard + WAITING_CHECK_PERIOD)
             else:
                 self.stop_for_silent_gateway(moving)
 
     def restart_silence(self) -> None:
         """Note that the gateway has sent something: its silence begins anew."""
-        self.last_heard, self._waited, self._patience = time.monotonic(), waited(self.gateway), MAX_SILENCE
+        self.last_heard, self._cpu_wait, self._timeout = time.monotonic(), cpu_wait(self.gateway), MAX_SILENCE
 
     def starved(self) -> bool:
         """Whether the gateway may be silent for longer, because it has been waiting for a processor."""
         silence = time.monotonic() - self.last_heard
-        return silence < MAX_STARVED_SILENCE and waited(self.gateway) - self._waited >= MIN_WAITING_TIME * silence
+        return silence < MAX_STARVED_SILENCE and cpu_wait(self.gateway) - self._cpu_wait >= MIN_WAITING_TIME * silence
 
     def listen(self) -> bool:
         """Read the gateway's messages; return whether it still runs."""
@@ -199,11 +199,11 @@ class Watch:
         elif kind == "gone":
             self.drop(number)
         elif number in self.mounts and kind in ("moving", "clear", "rest"):
-            self.mounts[number].stop, self.mounts[number].path_is_clear = (
+            self.mounts[number].stop_commands, self.mounts[number].path_is_clear = (
                 [bytes.fromhex(word) for word in parts[2:]],
                 kind == "clear",
             )
-            self.mounts[number].get_ready()
+            self.mounts[number].prepare_stop()
 
     def drop(self, number: str) -> None:
         """Forget a mount whose line the gateway has closed, and close the duplicate."""
@@ -213,7 +213,7 @@ class Watch:
 
     def stop_for_ended_gateway(self, mounts: list[GuardedMount]) -> None:
         """Stop the mounts of a dead gateway for some seconds, each until another gateway has taken it."""
-        self.say(mounts, "has ended")
+        self.write_to_stderr(mounts, "has ended")
         for mount in mounts:
             mount.unlock()
         times = 0
@@ -226,20 +226,20 @@ class Watch:
 
     def stop_for_silent_gateway(self, mounts: list[GuardedMount]) -> None:
         """Stop the mounts of a gateway that hangs for some seconds, or until it sends something again."""
-        busy = ", because the computer is too busy to run it," if self._patience > MAX_SILENCE else ""
-        self.say(mounts, f"has not responded for {round(time.monotonic() - self.last_heard, 1):g} s{busy}")
+        busy = ", because the computer is too busy to run it," if self._timeout > MAX_SILENCE else ""
+        self.write_to_stderr(mounts, f"has not responded for {round(time.monotonic() - self.last_heard, 1):g} s{busy}")
         for attempt in range(STOP_COUNT):
             began = time.monotonic()
             send_stops(mounts)
             if attempt == 0:
-                self.report(mounts)
+                self.report_stops(mounts)
             if select.select([self.connection], [], [], max(0.0, began + STOP_PERIOD - time.monotonic()))[0]:
                 self.restart_silence()
                 return
         for mount in mounts:
-            mount.stop = []
+            mount.stop_commands = []
 
-    def say(self, mounts: list[GuardedMount], reason: str) -> None:
+    def write_to_stderr(self, mounts: list[GuardedMount], reason: str) -> None:
         """Write one line for each mount to the gateway's stderr, if it is still open."""
         for mount in mounts:
             text = (
@@ -251,7 +251,7 @@ class Watch:
             except OSError:
                 pass
 
-    def report(self, mounts: list[GuardedMount]) -> None:
+    def report_stops(self, mounts: list[GuardedMount]) -> None:
         """Tell the gateway, in case it resumes, that its mounts were stopped."""
         numbers = [number for number, mount in self.mounts.items() if mount in mounts]
         try:
@@ -262,10 +262,10 @@ class Watch:
 
 def send_stops(mounts: list[GuardedMount]) -> None:
     """Send the stops of all mounts in parallel, command by command, except of mounts that another gateway has taken."""
-    for place in range(max((len(mount.stop) for mount in mounts), default=0)):
+    for place in range(max((len(mount.stop_commands) for mount in mounts), default=0)):
         for mount in mounts:
-            if place < len(mount.stop) and not mount.taken_over():
-                mount.send(mount.stop[place])
+            if place < len(mount.stop_commands) and not mount.taken_over():
+                mount.send(mount.stop_commands[place])
         time.sleep(COMMAND_GAP)
 
 

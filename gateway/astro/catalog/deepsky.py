@@ -17,7 +17,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from gateway.astro.catalog.objects import FAINTEST, QUALITIES, CatalogObject, SearchLimits, data_file, quality
+from gateway.astro.catalog.objects import MAG_LIMITS, QUALITIES, CatalogObject, SearchLimits, data_file, quality
 from gateway.astro.spherical import separation, wrap360
 
 #: The kind letters (see ``objects``) of each OpenNGC type; nonexistent objects have none.
@@ -30,7 +30,7 @@ _UNMEASURED_MAGNITUDE = 20.0
 _COLUMNS = "name, type, ra, dec, coalesce(vmag, bmag), majax, minax, messier"
 #: Columns of a candidate; the database stores angles in radians.
 _CANDIDATE_COLUMNS = f"id, ra * {math.degrees(1.0)!r} AS right, dec * {math.degrees(1.0)!r} AS up"
-_IDENTIFIERS = {"NGC": "NGC%04d", "IC": "IC%04d", "C": "C%03d", "UGC": "UGC%05d"}
+_IDENTIFIER_FORMATS = {"NGC": "NGC%04d", "IC": "IC%04d", "C": "C%03d", "UGC": "UGC%05d"}
 #: OpenNGC regards M102 as a duplicate of M101; hand controls, Meade's included, go to this galaxy in Draco.
 _REPLACEMENTS = {102: ("NGC", 5866)}
 
@@ -39,7 +39,7 @@ _REPLACEMENTS = {102: ("NGC", 5866)}
 Candidate = tuple[int, float, float]
 #: Whether the mount may go to a J2000 position (degrees) now.
 Visible = Callable[[float, float], bool]
-_AFTER_ALL_ROWS = 1 << 60  # greater than the number of every database row
+_BEYOND_LAST_ROW = 1 << 60  # greater than the number of every database row
 
 
 def look_up(catalog: str, number: int) -> CatalogObject | None:
@@ -50,22 +50,22 @@ def look_up(catalog: str, number: int) -> CatalogObject | None:
     if catalog == "M":
         rows = _rows("messier = ? AND type != 'Dup' OR name = ?", f"{number:03d}", f"M{number:03d}")
     else:
-        name = _IDENTIFIERS[catalog] % number
+        name = _IDENTIFIER_FORMATS[catalog] % number
         rows = _rows("name = (SELECT name FROM objIdentifiers WHERE identifier = ?)", name)
     if not rows:
         return None
     row = rows[0]
     if row[1] == "Dup":
-        row = _original(row[0]) or row
-    return None if row[2] is None else _entry(row, called)
+        row = _original_of_duplicate(row[0]) or row
+    return None if row[2] is None else _object_from_row(row, called)
 
 
-def by_row(row: int) -> CatalogObject:
+def object_by_row(row: int) -> CatalogObject:
     """Return the object of a database row. Raises NotInstalled."""
-    return _entry(_rows("id = ?", row)[0])
+    return _object_from_row(_rows("id = ?", row)[0])
 
 
-def _original(name: str) -> tuple[object, ...] | None:
+def _original_of_duplicate(name: str) -> tuple[object, ...] | None:
     """Return the row of the object that a duplicate record refers to."""
     numbers = _rows("name = ?", name, columns="ngc, ic, messier")[0]
     for template, number in zip(("NGC{}", "IC{}"), numbers, strict=False):
@@ -74,7 +74,7 @@ def _original(name: str) -> tuple[object, ...] | None:
     return next(iter(_rows("messier = ? AND type != 'Dup'", numbers[2])), None)
 
 
-def _entry(row: tuple[Any, ...], name: str | None = None) -> CatalogObject:
+def _object_from_row(row: tuple[Any, ...], name: str | None = None) -> CatalogObject:
     identifier, kind, ra, dec, magnitude, size, width, messier = row
     catalog, number = (
         identifier[: len(identifier) - len(identifier.lstrip("ABCDEFGHIJKLMNOPQRSTUVWXYZ"))],
@@ -98,7 +98,9 @@ def _rows(where: str, *values: Any, columns: str = _COLUMNS) -> list[tuple[Any, 
 
 
 def matching(limits: SearchLimits) -> list[Candidate]:
-    """Return all candidates within the limits, sorted by ``order``; callers must not change it. Raises NotInstalled."""
+    """Return all candidates within the limits, sorted by ``search_order``; callers must not change it. Raises
+    NotInstalled.
+    """
     return _matching(data_file("pyongc", "ongc.db"), limits)
 
 
@@ -106,8 +108,8 @@ def matching(limits: SearchLimits) -> list[Candidate]:
 def _matching(_: Path, limits: SearchLimits) -> list[Candidate]:
     types = [name for name, kinds in _KIND_LETTERS.items() if set(kinds) & set(limits.kinds)]
     least = QUALITIES.index(limits.quality)
-    faintest = min(limits.faintest, FAINTEST[least]) if least < len(FAINTEST) else limits.faintest
-    judged = ", coalesce(vmag, bmag), majax, minax" if least < len(FAINTEST) else ""
+    faintest = min(limits.faintest, MAG_LIMITS[least]) if least < len(MAG_LIMITS) else limits.faintest
+    judged = ", coalesce(vmag, bmag), majax, minax" if least < len(MAG_LIMITS) else ""
     rows = _rows(
         f"type IN ({', '.join('?' * len(types))}) AND ra IS NOT NULL "
         f"AND coalesce(vmag, bmag, {_UNMEASURED_MAGNITUDE}) BETWEEN ? AND ? AND coalesce(majax, 0) BETWEEN ? AND ? "
@@ -119,22 +121,22 @@ def _matching(_: Path, limits: SearchLimits) -> list[Candidate]:
     return rows
 
 
-def order(candidate: Candidate) -> tuple[int, float, int]:
+def search_order(candidate: Candidate) -> tuple[int, float, int]:
     """Return the sort key of a search: by whole hours of right ascension, then from north to south."""
     row, ra, dec = candidate
     return int(ra / 15.0), -dec, row
 
 
-def first(candidates: Sequence[Candidate], visible: Visible, meridian: float) -> Candidate | None:
+def first_visible(candidates: Sequence[Candidate], visible: Visible, meridian_ra: float) -> Candidate | None:
     """Return the first candidate of a search that may be visited, for the right ascension on the meridian now."""
-    west = int(wrap360(meridian + 180.0) / 15.0), -90.0, 0
-    return _next_visible(candidates, bisect_left(candidates, west, key=order), 1, visible)
+    west = int(wrap360(meridian_ra + 180.0) / 15.0), -90.0, 0
+    return _next_visible(candidates, bisect_left(candidates, west, key=search_order), 1, visible)
 
 
 def neighbour(candidates: Sequence[Candidate], visible: Visible, ra: float, dec: float, step: int) -> Candidate | None:
     """Return the candidate after a position (``step`` 1) or before it (-1), in search order."""
-    after = bisect_left(candidates, order((_AFTER_ALL_ROWS, ra, dec)), key=order)
-    before = bisect_left(candidates, order((0, ra, dec)), key=order) - 1
+    after = bisect_left(candidates, search_order((_BEYOND_LAST_ROW, ra, dec)), key=search_order)
+    before = bisect_left(candidates, search_order((0, ra, dec)), key=search_order) - 1
     return _next_visible(candidates, after if step > 0 else before, step, visible)
 
 
@@ -148,7 +150,7 @@ def _next_visible(candidates: Sequence[Candidate], start: int, step: int, visibl
     return None
 
 
-def in_field(candidates: Sequence[Candidate], ra: float, dec: float, radius: float) -> list[Candidate]:
+def candidates_in_field(candidates: Sequence[Candidate], ra: float, dec: float, radius: float) -> list[Candidate]:
     """Return the candidates within ``radius`` degrees of a J2000 position, the nearest first."""
     near = [(separation(ra, dec, c[1], c[2]), c) for c in candidates if abs(c[2] - dec) <= radius]
     return [candidate for distance, candidate in sorted(near) if distance <= radius]

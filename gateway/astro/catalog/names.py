@@ -25,18 +25,18 @@ MIN_SIMILARITY, MAX_SUGGESTIONS = 0.72, 3
 #: The magnitude by which objects without a magnitude are sorted: after all others.
 _NO_MAGNITUDE = 99.0
 
-_NORMALIZED_NUMBERS = {normalized(name): HIPPARCOS[OTHER_NAMES.get(name, name)] for name in (*HIPPARCOS, *OTHER_NAMES)}
+_NUMBER_BY_SPELLING = {normalized(name): HIPPARCOS[OTHER_NAMES.get(name, name)] for name in (*HIPPARCOS, *OTHER_NAMES)}
 
 
-def star(name: str) -> int | None:
+def star_number(name: str) -> int | None:
     """Return the Hipparcos number of a star by its name or letter, or None."""
-    doubles = {normalized(known): number for known, number in supplied.names_of_doubles().items()}
-    return (_NORMALIZED_NUMBERS | doubles).get(normalized(name)) or supplied.star_by_letter(name)
+    doubles = {normalized(known): number for known, number in supplied.double_numbers_by_name().items()}
+    return (_NUMBER_BY_SPELLING | doubles).get(normalized(name)) or supplied.star_number_by_letter(name)
 
 
 def look_up(name: str, year: float) -> CatalogObject | None:
     """Return the star or deep sky object with this name, or None."""
-    number = star(name)
+    number = star_number(name)
     return supplied.look_up(name) if number is None else entry_of_star(number, year)
 
 
@@ -44,32 +44,32 @@ def entry_of_star(number: int, year: float) -> CatalogObject:
     """Return the catalogue entry of a star with this Hipparcos number, which ``supplied.stars`` must contain."""
     known = supplied.stars()[number]
     called = next((name for name, at in HIPPARCOS.items() if at == number), "")
-    first, *others = filter(None, (called, *known.letters.split("|")))
-    return CatalogObject(first, "*", *known.at(year), known.magnitude, also=", ".join(others))
+    first, *others = filter(None, (called, *known.designations.split("|")))
+    return CatalogObject(first, "*", *known.position_at(year), known.magnitude, also=", ".join(others))
 
 
-def names_beginning_with(text: str, most: int) -> list[str]:
+def names_beginning_with(text: str, max_count: int) -> list[str]:
     """Return names that begin with a text, or contain a word that does: stars first, sorted by brightness."""
     typed = normalized(text)
     if not typed:
         return []
-    spelled = _spelled()
+    spelled = _name_by_spelling()
     begin = [known for spelling, known in spelled.items() if spelling.startswith(typed)]
     containing = [
         known for known in spelled.values() if any(normalized(word).startswith(typed) for word in known.split())
     ]
-    return list(dict.fromkeys((*sorted(begin, key=_rank), *sorted(containing, key=_rank))))[:most]
+    return list(dict.fromkeys((*sorted(begin, key=_sort_key), *sorted(containing, key=_sort_key))))[:max_count]
 
 
-def _rank(name: str) -> tuple[bool, float, int]:
+def _sort_key(name: str) -> tuple[bool, float, int]:
     number = HIPPARCOS.get(name)
     return name in OTHER_NAMES, _NO_MAGNITUDE if number is None else supplied.stars()[number].magnitude, len(name)
 
 
-def suggestions(name: str, more: tuple[str, ...] = ()) -> list[str]:
+def suggestions(name: str, more_names: tuple[str, ...] = ()) -> list[str]:
     """Return names that begin with an unknown name or are similar to it, from the catalogues and additional names."""
-    spelled = _spelled() | {normalized(known): known for known in more}
-    spelled = {supplied.shortened(spelling): known for spelling, known in spelled.items()} | spelled
+    spelled = _name_by_spelling() | {normalized(known): known for known in more_names}
+    spelled = {supplied.without_kind_suffix(spelling): known for spelling, known in spelled.items()} | spelled
     typed = normalized(name)
     longer = sorted((known for known in spelled if len(typed) > 2 and known.startswith(typed)), key=len)
     close = [*longer, *similar(typed, spelled, 2 * MAX_SUGGESTIONS, MIN_SIMILARITY)]
@@ -78,7 +78,7 @@ def suggestions(name: str, more: tuple[str, ...] = ()) -> list[str]:
 
 
 @cache
-def _spelled() -> dict[str, str]:
+def _name_by_spelling() -> dict[str, str]:
     """Return the names by normalized spelling, without catalogue numbers; stars win if two are spelled alike."""
     names = [name for name in supplied.deep_sky() if not name[-1].isdecimal() or " " in name]
-    return {normalized(name): name for name in (*names, *supplied.names_of_doubles(), *OTHER_NAMES, *HIPPARCOS)}
+    return {normalized(name): name for name in (*names, *supplied.double_numbers_by_name(), *OTHER_NAMES, *HIPPARCOS)}

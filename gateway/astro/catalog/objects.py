@@ -19,8 +19,8 @@ from gateway.core.errors import Unsupported
 #: Qualities of the Meade protocol, best first: super, excellent, very good, good, fair, poor, very poor.
 QUALITIES = ("SU", "EX", "VG", "GD", "FR", "PR", "VP")
 #: The faintest magnitude of each quality except the last.
-FAINTEST = (5.0, 7.0, 9.0, 11.0, 12.5, 14.0)
-_FAINT_SURFACE = 14.0
+MAG_LIMITS = (5.0, 7.0, 9.0, 11.0, 12.5, 14.0)
+_FAINT_SURFACE_BRIGHTNESS = 14.0
 _KIND_WORDS = {"G": "GAL", "P": "PLAN NEB", "D": "DIFF NEB", "C": "GLOB CLUS", "O": "OPEN CLUS", "*": "STAR"}
 
 
@@ -72,9 +72,9 @@ def quality(magnitude: float | None, size: float | None, width: float | None) ->
     """Return one of ``QUALITIES``; very poor without a magnitude. ``size`` and ``width`` in arcminutes."""
     if magnitude is None:
         return QUALITIES[-1]
-    step = sum(magnitude > limit for limit in FAINTEST)
+    step = sum(magnitude > limit for limit in MAG_LIMITS)
     area = math.pi / 4.0 * (size or 0.0) * (width or size or 0.0)
-    if area > 1.0 and magnitude + 2.5 * math.log10(area) > _FAINT_SURFACE:
+    if area > 1.0 and magnitude + 2.5 * math.log10(area) > _FAINT_SURFACE_BRIGHTNESS:
         step += 1
     return QUALITIES[min(step, len(QUALITIES) - 1)]
 

@@ -28,7 +28,7 @@ _GREEK = {
 #: Last words that users may omit if the rest is no other object's name: Lagoon finds the Lagoon Nebula.
 _KIND_SUFFIXES = ("nebula", "galaxy", "starcluster", "cluster")
 #: Every spelling of a Greek letter -> the letter: alpha, alf, alp and the letter itself.
-_LETTERS = {spelled: letter for letter, name in _GREEK.items() for spelled in (name, name[:3], letter)} | {"alf": "α"}
+_SPELLINGS = {spelled: letter for letter, name in _GREEK.items() for spelled in (name, name[:3], letter)} | {"alf": "α"}
 
 
 class Star(msgspec.Struct, array_like=True, frozen=True):
@@ -38,16 +38,16 @@ class Star(msgspec.Struct, array_like=True, frozen=True):
     """
 
     number: int
-    letters: str
+    designations: str
     ra: float
     dec: float
-    east: float
-    north: float
+    pm_east: float
+    pm_north: float
     magnitude: float
 
-    def at(self, year: float) -> tuple[float, float]:
+    def position_at(self, year: float) -> tuple[float, float]:
         """Return the J2000 position in that year (2026.5), degrees."""
-        return with_proper_motion(self.ra, self.dec, self.east, self.north, year)
+        return with_proper_motion(self.ra, self.dec, self.pm_east, self.pm_north, year)
 
 
 def normalized(name: str) -> str:
@@ -56,12 +56,12 @@ def normalized(name: str) -> str:
     return letters.removeprefix("the") if name.casefold().startswith("the ") else letters
 
 
-def file(name: str) -> Path:
+def sky_file(name: str) -> Path:
     return mappings_folder() / "sky" / name
 
 
 def _read(name: str) -> dict[str, Any]:
-    content: dict[str, Any] = msgspec.json.decode(file(name).read_bytes())
+    content: dict[str, Any] = msgspec.json.decode(sky_file(name).read_bytes())
     return content
 
 
@@ -77,24 +77,24 @@ def deep_sky() -> dict[str, CatalogObject]:
 
 
 @cache
-def _spelled() -> dict[str, CatalogObject]:
+def _object_by_spelling() -> dict[str, CatalogObject]:
     """Return the objects of `deep_sky` by normalized name, and by shortened name where only one object has it."""
     spelled = {normalized(name): entry for name, entry in deep_sky().items()}
     shorter: dict[str, set[str]] = {}
     for name in spelled:
-        if (rest := shortened(name)) not in spelled:
+        if (rest := without_kind_suffix(name)) not in spelled:
             shorter.setdefault(rest, set()).add(name)
     return spelled | {rest: spelled[names.pop()] for rest, names in shorter.items() if len(names) == 1}
 
 
-def shortened(name: str) -> str:
+def without_kind_suffix(name: str) -> str:
     """Return a normalized name without a last word like "nebula"."""
     return next((name.removesuffix(ending) for ending in _KIND_SUFFIXES if name.endswith(ending)), name)
 
 
 def look_up(name: str) -> CatalogObject | None:
     """Return a nebula, cluster or galaxy by a number (NGC7000) or a name (North America), or None."""
-    return _spelled().get(normalized(name))
+    return _object_by_spelling().get(normalized(name))
 
 
 @cache
@@ -104,14 +104,14 @@ def stars() -> dict[int, Star]:
 
 
 @cache
-def _by_letter() -> tuple[dict[str, int], dict[str, str]]:
+def _letter_tables() -> tuple[dict[str, int], dict[str, str]]:
     """Return the Hipparcos number by letter and constellation (``αOri``), and the abbreviation by constellation name.
 
     A letter that several stars share means the well-known double (ε1 Lyr), or else the brightest star.
     """
     numbers: dict[str, int] = {}
-    for star in sorted(stars().values(), key=lambda star: (star.number not in doubles(), star.magnitude)):
-        for name in filter(None, star.letters.split("|")):
+    for star in sorted(stars().values(), key=lambda star: (star.number not in double_star_texts(), star.magnitude)):
+        for name in filter(None, star.designations.split("|")):
             letter, constellation = name.split(" ")
             numbers.setdefault(letter + constellation, star.number)
             if not letter.isdecimal():
@@ -121,24 +121,24 @@ def _by_letter() -> tuple[dict[str, int], dict[str, str]]:
     return numbers, spelled
 
 
-def star_by_letter(name: str) -> int | None:
+def star_number_by_letter(name: str) -> int | None:
     """Return the Hipparcos number of a star by Bayer letter or Flamsteed number: alpha Ori, 61 Cygni; or None."""
     typed = normalized(name)
     parts = re.fullmatch(r"(\d+)()(\D+)", typed)
     if parts is not None:
         letter = parts[1]
-    elif begins := [letter for letter in _LETTERS if typed.startswith(letter)]:
+    elif begins := [letter for letter in _SPELLINGS if typed.startswith(letter)]:
         longest = max(begins, key=len)
         parts = re.fullmatch(r"()(\d*)(\D+)", typed.removeprefix(longest))
-        letter = _LETTERS[longest]
+        letter = _SPELLINGS[longest]
     if parts is None:
         return None
-    numbers, constellations = _by_letter()
+    numbers, constellations = _letter_tables()
     return numbers.get(f"{letter}{parts[2]}{constellations.get(parts[3])}")
 
 
 @cache
-def doubles() -> dict[int, str]:
+def double_star_texts() -> dict[int, str]:
     """Return texts with the magnitudes and separation of the double stars, by Hipparcos number."""
     return {
         row[1]: f"magnitudes {row[4]:.1f} and {row[5]:.1f}, {row[6]:g}″ apart: {row[7]}"
@@ -147,6 +147,6 @@ def doubles() -> dict[int, str]:
 
 
 @cache
-def names_of_doubles() -> dict[str, int]:
+def double_numbers_by_name() -> dict[str, int]:
     """Return the Hipparcos numbers of the double stars by their names: Double Double, Albireo."""
     return {row[0].split("|")[0]: row[1] for row in _read("doubles.json")["rows"]}

@@ -19,20 +19,20 @@ from pathlib import Path
 import msgspec
 
 from gateway.core.errors import UserError, explain_os_error
-from gateway.system.files import cache_folder, plain_file
-from gateway.system.runtime_folders import user
+from gateway.system.files import cache_folder, plain_fd
+from gateway.system.runtime_folders import user_id
 
-DAY, ROW_STEP = 86400.0, 10800.0  # seconds
+DAY, ROW_INTERVAL = 86400.0, 10800.0  # seconds
 ROWS = 9  # from 0h to 24h inclusive: no row lies beyond a leap second at midnight
 #: The range of dates that an almanac can cover, Unix time: from 1973-01-02, when the UT1 table begins, to 2099.
 FIRST_DATE, LAST_DATE = 94780800.0, 4102444800.0
 #: Parts of the sky. A row of ``frame`` (sidereal time, rotation from J2000 to date) has 10 numbers, that of a body 3.
 PARTS = ("frame", "Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
-_FRAME, _BODY = struct.Struct("<10d"), struct.Struct("<3d")
+_FRAME_ROW, _BODY = struct.Struct("<10d"), struct.Struct("<3d")
 #: For each part: the binary format of a row, and the offset of its first row in the bytes of a day.
-_LAYOUTS = {body: (_BODY, ROWS * (_FRAME.size + number * _BODY.size)) for number, body in enumerate(PARTS[1:])}
-_LAYOUTS["frame"] = (_FRAME, 0)
-_DAY_BYTES = ROWS * (_FRAME.size + len(PARTS[1:]) * _BODY.size)
+_LAYOUTS = {body: (_BODY, ROWS * (_FRAME_ROW.size + number * _BODY.size)) for number, body in enumerate(PARTS[1:])}
+_LAYOUTS["frame"] = (_FRAME_ROW, 0)
+_DAY_BYTES = ROWS * (_FRAME_ROW.size + len(PARTS[1:]) * _BODY.size)
 #: The first bytes of a file: the name and version of the format.
 FILE_HEADER = b"mount-gateway almanac 1\n"
 #: The size limit of a file that is read (eight years), and how many days, the newest, are stored.
@@ -47,7 +47,7 @@ class Almanac(msgspec.Struct, frozen=True):
 
     days: dict[int, bytes] = {}
 
-    def at(self, part: str, unix: float) -> Row | None:
+    def values_at(self, part: str, unix: float) -> Row | None:
         """Return the values of a part of the sky at a Unix time, interpolated from the four nearest rows (Lagrange).
 
         None if the day is not in the almanac.
@@ -56,7 +56,7 @@ class Almanac(msgspec.Struct, frozen=True):
         if day is None:
             return None
         form, place = _LAYOUTS[part]
-        steps = unix % DAY / ROW_STEP
+        steps = unix % DAY / ROW_INTERVAL
         first = min(max(int(steps) - 1, 0), ROWS - 4)
         a = steps - first
         b, c, d = a - 1.0, a - 2.0, a - 3.0
@@ -64,7 +64,7 @@ class Almanac(msgspec.Struct, frozen=True):
         rows = [form.unpack_from(day, place + number * form.size) for number in range(first, first + 4)]
         return tuple(sum(map(mul, weights, column)) for column in zip(*rows, strict=True))
 
-    def days_from(self, first_day: int) -> int:
+    def consecutive_days_from(self, first_day: int) -> int:
         """Return how many consecutive days from ``first_day`` on the almanac contains."""
         return next(number for number in count() if first_day + number not in self.days)
 
@@ -72,7 +72,7 @@ class Almanac(msgspec.Struct, frozen=True):
         """Return an almanac with the days of both; days that are in both are taken from ``newer``."""
         return Almanac({**self.days, **newer.days})
 
-    def newest(self) -> Almanac:
+    def without_oldest_days(self) -> Almanac:
         """Return the almanac with at most `MAX_DAYS` days, the newest."""
         return Almanac(dict(list(self.days.items())[-MAX_DAYS:]))
 
@@ -100,16 +100,16 @@ def decoded(data: bytes) -> Almanac:
 
 def read(path: Path) -> Almanac:
     """Read the almanac in a file. Raises OSError, and ValueError if it is invalid or other users can change it."""
-    with open(plain_file(path), "rb") as file:
+    with open(plain_fd(path), "rb") as file:
         status = os.fstat(file.fileno())
-        if user() is not None and status.st_uid not in (0, user()):
+        if user_id() is not None and status.st_uid not in (0, user_id()):
             raise ValueError("it belongs to another user, who can change it; make a copy of it, and name that")
-        if user() is not None and stat.S_IMODE(status.st_mode) & 0o022:
+        if user_id() is not None and stat.S_IMODE(status.st_mode) & 0o022:
             raise ValueError("other users can write it; chmod go-w, as its owner")
         return decoded(file.read(MAX_FILE_BYTES))
 
 
-def stored(path: str | None = None) -> Almanac:
+def load_stored(path: str | None = None) -> Almanac:
     """Return the almanac of the cache folder (empty if it has none), joined with the almanac in the file ``path``.
 
     Raises UserError if the named file cannot be used.

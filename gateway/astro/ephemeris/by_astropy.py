@@ -22,22 +22,22 @@ from astropy import units as u
 from astropy.coordinates import get_body_barycentric, get_sun
 from astropy.time import Time, TimeDelta
 
-from gateway.astro.ephemeris.almanac import DAY, PARTS, ROW_STEP, ROWS, Almanac
+from gateway.astro.ephemeris.almanac import DAY, PARTS, ROW_INTERVAL, ROWS, Almanac
 from gateway.astro.spherical import SIDEREAL_RATE
 
 JD_OF_UNIX_EPOCH = 2440587.5
-_SECONDS = np.arange(ROWS) * ROW_STEP
+_ROW_SECONDS = np.arange(ROWS) * ROW_INTERVAL
 _LIGHT_SPEED = 299792.458  # km a second
 
 
-def almanac(days: Collection[int]) -> Almanac:
+def calculate_almanac(days: Collection[int]) -> Almanac:
     """Return the almanac of these days, given as days since the Unix epoch."""
     parts = [_rows(part, tuple(days)).astype("<f8") for part in PARTS] if days else []
     return Almanac({day: b"".join(part[number].tobytes() for part in parts) for number, day in enumerate(days)})
 
 
 @cache
-def earth_rotation() -> Any:
+def ut1_table() -> Any:
     """Return the IERS table of the Earth's rotation: days since the Unix epoch, and UT1-UTC at 0h in seconds.
 
     Fixed columns: MJD in 8-15, UT1-UTC in 59-68.
@@ -47,10 +47,10 @@ def earth_rotation() -> Any:
 
 
 @lru_cache(4)
-def _moments(days: tuple[int, ...]) -> tuple[Any, Any]:
+def _times_and_rotations(days: tuple[int, ...]) -> tuple[Any, Any]:
     """Return the times of all rows of these days, and for each the rotation from J2000 to the equinox of date."""
     midnights = Time(np.repeat(days, ROWS) * DAY, format="unix").tt  # Unix time runs slow on a day with a leap second
-    at = midnights + TimeDelta(np.tile(_SECONDS, len(days)), format="sec")
+    at = midnights + TimeDelta(np.tile(_ROW_SECONDS, len(days)), format="sec")
     return at, erfa.pnm06a(at.jd1, at.jd2)
 
 
@@ -58,11 +58,11 @@ def _rows(part: str, days: tuple[int, ...]) -> Any:
     """Return the rows of a part of the sky: sidereal time and rotation, or a body's vector of date."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", erfa.ErfaWarning)  # future leap seconds are unknown
-        at, matrices = _moments(days)
+        at, matrices = _times_and_rotations(days)
         if part == "frame":
             rows = np.hstack([_sidereal_times(days), matrices.reshape(-1, 9)])
         else:
-            rows = np.einsum("nij,jn->ni", matrices, from_earth(part, at))
+            rows = np.einsum("nij,jn->ni", matrices, geocentric_vector(part, at))
     return rows.reshape(len(days), ROWS, -1)
 
 
@@ -71,23 +71,23 @@ def _sidereal_times(days: tuple[int, ...]) -> Any:
 
     UT1-UTC is taken at 0h of each day, because its table jumps at a leap second.
     """
-    at, matrices = _moments(days)
-    ut1 = np.add.outer(days + np.interp(days, *earth_rotation()) / DAY, _SECONDS / DAY).ravel()
+    at, matrices = _times_and_rotations(days)
+    ut1 = np.add.outer(days + np.interp(days, *ut1_table()) / DAY, _ROW_SECONDS / DAY).ravel()
     times = np.degrees(erfa.gst06(JD_OF_UNIX_EPOCH, ut1, at.jd1, at.jd2, matrices)).reshape(len(days), -1)
     first = times[:, :1]
-    return (first + (times - first - SIDEREAL_RATE * _SECONDS + 180.0) % 360.0 - 180.0).reshape(-1, 1)
+    return (first + (times - first - SIDEREAL_RATE * _ROW_SECONDS + 180.0) % 360.0 - 180.0).reshape(-1, 1)
 
 
-def from_earth(name: str, at: Any) -> Any:
+def geocentric_vector(name: str, times: Any) -> Any:
     """Return the geocentric vectors (J2000, km) of a body at these times, where it was when its light left it.
 
     Aberration is included for the Sun only: the Moon moves with the Earth, so light time is its only aberration.
     """
     if name == "Sun":
-        return get_sun(at).cartesian.xyz.to_value(u.km)
-    earth, light = get_body_barycentric("earth", at, ephemeris="builtin"), 0.0
+        return get_sun(times).cartesian.xyz.to_value(u.km)
+    earth, light = get_body_barycentric("earth", times, ephemeris="builtin"), 0.0
     for _ in range(3):  # iterate the light time: each round is a thousand times more exact
-        sent = at - light * u.s
+        sent = times - light * u.s
         viewer = get_body_barycentric("earth", sent, ephemeris="builtin") if name == "Moon" else earth
         apparent = (get_body_barycentric(name, sent, ephemeris="builtin") - viewer).xyz.to_value(u.km)
         light = np.sqrt((apparent**2).sum(axis=0)) / _LIGHT_SPEED

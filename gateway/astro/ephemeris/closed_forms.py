@@ -88,7 +88,7 @@ def sidereal_time(unix: float, longitude_east: float) -> float:
 
 def frame(unix: float) -> Frame:
     """Return sidereal time (UT1 = UTC) and rotation to date: IAU 2006 precession and the largest nutation terms."""
-    return sidereal_time(unix, 0.0), _matrix_of_date(centuries(unix))
+    return sidereal_time(unix, 0.0), _j2000_to_date_rotation(centuries(unix))
 
 
 def sun(unix: float) -> Vector:
@@ -106,7 +106,7 @@ def sun(unix: float) -> Vector:
 def moon(unix: float) -> Vector:
     """Return the apparent geocentric position of the Moon, of date, in km (Meeus, chapter 47, the larger terms)."""
     t = centuries(unix)
-    angles = delaunay(t)
+    angles = delaunay_arguments(t)
     longitude, latitude, distance = 218.3164477 + t * (481267.88123421 - 0.0015786 * t), 0.0, 385000.56
     for factors, along, away in _MOON_LONGITUDE_AND_DISTANCE:
         angle = sum(map(mul, factors, angles))
@@ -117,7 +117,7 @@ def moon(unix: float) -> Vector:
     return _from_ecliptic(t, longitude, latitude, distance)
 
 
-def delaunay(t: float) -> tuple[float, float, float, float]:
+def delaunay_arguments(t: float) -> tuple[float, float, float, float]:
     """Return the Moon's elongation, the Sun's anomaly, the Moon's anomaly and argument of latitude, in radians."""
     return (
         math.radians(297.8501921 + t * (445267.1114034 - 0.0018819 * t)),
@@ -135,7 +135,7 @@ def _from_ecliptic(t: float, longitude: float, latitude: float, distance: float)
     return distance * x, distance * y, distance * z
 
 
-def _matrix_of_date(t: float) -> Matrix:
+def _j2000_to_date_rotation(t: float) -> Matrix:
     """Return the rotation from J2000 to date: the four angles of Fukushima and Williams (IAU 2006), and nutation."""
     node = t * (10.556403 + t * (0.4932044 - t * 0.00031238))
     tilt = 84381.406 + t * (-46.811015 + t * (0.0511269 + t * 0.00053289))
@@ -156,7 +156,7 @@ def moon_orientation(unix: float) -> Matrix:
     node = 125.0445479 + t * (-1934.1362891 + 0.0020754 * t)
     in_longitude, in_obliquity = nutation(t)
     # The lunar equator's descending node lies where the orbit ascends, and the prime meridian faces the Earth there.
-    to_node = about_z(180.0 + math.degrees(delaunay(t)[3]))
+    to_node = about_z(180.0 + math.degrees(delaunay_arguments(t)[3]))
     tilted = about_x(-_MOON_INCLINATION)
     to_equinox = about_z(node + in_longitude)
     to_equator = about_x(obliquity(t) + in_obliquity)
@@ -171,7 +171,7 @@ def place_on_moon(moon: Vector, unix: float, latitude: float, longitude: float) 
     return moon[0] + _MOON_RADIUS * x, moon[1] + _MOON_RADIUS * y, moon[2] + _MOON_RADIUS * z
 
 
-# Factors of `delaunay`'s angles; then 1e-6 degrees of longitude (sine) and metres of distance (cosine).
+# Factors of `delaunay_arguments`'s angles; then 1e-6 degrees of longitude (sine) and metres of distance (cosine).
 _MOON_LONGITUDE_AND_DISTANCE = (
     ((0, 0, 1, 0), 6288774, -20905355), ((2, 0, -1, 0), 1274027, -3699111), ((2, 0, 0, 0), 658314, -2955968),
     ((0, 0, 2, 0), 213618, -569925),    ((0, 1, 0, 0), -185116, 48888),     ((0, 0, 0, 2), -114332, -3149),

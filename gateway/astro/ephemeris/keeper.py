@@ -17,7 +17,7 @@ from collections.abc import Callable, Collection, Iterable
 from concurrent.futures import Future
 from pathlib import Path
 
-from gateway.astro.ephemeris.almanac import DAY, FIRST_DATE, LAST_DATE, Almanac, decoded, stored
+from gateway.astro.ephemeris.almanac import DAY, FIRST_DATE, LAST_DATE, Almanac, decoded, load_stored
 from gateway.astro.ephemeris.sky import Sky
 from gateway.system.files import cache_folder, replace_file
 from gateway.system.locks import LockHeld, PidLock
@@ -28,18 +28,18 @@ DAYS_PER_CALCULATION, MIN_DAYS_LEFT = 30, 10
 #: Seconds: the timeout of the calculating process, between two checks, and until the next attempt after a failure.
 TIMEOUT, CHECK_PERIOD, RETRY_PERIOD = 120.0, 60.0, 3600.0
 #: The environment of the calculating process: a single thread, and no imports from its current folder.
-ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "PYTHONSAFEPATH": "1"}
+PROCESS_ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "PYTHONSAFEPATH": "1"}
 #: On Windows: lowest priority, and no console window.
 FLAGS = getattr(subprocess, "IDLE_PRIORITY_CLASS", 0) | getattr(subprocess, "CREATE_NO_WINDOW", 0)
 
 
-def renewed(days: Iterable[int]) -> tuple[Almanac, str]:
+def renew_almanac(days: Iterable[int]) -> tuple[Almanac, str]:
     """Return an almanac with these days, and why it cannot be stored (or an empty text). Raises OSError, ValueError."""
-    path, almanac = cache_folder() / "almanac", stored()
+    path, almanac = cache_folder() / "almanac", load_stored()
     lacking = [day for day in days if day not in almanac.days]
     if not lacking:
         return almanac, ""
-    almanac = almanac.joined(calculated(lacking)).newest()
+    almanac = almanac.joined(calculate_in_process(lacking)).without_oldest_days()
     lock = PidLock(path.with_name("almanac.lock"), remove=True)
     try:
         if not path.is_absolute():
@@ -56,14 +56,14 @@ def renewed(days: Iterable[int]) -> tuple[Almanac, str]:
     return almanac, ""
 
 
-def calculated(days: Collection[int]) -> Almanac:
+def calculate_in_process(days: Collection[int]) -> Almanac:
     """Start a process that calculates an almanac, and wait. Raises OSError, ValueError if it fails or takes too long.
 
     Its standard input is a pipe that closes when this process ends or crashes; then the calculation ends, too.
     """
     argv = [*gateway_argv(), "almanac", "-", "--dates", ",".join(map(str, days))]
     path = os.pathsep.join([str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
-    environment = {**os.environ, **ENVIRONMENT, "PYTHONPATH": path}
+    environment = {**os.environ, **PROCESS_ENVIRONMENT, "PYTHONPATH": path}
     its_input, held = os.pipe()
     try:
         done = subprocess.run(
@@ -80,23 +80,23 @@ def calculated(days: Collection[int]) -> Almanac:
     return decoded(done.stdout)
 
 
-async def _on_daemon(days: Collection[int]) -> tuple[Almanac, str]:
+async def _renew_on_daemon_thread(days: Collection[int]) -> tuple[Almanac, str]:
     """Renew the almanac on a daemon thread: Python would wait for any other thread before it ends the program."""
     done: Future[tuple[Almanac, str]] = Future()
     done.set_running_or_notify_cancel()
 
-    def run() -> None:
+    def renew() -> None:
         try:
-            done.set_result(renewed(days))
+            done.set_result(renew_almanac(days))
         except Exception as error:
             done.set_exception(error)
 
-    threading.Thread(target=run, name="almanac", daemon=True).start()
+    threading.Thread(target=renew, name="almanac", daemon=True).start()
     return await asyncio.wrap_future(done)
 
 
 class AlmanacKeeper:
-    """Keeps a serving process's almanac up to date: call ``open`` first, then run ``keep`` as a task.
+    """Keeps a serving process's almanac up to date: call ``open`` first, then run ``run`` as a task.
 
     ``is_quiet`` returns whether all mounts are at rest.
     """
@@ -110,21 +110,21 @@ class AlmanacKeeper:
     ) -> None:
         self._sky, self._warn, self._is_quiet, self._clock = sky, warn, is_quiet, clock
         #: The almanac loaded at the start, the days calculated in this run, and both joined.
-        self._named_almanac = self._calculated_almanac = self._almanac = Almanac()
+        self._initial_almanac = self._calculated_almanac = self._almanac = Almanac()
         self._given_warnings: set[str] = set()
         self._calculation_requested = asyncio.Event()
 
-    def open(self, named: str | None = None) -> None:
+    def open(self, named_file: str | None = None) -> None:
         """Load the stored almanac, and the file that the user has named, if any. Raises UserError."""
-        self._named_almanac = stored(named)
+        self._initial_almanac = load_stored(named_file)
         self._sky.request_almanac = self._calculation_requested.set
         self._use(Almanac())
 
-    async def keep(self) -> None:
+    async def run(self) -> None:
         """Calculate missing days, and days that will soon be needed, until this task is cancelled."""
         while True:
             self._calculation_requested.clear()
-            if days := self._lacking():
+            if days := self._missing_days():
                 await asyncio.sleep(CHECK_PERIOD if await self._renew(days) else RETRY_PERIOD)
             else:
                 with contextlib.suppress(TimeoutError):
@@ -132,7 +132,7 @@ class AlmanacKeeper:
 
     async def _renew(self, days: list[int]) -> bool:
         try:
-            newer, trouble = await _on_daemon(days)
+            newer, trouble = await _renew_on_daemon_thread(days)
         except Exception as error:  # also that there is no room for a thread: without the keeper, nothing would tell it
             self._warn_once(
                 f"the almanac could not be calculated: {error}. Simpler formulas replace it: the Sun within 0.01 "
@@ -145,11 +145,11 @@ class AlmanacKeeper:
         return True
 
     def _use(self, newer: Almanac) -> None:
-        self._calculated_almanac = self._calculated_almanac.joined(newer).newest()
-        self._almanac = self._named_almanac.joined(self._calculated_almanac)
+        self._calculated_almanac = self._calculated_almanac.joined(newer).without_oldest_days()
+        self._almanac = self._initial_almanac.joined(self._calculated_almanac)
         self._sky.use(self._almanac)
 
-    def _lacking(self) -> list[int]:
+    def _missing_days(self) -> list[int]:
         """Return the days to calculate: today, the date of a mount's clock if it differs, and at rest those ahead."""
         today = int(self._clock() // DAY)
         starts = {today, self._sky.missing_day or today}

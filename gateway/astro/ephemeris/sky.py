@@ -40,7 +40,7 @@ class Sky:
 
     def __init__(self) -> None:
         self._almanac = Almanac()
-        self._frames: dict[float, Frame] = {}
+        self._frame_at: dict[float, Frame] = {}
         #: The last day (since the Unix epoch) that was needed but missing; another one calls `request_almanac`.
         self.missing_day: int | None = None
         self.request_almanac: Callable[[], object] = lambda: None
@@ -48,11 +48,11 @@ class Sky:
     def use(self, almanac: Almanac) -> None:
         """Use the tables of this almanac from now on."""
         self._almanac = almanac
-        self._frames.clear()
+        self._frame_at.clear()
         self.missing_day = None if self.missing_day in almanac.days else self.missing_day
 
     @property
-    def ready(self) -> bool:
+    def has_tables(self) -> bool:
         """Whether there is an almanac, that is, at least one day with tables."""
         return bool(self._almanac.days)
 
@@ -60,14 +60,14 @@ class Sky:
         """Return the values of a part of the sky from the tables; if they lack the day, note that and return None."""
         if not FIRST_DATE <= unix < LAST_DATE:
             return None
-        values = self._almanac.at(part, unix)
+        values = self._almanac.values_at(part, unix)
         day = int(unix // DAY)
         if values is None and day != self.missing_day:
             self.missing_day = day
             self.request_almanac()
         return values
 
-    def source(self, unix: float) -> str:
+    def calculation_source(self, unix: float) -> str:
         """Return how results for this time are calculated, as text: by an almanac or by closed formulas."""
         if self._values("frame", unix) is None:
             return "closed form"
@@ -78,7 +78,7 @@ class Sky:
         return wrap360(self._unwrapped_sidereal_time(unix, longitude_east))
 
     def _unwrapped_sidereal_time(self, unix: float, longitude_east: float) -> float:
-        minute, (greenwich, _) = self._frame(unix)
+        minute, (greenwich, _) = self._frame_at_minute(unix)
         return greenwich + SIDEREAL_RATE * (unix - minute) + longitude_east % 360.0
 
     def horizon(self, ra: float, dec: float, site_lat: float, site_lon_east: float, unix: float) -> tuple[float, float]:
@@ -86,7 +86,7 @@ class Sky:
         hour_angle = self._unwrapped_sidereal_time(unix, site_lon_east) - ra % 360.0
         return hour_angle_to_horizon(hour_angle, dec, site_lat)
 
-    def equatorial(
+    def to_ra_dec(
         self, az: float, alt: float, site_lat: float, site_lon_east: float, unix: float
     ) -> tuple[float, float]:
         """Return (ra, dec) of date of an azimuth and altitude."""
@@ -95,12 +95,12 @@ class Sky:
 
     def to_of_date(self, ra: float, dec: float, unix: float) -> tuple[float, float]:
         """Return (ra, dec) of date of a J2000 position: precession and nutation."""
-        _, (_, matrix) = self._frame(unix)
+        _, (_, matrix) = self._frame_at_minute(unix)
         return from_vector(rotate(matrix, to_vector(ra, dec)))
 
     def to_j2000(self, ra: float, dec: float, unix: float) -> tuple[float, float]:
         """Return (ra, dec) of J2000 of a position of date: the inverse rotation."""
-        _, (_, matrix) = self._frame(unix)
+        _, (_, matrix) = self._frame_at_minute(unix)
         return from_vector(rotate(transpose(matrix), to_vector(ra, dec)))
 
     def sun(self, unix: float) -> tuple[float, float]:
@@ -108,21 +108,21 @@ class Sky:
 
         With aberration (20"), unlike the positions above: as in almanacs, and as seen through a telescope.
         """
-        return from_vector(self._vector("Sun", unix) or closed_forms.sun(unix))
+        return from_vector(self._table_vector("Sun", unix) or closed_forms.sun(unix))
 
     def moon(self, unix: float, lat: float, lon_east: float) -> tuple[float, float, float]:
         """Return the apparent (ra, dec, distance in km) of date of the Moon, as seen from a site at sea level.
 
         Apparent like the Sun; the Moon's aberration is only its motion in the 1.3 s of light time, 0.7".
         """
-        moon = self._moon_from(unix, lat, lon_east)
+        moon = self._moon_from_site(unix, lat, lon_east)
         return *from_vector(moon), math.hypot(*moon)
 
     def on_moon(
         self, unix: float, lat: float, lon_east: float, moon_lat: float, moon_lon_east: float
     ) -> tuple[float, float]:
         """Return the apparent (ra, dec) of date of a place on the Moon, as seen from a site, with libration."""
-        moon = self._moon_from(unix, lat, lon_east)
+        moon = self._moon_from_site(unix, lat, lon_east)
         return from_vector(closed_forms.place_on_moon(moon, unix, moon_lat, moon_lon_east))
 
     def planet(self, name: str, unix: float) -> tuple[float, float] | None:
@@ -130,14 +130,14 @@ class Sky:
 
         Accurate to 1.5' (Mercury and Venus 0.2', Mars 0.7'; against JPL's ephemerides).
         """
-        vector = self._vector(name, unix)
+        vector = self._table_vector(name, unix)
         return None if vector is None else from_vector(vector)
 
     def moon_vector(self, unix: float) -> Vector:
         """Return the geocentric vector of the Moon, of date, in km."""
-        return self._vector("Moon", unix) or closed_forms.moon(unix)
+        return self._table_vector("Moon", unix) or closed_forms.moon(unix)
 
-    def _moon_from(self, unix: float, lat: float, lon_east: float) -> Vector:
+    def _moon_from_site(self, unix: float, lat: float, lon_east: float) -> Vector:
         """Return the vector from a site at sea level to the Moon, of date, in km."""
         x, y, z = self.moon_vector(unix)
         phi = math.radians(wrap360(lat))
@@ -150,26 +150,28 @@ class Sky:
             z - curvature * polar * math.sin(phi),
         )
 
-    def _frame(self, unix: float) -> tuple[float, Frame]:
+    def _frame_at_minute(self, unix: float) -> tuple[float, Frame]:
         """Return the start of the minute (Unix seconds), and then sidereal time and rotation to date, which are cached.
 
         Within the minute the axes move less than 0.0001"; sidereal time increases at the sidereal rate.
         """
         minute = unix - unix % 60.0
-        frame = self._frames.get(minute)
+        frame = self._frame_at.get(minute)
         if frame is None:
-            if len(self._frames) >= _MAX_CACHED_FRAMES:
-                self._frames.clear()
+            if len(self._frame_at) >= _MAX_CACHED_FRAMES:
+                self._frame_at.clear()
             values = self._values("frame", minute)
-            frame = self._frames[minute] = closed_forms.frame(minute) if values is None else _frame_of(minute, *values)
+            frame = self._frame_at[minute] = (
+                closed_forms.frame(minute) if values is None else _to_frame(minute, *values)
+            )
         return minute, frame
 
-    def _vector(self, part: str, unix: float) -> Vector | None:
+    def _table_vector(self, part: str, unix: float) -> Vector | None:
         """Return the geocentric vector of Sun, Moon or a planet, of date, in km; None without a table."""
         values = self._values(part, unix)
         return None if values is None else (values[0], values[1], values[2])
 
 
-def _frame_of(unix: float, greenwich: float, *m: float) -> Frame:
+def _to_frame(unix: float, sidereal_at_0h: float, *m: float) -> Frame:
     """Return Greenwich sidereal time and rotation to date from the values of a table row."""
-    return greenwich + SIDEREAL_RATE * (unix % DAY), ((m[0], m[1], m[2]), (m[3], m[4], m[5]), (m[6], m[7], m[8]))
+    return sidereal_at_0h + SIDEREAL_RATE * (unix % DAY), ((m[0], m[1], m[2]), (m[3], m[4], m[5]), (m[6], m[7], m[8]))

@@ -28,10 +28,10 @@ def add_almanac(commands: Commands) -> None:
     command.add_argument("file", metavar="FILE", help="the file to write, 2.7 kB for each day")
     command.add_argument("--days", metavar="DAYS", type=int, default=40, help="how many days (default: 40)")
     command.add_argument("--dates", help=argparse.SUPPRESS)
-    command.set_defaults(run=_almanac)
+    command.set_defaults(run=_run_almanac)
 
 
-def _almanac(arguments: argparse.Namespace) -> int:
+def _run_almanac(arguments: argparse.Namespace) -> int:
     from gateway.astro.ephemeris.almanac import DAY
     from gateway.astro.offline import go_offline
 
@@ -39,7 +39,7 @@ def _almanac(arguments: argparse.Namespace) -> int:
     if asked:
         with contextlib.suppress(OSError, AttributeError):  # not on Windows
             os.nice(19)
-        threading.Thread(target=_end_with_gateway, daemon=True).start()
+        threading.Thread(target=_exit_when_gateway_ends, daemon=True).start()
         days = [int(day) for day in arguments.dates.split(",") if day]
     else:
         if not 1 <= arguments.days <= 2000:
@@ -51,7 +51,7 @@ def _almanac(arguments: argparse.Namespace) -> int:
         from gateway.astro.ephemeris import by_astropy
     except ImportError as error:
         raise UserError(f"astropy cannot be used here: {error}") from None
-    data = by_astropy.almanac(days).encoded()
+    data = by_astropy.calculate_almanac(days).encoded()
     if asked:
         sys.stdout.buffer.write(data)
     else:
@@ -63,7 +63,7 @@ def _almanac(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _end_with_gateway() -> None:
+def _exit_when_gateway_ends() -> None:
     """Wait for the end of stdin, then exit: the gateway that started this process for itself has ended."""
     os.read(0, 1)
     os._exit(1)

@@ -21,7 +21,7 @@ from gateway.system.files import NOT_PLAIN_FILE
 if TYPE_CHECKING:
     from gateway.diagnostics.detect.scan_port import PortFinding
 
-NONE_FOUND = 1
+NONE_FOUND_EXIT_CODE = 1
 
 
 def add_detect(commands: Commands) -> None:
@@ -52,18 +52,18 @@ def add_detect(commands: Commands) -> None:
     detect.add_argument("--json", action="store_true", help="print JSON: a list, one object a port")
     detect.add_argument("--write", type=Path, metavar="FILE", help="write a gateway.toml for the mount that was found")
     detect.add_argument("--force", action="store_true", help="let --write replace a file")
-    detect.set_defaults(run=_detect)
+    detect.set_defaults(run=_run_detect)
 
 
-def _detect(arguments: argparse.Namespace) -> int:
+def _run_detect(arguments: argparse.Namespace) -> int:
     import json
 
     from gateway.diagnostics.detect.ports import local_ports, parse_port
-    from gateway.diagnostics.detect.report import block, next_steps, toml, values
-    from gateway.diagnostics.detect.scan_port import ask_servers, look_at_all
+    from gateway.diagnostics.detect.report import describe_port, next_steps, port_values, toml
+    from gateway.diagnostics.detect.scan_port import ask_servers, examine_ports
 
     if arguments.write is not None and not arguments.force and arguments.write.exists():
-        raise _there_already(arguments.write)
+        raise _file_exists_error(arguments.write)
     if arguments.write is not None and not arguments.write.parent.is_dir():
         missing = FileNotFoundError(errno.ENOENT, "")
         raise UserError(f"{arguments.write}: {explain_file_error(arguments.write, missing)}")
@@ -75,58 +75,58 @@ def _detect(arguments: argparse.Namespace) -> int:
     urls = [place.url for place in places if place.url.startswith("http://")]
     ports = [place for place in places if place.url not in urls]
     if not arguments.json:
-        print(_looking(len(ports), not arguments.port, bool(urls)), file=sys.stderr, flush=True)
+        print(_scan_message(len(ports), not arguments.port, bool(urls)), file=sys.stderr, flush=True)
 
-    async def look() -> list[PortFinding]:
+    async def scan() -> list[PortFinding]:
         offered = ask_servers(urls) if arguments.port else ask_servers(None)
-        return [server for several in await asyncio.gather(look_at_all(ports), offered) for server in several]
+        return [server for several in await asyncio.gather(examine_ports(ports), offered) for server in several]
 
-    findings = asyncio.run(look())
+    findings = asyncio.run(scan())
     if not findings:
         print("[]" if arguments.json else "no mount was found", flush=True)
-        _advise(next_steps([]), arguments.json)
-        return NONE_FOUND
+        _print_next_steps(next_steps([]), arguments.json)
+        return NONE_FOUND_EXIT_CODE
     if arguments.json:
-        print(json.dumps([values(finding, arguments.network) for finding in findings], indent=2))
+        print(json.dumps([port_values(finding, arguments.network) for finding in findings], indent=2))
     else:
-        print("\n\n".join(map(block, findings)))
+        print("\n\n".join(map(describe_port, findings)))
     mounts = [finding for finding in findings if finding.mount]
     if arguments.toml and not arguments.json:
         print("", *(toml(finding, arguments.network) for finding in mounts), sep="\n", end="")
     if mounts and arguments.write is not None:
-        _write(arguments.write, mounts, arguments.force, arguments.network)
-    _advise(next_steps(findings), arguments.json)
-    return 0 if mounts else NONE_FOUND
+        _write_config(arguments.write, mounts, arguments.force, arguments.network)
+    _print_next_steps(next_steps(findings), arguments.json)
+    return 0 if mounts else NONE_FOUND_EXIT_CODE
 
 
-def _looking(ports: int, network: bool, servers: bool) -> str:
+def _scan_message(port_count: int, scans_network: bool, asks_servers: bool) -> str:
     """Return the message that says what is being scanned, and how long that may take."""
-    at = [f"{ports} ports" if ports > 1 else "1 port"] if ports else []
-    at += ["the servers in the network"] if network else ["what the server offers"] if servers else []
-    return f"looking at {' and '.join(at)}, up to {25 if ports else 5} s …"
+    at = [f"{port_count} ports" if port_count > 1 else "1 port"] if port_count else []
+    at += ["the servers in the network"] if scans_network else ["what the server offers"] if asks_servers else []
+    return f"looking at {' and '.join(at)}, up to {25 if port_count else 5} s …"
 
 
-def _advise(steps: list[str], json: bool) -> None:
+def _print_next_steps(steps: list[str], prints_json: bool) -> None:
     """Print what the user can try next, unless the output is JSON."""
-    if steps and not json:
+    if steps and not prints_json:
         sys.stdout.flush()
         print("What to try next:", *(f"  - {step}" for step in steps), sep="\n", file=sys.stderr)
 
 
-def _write(path: Path, mounts: list[PortFinding], force: bool, network: bool) -> None:
+def _write_config(path: Path, mounts: list[PortFinding], force: bool, allows_network: bool) -> None:
     """Write a gateway.toml for the mount that was found. Raises UserError if several were found."""
     from gateway.diagnostics.detect.report import toml
 
     if len(mounts) > 1:
-        names = " and ".join(finding.place.url for finding in mounts)
+        names = " and ".join(finding.port.url for finding in mounts)
         raise UserError(f"--write {path}: there are mounts on {names}; name one of them")
-    write_whole(path, toml(mounts[0], network), force)
+    write_atomically(path, toml(mounts[0], allows_network), force)
     only_here = "this computer only; --network lets phones and other computers in"
-    who = "phones and other computers, too" if network else only_here
+    who = "phones and other computers, too" if allows_network else only_here
     print(f"wrote {path}, for programs on {who}\nstart it: mount-gateway run {path}", file=sys.stderr)
 
 
-def write_whole(path: Path, text: str, force: bool) -> None:
+def write_atomically(path: Path, text: str, force: bool) -> None:
     """Write a file whole or not at all; replace an existing file only with ``force``. Raises UserError."""
     draft = path.with_name(f".{path.name}.{os.getpid()}")
     reserved = False
@@ -139,7 +139,7 @@ def write_whole(path: Path, text: str, force: bool) -> None:
         draft.write_text(text, "utf-8")
         os.replace(draft, path)
     except FileExistsError:
-        raise _there_already(path) from None
+        raise _file_exists_error(path) from None
     except OSError as error:
         for leftover in [draft, path][: 1 + reserved]:
             with contextlib.suppress(OSError):
@@ -147,5 +147,5 @@ def write_whole(path: Path, text: str, force: bool) -> None:
         raise UserError(f"{path}: {explain_file_error(path, error)}") from None
 
 
-def _there_already(path: Path) -> UserError:
+def _file_exists_error(path: Path) -> UserError:
     return UserError(f"{path} exists already; --force replaces it")

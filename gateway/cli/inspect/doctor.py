@@ -34,29 +34,29 @@ def add_doctor(commands: Commands) -> None:
     doctor.add_argument("--json", action="store_true", help="print JSON: one object, with a list of all checks")
     doctor.add_argument("--state", metavar="PATH", help="the state folder of the gateway")
     doctor.add_argument("--almanac", metavar="FILE", help="the almanac of a gateway without astropy")
-    doctor.set_defaults(run=_doctor)
+    doctor.set_defaults(run=_run_doctor)
 
 
-def _doctor(arguments: argparse.Namespace) -> int:
+def _run_doctor(arguments: argparse.Namespace) -> int:
     import json
 
     import msgspec
 
-    from gateway.diagnostics.doctor.checks import examine
+    from gateway.diagnostics.doctor.checks import run_checks
     from gateway.diagnostics.doctor.facts import BAD
-    from gateway.diagnostics.doctor.gathering import gather
+    from gateway.diagnostics.doctor.gathering import gather_facts
 
-    results = examine(gather(arguments.state, arguments.almanac))
+    results = run_checks(gather_facts(arguments.state, arguments.almanac))
     well = all(result.state != BAD for result in results)
     if arguments.json:
         output = {"version": full_version(), "good": well, "checks": msgspec.to_builtins(results)}
         print(json.dumps(output, indent=2))
     else:
-        print("\n".join(lines(results)))
+        print("\n".join(result_lines(results)))
     return 0 if well else 1
 
 
-def lines(results: Sequence[CheckResult]) -> list[str]:
+def result_lines(results: Sequence[CheckResult]) -> list[str]:
     """Return the results as lines for the user, followed by the number of problems and of notes."""
     from gateway.diagnostics.doctor.facts import BAD, NOTE
 

@@ -20,12 +20,12 @@ def add_explain(commands: Commands) -> None:
     explain.add_argument("client", help="the mount that the program expects: lx200, nexstar, lx200:lx200gps, cpc")
     explain.add_argument("mount", help="the mount: nexstar, lx200, nexstar:cge/3.01, or a model: 6se, cpc")
     explain.add_argument("command", help="for example ':Sr05:34:32#'; \\x06 and the like are understood")
-    explain.set_defaults(run=_explain)
+    explain.set_defaults(run=_run_explain)
 
 
-def _explain(arguments: argparse.Namespace) -> int:
+def _run_explain(arguments: argparse.Namespace) -> int:
     from gateway.diagnostics.rehearsal.explain import explain
 
     explanation = explain(arguments.client, arguments.mount, arguments.command)
     print(explanation.text)
-    return 0 if explanation.valid else 1
+    return 0 if explanation.is_valid else 1

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.cli.command_line import Commands
-from gateway.cli.serve.settings import add_settings, settings
+from gateway.cli.serve.settings import add_setting_flags, load_config
 from gateway.core.errors import UserError
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ from gateway.cli.serve.live import Screen
 #: Columns of a line, and of the progress bar in it.
 LINE_COLUMNS, BAR_COLUMNS = 60, 14
 #: Seconds between two checks for a pressed key on Windows, where the event loop cannot wait for the keyboard.
-KEYBOARD_PERIOD = 0.05
+KEYBOARD_POLL_PERIOD = 0.05
 
 
 class Terminal(Screen):
@@ -42,7 +42,7 @@ class Terminal(Screen):
         super().__init__(None)
         self.stop = asyncio.Event()
         self._keys: asyncio.Queue[str] = asyncio.Queue()
-        self._bar, self._is_asking = 0, False
+        self._bar_length, self._is_asking = 0, False
         #: Whether q was pressed while no question was open: the next question is then answered with q.
         self._wants_to_leave = False
 
@@ -51,7 +51,7 @@ class Terminal(Screen):
         """Read single keys while the block lasts."""
         self.stop, self._keys = asyncio.Event(), asyncio.Queue()  # of this event loop
         if sys.platform == "win32":
-            poll = asyncio.ensure_future(self._poll())
+            poll = asyncio.ensure_future(self._poll_keyboard())
             try:
                 yield self
             finally:
@@ -63,7 +63,7 @@ class Terminal(Screen):
         loop, number = asyncio.get_running_loop(), sys.stdin.fileno()
         before = termios.tcgetattr(number)
         tty.setcbreak(number)
-        loop.add_reader(number, self._read)
+        loop.add_reader(number, self._read_keys)
         try:
             yield self
         finally:
@@ -71,7 +71,7 @@ class Terminal(Screen):
             with contextlib.suppress(termios.error):  # the terminal was closed
                 termios.tcsetattr(number, termios.TCSADRAIN, before)
 
-    def _read(self) -> None:
+    def _read_keys(self) -> None:
         import os
 
         try:
@@ -81,17 +81,17 @@ class Terminal(Screen):
         if not text:  # the terminal is gone; SIGHUP ends the process
             asyncio.get_running_loop().remove_reader(sys.stdin.fileno())
         for key in text:
-            self.pressed(key)
+            self.on_key(key)
 
-    async def _poll(self) -> None:
+    async def _poll_keyboard(self) -> None:
         import msvcrt
 
         while True:
             while msvcrt.kbhit():  # type: ignore[attr-defined,unused-ignore]
-                self.pressed(msvcrt.getwch())  # type: ignore[attr-defined,unused-ignore]
-            await asyncio.sleep(KEYBOARD_PERIOD)
+                self.on_key(msvcrt.getwch())  # type: ignore[attr-defined,unused-ignore]
+            await asyncio.sleep(KEYBOARD_POLL_PERIOD)
 
-    def pressed(self, key: str) -> None:
+    def on_key(self, key: str) -> None:
         leaves = key in "qQ" and not self._is_asking
         self._wants_to_leave |= leaves
         if key == " " or leaves:  # whoever wants to leave in the middle wants it to stop
@@ -105,21 +105,21 @@ class Terminal(Screen):
 
     warn = say
 
-    def progress(self, part: float, title: str) -> None:
+    def show_progress(self, fraction: float, title: str) -> None:
         """Show how far the stage has come, below the last line."""
-        done = round(BAR_COLUMNS * part)
+        done = round(BAR_COLUMNS * fraction)
         line = f"[{'#' * done}{'.' * (BAR_COLUMNS - done)}] {title}"[: LINE_COLUMNS - 1]
         self._print(f"{line}\r")
-        self._bar = len(line)
+        self._bar_length = len(line)
 
     def _print(self, text: str) -> None:
         """Print below a question, or over a bar. Ignore errors: a closed terminal must not keep a mount moving."""
-        before = " " * self._bar + "\r" if self._bar else "\n" * self._is_asking
-        self._bar, self._is_asking = 0, False
+        before = " " * self._bar_length + "\r" if self._bar_length else "\n" * self._is_asking
+        self._bar_length, self._is_asking = 0, False
         with contextlib.suppress(OSError, ValueError):
             print(before + text, end="", flush=True)
 
-    async def key(self, question: str, keys: str) -> str:
+    async def ask_for_key(self, question: str, keys: str) -> str:
         """Repeat the question until one of ``keys`` is pressed, and return it. Return a blank if the space bar has
         stopped the mount, and q if q was pressed before the question; other earlier keys are ignored.
         """
@@ -139,7 +139,7 @@ class Terminal(Screen):
 
 
 #: How far the check keeps the tube from the Sun by day, degrees, unless the user has set more.
-SUN_DISTANCE = 40.0
+MIN_SUN_DISTANCE = 40.0
 #: How many findings are shown at the end.
 MAX_SHOWN_FINDINGS = 8
 EXAMPLES = """\
@@ -160,20 +160,20 @@ def add_prove(commands: Commands) -> None:
     )
     prove.add_argument("--folder", type=Path, default=Path("prove"), help="folder for the results")
     before = len(prove._actions)
-    add_settings(prove)
-    prove.elsewhere = [action for action in prove._actions[before:] if action.dest not in ("mount", "config", "file")]
-    prove.set_defaults(run=_prove)
+    add_setting_flags(prove)
+    prove.suppressed = [action for action in prove._actions[before:] if action.dest not in ("mount", "config", "file")]
+    prove.set_defaults(run=_run_prove)
 
 
-def _prove(arguments: argparse.Namespace) -> int:
+def _run_prove(arguments: argparse.Namespace) -> int:
     from gateway.app.config import parse_endpoint
     from gateway.app.config.showing import toml
     from gateway.app.state.mount_claim import MountTaken
-    from gateway.cli.serve.serving import make_watchdog, serve_mounts, with_loop
-    from gateway.diagnostics.prove.findings import load, save, write
+    from gateway.cli.serve.serving import make_watchdog, run_on_loop, serve_mounts
+    from gateway.diagnostics.prove.findings import load, save, write_proof_file
     from gateway.diagnostics.prove.guide import GuidedCheck
 
-    config, _ = settings(arguments, must_serve=False)
+    config, _ = load_config(arguments, needs_surfaces=False)
     if not sys.stdin.isatty():
         raise UserError("prove asks questions: start it in a terminal")
     folder: Path = arguments.folder
@@ -184,20 +184,20 @@ def _prove(arguments: argparse.Namespace) -> int:
     findings_file, terminal = folder / "findings.json", Terminal()
     over = False  # True if a person has ended it, not a signal
 
-    async def guest(gateway: Gateway) -> None:
+    async def check(gateway: Gateway) -> None:
         nonlocal over
-        await gateway.controller.settled.wait()  # then what is said of the mount comes before the first question
+        await gateway.controller.site_read.wait()  # then what is said of the mount comes before the first question
         with terminal.open():
             await GuidedCheck(
                 gateway, terminal, load(findings_file), lambda findings: save(findings_file, findings)
             ).run()
         over = True
 
-    checked_config = checked(config)
+    checked_config = config_for_check(config)
     [mount] = checked_config.mount
-    serve = partial(serve_mounts, checked_config, watchdog=make_watchdog(checked_config), guest=guest, screen=terminal)
+    serve = partial(serve_mounts, checked_config, watchdog=make_watchdog(checked_config), job=check, screen=terminal)
     try:
-        code = with_loop(False, serve)
+        code = run_on_loop(False, serve)
     except MountTaken as taken:
         raise UserError(
             f"another mount-gateway ({taken.holder}) has this mount: end it first (Ctrl-C in its terminal), then "
@@ -206,17 +206,17 @@ def _prove(arguments: argparse.Namespace) -> int:
     if (findings := load(findings_file)).stages:
         for line in summary(findings):
             terminal.say(line)
-        path = write(folder, findings, simulated=parse_endpoint(mount.at).where == "sim")
+        path = write_proof_file(folder, findings, simulated=parse_endpoint(mount.at).where == "sim")
         terminal.say(f"Wrote {path}: verdicts and measured values, no place and no time.")
         terminal.say("Please send it to whoever gave you mount-gateway.")
-    if over and findings.keys:
+    if over and findings.config_keys:
         terminal.say("These lines under [mount] of gateway.toml adapt the gateway to it:")
-        for key, value in findings.keys.items():
+        for key, value in findings.config_keys.items():
             terminal.say(f"{key} = {toml(value)}")
     return code
 
 
-def checked(config: Config) -> Config:
+def config_for_check(config: Config) -> Config:
     """Return the configuration for the check: far from the Sun, without status line, log and waiting for a mount.
 
     Raises UserError if there are several mounts.
@@ -225,7 +225,7 @@ def checked(config: Config) -> Config:
 
     if len(config.mount) != 1:
         raise UserError("prove checks one mount: name it with --mount PROTOCOL@WHERE")
-    mount = replace(config.mount[0], sun=max(SUN_DISTANCE, config.mount[0].sun))
+    mount = replace(config.mount[0], sun=max(MIN_SUN_DISTANCE, config.mount[0].sun))
     return replace(config, mount=[mount], status=False, log=False, wait=False)
 
 
@@ -234,11 +234,11 @@ def summary(findings: Findings) -> Iterator[str]:
     from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME
     from gateway.diagnostics.prove.guide import STAGES
 
-    counts = [f"{len(findings.of(verdict))} {verdict}" for verdict in (SAME, DIFFERS, NOT_MEASURABLE, NOT_TRIED)]
+    counts = [f"{len(findings.select(verdict))} {verdict}" for verdict in (SAME, DIFFERS, NOT_MEASURABLE, NOT_TRIED)]
     yield f"Your mount beside what the gateway assumed: {', '.join(counts)}."
-    others = [item for verdict in (DIFFERS, NOT_MEASURABLE, NOT_TRIED) for item in findings.of(verdict)]
-    yield from (finding.line for finding in others[:MAX_SHOWN_FINDINGS])
+    others = [item for verdict in (DIFFERS, NOT_MEASURABLE, NOT_TRIED) for item in findings.select(verdict)]
+    yield from (finding.as_line for finding in others[:MAX_SHOWN_FINDINGS])
     if len(others) > MAX_SHOWN_FINDINGS:
         yield f"{len(others) - MAX_SHOWN_FINDINGS} others are in findings.json."
-    if left := [stage.name for stage in STAGES if not findings.whole(stage.name) and stage.name != "place"]:
+    if left := [stage.name for stage in STAGES if not findings.is_complete(stage.name) and stage.name != "place"]:
         yield f"Not done: {', '.join(left)}. The same command continues from there."

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from gateway.cli.command_line import Commands
 from gateway.core.errors import UserError
-from gateway.protocols.registry import PROTOCOLS, guess
+from gateway.protocols.registry import PROTOCOLS, guess_protocol
 from gateway.system.files import open_plain
 
 if TYPE_CHECKING:
@@ -27,12 +27,12 @@ def add_decode(commands: Commands) -> None:
     )
     decode.add_argument("file", type=Path, metavar="FILE", help="the recording, or the capture")
     decode.add_argument("--protocol", choices=tuple(PROTOCOLS), help="of a capture; without it, it is guessed")
-    decode.set_defaults(run=_decode)
+    decode.set_defaults(run=_run_decode)
 
 
-def _decode(arguments: argparse.Namespace) -> int:
+def _run_decode(arguments: argparse.Namespace) -> int:
     from gateway.diagnostics.decode import Capture, decode
-    from gateway.diagnostics.log.conversation import Side
+    from gateway.diagnostics.log.conversation import ConnectionDecoder
     from gateway.diagnostics.recorded_sides import RecordedSides
 
     path = arguments.file
@@ -40,20 +40,20 @@ def _decode(arguments: argparse.Namespace) -> int:
     recording = capture.recording
     if recording is not None:
         sides = RecordedSides(recording)
-        lines = decode(sides.introduced(capture), sides.side, recording.settings["began"])
+        lines = decode(sides.after_recognition(capture), sides.decoder, recording.settings["began"])
     else:
-        protocol = arguments.protocol or _guessed(capture, path)
-        lines = decode(capture, lambda side: Side(protocol), 0.0)
+        protocol = arguments.protocol or _guess_protocol(capture, path)
+        lines = decode(capture, lambda side: ConnectionDecoder(protocol), 0.0)
     for line in lines:
         print(line)
-    if recording is not None and recording.cut:
-        print(recording.cut)
+    if recording is not None and recording.incomplete_reason:
+        print(recording.incomplete_reason)
     return 0
 
 
-def _guessed(capture: Capture, path: Path) -> str:
+def _guess_protocol(capture: Capture, path: Path) -> str:
     """Guess the protocol of a capture from the bytes that a client sent. Raises UserError."""
-    protocol = guess(capture.sample())
+    protocol = guess_protocol(capture.first_client_bytes())
     if protocol is None:
         raise UserError(f"{path}: nothing in it was sent by a client; name the protocol with --protocol")
     return protocol
@@ -75,14 +75,14 @@ def add_report(commands: Commands) -> None:
         help="the file to write; without it, the recording's name with .html",
     )
     report.add_argument("--force", action="store_true", help="overwrite a file that is not a report")
-    report.set_defaults(run=_report)
+    report.set_defaults(run=_run_report)
 
 
-def _report(arguments: argparse.Namespace) -> int:
+def _run_report(arguments: argparse.Namespace) -> int:
     from gateway.app.recording.format import read
-    from gateway.cli.inspect.detect import write_whole
+    from gateway.cli.inspect.detect import write_atomically
     from gateway.diagnostics.report.gather import gather
-    from gateway.diagnostics.report.page import page
+    from gateway.diagnostics.report.page import report_page
 
     path: Path = arguments.recording
     target: Path = arguments.output or path.with_name(f"{path.name.removesuffix('.rec')}.html")
@@ -90,7 +90,7 @@ def _report(arguments: argparse.Namespace) -> int:
     if target in (path, *recording.parts):
         raise UserError(f"{target}: this is the recording itself; -o says where the report goes")
     night = gather(recording)
-    write_whole(target, page(night, path.name), arguments.force or _is_report(target))
+    write_atomically(target, report_page(night, path.name), arguments.force or _is_report(target))
     print(f"wrote {target}")
     if night.cut_reason:
         print(night.cut_reason)

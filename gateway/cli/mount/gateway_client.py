@@ -13,7 +13,7 @@ from collections.abc import Callable, Coroutine, Iterable
 from typing import TYPE_CHECKING
 
 from gateway.app.control.exchange import ControlEndpoint
-from gateway.cli.serve.signals import until_signal
+from gateway.cli.serve.signals import end_signal_event
 from gateway.core.errors import UserError
 from gateway.system import streams
 from gateway.system.runtime_folders import user_name
@@ -26,19 +26,19 @@ PROGRESS_PERIOD = 1.0
 NO_GATEWAY = "no gateway runs here{which}; mount-gateway run starts one, and root finds those of other users, too"
 
 
-def add_which(command: argparse.ArgumentParser, verb: str = "which mount, if there are several") -> None:
+def add_gateway_flags(command: argparse.ArgumentParser, hint: str = "which mount, if there are several") -> None:
     """Add the flags that choose a gateway."""
     command.add_argument(
-        "--mount", metavar="NAME", help=f"{verb}: its name, or what --mount of run says, or the part of that behind @"
+        "--mount", metavar="NAME", help=f"{hint}: its name, or what --mount of run says, or the part of that behind @"
     )
     command.add_argument("--state", metavar="PATH", help="only gateways with this state folder")
 
 
-def chosen_gateways(arguments: argparse.Namespace, all_of_them: bool = False) -> list[ControlEndpoint]:
-    """Return the running gateways that the flags choose; with ``all_of_them`` the flag ``--mount`` does not count."""
+def chosen_gateways(arguments: argparse.Namespace, ignore_mount: bool = False) -> list[ControlEndpoint]:
+    """Return the running gateways that the flags choose; with ``ignore_mount`` the flag ``--mount`` does not count."""
     from gateway.app.control.reach import running_gateways
 
-    return running_gateways(None if all_of_them else arguments.mount, arguments.state)
+    return running_gateways(None if ignore_mount else arguments.mount, arguments.state)
 
 
 def chosen_gateway(arguments: argparse.Namespace) -> ControlEndpoint | None:
@@ -47,7 +47,7 @@ def chosen_gateway(arguments: argparse.Namespace) -> ControlEndpoint | None:
     if len(endpoints) > 1:
         title, times = Counter(endpoint.title for endpoint in endpoints).most_common(1)[0]
         if times == 1:
-            names = _flags(endpoint.title for endpoint in endpoints)
+            names = _mount_flags(endpoint.title for endpoint in endpoints)
             raise UserError(f"{len(endpoints)} mounts run on this computer; choose one: {names}")
         processes = " and ".join(str(endpoint.pid) for endpoint in endpoints if endpoint.title == title)
         raise UserError(
@@ -60,28 +60,28 @@ def chosen_gateway(arguments: argparse.Namespace) -> ControlEndpoint | None:
     return endpoints[0]
 
 
-def _flags(names: Iterable[str]) -> str:
+def _mount_flags(names: Iterable[str]) -> str:
     """Return the flags that choose each of these mounts."""
     return " or ".join(sorted(f"--mount {name}" for name in names))
 
 
-def no_such_mount(mount: str, mount_names: Iterable[str]) -> str:
+def no_such_mount_message(mount: str, mount_names: Iterable[str]) -> str:
     """Return the message for a mount that no gateway on this computer has; it names the mounts of those that run."""
-    return f"no gateway runs here for {mount}; write {_flags(mount_names)}"
+    return f"no gateway runs here for {mount}; write {_mount_flags(mount_names)}"
 
 
 def report_no_gateway(arguments: argparse.Namespace) -> None:
     """Report that no gateway runs, or none with the mount that was named."""
     from gateway.app.control.reach import scope_of, unreachable_gateways
 
-    others = chosen_gateways(arguments, all_of_them=True) if arguments.mount else []
+    others = chosen_gateways(arguments, ignore_mount=True) if arguments.mount else []
     if others:
-        streams.warn(no_such_mount(arguments.mount, (endpoint.title for endpoint in others)), streams.ERROR)
+        streams.warn(no_such_mount_message(arguments.mount, (endpoint.title for endpoint in others)), streams.ERROR)
         return
     which = f" for {arguments.mount}" if arguments.mount else ""
     streams.warn(NO_GATEWAY.format(which=which), streams.ERROR)
     for process in unreachable_gateways(scope_of(arguments.state)):
-        whose = user_name(process.user)
+        whose = user_name(process.user_id)
         streams.warn(
             f"process {process.pid} is a gateway of {whose} that this user may not reach: run this command as "
             f"{whose} or as root",
@@ -89,7 +89,7 @@ def report_no_gateway(arguments: argparse.Namespace) -> None:
         )
 
 
-def report(answer: Answer) -> int:
+def print_answer(answer: Answer) -> int:
     """Print the result of a request and return the exit code."""
     plain = "".join(letter if letter.isprintable() else "?" for letter in answer.text)
     if answer.outcome == "failed":
@@ -108,7 +108,7 @@ def run_with_gateway(
         return 1
 
     async def run() -> int:
-        return await work(endpoint, until_signal())
+        return await work(endpoint, end_signal_event())
 
     return asyncio.run(run())
 

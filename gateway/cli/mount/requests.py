@@ -16,14 +16,14 @@ from typing import TypeAlias
 from gateway.app.control.exchange import ControlEndpoint
 from gateway.cli.command_line import Commands, Parser
 from gateway.cli.mount import gateway_client
-from gateway.cli.serve.signals import unless
+from gateway.cli.serve.signals import race
 from gateway.core import requests
 from gateway.core.errors import UserError
 from gateway.core.operations import Direction
 from gateway.protocols.wireformat import sexagesimal
 
 #: A function that makes a request from the arguments of the command line. It raises UserError.
-Make: TypeAlias = Callable[
+RequestFactory: TypeAlias = Callable[
     [argparse.Namespace],
     "requests.GotoRequest | requests.SyncRequest | requests.ParkRequest | requests.UnparkRequest"
     " | requests.MoveRequest",
@@ -59,9 +59,9 @@ def add_goto(commands: Commands) -> None:
         "it says why, with exit code 1.",
         epilog=f"{GOTO_HELP}\n{POSITION_HELP}",
     )  # fmt: skip
-    add_place(goto)
-    _add_wait(goto)
-    _add_request(goto, lambda arguments: requests.GotoRequest(place(arguments)))
+    add_target_arguments(goto)
+    _add_wait_flag(goto)
+    _add_request(goto, lambda arguments: requests.GotoRequest(typed_target(arguments)))
 
 
 def add_sync(commands: Commands) -> None:
@@ -71,8 +71,8 @@ def add_sync(commands: Commands) -> None:
         "gateway refuses a sync while the mount moves, and one too far away (--sync-limit of run).",
         epilog=f"Example:\n  mount-gateway sync HIP32349\n\n{POSITION_HELP}",
     )  # fmt: skip
-    add_place(sync)
-    _add_request(sync, lambda arguments: requests.SyncRequest(place(arguments)))
+    add_target_arguments(sync)
+    _add_request(sync, lambda arguments: requests.SyncRequest(typed_target(arguments)))
 
 
 def add_move(commands: Commands) -> None:
@@ -96,7 +96,7 @@ def add_move(commands: Commands) -> None:
         help="as the hand control's keys: 1 is slowest, 9 is fastest (5)",
     )
     move.add_argument("--seconds", type=float, default=1.0, metavar="S", help="for how long (1)")
-    _add_request(move, _move)
+    _add_request(move, _move_request)
 
 
 def add_park(commands: Commands) -> None:
@@ -106,7 +106,7 @@ def add_park(commands: Commands) -> None:
         "there (--park of run sets it).",
         epilog="Example:\n  mount-gateway park --wait\n",
     )  # fmt: skip
-    _add_wait(park)
+    _add_wait_flag(park)
     _add_request(park, lambda _: requests.ParkRequest())
 
 
@@ -119,23 +119,23 @@ def add_unpark(commands: Commands) -> None:
     _add_request(unpark, lambda _: requests.UnparkRequest())
 
 
-def _add_wait(command: Parser) -> None:
+def _add_wait_flag(command: Parser) -> None:
     command.add_argument("--wait", action="store_true", help="wait until it has arrived; Ctrl-C stops it")
 
 
-def _add_request(command: Parser, make_request: Make) -> None:
+def _add_request(command: Parser, make_request: RequestFactory) -> None:
     """Add the flags that choose a gateway, and the function that makes the request."""
-    gateway_client.add_which(command)
+    gateway_client.add_gateway_flags(command)
     command.set_defaults(run=lambda arguments: _carry_out(arguments, make_request), wait=False)
 
 
-def _move(arguments: argparse.Namespace) -> requests.MoveRequest:
+def _move_request(arguments: argparse.Namespace) -> requests.MoveRequest:
     if not 0.0 < arguments.seconds <= 3600.0:
         raise UserError(f"--seconds {arguments.seconds:g}: write how long the arrow is pressed, like 3")
     return requests.MoveRequest(Direction[arguments.direction.upper()], arguments.rate, arguments.seconds)
 
 
-def _carry_out(arguments: argparse.Namespace, make_request: Make) -> int:
+def _carry_out(arguments: argparse.Namespace, make_request: RequestFactory) -> int:
     """Send the request to the chosen gateway; cancel it if the user presses Ctrl-C."""
     from gateway.app.control.reach import ANSWER_TIMEOUT
     from gateway.app.control.reach import request as send
@@ -143,21 +143,21 @@ def _carry_out(arguments: argparse.Namespace, make_request: Make) -> int:
     request = make_request(arguments)
     lasting = request.seconds if isinstance(request, requests.MoveRequest) else 0.0
 
-    async def work(endpoint: ControlEndpoint, done: asyncio.Event) -> int:
-        answer = await unless(done, send(endpoint, request, lasting + ANSWER_TIMEOUT))
-        if answer is not None and answer.done and arguments.wait:
+    async def work(endpoint: ControlEndpoint, interrupted: asyncio.Event) -> int:
+        answer = await race(interrupted, send(endpoint, request, lasting + ANSWER_TIMEOUT))
+        if answer is not None and answer.is_ok and arguments.wait:
             if sys.stdout.isatty():
-                gateway_client.report(answer)
-            answer = await _follow(endpoint, request.number, done)
+                gateway_client.print_answer(answer)
+            answer = await _follow_request(endpoint, request.number, interrupted)
         if answer is not None:
-            return gateway_client.report(answer)
-        gateway_client.report(await send(endpoint, requests.CancelRequest(request.number)))
+            return gateway_client.print_answer(answer)
+        gateway_client.print_answer(await send(endpoint, requests.CancelRequest(request.number)))
         return 1
 
     return gateway_client.run_with_gateway(arguments, work)
 
 
-async def _follow(endpoint: ControlEndpoint, number: str, done: asyncio.Event) -> requests.Answer | None:
+async def _follow_request(endpoint: ControlEndpoint, number: str, interrupted: asyncio.Event) -> requests.Answer | None:
     """Return the final result of a request, or None after Ctrl-C. Meanwhile a line on the terminal shows progress."""
     from gateway.app.control.reach import request as send
     from gateway.cli.serve.live import Screen, find_terminal
@@ -166,45 +166,45 @@ async def _follow(endpoint: ControlEndpoint, number: str, done: asyncio.Event) -
     request = requests.ProgressRequest(number)
     try:
         while True:
-            answer = await unless(done, send(endpoint, request))
+            answer = await race(interrupted, send(endpoint, request))
             if answer is None or answer.outcome != requests.UNDER_WAY:
                 return answer
-            screen.show(str(answer))
-            if await gateway_client.cancelled_while_waiting(done):
+            screen.show_status(str(answer))
+            if await gateway_client.cancelled_while_waiting(interrupted):
                 return None
     finally:
         screen.clear()
 
 
-def add_place(command: argparse.ArgumentParser) -> None:
+def add_target_arguments(command: argparse.ArgumentParser) -> None:
     """Add the arguments for a target on the sky."""
     command.add_argument("place", nargs="+", metavar="PLACE", help="RA DEC, or the name of an object: see below")
     command.add_argument("--j2000", action="store_true", help="RA and DEC are J2000, as in catalogues")
 
 
-def place(arguments: argparse.Namespace) -> requests.Where:
+def typed_target(arguments: argparse.Namespace) -> requests.ResolvedTarget:
     """Return the target that the user typed. Raises UserError with the correct form if it is mistyped."""
     parts = [word.strip() for word in arguments.place]
     if len(parts) != 2 or not parts[0][:1].isdecimal() or parts[1][:1].isalpha():
         from gateway.app.control import objects  # loads the catalogues, which only names of objects need
 
         try:
-            return objects.find(" ".join(parts))
-        except objects.NotSupplied as missing:
+            return objects.find_target(" ".join(parts))
+        except objects.LibraryMissing as missing:
             raise UserError(f"{missing}. To install it, {missing.remedy}") from None
     ra, dec = parts
     degrees = ":" not in ra and "h" not in ra.lower()
-    right = _angle(ra, "a right ascension", 360.0 if degrees else 24.0, 0.0)
-    up = _angle(dec, "a declination", 90.0, -90.0)
-    return requests.Spot(right if degrees else right * 15.0, up, arguments.j2000)
+    right = _parse_angle(ra, "a right ascension", 360.0 if degrees else 24.0, 0.0)
+    up = _parse_angle(dec, "a declination", 90.0, -90.0)
+    return requests.SkyPosition(right if degrees else right * 15.0, up, arguments.j2000)
 
 
-def _angle(text: str, what: str, maximum: float, minimum: float) -> float:
+def _parse_angle(text: str, quantity: str, maximum: float, minimum: float) -> float:
     """Parse an angle; return it in hours or degrees, as it was typed. Raises UserError."""
     try:
         value = sexagesimal.parse_typed(text)
     except ValueError:
-        raise UserError(f"{text!r} is not {what}: write it like 05:34:32, or in degrees like 83.63") from None
+        raise UserError(f"{text!r} is not {quantity}: write it like 05:34:32, or in degrees like 83.63") from None
     if not minimum <= value <= maximum:
-        raise UserError(f"{text!r} is not {what}: it is from {minimum:g} to {maximum:g}")
+        raise UserError(f"{text!r} is not {quantity}: it is from {minimum:g} to {maximum:g}")
     return value

@@ -13,10 +13,10 @@ from collections.abc import Iterable, Iterator, Sequence
 import msgspec
 
 from gateway.app.control.exchange import ControlEndpoint
-from gateway.app.status import MAX_POSITION_AGE, AverageRate, Served, State, activity, position_text, status_text
+from gateway.app.status import MAX_POSITION_AGE, AverageRate, ServedSurface, State, activity, position_text, status_text
 from gateway.cli.command_line import Commands
 from gateway.cli.mount import gateway_client
-from gateway.cli.serve.signals import unless
+from gateway.cli.serve.signals import race
 from gateway.core.requests import Answer
 from gateway.system import streams
 
@@ -39,11 +39,11 @@ def add_status(commands: Commands) -> None:
     how = command.add_mutually_exclusive_group()
     how.add_argument("--watch", action="store_true", help="one mount on one line, every second until Ctrl-C")
     how.add_argument("--json", action="store_true", help="print JSON: a list with one object for each mount")
-    gateway_client.add_which(command)
-    command.set_defaults(run=_status)
+    gateway_client.add_gateway_flags(command)
+    command.set_defaults(run=_run_status)
 
 
-def _status(arguments: argparse.Namespace) -> int:
+def _run_status(arguments: argparse.Namespace) -> int:
     if arguments.watch:
         return gateway_client.run_with_gateway(arguments, _watch)
     return asyncio.run(_show_once(arguments))
@@ -61,50 +61,50 @@ async def _show_once(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(msgspec.json.format(msgspec.json.encode(states), indent=2).decode())
     elif states:
-        print("\n\n".join("\n".join(block) for block in blocks(states)))
+        print("\n\n".join("\n".join(block) for block in state_blocks(states)))
     if not endpoints:
         gateway_client.report_no_gateway(arguments)
     return 0 if endpoints and len(states) == len(endpoints) else 1
 
 
-async def _watch(endpoint: ControlEndpoint, done: asyncio.Event) -> int:
+async def _watch(endpoint: ControlEndpoint, interrupted: asyncio.Event) -> int:
     from gateway.app.control.reach import ask_state
     from gateway.cli.serve.live import Screen, find_terminal
 
-    screen, rate, shown = Screen(find_terminal()), AverageRate(), tuple[Served, ...]()
+    screen, rate, shown = Screen(find_terminal()), AverageRate(), tuple[ServedSurface, ...]()
     now = asyncio.get_running_loop().time
     try:
-        while (answer := await unless(done, ask_state(endpoint))) is not None:
+        while (answer := await race(interrupted, ask_state(endpoint))) is not None:
             if isinstance(answer, Answer):
                 screen.clear()
-                return gateway_client.report(answer)
+                return gateway_client.print_answer(answer)
             if answer.served != shown:
                 shown = answer.served
                 for surface in shown:
                     screen.say(str(surface))
             look = msgspec.structs.replace(answer.look, rate=rate.per_second(now(), answer.answers))
             if screen.terminal is not None:
-                screen.show(status_text([look], screen.columns))
+                screen.show_status(status_text([look], screen.columns))
             else:
                 print(status_text([look]), flush=True)
-            if await gateway_client.cancelled_while_waiting(done):
+            if await gateway_client.cancelled_while_waiting(interrupted):
                 break
     finally:
         screen.clear()
     return 0
 
 
-def blocks(states: Sequence[State]) -> Iterator[list[str]]:
+def state_blocks(states: Sequence[State]) -> Iterator[list[str]]:
     """Yield the lines of each mount. With several state folders, a heading names the folder of the mounts below it."""
     folders = {state.folder for state in states}
     above = None
     for state in states:
         heading = [f"of the state folder {state.folder}:"]
-        yield [*(heading if len(folders) > 1 and state.folder != above else []), *lines(state)]
+        yield [*(heading if len(folders) > 1 and state.folder != above else []), *state_lines(state)]
         above = state.folder
 
 
-def lines(state: State) -> Iterator[str]:
+def state_lines(state: State) -> Iterator[str]:
     """Yield the lines that show a mount's state to the user."""
     look = state.look
     yield f"{look.name} ({state.mount})" if look.name != state.mount else state.mount
@@ -114,7 +114,7 @@ def lines(state: State) -> Iterator[str]:
         position += f", {look.age:.0f} s ago"
     doing = activity(look) if look.online else ""  # not known now
     rows = {
-        "mount": [state.found or "not identified yet"],
+        "mount": [state.identity_text or "not identified yet"],
         "now": [f"{position}; {doing}" if doing else position],
         "orders": state.wanted or ["none: no motion"],
         "limits": ["; ".join(state.allowed)],
@@ -122,7 +122,7 @@ def lines(state: State) -> Iterator[str]:
         "clock": [state.clock or "not known"],
         "line": [f"{line}; an answer takes {state.reply:.2f} s, {state.answers} so far"],
         "served": [str(surface) for surface in state.served] or ["no surface"],
-        "programs": [", ".join(_counted(state.programs)) or "none"],
+        "programs": [", ".join(_with_counts(state.programs)) or "none"],
         "state": [state.folder],
         "lately": state.lately or ["nothing was refused or ended in the last minute"],
     }
@@ -131,6 +131,6 @@ def lines(state: State) -> Iterator[str]:
             yield f"  {name if number == 0 else '':<9} {sentence}"
 
 
-def _counted(names: Iterable[str]) -> Iterator[str]:
+def _with_counts(names: Iterable[str]) -> Iterator[str]:
     """Return every name once, with a count if it occurs several times."""
     return (f"{name} ({often} times)" if often > 1 else name for name, often in Counter(names).items())

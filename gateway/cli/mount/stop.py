@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TextIO
 
 from gateway.cli.command_line import Commands
-from gateway.cli.mount.gateway_client import add_which, no_such_mount
+from gateway.cli.mount.gateway_client import add_gateway_flags, no_such_mount_message
 from gateway.core.errors import UserError, explain_os_error
 from gateway.core.requests import HoldRequest, ReleaseHoldRequest, StopRequest
 from gateway.system import streams
@@ -34,7 +34,7 @@ def add_stop(commands: Commands) -> None:
         "at rest, 1: a mount could not be stopped or watched, or a gateway could not be asked.",
         epilog=EXAMPLES,
     )  # fmt: skip
-    add_which(stop, "only this one")
+    add_gateway_flags(stop, "only this one")
     both = stop.add_mutually_exclusive_group()
     both.add_argument(
         "--hold",
@@ -42,12 +42,12 @@ def add_stop(commands: Commands) -> None:
         help="stop, and refuse every motion until --release, even after restarts of the gateway and the computer",
     )
     both.add_argument("--release", action="store_true", help="let programs move the mounts again")
-    stop.set_defaults(run=_stop)
+    stop.set_defaults(run=_run_stop)
 
 
-def _stop(arguments: argparse.Namespace) -> int:
+def _run_stop(arguments: argparse.Namespace) -> int:
     from gateway.app.control.reach import scope_of
-    from gateway.app.control.stop_command import order_all
+    from gateway.app.control.stop_command import request_all
 
     request = HoldRequest() if arguments.hold else ReleaseHoldRequest() if arguments.release else StopRequest()
     word = str(request.__struct_config__.tag)
@@ -55,29 +55,29 @@ def _stop(arguments: argparse.Namespace) -> int:
         raise UserError(f"stop --{word} is for all mounts of a state folder: leave --mount out")
     scope = scope_of(arguments.state)
     good, bad = [], []
-    report = asyncio.run(order_all(scope, _as_gateways_have_it(arguments.mount), request))
+    report = asyncio.run(request_all(scope, _normalized_endpoint(arguments.mount), request))
     for mount, answer in report.outcomes:
         name = mount or "a mount that is no longer known"
-        if answer.done:
+        if answer.is_ok:
             good.append(f"{name}: {answer.text}")
         else:
             bad.append(f"{name}: {'not stopped: ' * (word == 'stop')}{answer.text}")
     if word != "stop":
-        done, trouble = _on_disk(scope.folder, word)
+        done, trouble = _store_hold(scope.folder, word)
         good += [done] * bool(done)
         bad += [trouble] * bool(trouble)
-    bad += report.doubts
-    if arguments.mount and report.others and not report.outcomes:
-        bad.append(f"{no_such_mount(arguments.mount, report.others)}. Nothing was stopped")
+    bad += report.warnings
+    if arguments.mount and report.other_mounts and not report.outcomes:
+        bad.append(f"{no_such_mount_message(arguments.mount, report.other_mounts)}. Nothing was stopped")
     if not (good or bad):
         only = f" for {arguments.mount}" if arguments.mount else ""
         good.append(NOTHING_DONE_MESSAGES[word].format(only=only))
-    _say(good, sys.stdout, streams.INFO)
-    _say(bad, sys.stderr, streams.ERROR)
+    _print_lines(good, sys.stdout, streams.INFO)
+    _print_lines(bad, sys.stderr, streams.ERROR)
     return 1 if bad else 0
 
 
-def _as_gateways_have_it(mount: str | None) -> str | None:
+def _normalized_endpoint(mount: str | None) -> str | None:
     """Return the endpoint of a mount as its gateway writes it; a text that is no endpoint is returned unchanged."""
     from gateway.app.config import parse_endpoint
 
@@ -95,25 +95,25 @@ NOTHING_DONE_MESSAGES = {
 }
 
 
-def _on_disk(folder: Path, word: str) -> tuple[str, str]:
+def _store_hold(folder: Path, action: str) -> tuple[str, str]:
     """Write or delete the hold file of a state folder, for later gateways; return the messages (done, failed)."""
     from gateway.app.state.file import HOLD_FILE, hold_folder, release_folder
 
     try:
-        if word == "hold":
+        if action == "hold":
             hold_folder(folder)
             return f"held: no gateway moves a mount of {folder} until mount-gateway stop --release", ""
         return (f"released: gateways may move the mounts of {folder} again" if release_folder(folder) else ""), ""
     except OSError as error:
         after = (
             "a gateway started later will not hold the mount"
-            if word == "hold"
+            if action == "hold"
             else ("a gateway that is started later is held again")
         )
         return "", f"{folder / HOLD_FILE}: {explain_os_error(error)}: {after}"
 
 
-def _say(lines: list[str], stream: TextIO, level: int) -> None:
+def _print_lines(lines: list[str], stream: TextIO, log_level: int) -> None:
     for line in lines:
         plain = "".join(letter if letter.isprintable() else "?" for letter in line)
-        print(f"{streams.level(level, stream)}{plain}", file=stream)
+        print(f"{streams.prefix(log_level, stream)}{plain}", file=stream)

@@ -23,50 +23,50 @@ if TYPE_CHECKING:
     from aiohttp import web
 
     from gateway.app.discovery.offer import Offer
-    from gateway.app.discovery.served import PhoneLines
+    from gateway.app.discovery.served import PhoneInstructions
     from gateway.app.gateway import Gateway
     from gateway.fleet import client as brokers
-    from gateway.fleet.station import Station
+    from gateway.fleet.station import MqttService
 
 
 #: How many ports are tried after the console's, if that is taken.
-PORTS_TRIED = 50
+MAX_PORTS_TRIED = 50
 
 
-async def open_console(page: ConsoleConfig, web: WebServer, screen: Screen, phone: PhoneLines) -> None:
+async def open_console(config: ConsoleConfig, web: WebServer, screen: Screen, phone_lines: PhoneInstructions) -> None:
     """Open the console's port, or the next free port, and print its address."""
     from gateway.app.discovery.offer import web_address
 
     try:
-        web.address = (await web.listen(page.at, PORTS_TRIED)).where
+        web.address = (await web.listen(config.at, MAX_PORTS_TRIED)).address
     except UserError as error:
         screen.warn(
             f"the console cannot be opened: {error}; the mount and its surfaces work without it, and --console "
             "tcp://HOST:PORT puts it elsewhere"
         )
         return
-    for line in phone.new_lines(console_offers(web)):
+    for line in phone_lines.new_lines(console_offers(web)):
         screen.say(line)
         for row in qr_code(line):
             screen.say(row)
     screen.say(f"ready console {web_address(*split_address(web.address))}")
 
 
-async def load_console(page: ConsoleConfig | None, gateways: Sequence[Gateway]) -> object:
+async def load_console(console_config: ConsoleConfig | None, gateways: Sequence[Gateway]) -> object:
     """Load the routes of the web server: those of the console, if it is configured, and those of the HTTP protocols."""
-    from gateway.app.site import load_site
+    from gateway.app.site import load_web_application
 
-    if page is None:
-        return await load_site(gateways)
+    if console_config is None:
+        return await load_web_application(gateways)
 
-    def load() -> Callable[[web.Application], object]:
+    def load_console_routes() -> Callable[[web.Application], object]:
         from gateway.app.bindings import access_networks
         from gateway.console.server import Console
 
-        access = AccessRules(*access_networks(page))
-        return lambda app: Console(gateways, access, page.pin or "").add_to(app)
+        access = AccessRules(*access_networks(console_config))
+        return lambda app: Console(gateways, access, console_config.pin or "").add_to(app)
 
-    return await load_site(gateways, page.names, load)
+    return await load_web_application(gateways, console_config.names, load_console_routes)
 
 
 def http_surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
@@ -75,7 +75,7 @@ def http_surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
     Without a console they are served on the mount's ``any`` ports, which have checked the client's access already.
     """
     page = config.page
-    if page is None and not any(parse_endpoint(surface.at).protocol == ANY for surface in config.of(mount)):
+    if page is None and not any(parse_endpoint(surface.at).protocol == ANY for surface in config.surfaces_of(mount)):
         return []
     allow, looks = (None, False) if page is None else (page.allow, page.read_only if page.pin is None else True)
     return [
@@ -98,7 +98,7 @@ def console_offers(web: WebServer) -> list[Offer]:
     from gateway.app.discovery.offer import HTTP, Offer
 
     offers = [Offer(HTTP, "tcp", *split_address(web.address))] if web.address else []
-    return [offer for offer in offers if offer.wide]
+    return [offer for offer in offers if offer.is_reachable_by_others]
 
 
 def qr_code(line: str) -> list[str]:
@@ -123,19 +123,19 @@ def broker_access(config: Config) -> brokers.BrokerAccess | None:
     mqtt = config.mqtt
     if mqtt is None:
         return None
-    from gateway.fleet.client import access
+    from gateway.fleet.client import get_access
 
-    return access(mqtt.at, mqtt.user, mqtt.password_file, mqtt.ca)
+    return get_access(mqtt.at, mqtt.user, mqtt.password_file, mqtt.ca)
 
 
 def open_broker(
     config: Config, access: brokers.BrokerAccess | None, gateways: Sequence[Gateway], screen: Screen
-) -> Station | None:
+) -> MqttService | None:
     """Start to publish the mounts on the broker; return None if no broker is configured."""
     if access is None or config.mqtt is None:
         return None
-    from gateway.fleet.station import Station
+    from gateway.fleet.station import MqttService
 
-    station = Station(config.mqtt, access, gateways, screen.say, screen.warn)
+    station = MqttService(config.mqtt, access, gateways, screen.say, screen.warn)
     station.start()
     return station

@@ -12,9 +12,9 @@ from gateway.app.config import Source, make_config
 from gateway.app.config.describing import keys
 from gateway.app.config.source import Place
 from gateway.cli.command_line import Commands
-from gateway.cli.serve.serving import serve_mounts, with_loop
+from gateway.cli.serve.serving import run_on_loop, serve_mounts
 from gateway.cli.serve.settings import add_flag, add_table_flags, put_table_flags
-from gateway.protocols.registry import ANY, ANY_PORT, PROTOCOLS, pairs
+from gateway.protocols.registry import ANY, ANY_PORT, PROTOCOLS, protocol_pairs
 from gateway.system.own_commands import own_command
 from gateway.transport.device_link import is_free
 
@@ -22,7 +22,7 @@ DEMO_PORT = 4030
 #: How much higher the number of the port for programs of any protocol is than that of the demo's own port.
 ANY_PORT_OFFSET = ANY_PORT - DEMO_PORT
 #: How many ports, and names of virtual serial ports, are tried until one is free.
-PORTS_TRIED = 50
+MAX_TRIES = 50
 #: The keys of gateway.toml that are flags of the demo, too.
 DEMO_KEYS = ("log", "night")
 EXAMPLES = """\
@@ -62,11 +62,11 @@ def add_demo(commands: Commands) -> None:
         if key.name in DEMO_KEYS:
             add_flag(demo, key)
     add_table_flags(demo, "console")
-    demo.set_defaults(run=_demo)
+    demo.set_defaults(run=_run_demo)
 
 
-def _demo(arguments: argparse.Namespace) -> int:
-    client, driven = pairs()[1 if arguments.reverse else 0]
+def _run_demo(arguments: argparse.Namespace) -> int:
+    client, driven = protocol_pairs()[1 if arguments.reverse else 0]
     mount, title = PROTOCOLS[driven].demo or (driven, PROTOCOLS[driven].title)
     port, notes = arguments.port, []
     if port is None and (port := free_port(DEMO_PORT)) != DEMO_PORT:
@@ -75,7 +75,7 @@ def _demo(arguments: argparse.Namespace) -> int:
     surfaces = [{"at": f"{name}@tcp://127.0.0.1:{number}"} for name, number in ((ANY, anybody), (client, port))]
     if sys.platform != "win32":
         path = arguments.pty
-        if path is None and (path := free_name(f"/tmp/{client}")) != f"/tmp/{client}":
+        if path is None and (path := free_pty_path(f"/tmp/{client}")) != f"/tmp/{client}":
             notes.append(f"another program uses /tmp/{client}; this demo takes {path}")
         surfaces.append({"at": f"{client}@pty:{path}"})
     tables: dict[str, object] = {
@@ -102,12 +102,12 @@ def _demo(arguments: argparse.Namespace) -> int:
             f"To see it move, type in another terminal: {own_command()} goto Polaris",
         ]
     )
-    return with_loop(True, lambda: serve_mounts(config, banner))
+    return run_on_loop(True, lambda: serve_mounts(config, banner))
 
 
 def free_port(first_port: int) -> int:
     """Return the first free port from ``first_port`` on; ``first_port`` itself if all that were tried are in use."""
-    for port in range(first_port, min(first_port + PORTS_TRIED, 65536)):
+    for port in range(first_port, min(first_port + MAX_TRIES, 65536)):
         with socket.socket() as tried:
             if os.name == "posix":
                 tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -118,7 +118,7 @@ def free_port(first_port: int) -> int:
     return min(first_port, 65535)
 
 
-def free_name(path: str) -> str:
+def free_pty_path(path: str) -> str:
     """Return ``path``, or the first free path with a number appended; ``path`` itself if all of them are in use."""
-    names = [path, *(f"{path}-{number}" for number in range(2, PORTS_TRIED))]
+    names = [path, *(f"{path}-{number}" for number in range(2, MAX_TRIES))]
     return next((name for name in names if is_free(name)), path)

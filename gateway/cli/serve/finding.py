@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from gateway.app.state.mount_claim import MountTaken
 from gateway.core.errors import UserError
-from gateway.core.wire_log import show
+from gateway.core.wire_log import printable
 from gateway.protocols.registry import PROTOCOLS
 from gateway.system.locks import read_pid
 
@@ -25,43 +25,43 @@ REPLY_WAIT, VALID_WAIT, MODEL_WAIT = 4.0, 10.0, 20.0
 SEARCH_TIMEOUT = 40.0
 #: Seconds after which programs are served by a mount that reports its position but is not identified yet: if the user
 #: has named its model, and if not.
-NAMED_PORT_WAIT, UNNAMED_PORT_WAIT = 3.0, 4.5
+NAMED_MODEL_WAIT, UNNAMED_MODEL_WAIT = 3.0, 4.5
 #: The default rate of every mount, baud.
 BAUD = 9600
 #: With --wait, seconds that the ready lines wait for the identification of the mount.
 READY_LINES_WAIT = 0.5
 #: Seconds after which a message says what the gateway waits for.
-MESSAGE_DELAY = 1.0
+WAITING_MESSAGE_DELAY = 1.0
 
 
 async def serve(
     gateway: Gateway,
     waits_for_port: bool,
-    longest: float,
+    search_timeout: float,
     on_ready: Callable[[Gateway], Awaitable[None]],
     warn: Callable[[str], None],
 ) -> None:
-    """Wait for a mount, then call ``on_ready``. Raises UserError if no mount answers within ``longest`` seconds.
+    """Wait for a mount, then call ``on_ready``. Raises UserError if no mount answers within ``search_timeout`` seconds.
 
     With ``waits_for_port`` it calls ``on_ready`` almost at once, and only warns of a mount that does not answer.
     """
     if not waits_for_port:
-        await find(gateway, warn, longest)
+        await find_mount(gateway, warn, search_timeout)
     answers = not waits_for_port or await gateway.wait_identified(READY_LINES_WAIT)
     await on_ready(gateway)
-    if not answers and not await _found(gateway, warn):
-        reason = gateway.controller.line.reason or "no answer"
+    if not answers and not await _wait_for_mount(gateway, warn):
+        reason = gateway.controller.line.down_cause or "no answer"
         at = f" at {gateway.config.baud} baud (mounts talk at {BAUD})" * (gateway.config.baud != BAUD)
         warn(f"{gateway.title}: {reason}{at}; the gateway keeps trying")
 
 
-async def _found(gateway: Gateway, warn: Callable[[str], None], retry_wait: float | None = None) -> bool:
+async def _wait_for_mount(gateway: Gateway, warn: Callable[[str], None], retry_wait: float | None = None) -> bool:
     """Wait for the mount and return whether it answers; give up if the first bytes or replies do not come in time.
 
     A port may be silent for `REPLY_WAIT` seconds, or for ``retry_wait`` seconds when the wait is repeated.
     """
-    line, now, position = gateway.controller.line, asyncio.get_running_loop().time, gateway.controller.context.found
-    began, said, soon = now(), retry_wait is not None, NAMED_PORT_WAIT if gateway.mount.model else UNNAMED_PORT_WAIT
+    line, now, position = gateway.controller.line, asyncio.get_running_loop().time, gateway.controller.context.replied
+    began, said, soon = now(), retry_wait is not None, NAMED_MODEL_WAIT if gateway.mount.model else UNNAMED_MODEL_WAIT
     heard = began if line.transaction.ever_answered else None
     while not (position.is_set() and now() > began + soon):
         if await gateway.wait_identified(0.1):
@@ -72,51 +72,51 @@ async def _found(gateway: Gateway, warn: Callable[[str], None], retry_wait: floa
             (REPLY_WAIT if retry_wait is None else retry_wait)
             if heard is None
             else MODEL_WAIT
-            if line.times.answers
+            if line.times.reply_count
             else VALID_WAIT
         )
-        if line.unopened or now() > (heard or began) + hope:
+        if line.open_error or now() > (heard or began) + hope:
             break
-        if not said and now() > began + MESSAGE_DELAY and not line.unopened:
+        if not said and now() > began + WAITING_MESSAGE_DELAY and not line.open_error:
             said = True
             warn(waiting_message(gateway))
     return position.is_set()  # a device that reports a position is a mount
 
 
-async def find(gateway: Gateway, warn: Callable[[str], None], longest: float = SEARCH_TIMEOUT) -> None:
+async def find_mount(gateway: Gateway, warn: Callable[[str], None], search_timeout: float = SEARCH_TIMEOUT) -> None:
     """Wait for the mount. Raises UserError if it does not answer; the text describes any other device that does.
 
     If no byte comes, the user gets a message, the gateway looks once for another kind of mount, and then asks the port
-    again until ``longest`` seconds after the start.
+    again until ``search_timeout`` seconds after the start.
     """
     now, line = asyncio.get_running_loop().time, gateway.controller.line
-    end = now() + longest
-    if await _found(gateway, warn):
+    end = now() + search_timeout
+    if await _wait_for_mount(gateway, warn):
         return
-    silent = not line.transaction.ever_answered and not _unsupported(gateway.mount.where)
-    if not line.unopened:
-        if silent and longest:
-            warn(not_found_message(gateway, longest))
+    silent = not line.transaction.ever_answered and not _unsupported_message(gateway.mount.where)
+    if not line.open_error:
+        if silent and search_timeout:
+            warn(not_found_message(gateway, search_timeout))
         await line.close()
-        await _check_for_another(gateway)
-        if silent and longest:
+        await _check_other_protocols(gateway)
+        if silent and search_timeout:
             line.start()
-            if await _found(gateway, warn, end - now()):
+            if await _wait_for_mount(gateway, warn, end - now()):
                 return
     not_found = not_found_message(gateway)
-    if line.unopened:
-        other = _other_gateway(gateway, line.unopened)
-        taken = f"{gateway.title}: {line.unopened}; {_port_advice(gateway, line.unopened, other)}"
+    if line.open_error:
+        other = _other_gateway_pid(gateway, line.open_error)
+        taken = f"{gateway.title}: {line.open_error}; {_port_advice(gateway, line.open_error, other)}"
         raise MountTaken(taken, f"process {other}") if other else UserError(taken)
     await line.close()
     raise UserError(not_found)
 
 
-async def _check_for_another(gateway: Gateway) -> None:
+async def _check_other_protocols(gateway: Gateway) -> None:
     """Look for a mount of another protocol or baud rate on the closed port. Raises UserError if one answers."""
-    from gateway.diagnostics.detect.scan_port import who_answers
+    from gateway.diagnostics.detect.scan_port import answering_protocol
 
-    protocol = await who_answers(gateway.mount.where, gateway.config.baud)
+    protocol = await answering_protocol(gateway.mount.where, gateway.config.baud)
     if protocol is None and gateway.config.baud != BAUD and await _answers_at(gateway.mount.where, BAUD):
         raise UserError(
             f"{gateway.title}: the mount answers at {BAUD} baud, and not at {gateway.config.baud}: leave --baud out"
@@ -125,39 +125,39 @@ async def _check_for_another(gateway: Gateway) -> None:
         raise UserError(f"{gateway.title}: the mount speaks {protocol}; write {protocol}@{gateway.mount.where}")
 
 
-def _unsupported(where: str) -> str:
-    from gateway.diagnostics.detect.ports import unsupported_device
+def _unsupported_message(where: str) -> str:
+    from gateway.diagnostics.detect.ports import unsupported_device_at
 
-    return unsupported_device(where)
+    return unsupported_device_at(where)
 
 
 async def _answers_at(where: str, baud: int) -> bool:
     """Whether a mount answers at this rate; try twice, because bytes sent at another rate may still disturb it."""
-    from gateway.diagnostics.detect.scan_port import who_answers
+    from gateway.diagnostics.detect.scan_port import answering_protocol
 
-    return bool(await who_answers(where, baud) or await who_answers(where, baud))
+    return bool(await answering_protocol(where, baud) or await answering_protocol(where, baud))
 
 
-def _other_gateway(gateway: Gateway, reason: str) -> int | None:
+def _other_gateway_pid(gateway: Gateway, open_error: str) -> int | None:
     """Return the process ID of another gateway that uses this mount's port; None if no gateway does."""
-    if "in use" not in reason or gateway.store is None or gateway.store.held:
+    if "in use" not in open_error or gateway.store is None or gateway.store.has_lock:
         return None
     return read_pid(gateway.store.lock_path)
 
 
-def _port_advice(gateway: Gateway, reason: str, other: int | None) -> str:
-    """Return what to do about a port that cannot be opened; ``other`` is the process ID of the gateway that uses it."""
-    if "in use" not in reason:
+def _port_advice(gateway: Gateway, error: str, pid: int | None) -> str:
+    """Return what to do about a port that cannot be opened; ``pid`` is the process ID of the gateway that uses it."""
+    if "in use" not in error:
         return port_advice(gateway.mount.where)
-    if other:
+    if pid:
         return (
-            f"another mount-gateway (process {other}) already drives this mount: connect programs to it. If they "
+            f"another mount-gateway (process {pid}) already drives this mount: connect programs to it. If they "
             f"need another --surface, end it and start it again with both"
         )
-    from gateway.diagnostics.detect.ports import gateway_of_another, port_holder
+    from gateway.diagnostics.detect.ports import other_user_gateway, port_holder
 
     who = port_holder(gateway.mount.where)
-    if not who and (theirs := gateway_of_another()):
+    if not who and (theirs := other_user_gateway()):
         return f"{theirs}: sudo mount-gateway status shows that, and where programs connect"
     return f"end {who or 'it'} first"
 
@@ -166,35 +166,35 @@ def waiting_message(gateway: Gateway) -> str:
     """Return the message that says what the gateway waits for, and how long it may take."""
     spec = PROTOCOLS[gateway.mount.protocol]
     takes = spec.first_answer_seconds[gateway.mount.model is None]
-    if gateway.controller.context.found.is_set():
+    if gateway.controller.context.replied.is_set():
         return f"{gateway.title}: a mount answers, and programs get its position; its model may take some seconds more"
-    return f"{gateway.title}: waiting for the mount's first answer; {spec.slowest} may take {takes} s"
+    return f"{gateway.title}: waiting for the mount's first answer; {spec.slowest_mount} may take {takes} s"
 
 
-def not_found_message(gateway: Gateway, longest: float = 0.0) -> str:
+def not_found_message(gateway: Gateway, search_timeout: float = 0.0) -> str:
     """Return why no mount was found, and what to do; suspect the cable only if no byte was received.
 
-    With ``longest``, the message says that the gateway continues to ask until that many seconds after its start.
+    With ``search_timeout``, the message says that the gateway continues to ask until that many seconds after its start.
     """
     transaction, where = gateway.controller.line.transaction, gateway.mount.where
     look = f"mount-gateway detect {where} looks closer" if "://" in where else "mount-gateway detect tries every port"
     rest = f"{look}, --wait keeps trying"
-    if not transaction.ever_answered and (what := _unsupported(where)):
+    if not transaction.ever_answered and (what := _unsupported_message(where)):
         return f"{gateway.title}: no mount answers; {what}"
-    if not transaction.ever_answered and longest:
+    if not transaction.ever_answered and search_timeout:
         return (
             f"{gateway.title}: no mount answers yet (is it switched on, and the cable in the hand control?); the "
-            f"gateway asks for {longest:.0f} s, because some hand controls take 25 s to start; --no-wait "
+            f"gateway asks for {search_timeout:.0f} s, because some hand controls take 25 s to start; --no-wait "
             "gives up sooner"
         )
     if not transaction.ever_answered:
         return f"{gateway.title}: no mount answers (is it switched on, and the cable in the hand control?); {rest}"
-    asked, came = transaction.trouble
-    answer = f"it answered {show(came)}" if came else "it did not answer that"
-    kind = PROTOCOLS[gateway.mount.protocol].mounts
+    asked, came = transaction.last_failed_exchange
+    answer = f"it answered {printable(came)}" if came else "it did not answer that"
+    kind = PROTOCOLS[gateway.mount.protocol].mounts_phrase
     return (
         f"{gateway.title}: something answers, but not as a {kind} should. The last question that failed was "
-        f"{show(asked)}: {answer}. The cable works; the baud rate or the protocol may be another one; {rest}"
+        f"{printable(asked)}: {answer}. The cable works; the baud rate or the protocol may be another one; {rest}"
     )
 
 

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, TextIO
 from msgspec.structs import replace
 
 from gateway.app.status import AverageRate, StatusLine, status_text
-from gateway.diagnostics.log.as_json import warning
+from gateway.diagnostics.log.as_json import format_warning
 from gateway.system import streams
-from gateway.system.systemd import is_expected, notify, watchdog
+from gateway.system.systemd import expects_notifications, notify, watchdog_interval
 
 if TYPE_CHECKING:
     from gateway.app.gateway import Gateway
@@ -50,7 +50,7 @@ class Screen:
             return (os.get_terminal_size(self.terminal.fileno()).columns or 80) - 1
         return 79
 
-    def show(self, text: str) -> None:
+    def show_status(self, text: str) -> None:
         """Rewrite the status line, unless another program is in the terminal's foreground."""
         if self.terminal is not None and _in_foreground(self.terminal):
             from gateway.diagnostics.log.layout import painted
@@ -75,13 +75,13 @@ class Screen:
     def say(self, text: str) -> None:
         """Print a line on stdout."""
         self.clear()
-        streams.say(text)
+        streams.print_line(text)
 
     def warn(self, text: str) -> None:
         """Print a warning on stderr; ignore errors, because a closed terminal must not keep a mount moving."""
         self.clear()
         if self._prints_json:
-            streams.print_to_stderr(f"{streams.level(streams.WARNING, sys.stderr)}{warning(time.time(), text)}")
+            streams.print_to_stderr(f"{streams.prefix(streams.WARNING, sys.stderr)}{format_warning(time.time(), text)}")
         else:
             streams.warn(text, streams.WARNING)
 
@@ -114,42 +114,42 @@ class StatusLines:
             return str(error)[:columns]
 
     @property
-    def served(self) -> bool:
+    def all_io_running(self) -> bool:
         """Whether the I/O task of every mount's line still runs."""
-        return all(gateway.controller.line.served for gateway, _ in self._gateways)
+        return all(gateway.controller.line.is_running for gateway, _ in self._gateways)
 
 
 def status_line(gateway: Gateway, rate: AverageRate) -> StatusLine:
     """Return the values of a mount that the status line shows; ``rate`` averages its exchanges per second."""
     state = gateway.state()
-    return replace(state.look, rate=rate.per_second(state.now, state.answers))
+    return replace(state.look, rate=rate.per_second(state.now, state.reply_count))
 
 
 def start_status_updates(gateways: Sequence[Gateway], screen: Screen) -> list[asyncio.Task[None]]:
     """Begin to update the terminal and systemd, if there are any; the caller must cancel the tasks at the end."""
     work: list[Coroutine[object, object, None]] = []
     if screen.terminal is not None:
-        work.append(_show(StatusLines(gateways), screen))
-    if is_expected():
-        work.append(_report(StatusLines(gateways), screen))
+        work.append(_update_terminal(StatusLines(gateways), screen))
+    if expects_notifications():
+        work.append(_update_systemd(StatusLines(gateways), screen))
     return [asyncio.ensure_future(coroutine) for coroutine in work]
 
 
-async def _show(status_lines: StatusLines, screen: Screen) -> None:
+async def _update_terminal(status_lines: StatusLines, screen: Screen) -> None:
     while True:
         await asyncio.sleep(TERMINAL_PERIOD)
-        screen.show(status_lines.line(screen.columns))
+        screen.show_status(status_lines.line(screen.columns))
 
 
-async def _report(status_lines: StatusLines, screen: Screen) -> None:
+async def _update_systemd(status_lines: StatusLines, screen: Screen) -> None:
     """Feed systemd's watchdog as long as this event loop and the I/O task of every line run, and report the status."""
-    patience = watchdog()
+    patience = watchdog_interval()
     said, served = "", True
     while True:
         states = []
-        if patience is not None and status_lines.served:
+        if patience is not None and status_lines.all_io_running:
             states.append("WATCHDOG=1")
-        if served and not status_lines.served:
+        if served and not status_lines.all_io_running:
             served = False
             screen.warn("internal error: the mount I/O task has ended; restart the gateway and please report it")
         if (line := status_lines.line()) != said:

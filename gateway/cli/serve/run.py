@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 
 from gateway.cli.command_line import Commands
-from gateway.cli.serve.serving import make_watchdog, serve_mounts, with_loop
-from gateway.cli.serve.settings import add_settings, settings
+from gateway.cli.serve.serving import make_watchdog, run_on_loop, serve_mounts
+from gateway.cli.serve.settings import add_setting_flags, load_config
 
 HELP_EPILOG = """\
 A mount is nexstar@/dev/ttyUSB0, lx200@COM3, alpaca@http://HOST:PORT, or nexstar@sim (simulated). A surface, where \
@@ -34,18 +34,18 @@ def add_run(commands: Commands) -> None:
         description="Connects programs to a mount. Prints a line that begins with \"ready\" for every place where they "
                     "can connect. Ctrl-C stops the mount and ends the gateway.",
         late_epilog=lambda: HELP_EPILOG,
-        more=str,
+        more_help=str,
     )  # fmt: skip
     loop = run.add_argument(
         "--loop", choices=("fast", "asyncio"), default="fast", help="event loop: uvloop where it exists"
     )
-    run.hidden_actions = [loop, *add_settings(run)]
+    run.hidden_actions = [loop, *add_setting_flags(run)]
     run.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    config, _ = settings(arguments)
-    return with_loop(arguments.loop == "fast", lambda: serve_mounts(config, watchdog=make_watchdog(config)))
+    config, _ = load_config(arguments)
+    return run_on_loop(arguments.loop == "fast", lambda: serve_mounts(config, watchdog=make_watchdog(config)))
 
 
 def add_config(commands: Commands) -> None:
@@ -59,14 +59,14 @@ def add_config(commands: Commands) -> None:
     )  # fmt: skip
     config.add_argument("--example", action="store_true", help="a complete gateway.toml with every key explained")
     before = len(config._actions)
-    add_settings(config)
-    config.elsewhere = config._actions[before:]
-    config.set_defaults(run=_config)
+    add_setting_flags(config)
+    config.suppressed = config._actions[before:]
+    config.set_defaults(run=_run_config)
 
 
-def _config(arguments: argparse.Namespace) -> int:
+def _run_config(arguments: argparse.Namespace) -> int:
     from gateway.app.config import showing
 
-    text = showing.example() if arguments.example else showing.effective(*settings(arguments))
+    text = showing.example_toml() if arguments.example else showing.effective_toml(*load_config(arguments))
     print(text, end="")
     return 0

@@ -39,10 +39,10 @@ def add_service(commands: Commands) -> None:
     service.add_argument("--user", metavar="NAME", help=about_user)
     about_unit = "for a gateway beside others: the unit and its state folder are called mount-gateway-NAME"
     service.add_argument("--unit", metavar="NAME", default="", help=about_unit)
-    service.set_defaults(run=_service)
+    service.set_defaults(run=_run_service)
 
 
-def _service(arguments: argparse.Namespace) -> int:
+def _run_service(arguments: argparse.Namespace) -> int:
     from gateway.app.config import make_config, read_tables
     from gateway.app.config.keys import NAME_PATTERN
 
@@ -57,27 +57,27 @@ def _service(arguments: argparse.Namespace) -> int:
     if arguments.unit and not re.fullmatch(NAME_PATTERN, arguments.unit):
         raise UserError(f"service: --unit {arguments.unit!r}: write a word of letters, digits and _ . -")
     folder = "-".join(filter(None, ("mount-gateway", arguments.unit)))
-    print(unit(gateway_argv(), str(path), *_user_and_group(arguments.user), folder), end="")
+    print(unit_text(gateway_argv(), str(path), *_user_and_group(arguments.user), folder), end="")
     return 0
 
 
-def unit(program: list[str], config: str, user: str, group: str, folder: str) -> str:
+def unit_text(program: list[str], config: str, user: str, group: str, folder: str) -> str:
     """Return the unit that runs a program with a configuration file; its state is in ``folder`` below /var/lib."""
-    first, *more = (word(part) for part in program)
+    first, *more = (escape_word(part) for part in program)
     program = [first.replace("$$", "$"), *more]  # in the name of the program $ is not escaped
     return UNIT_TEMPLATE.read_text("utf-8").format(
-        program=" ".join(program), config=word(config), user=user, group=group, folder=folder
+        program=" ".join(program), config=escape_word(config), user=user, group=group, folder=folder
     )
 
 
-def word(text: str) -> str:
+def escape_word(text: str) -> str:
     """Escape a word of a command line in a unit, as systemd.service(5) requires."""
     text = text.replace("\\", "\\\\").replace('"', '\\"').replace("%", "%%").replace("$", "$$")
     return f'"{text}"' if set(text) & set(" \t'\"\\;") else text
 
 
-def _user_and_group(named: str | None) -> tuple[str, str]:
-    """Return the user of the unit (``named``, or the caller, also through sudo), and the group that opens serial ports.
+def _user_and_group(login: str | None) -> tuple[str, str]:
+    """Return the user of the unit (``login``, or the caller, also through sudo), and the group that opens serial ports.
 
     Raises UserError for root and for a user who does not exist.
     """
@@ -86,12 +86,12 @@ def _user_and_group(named: str | None) -> tuple[str, str]:
         import pwd
     except ImportError:
         raise UserError("service: this system has no systemd") from None
-    user = named or os.environ.get("SUDO_USER") or str(os.getuid())
+    user = login or os.environ.get("SUDO_USER") or str(os.getuid())
     try:
         user = (pwd.getpwuid(int(user)) if user.isdecimal() else pwd.getpwnam(user)).pw_name
     except KeyError:
         raise UserError(f"service: this computer has no user {user!r}; systemd would not start it") from None
-    if user == "root" != named:
+    if user == "root" != login:
         raise UserError("service: which user runs it? Write --user NAME; that user needs the group dialout, not root")
     names = {group.gr_name for group in grp.getgrall()}
     return user, "uucp" if "dialout" not in names and "uucp" in names else "dialout"

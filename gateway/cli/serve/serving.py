@@ -29,7 +29,7 @@ from gateway.cli.serve.console_and_broker import (
 )
 from gateway.cli.serve.finding import SEARCH_TIMEOUT, serve
 from gateway.cli.serve.live import Screen, find_terminal, start_status_updates
-from gateway.cli.serve.signals import before_suspension, unless, until_signal
+from gateway.cli.serve.signals import call_before_suspension, end_signal_event, race
 from gateway.core.errors import Fault
 from gateway.core.wire_log import Sink, WireLog
 from gateway.diagnostics.log import as_json
@@ -43,13 +43,13 @@ if TYPE_CHECKING:
     from typing import TypeAlias
 
     from gateway.app.discovery.offer import Offer
-    from gateway.app.discovery.served import PhoneLines
+    from gateway.app.discovery.served import PhoneInstructions
     from gateway.app.gateway import Gateway
     from gateway.app.recording.recorder import Recorder
     from gateway.app.watchdog.client import Watchdog
 
     #: A coroutine function of this process that uses a gateway's mount for a while, such as the check of ``prove``.
-    Guest: TypeAlias = Callable[[Gateway], Coroutine[object, object, None]]
+    GatewayJob: TypeAlias = Callable[[Gateway], Coroutine[object, object, None]]
 
 #: How long the ready lines wait for site and clock of a mount that was found, seconds.
 SITE_AND_CLOCK_WAIT = 3.0
@@ -59,10 +59,10 @@ ADDRESS_CHECK_PERIOD = 3.0
 SUSPEND_TIMEOUT = 4.0
 
 
-def with_loop(fast: bool, serve: Callable[[], Coroutine[object, object, int]]) -> int:
-    """Run on uvloop if ``fast`` and it is installed, else on asyncio's loop."""
+def run_on_loop(uses_uvloop: bool, serve: Callable[[], Coroutine[object, object, int]]) -> int:
+    """Run on uvloop if ``uses_uvloop`` and it is installed, else on asyncio's loop."""
     factory: Callable[[], asyncio.AbstractEventLoop] | None = None
-    if fast:
+    if uses_uvloop:
         with suppress(ImportError):
             import uvloop
 
@@ -83,21 +83,21 @@ async def serve_mounts(
     config: Config,
     banner: str = "",
     watchdog: Watchdog | None = None,
-    guest: Guest | None = None,
+    job: GatewayJob | None = None,
     screen: Screen | None = None,
 ) -> int:
     """Serve every mount until a signal comes; return the exit code. ``banner`` is printed once the ports are open.
 
-    ``guest`` (the check of ``prove``) runs with the first mount once that is ready, and all gateways end with it; it
+    ``job`` (the check of ``prove``) runs with the first mount once that is ready, and all gateways end with it; it
     prints on ``screen``. Raises UserError if a port cannot be opened, or if no mount is found.
     """
     from gateway.app.discovery.answering import DiscoveryAnswers
     from gateway.app.discovery.offer import network_offers
-    from gateway.app.discovery.served import PhoneLines
+    from gateway.app.discovery.served import PhoneInstructions
     from gateway.app.gateway import Gateway
 
     access = broker_access(config)
-    done, sky = until_signal(), Sky()
+    done, sky = end_signal_event(), Sky()
     # no status line together with the output of --log, which would be disturbed by it
     terminal = find_terminal() if config.status and not config.log else None
     screen = screen or Screen(terminal, config.night, as_json.is_json(config.log))
@@ -107,19 +107,19 @@ async def serve_mounts(
     recorders: list[Recorder] = []
     status_tasks: list[asyncio.Task[None]] = []
     broker = None
-    phone = PhoneLines()
+    phone = PhoneInstructions()
     web = None if config.page is None else WebServer(partial(load_console, config.page, gateways))
     discovery = DiscoveryAnswers(screen.warn)
 
-    def surfaces() -> list[Offer]:
+    def surface_offers() -> list[Offer]:
         return network_offers(name for gateway in gateways for name in gateway.names()) if config.discovery else []
 
-    def offers() -> list[Offer]:
-        return [offer for offer in surfaces() if offer.wide]
+    def network_surface_offers() -> list[Offer]:
+        return [offer for offer in surface_offers() if offer.is_reachable_by_others]
 
-    def reached() -> list[Offer]:
+    def reachable_offers() -> list[Offer]:
         every = network_offers(name for gateway in gateways for name in gateway.names())
-        return [offer for offer in [*every, *console_offers(gateways[0].web)] if offer.wide]
+        return [offer for offer in [*every, *console_offers(gateways[0].web)] if offer.is_reachable_by_others]
 
     ask_for_short_slices()
     if warning := raise_limit(_max_programs(config), len(config.mount) + len(config.surface)):
@@ -127,24 +127,24 @@ async def serve_mounts(
     for mount in config.mount:
         wire_log = WireLog(time.time)
         if config.log:
-            wire_log.sinks.append(_log(config, mount))
+            wire_log.sinks.append(_log_sink(config, mount))
         else:
             wire_log.on_refusal = screen.warn
         gateways.append(Gateway(mount, _surfaces(config, mount), wire_log, sky, time.time, screen.warn, watchdog))
         gateways[-1].web = web or WebServer(partial(load_console, None, gateways[-1:]))
-        gateways[-1].open_store()
+        gateways[-1].open_state_store()
         if mount.record:
             from gateway.app.recording.recorder import record
 
             recorders.append(record(Path(mount.record), gateways[-1]))
-    before_suspension(lambda: _stop_before_suspension(gateways, screen))
+    call_before_suspension(lambda: _stop_before_suspension(gateways, screen))
 
     almanac = AlmanacKeeper(sky, screen.warn, lambda: not any(gateway.busy for gateway in gateways))
     try:
         almanac.open(config.almanac)
         for gateway in gateways:
             await gateway.open()
-        await discovery.answer(offers())
+        await discovery.start(network_surface_offers())
         if banner:
             screen.say(banner)
         status_tasks = start_status_updates(gateways, screen)
@@ -161,7 +161,7 @@ async def serve_mounts(
             status_tasks.append(first)
             if gateway.controller.identified.is_set():
                 await asyncio.wait([first], timeout=SITE_AND_CLOCK_WAIT)
-            for caution in gateway.cautions():
+            for caution in gateway.start_warnings():
                 screen.warn(caution)
             for line in phone.new_lines(network_offers(gateway.names())):
                 screen.say(line)
@@ -171,17 +171,17 @@ async def serve_mounts(
             if not to_be_ready:
                 notify("READY=1")
 
-        status_tasks.append(asyncio.ensure_future(almanac.keep()))
-        await unless(done, asyncio.gather(*(serve(each, patient, longest, ready, screen.warn) for each in gateways)))
+        status_tasks.append(asyncio.ensure_future(almanac.run()))
+        await race(done, asyncio.gather(*(serve(each, patient, longest, ready, screen.warn) for each in gateways)))
         garbage.exclude_present_objects()
         if config.page is not None and not done.is_set():
             await open_console(config.page, gateways[0].web, screen, phone)
         if config.discovery:
-            await discovery.answer_discovery([*surfaces(), *http_offers(gateways[0].web)])
-        visit = None if guest is None or done.is_set() else asyncio.ensure_future(guest(gateways[0]))
+            await discovery.answer_discovery([*surface_offers(), *http_offers(gateways[0].web)])
+        visit = None if job is None or done.is_set() else asyncio.ensure_future(job(gateways[0]))
         if visit is not None:
             visit.add_done_callback(lambda _: done.set())
-        status_tasks.append(asyncio.ensure_future(_say_new_addresses(phone, reached, screen.say)))
+        status_tasks.append(asyncio.ensure_future(_say_new_addresses(phone, reachable_offers, screen.say)))
         await done.wait()
         if visit is not None:
             visit.cancel()  # nothing happens if it has ended
@@ -209,7 +209,9 @@ async def serve_mounts(
     return 0
 
 
-async def _say_new_addresses(phone: PhoneLines, reached: Callable[[], list[Offer]], say: Callable[[str], None]) -> None:
+async def _say_new_addresses(
+    phone: PhoneInstructions, reached: Callable[[], list[Offer]], say: Callable[[str], None]
+) -> None:
     """Print the addresses for a phone whenever they change, for example when the Wi-Fi connects after the start."""
     while True:
         await asyncio.sleep(ADDRESS_CHECK_PERIOD)
@@ -221,34 +223,34 @@ async def _print_first_messages(gateway: Gateway, screen: Screen, several_mounts
     """Print the first messages, once the mount has reported its identity, site and clock."""
     from gateway.app.control.user_messages import first_messages
 
-    await gateway.controller.settled.wait()
+    await gateway.controller.site_read.wait()
     for message in first_messages(gateway.controller, gateway.mount.model, gateway.mount.version):
-        (screen.warn if message.warns else screen.say)(f"{gateway.title}: " * several_mounts + message.text)
+        (screen.warn if message.is_warning else screen.say)(f"{gateway.title}: " * several_mounts + message.text)
 
 
-def _print_last_message(gateway: Gateway, moved: bool, screen: Screen, several_mounts: bool) -> None:
+def _print_last_message(gateway: Gateway, was_moving: bool, screen: Screen, several_mounts: bool) -> None:
     """Print the last message: the actions at the end, and the final state of the mount."""
     from gateway.app.control.user_messages import last_message
 
-    message = last_message(gateway.controller, moved) if gateway.prepared else None
+    message = last_message(gateway.controller, was_moving) if gateway.is_prepared else None
     if message is not None:
-        (screen.warn if message.warns else screen.say)(f"{gateway.title}: " * several_mounts + message.text)
+        (screen.warn if message.is_warning else screen.say)(f"{gateway.title}: " * several_mounts + message.text)
 
 
 def _surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
     """Return the surfaces of a mount, in the order in which they are numbered."""
-    return [*config.of(mount), *http_surfaces(config, mount)]
+    return [*config.surfaces_of(mount), *http_surfaces(config, mount)]
 
 
-def _log(config: Config, mount: MountConfig) -> Sink:
+def _log_sink(config: Config, mount: MountConfig) -> Sink:
     """Return the sink of the wire log that prints the exchanges with one mount, or the part chosen by ``--log``."""
-    from gateway.diagnostics.log.printing import Rows, printer
+    from gateway.diagnostics.log.printing import RowBuilder, line_printer
 
     surfaces = [str(parse_endpoint(surface.at)) for surface in _surfaces(config, mount)]
-    rows = Rows(parse_endpoint(mount.at).protocol, surfaces, as_json.filter_of(config.log), mount.name or "")
+    rows = RowBuilder(parse_endpoint(mount.at).protocol, surfaces, as_json.filter_of(config.log), mount.name or "")
     if as_json.is_json(config.log):
         return as_json.json_printer(rows, sys.stderr, mount.name or mount.at)
-    return printer(rows, sys.stderr, config.night)
+    return line_printer(rows, sys.stderr, config.night)
 
 
 async def _stop_before_suspension(gateways: Sequence[Gateway], screen: Screen) -> None:

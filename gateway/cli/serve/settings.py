@@ -41,7 +41,7 @@ FLAG_GROUPS = {
     "simulated mounts": ("latency", "speed"),
 }
 MOUNT_GROUP = "about the mount"
-SURFACE_GROUP = "about the surface, where programs connect (if there are several: in the file)"
+SURFACE_GROUP_TITLE = "about the surface, where programs connect (if there are several: in the file)"
 _NETWORK = (r".*@(tcp|rfc2217)://", "on a network (tcp:// or rfc2217://)")
 #: Key that applies to some surfaces only -> pattern of the addresses of these surfaces, and their description.
 KEY_SURFACES = {"allow": _NETWORK, "max-clients": _NETWORK, "names": (r"(alpaca|any)@", "for HTTP (alpaca@ or any@)")}
@@ -65,7 +65,7 @@ def surface_keys() -> list[Key]:
     return [key for key in keys("surface") if key.name not in others]
 
 
-def add_settings(parser: argparse.ArgumentParser) -> list[argparse.Action]:
+def add_setting_flags(parser: argparse.ArgumentParser) -> list[argparse.Action]:
     """Add to a command the flags for everything that can be configured; return the flags that few users need."""
     before = {action.dest for action in parser._actions}
     ends = parser.add_argument_group("connections")
@@ -73,7 +73,7 @@ def add_settings(parser: argparse.ArgumentParser) -> list[argparse.Action]:
         "--mount",
         metavar="PROTOCOL@WHERE",
         help="for example nexstar@/dev/ttyUSB0",
-        action=Once,
+        action=OnceAction,
         reason="write several mounts into gateway.toml, each under its own [[mount]] (mount-gateway config "
         "--example shows how)",
     )
@@ -89,16 +89,16 @@ def add_settings(parser: argparse.ArgumentParser) -> list[argparse.Action]:
         type=Path,
         metavar="FILE",
         help="read this gateway.toml; options given here win",
-        action=Once,
+        action=OnceAction,
         reason="write one file",
     )
     parser.add_argument("file", nargs="?", type=Path, metavar="FILE", help=argparse.SUPPRESS)
-    groups = {title: parser.add_argument_group(title) for title in (MOUNT_GROUP, SURFACE_GROUP, *FLAG_GROUPS)}
+    groups = {title: parser.add_argument_group(title) for title in (MOUNT_GROUP, SURFACE_GROUP_TITLE, *FLAG_GROUPS)}
     for key in (*keys("mount"), *keys("")):
         group = groups[next((title for title, names in FLAG_GROUPS.items() if key.name in names), MOUNT_GROUP)]
         add_flag(group, key)
     for key in surface_keys():
-        add_flag(groups[SURFACE_GROUP], key)
+        add_flag(groups[SURFACE_GROUP_TITLE], key)
     for table in TABLE_FLAGS:
         add_table_flags(parser, table)
     common = {key.name.replace("-", "_") for table in TABLES for key in keys(table) if key.in_short_help}
@@ -129,23 +129,23 @@ def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
     """Add the flag of a key. A flag for true, false or a choice of words needs no value, or has ``=WORD``."""
     help_text = f"{key.description} (default: yes)" if key.default is True else key.description
     if isinstance(key.default, bool) and key.choices:
-        group.add_argument(f"--{key.name}", nargs="?", const=True, type=_word, metavar=key.metavar, help=help_text)
+        group.add_argument(f"--{key.name}", nargs="?", const=True, type=_parse, metavar=key.metavar, help=help_text)
         group.add_argument(f"--no-{key.name}", dest=key.name, action="store_const", const=False, help=argparse.SUPPRESS)
     elif isinstance(key.default, bool) and key.is_list:
         group.add_argument(f"--{key.name}", nargs="?", const=ALL, metavar=f"{ALL},{key.metavar}", help=help_text)
-    elif isinstance(key.default, bool) or key.right == "true or false":
+    elif isinstance(key.default, bool) or key.allowed == "true or false":
         group.add_argument(f"--{key.name}", action=argparse.BooleanOptionalAction, default=None, help=help_text)
-    elif key.flag:
+    elif key.has_flag:
         group.add_argument(f"--{key.name}", metavar=key.metavar.replace("|", ","), help=key.help)
 
 
-def _word(text: str) -> bool | str:
+def _parse(text: str) -> bool | str:
     """Convert ``true`` and ``false`` to booleans, as in gateway.toml; return any other word unchanged."""
     return {"true": True, "false": False}.get(text, text)
 
 
 @contextlib.contextmanager
-def naming_flag(flag: str) -> Iterator[None]:
+def errors_naming_flag(flag: str) -> Iterator[None]:
     """Put the name of a flag before the message of a UserError about its value."""
     try:
         yield
@@ -153,11 +153,11 @@ def naming_flag(flag: str) -> Iterator[None]:
         raise UserError(f"{flag} {error}") from None
 
 
-class Once(argparse.Action):
+class OnceAction(argparse.Action):
     """A flag that may be given only once; ``reason`` says what to write instead of a second one."""
 
-    def __init__(self, *arguments: Any, reason: str, **others: Any) -> None:
-        super().__init__(*arguments, **others)
+    def __init__(self, *arguments: Any, reason: str, **action_options: Any) -> None:
+        super().__init__(*arguments, **action_options)
         self._reason = reason
 
     def __call__(
@@ -172,18 +172,18 @@ class Once(argparse.Action):
         setattr(namespace, self.dest, values)
 
 
-def settings(arguments: argparse.Namespace, must_serve: bool = True) -> tuple[Config, Source]:
+def load_config(arguments: argparse.Namespace, needs_surfaces: bool = True) -> tuple[Config, Source]:
     """Return the configuration, merged from gateway.toml and flags, and the source of its values. Raises UserError,
-    also for a configuration without surfaces if ``must_serve``.
+    also for a configuration without surfaces if ``needs_surfaces``.
     """
     tables: dict[str, object] = {}
     source = Source("command line")
-    path = _file(arguments)
+    path = _config_path(arguments)
     if path is not None:
         tables, source = read_tables(path)
     _put_flags(arguments, tables, source)
     try:
-        config = make_config(tables, source, must_serve)
+        config = make_config(tables, source, needs_surfaces)
     except UserError as error:
         if path is None and not arguments.surface and DEFAULT_FILE.is_file():
             raise UserError(f"{error} ({DEFAULT_FILE} of this folder is not read where --mount is given)") from None
@@ -193,7 +193,7 @@ def settings(arguments: argparse.Namespace, must_serve: bool = True) -> tuple[Co
     return config, source
 
 
-def _file(arguments: argparse.Namespace) -> Path | None:
+def _config_path(arguments: argparse.Namespace) -> Path | None:
     """Return the file to read: the named file, or ``DEFAULT_FILE`` if no mount is named. Raises UserError."""
     given: Path | None = arguments.config
     alone: Path | None = arguments.file
@@ -212,17 +212,17 @@ def _file(arguments: argparse.Namespace) -> Path | None:
     return given or (DEFAULT_FILE if not arguments.mount and DEFAULT_FILE.is_file() else None)
 
 
-def _given(arguments: argparse.Namespace, known: Iterable[Key]) -> dict[str, Any]:
+def _given_values(arguments: argparse.Namespace, known_keys: Iterable[Key]) -> dict[str, Any]:
     """Return the values of the keys whose flags were given. Raises UserError."""
     given = {}
-    for key in known:
+    for key in known_keys:
         if (text := getattr(arguments, key.name.replace("-", "_"))) is not None:
-            given[key.name] = _value(key, text)
+            given[key.name] = _parse_value(key, text)
     return given
 
 
 def _put_flags(arguments: argparse.Namespace, tables: dict[str, object], source: Source) -> None:
-    given = _given(arguments, [key for key in keys("mount") if key.flag])
+    given = _given_values(arguments, [key for key in keys("mount") if key.has_flag])
     mounts = tables.get("mount", [{}])
     several = isinstance(mounts, list) and len(mounts) > 1
     if several and (given or arguments.mount or arguments.surface):
@@ -248,7 +248,7 @@ def _put_flags(arguments: argparse.Namespace, tables: dict[str, object], source:
 
 def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, object], source: Source) -> None:
     """Put the flags of a surface into the only ``[[surface]]`` that they fit. Raises UserError if they fit several."""
-    given = _given(arguments, surface_keys())
+    given = _given_values(arguments, surface_keys())
     surfaces = tables.get("surface", [])
     if not isinstance(surfaces, list) or not all(isinstance(surface, dict) for surface in surfaces):
         return  # ``make_config`` reports it
@@ -271,16 +271,16 @@ def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, object],
             source.flags[("surface", number, name)] = f"--{name}"
 
 
-def _value(key: Key, text: Any) -> Any:
+def _parse_value(key: Key, text: Any) -> Any:
     """Convert a flag's text to the type that its key has in gateway.toml. Raises UserError."""
     if key.name == "site":
-        with naming_flag("--site"):
+        with errors_naming_flag("--site"):
             return list(parse_site(text))
     if text == ALL and isinstance(key.default, bool):
         return True
     value = text.split(",") if key.is_list and text not in key.choices else text
     try:
-        return msgspec.to_builtins(msgspec.convert(value, key.kind, strict=False))
+        return msgspec.to_builtins(msgspec.convert(value, key.value_type, strict=False))
     except msgspec.ValidationError:
-        right = key.right.replace(' in "quotes"', "").replace("[", "").replace("]", "")
+        right = key.allowed.replace(' in "quotes"', "").replace("[", "").replace("]", "")
         raise UserError(f"--{key.name} {text!r}: write {right}") from None

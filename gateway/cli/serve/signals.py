@@ -24,16 +24,16 @@ WINDOWS_CLOSE_EVENTS = (2, 5, 6)
 #: Seconds that the handler waits for the process to end: longer than the 5 s after which Windows ends it.
 WINDOWS_EXIT_TIMEOUT = 10.0
 #: References to the handlers that Windows calls: ctypes does not keep them alive.
-_HANDLERS: list[object] = []
+_WINDOWS_HANDLERS: list[object] = []
 
 
-def until_signal() -> asyncio.Event:
+def end_signal_event() -> asyncio.Event:
     """Return an event that SIGINT, SIGTERM and closing the terminal set; a second Ctrl-C ends the process at once."""
     done = asyncio.Event()
     loop = asyncio.get_running_loop()
     asked = 0.0
 
-    def end(number: int) -> None:
+    def on_end_signal(number: int) -> None:
         nonlocal asked
         if not done.is_set():
             done.set()
@@ -48,38 +48,38 @@ def until_signal() -> asyncio.Event:
         numbers.append(signal.SIGHUP)
     for number in numbers:
         try:
-            loop.add_signal_handler(number, end, number)
+            loop.add_signal_handler(number, on_end_signal, number)
         except NotImplementedError:  # Windows
-            signal.signal(number, lambda number, _: loop.call_soon_threadsafe(end, number))
+            signal.signal(number, lambda number, _: loop.call_soon_threadsafe(on_end_signal, number))
     if sys.platform == "win32":
-        _when_the_window_closes(lambda: loop.call_soon_threadsafe(end, signal.SIGTERM))
+        _call_on_window_close(lambda: loop.call_soon_threadsafe(on_end_signal, signal.SIGTERM))
     return done
 
 
-def _when_the_window_closes(end: Callable[[], object]) -> None:
-    """On Windows, call ``end`` when the terminal's window closes, and let the process end by itself after that.
+def _call_on_window_close(on_close: Callable[[], object]) -> None:
+    """On Windows, call ``on_close`` when the terminal's window closes, and let the process end by itself after that.
 
     Call it after the signals were set up: Windows calls the newest handler first. The handler of Python's C library
     takes a closed window for Ctrl-Break and returns at once, which would end the process.
     """
     import ctypes
 
-    def asked(event: int) -> bool:
+    def on_console_event(event: int) -> bool:
         """Handle a console event. Windows calls this on a thread, and ends the process when it returns True."""
         if event not in WINDOWS_CLOSE_EVENTS:
             return False  # Ctrl-C and Ctrl-Break, which are signals
         with contextlib.suppress(RuntimeError):  # the loop is closed: the process is ending already
-            end()
+            on_close()
         time.sleep(WINDOWS_EXIT_TIMEOUT)
         return True
 
-    handler = ctypes.WINFUNCTYPE(ctypes.c_int, ctypes.c_uint)(asked)  # type: ignore[attr-defined,unused-ignore]
-    _HANDLERS.append(handler)
+    handler = ctypes.WINFUNCTYPE(ctypes.c_int, ctypes.c_uint)(on_console_event)  # type: ignore[attr-defined,unused-ignore]
+    _WINDOWS_HANDLERS.append(handler)
     kernel = ctypes.WinDLL("kernel32")  # type: ignore[attr-defined,unused-ignore]
     kernel.SetConsoleCtrlHandler(handler, True)
 
 
-async def unless(done: asyncio.Event, work: Awaitable[_T]) -> _T | None:
+async def race(done: asyncio.Event, work: Awaitable[_T]) -> _T | None:
     """Return the result of ``work``; if ``done`` is set first, cancel it and return None. Raises what it raises."""
     working, end = asyncio.ensure_future(work), asyncio.ensure_future(done.wait())
     await asyncio.wait((working, end), return_when=asyncio.FIRST_COMPLETED)
@@ -90,7 +90,7 @@ async def unless(done: asyncio.Event, work: Awaitable[_T]) -> _T | None:
     return None
 
 
-def before_suspension(prepare: Callable[[], Coroutine[object, object, None]]) -> None:
+def call_before_suspension(prepare: Callable[[], Coroutine[object, object, None]]) -> None:
     """Run ``prepare`` on Ctrl-Z before the process is suspended; a second Ctrl-Z suspends it at once."""
     if sys.platform == "win32" or signal.getsignal(signal.SIGTSTP) is signal.SIG_IGN:
         return
@@ -103,11 +103,11 @@ def before_suspension(prepare: Callable[[], Coroutine[object, object, None]]) ->
         finally:
             os.kill(os.getpid(), signal.SIGSTOP)
 
-    def asked() -> None:
+    def on_suspend_signal() -> None:
         nonlocal preparing
         if preparing is None or preparing.done():
             preparing = loop.create_task(suspend())
         else:
             os.kill(os.getpid(), signal.SIGSTOP)
 
-    loop.add_signal_handler(signal.SIGTSTP, asked)
+    loop.add_signal_handler(signal.SIGTSTP, on_suspend_signal)

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, TextIO
 from gateway.app.config import parse_device, parse_site
 from gateway.app.config.endpoints import suggest_address
 from gateway.cli.command_line import Commands
-from gateway.cli.serve.serving import with_loop
-from gateway.cli.serve.settings import naming_flag
-from gateway.cli.serve.signals import unless, until_signal
+from gateway.cli.serve.serving import run_on_loop
+from gateway.cli.serve.settings import errors_naming_flag
+from gateway.cli.serve.signals import end_signal_event, race
 from gateway.core.errors import UserError, explain_file_error, explain_os_error
 from gateway.protocols.registry import PROTOCOLS
 from gateway.system import streams
-from gateway.system.files import plain_file
+from gateway.system.files import plain_fd
 
 if TYPE_CHECKING:
     from gateway.app.discovery.offer import Offer
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def add_sim(commands: Commands) -> None:
-    sim = commands.add_parser("sim", late_epilog=lambda: f"{_EPILOG}\n{models()}")
+    sim = commands.add_parser("sim", late_epilog=lambda: f"{_EPILOG}\n{models_help()}")
     sim.add_argument("device", metavar="PROTOCOL[:MODEL[/VERSION]]", help="for example nexstar:cpc/4.21")
     sim.add_argument("--at", action="append", metavar="WHERE", help="tcp://HOST:PORT or pty:PATH; may be repeated")
     sim.add_argument("--latency", type=float, default=0.0, metavar="S", help="seconds to answer (a real one: 0.1-0.3)")
@@ -46,7 +46,7 @@ def add_sim(commands: Commands) -> None:
     for spec in PROTOCOLS.values():
         for name, effect in spec.simulator_switches.items():
             sim.add_argument(_flag(name), action="store_true", help=f"{spec.name}: {effect}")
-    sim.set_defaults(run=_sim)
+    sim.set_defaults(run=_run_sim)
 
 
 _EPILOG = """\
@@ -78,7 +78,7 @@ def _flag(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def _switches(arguments: argparse.Namespace, protocol: str) -> dict[str, bool]:
+def _simulator_switches(arguments: argparse.Namespace, protocol: str) -> dict[str, bool]:
     """Return the given switches of this protocol's simulator. Raises UserError for a switch of another protocol."""
     chosen = {}
     for spec in PROTOCOLS.values():
@@ -91,7 +91,7 @@ def _switches(arguments: argparse.Namespace, protocol: str) -> dict[str, bool]:
     return chosen
 
 
-def models() -> str:
+def models_help() -> str:
     """Return the help text that lists all models of all protocols, and their hand control versions."""
     lines = [
         "models, and versions of the hand control (the last number is the default; others are possible, and",
@@ -105,10 +105,10 @@ def models() -> str:
     return "\n".join(lines)
 
 
-def _sim(arguments: argparse.Namespace) -> int:
+def _run_sim(arguments: argparse.Namespace) -> int:
     from gateway.app.simulated import make_simulator, parse_time, running_clock
 
-    endpoint = parse_device(arguments.device, part="mount")
+    endpoint = parse_device(arguments.device, role="mount")
     if not (0 <= arguments.latency < inf and 0 < arguments.speed < inf):
         raise UserError("sim: --latency is 0 or more seconds, --speed more than 0")
     places = arguments.at or ["tcp://127.0.0.1:0"]
@@ -117,10 +117,10 @@ def _sim(arguments: argparse.Namespace) -> int:
             raise UserError(f"sim: --at {place}: write --at {meant}")
     if arguments.baud is not None and arguments.baud <= 0:
         raise UserError("sim: --baud is a rate like 9600")
-    settings = _switches(arguments, endpoint.protocol)
-    with naming_flag("--time"):
+    settings = _simulator_switches(arguments, endpoint.protocol)
+    with errors_naming_flag("--time"):
         start = parse_time(arguments.time) if arguments.time else None
-    with naming_flag("--site"):
+    with errors_naming_flag("--site"):
         site = parse_site(arguments.site)
     simulator = make_simulator(
         endpoint,
@@ -131,31 +131,31 @@ def _sim(arguments: argparse.Namespace) -> int:
         **settings,
     )
     spec = PROTOCOLS[endpoint.protocol]
-    name = spec.shown(endpoint.model or spec.default_model, None)
+    name = spec.endpoint_text(endpoint.model or spec.default_model, None)
 
     async def serve() -> int:
         return await _serve(simulator, name, places, arguments.latency, arguments.baud, arguments.truth)
 
-    return with_loop(True, serve)
+    return run_on_loop(True, serve)
 
 
 async def _serve(
-    simulator: Simulated, name: str, places: list[str], latency: float, baud: int | None, truth_path: str | None
+    simulator: Simulated, name: str, addresses: list[str], latency: float, baud: int | None, truth_path: str | None
 ) -> int:
     from gateway.app.discovery.offer import network_offers
     from gateway.app.simulated import serve_simulator
 
-    done = until_signal()
-    file = None if truth_path is None else _open(truth_path)
-    ports = await serve_simulator(simulator, places, latency, baud)
+    done = end_signal_event()
+    file = None if truth_path is None else _open_truth_file(truth_path)
+    ports = await serve_simulator(simulator, addresses, latency, baud)
     for port in ports:
-        streams.say(f"ready {name}@{port.where}")
-    end = await _answer_discovery(network_offers(f"{name}@{port.where}" for port in ports))
+        streams.print_line(f"ready {name}@{port.address}")
+    end = await _answer_discovery(network_offers(f"{name}@{port.address}" for port in ports))
     try:
         if file is None:
             await done.wait()
         else:
-            await _tell_truth(simulator, file, done)
+            await _write_truth(simulator, file, done)
     finally:
         end()
         for port in ports:
@@ -169,24 +169,24 @@ async def _answer_discovery(offers: list[Offer]) -> Callable[[], None]:
     try:
         return await web().answer_discovery([(offer.host, offer.port) for offer in offers]) if web else lambda: None
     except OSError as error:
-        streams.say(f"programs will not find it by themselves: {error.strerror or error}")
+        streams.print_line(f"programs will not find it by themselves: {error.strerror or error}")
         return lambda: None
 
 
-def _open(path: str) -> TextIO:
+def _open_truth_file(path: str) -> TextIO:
     """Open a new or emptied file that is flushed after each line, for programs that follow it. Raises UserError."""
     try:
-        return open(path, "w", encoding="ascii", buffering=1, opener=lambda _, how: plain_file(Path(path), how, 0o666))
+        return open(path, "w", encoding="ascii", buffering=1, opener=lambda _, how: plain_fd(Path(path), how, 0o666))
     except OSError as error:
         raise UserError(f"cannot write {path}: {explain_file_error(path, error)}") from None
 
 
-async def _tell_truth(simulator: Simulated, file: TextIO, done: asyncio.Event) -> None:
+async def _write_truth(simulator: Simulated, file: TextIO, done: asyncio.Event) -> None:
     """Write the true state of the mount to the file of ``--truth`` until ``done`` is set. Raises UserError."""
     from gateway.protocols.mechanics.truth import sample
 
     try:
-        await unless(done, sample(simulator, lambda truth: file.write(truth.line())))
+        await race(done, sample(simulator, lambda truth: file.write(truth.json_line())))
         file.close()
     except OSError as error:
         raise UserError(f"cannot write {file.name}: {explain_os_error(error)}; the simulated mount has ended") from None

@@ -12,12 +12,12 @@ from collections.abc import Callable, Mapping
 
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import ClientAdmission
-from gateway.clients.any_protocol.deciding import HTTP_PROTOCOL, decide, protocol_that_waits, shared_prefix
+from gateway.clients.any_protocol.deciding import HTTP_PROTOCOL, decide, greeting_protocol, shared_prefix_length
 from gateway.clients.connection import ClientConnection
 from gateway.clients.strangers import IDLE_BYTES
 from gateway.protocols.registry import PROTOCOLS
-from gateway.transport.handler import Connected, ConnectionHandler
-from gateway.transport.web_server import NO_PAGE_RESPONSE, WebServer, answer_of
+from gateway.transport.handler import ConnectionHandler, NewConnection
+from gateway.transport.web_server import NO_PAGE_RESPONSE, WebServer, response_bytes
 
 #: Seconds after which a silent client gets a greeting, and after which an incomplete command is dropped.
 GREETING_DELAY, INCOMPLETE_TIMEOUT = 3.0, 1.0
@@ -25,31 +25,31 @@ GREETING_DELAY, INCOMPLETE_TIMEOUT = 3.0, 1.0
 MAX_IDLE_BYTES = 64
 
 
-class AnyConnection:
+class AnyProtocolConnection:
     """A connection to a port for every protocol, which it recognises. ``closed`` is called at its end."""
 
-    def __init__(self, port: AnyAcceptor, connected: Connected, closed: Callable[[], None]) -> None:
+    def __init__(self, port: AnyProtocolAcceptor, connected: NewConnection, closed: Callable[[], None]) -> None:
         self._acceptors, self._web, self._controller, self._closed = port.acceptors, port.web, port.controller, closed
-        self._transport, self.host = connected, connected.host
+        self._connection, self.host = connected, connected.host
         #: The handler that answers this connection, and its protocol; both may change until the protocol is confirmed.
         self._handler: ConnectionHandler | None = None
         self._protocol = ""
         #: Received bytes that were not yet passed to a handler.
-        self.undelivered = b""
+        self.undelivered_bytes = b""
         #: Bytes that were answered before the protocol was confirmed.
         self._answered_bytes = b""
-        self._last_received = -1e9
+        self._last_received_at = -1e9
         self.feed: Callable[[bytes], None] = self._recognise
         self._greeting_timer = port.controller.loop.call_later(GREETING_DELAY, self._greet)
 
     @property
-    def decided(self) -> bool:
+    def has_protocol(self) -> bool:
         """Whether a protocol is assumed or confirmed."""
         return self._handler is not None
 
     @property
-    def answered(self) -> bool:
-        return self._handler is None or self._handler.answered
+    def all_answered(self) -> bool:
+        return self._handler is None or self._handler.all_answered
 
     def peer_closed(self) -> None:
         self._greeting_timer.cancel()
@@ -67,22 +67,22 @@ class AnyConnection:
 
     def _greet(self) -> None:
         """Answer a silent client in the protocol whose clients wait for a greeting."""
-        protocol = protocol_that_waits()
+        protocol = greeting_protocol()
         if protocol is not None:
-            self._answer_in(protocol, f"because the program has sent nothing for {GREETING_DELAY:g} s")
+            self._switch_protocol(protocol, f"because the program has sent nothing for {GREETING_DELAY:g} s")
 
     def _recognise(self, data: bytes) -> None:
         self._greeting_timer.cancel()
         now = self._controller.now()
-        if now - self._last_received >= INCOMPLETE_TIMEOUT and (half := self.undelivered.lstrip(IDLE_BYTES)):
+        if now - self._last_received_at >= INCOMPLETE_TIMEOUT and (half := self.undelivered_bytes.lstrip(IDLE_BYTES)):
             self._controller.wire_log.put(
-                self._transport.name, "x", half, "an incomplete command that was not continued within a second"
+                self._connection.name, "x", half, "an incomplete command that was not continued within a second"
             )
-            self.undelivered = b""
-        self._last_received = now
-        self.undelivered += data
+            self.undelivered_bytes = b""
+        self._last_received_at = now
+        self.undelivered_bytes += data
         waits = self._handler is not None and PROTOCOLS[self._protocol].mount_speaks_first
-        while rest := self.undelivered.lstrip(IDLE_BYTES):
+        while rest := self.undelivered_bytes.lstrip(IDLE_BYTES):
             verdict = decide(rest)
             if verdict is None:
                 break
@@ -90,28 +90,28 @@ class AnyConnection:
             if verdict.protocol == HTTP_PROTOCOL:
                 self._pass_to_web(rest)
                 return
-            self._answer_in(verdict.protocol, verdict.reason)
+            self._switch_protocol(verdict.protocol, verdict.reason)
             assert self._handler is not None
-            count = shared_prefix(verdict.protocol, rest)
+            count = shared_prefix_length(verdict.protocol, rest)
             if not count:
-                self._decide()
+                self._confirm_protocol()
                 return
-            common, self.undelivered = rest[:count], rest[count:]
+            common, self.undelivered_bytes = rest[:count], rest[count:]
             self._answered_bytes += common
             self._handler.feed(common)
         if waits:
             self._close_handler()  # the first byte does not decide for that protocol
         if not rest:
-            self.undelivered = self.undelivered[-MAX_IDLE_BYTES:]
+            self.undelivered_bytes = self.undelivered_bytes[-MAX_IDLE_BYTES:]
 
-    def _answer_in(self, protocol: str, reason: str = "") -> None:
+    def _switch_protocol(self, protocol: str, reason: str = "") -> None:
         """Let the acceptor of this protocol answer from now on."""
         if protocol == self._protocol:
             return
         self._close_handler()
         self._protocol = protocol
-        self._controller.wire_log.put(self._transport.name, "~", note=", ".join(filter(None, (protocol, reason))))
-        self._handler = self._acceptors[protocol].create_silently(self._transport, first_bytes=self._answered_bytes)
+        self._controller.wire_log.put(self._connection.name, "~", note=", ".join(filter(None, (protocol, reason))))
+        self._handler = self._acceptors[protocol].create_connection(self._connection, first_bytes=self._answered_bytes)
 
     def _close_handler(self) -> None:
         """Close the handler that has answered until now."""
@@ -119,23 +119,23 @@ class AnyConnection:
         if handler is not None:
             handler.close()
 
-    def _decide(self) -> None:
+    def _confirm_protocol(self) -> None:
         assert self._handler is not None
         self.feed = self._handler.feed
-        sent, self.undelivered = self.undelivered, b""
+        sent, self.undelivered_bytes = self.undelivered_bytes, b""
         self.feed(sent)
 
     def _pass_to_web(self, received: bytes) -> None:
         self._close_handler()
         text = "speaks HTTP: passed to the console, nothing of it reaches the mount"
-        self._controller.wire_log.note_once(self._transport.name, text, key=self.host)
-        if self._transport.hand_over is not None:
-            self._transport.hand_over(lambda transport: self._web.take(transport, received))
-        elif self._transport.hang_up is not None:
-            self._transport.hang_up(answer_of(*NO_PAGE_RESPONSE))
+        self._controller.wire_log.note_once(self._connection.name, text, key=self.host)
+        if self._connection.hand_over is not None:
+            self._connection.hand_over(lambda transport: self._web.take_over(transport, received))
+        elif self._connection.hang_up is not None:
+            self._connection.hang_up(response_bytes(*NO_PAGE_RESPONSE))
 
 
-class AnyAcceptor:
+class AnyProtocolAcceptor:
     """Accepts the connections of one port. ``acceptors``: the acceptors by protocol; ``web`` takes HTTP connections."""
 
     #: None, because each protocol presents a model of its own.
@@ -144,24 +144,24 @@ class AnyAcceptor:
     def __init__(self, acceptors: Mapping[str, ConnectionAcceptor], web: WebServer) -> None:
         self.acceptors, self.web = acceptors, web
         first = next(iter(acceptors.values()))
-        self.controller, self.number, self.access = first.controller, first.number, first.access
-        self._admission = ClientAdmission(self.access, self.number, self.controller.wire_log)
-        self._connections: set[AnyConnection] = set()
+        self.controller, self.surface_number, self.access = first.controller, first.surface_number, first.access
+        self._admission = ClientAdmission(self.access, self.surface_number, self.controller.wire_log)
+        self._connections: set[AnyProtocolConnection] = set()
 
-    def accept(self, connected: Connected) -> ConnectionHandler:
+    def accept(self, new_connection: NewConnection) -> ConnectionHandler:
         """Check, log and create a new connection. Raises ConnectionRefused."""
-        hosts = [other.host for other in self._connections if not other.decided]
+        hosts = [other.host for other in self._connections if not other.has_protocol]
         for acceptor in self.acceptors.values():
-            hosts += acceptor.clients()
-        self._admission.check(connected, hosts)
+            hosts += acceptor.client_hosts()
+        self._admission.check(new_connection, hosts)
         wire_log = self.controller.wire_log
-        wire_log.put(connected.name, "+", note=f"surface {self.number}, host {connected.host}")
+        wire_log.put(new_connection.name, "+", note=f"surface {self.surface_number}, host {new_connection.host}")
 
         def closed() -> None:
             self._connections.discard(connection)
-            wire_log.put(connected.name, "-")
+            wire_log.put(new_connection.name, "-")
 
-        connection = AnyConnection(self, connected, closed)
+        connection = AnyProtocolConnection(self, new_connection, closed)
         self._connections.add(connection)
         return connection
 
@@ -173,6 +173,6 @@ class AnyAcceptor:
     def connections(self) -> list[ClientConnection]:
         return [connection for acceptor in self.acceptors.values() for connection in acceptor.connections()]
 
-    def set_address(self, where: str) -> None:
+    def set_address(self, address: str) -> None:
         for acceptor in self.acceptors.values():
-            acceptor.set_address(where)
+            acceptor.set_address(address)

@@ -28,14 +28,14 @@ class Decision(NamedTuple):
 
 def decide(received: bytes) -> Decision | None:
     """Return the protocol of these first bytes (without idle bytes at the start); None if more bytes are needed."""
-    if any(received.startswith(method) for method in _methods()):
+    if any(received.startswith(method) for method in _http_request_prefixes()):
         return Decision(HTTP_PROTOCOL)
     spoken = streams()
-    whole = [name for name in spoken if (match := re.match(PROTOCOLS[name].opening, received)) and match.end()]
+    whole = [name for name in spoken if (match := re.match(PROTOCOLS[name].opening_pattern, received)) and match.end()]
     if whole:
         titles = " and ".join(PROTOCOLS[name].title for name in whole)
         return Decision(whole[0], f"because {titles} programs may begin like this" if len(whole) > 1 else "")
-    if any(method.startswith(received) for method in _methods()):
+    if any(method.startswith(received) for method in _http_request_prefixes()):
         return None
     begun = [name for name in spoken if load(name).may_begin(received)]
     begun = begun or [name for name in spoken if load(name).may_begin(received[:1])]
@@ -46,25 +46,25 @@ def decide(received: bytes) -> Decision | None:
     )
 
 
-def shared_prefix(protocol: str, received: bytes) -> int:
+def shared_prefix_length(protocol: str, received: bytes) -> int:
     """Return the length of the commands at the start with which clients of another protocol may begin, too."""
     pattern = PROTOCOLS[protocol].shared_openings
     match = re.match(pattern, received) if pattern is not None else None
     return match.end() if match is not None else 0
 
 
-def may_change(protocol: str, received: bytes) -> bool:
+def protocol_may_change(protocol: str, received: bytes) -> bool:
     """Whether a client that has sent these bytes, taken for this protocol so far, may still speak another."""
     rest = received.lstrip(IDLE_BYTES)
-    return PROTOCOLS[protocol].mount_speaks_first or (bool(rest) and shared_prefix(protocol, rest) == len(rest))
+    return PROTOCOLS[protocol].mount_speaks_first or (bool(rest) and shared_prefix_length(protocol, rest) == len(rest))
 
 
-def protocol_that_waits() -> str | None:
+def greeting_protocol() -> str | None:
     """Return the protocol whose clients wait for a greeting before they send anything."""
     return next((name for name in streams() if PROTOCOLS[name].mount_speaks_first), None)
 
 
 @cache
-def _methods() -> tuple[bytes, ...]:
+def _http_request_prefixes() -> tuple[bytes, ...]:
     """Return the bytes with which HTTP requests begin: a method and a space."""
-    return tuple(bytes(next(iter(octet)) for octet in greeting.first) for greeting in greetings() if greeting.http)
+    return tuple(bytes(next(iter(octet)) for octet in greeting.pattern) for greeting in greetings() if greeting.is_http)

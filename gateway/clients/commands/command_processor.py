@@ -13,39 +13,46 @@ from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine, Sequence
 
 from gateway.clients.access import Rights
-from gateway.clients.commands.turn import MOUNT_TIMEOUT, NO_DEADLINE, REPLY_TIMEOUT, Inbox, Turn, TurnRunner
+from gateway.clients.commands.turn import (
+    BEFORE_ALL_STOPS,
+    MOUNT_TIMEOUT,
+    REPLY_TIMEOUT,
+    CommandRunner,
+    Inbox,
+    PendingCommand,
+)
 from gateway.clients.commands.unread import UnreadText
 from gateway.clients.profiles import ClientProfile, SurfaceBinding
 from gateway.core.errors import Fault, NoAnswer
 from gateway.core.operations import AbortMotion, Direction, Operation, StopAxis
-from gateway.core.wire_log import ClientLog, show
+from gateway.core.wire_log import ClientLog, printable
 from gateway.mount.controller import MountController
-from gateway.mount.motion.taps import over
+from gateway.mount.motion.taps import is_free_or_ending
 from gateway.mount.presence import HostActivity
 from gateway.protocols.base.frames import RESYNC_GAP, Unterminated
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.surface import Surface, UrgentEnd
 from gateway.protocols.base.wants import Subscription
 from gateway.transport.baud import BaudTrial
-from gateway.transport.handler import Connected
+from gateway.transport.handler import NewConnection
 
 #: Seconds within which the releases of all four arrows are a stop.
 RELEASE_GAP = 0.3
 
 
-class Releases:
+class ArrowReleases:
     """Decides what the release of an arrow stops: the motion of an axis, all motion, or nothing yet.
 
     If the press of the arrow still waits in ``inbox``, press and release become a tap, which is carried out later.
-    ``by_stop``: the program sends a command that stops all motion when an arrow is released.
+    ``uses_stop``: the program sends a command that stops all motion when an arrow is released.
     """
 
-    def __init__(self, controller: MountController, surface: Surface, inbox: Inbox, by_stop: bool) -> None:
-        self._controller, self._surface, self._inbox, self.by_stop = controller, surface, inbox, by_stop
+    def __init__(self, controller: MountController, surface: Surface, inbox: Inbox, uses_stop: bool) -> None:
+        self._controller, self._surface, self._inbox, self.uses_stop = controller, surface, inbox, uses_stop
         #: The commands of the releases in the last ``RELEASE_GAP`` seconds, with the loop times of their arrival.
         self._recent: dict[bytes, float] = {}
 
-    def ends(self, frame: bytes, ending: UrgentEnd, now: float, under_way: Turn | None) -> UrgentEnd | None:
+    def find_end(self, frame: bytes, ending: UrgentEnd, now: float, running: PendingCommand | None) -> UrgentEnd | None:
         """Return the motion that a command ends; None if it releases an arrow whose press still waits."""
         release = ending.operation
         if not isinstance(release, StopAxis):
@@ -53,22 +60,22 @@ class Releases:
         self._recent = {earlier: at for earlier, at in self._recent.items() if now - at <= RELEASE_GAP} | {frame: now}
         if len(self._recent) == len(Direction):
             self._recent.clear()
-            return UrgentEnd(AbortMotion(), ending.takes_back)
+            return UrgentEnd(AbortMotion(), ending.discarded)
         tapped = (
-            self._inbox and self._only_taps(release.axis, under_way) and self._inbox.release(ending.takes_back, now)
+            self._inbox and self._is_at_rest(release.axis, running) and self._inbox.note_release(ending.discarded, now)
         )
         return None if tapped else ending
 
-    def _only_taps(self, axis: int, under_way: Turn | None) -> bool:
+    def _is_at_rest(self, axis: int, running_command: PendingCommand | None) -> bool:
         """Whether the release of an arrow has nothing to end: no arrow moves this axis, and none is about to."""
         wanted = self._controller.wanted.value
-        if not over(wanted, axis) or wanted.waiting_gotos or self._controller.slewing:
+        if not is_free_or_ending(wanted, axis) or wanted.waiting_gotos or self._controller.slewing:
             return False
-        waiting = [*self._inbox, under_way] if under_way is not None else self._inbox
-        return not any(self._surface.begins_goto(turn.frame) for turn in waiting)
+        waiting = [*self._inbox, running_command] if running_command is not None else self._inbox
+        return not any(self._surface.begins_goto(pending.frame) for pending in waiting)
 
 
-class Pushes:
+class Pusher:
     """Sends the readings that a client has subscribed to, at their periods, without a request for each.
 
     Each has its own timer, so that a slow reading does not delay the others. A reading that the mount cannot give now
@@ -84,7 +91,7 @@ class Pushes:
         count_unsent: Callable[[], int],
         spawn: Callable[[Coroutine[object, object, None]], asyncio.Task[None]],
     ) -> None:
-        self._read_operation, self._send_bytes, self._unsent_bytes = read_operation, send_bytes, count_unsent
+        self._read_operation, self._send_bytes, self._count_unsent = read_operation, send_bytes, count_unsent
         self._tasks = [spawn(self._serve(subscription)) for subscription in subscriptions]
 
     async def _serve(self, subscription: Subscription) -> None:
@@ -94,7 +101,7 @@ class Pushes:
         if subscription.first_delay:
             await asyncio.sleep(subscription.first_delay)
         while True:
-            if not self._unsent_bytes():
+            if not self._count_unsent():
                 last = await self._push(subscription, last)
             due = max(due + subscription.period, now())
             await asyncio.sleep(due - now())
@@ -105,7 +112,7 @@ class Pushes:
             data = subscription.encode(await self._read_operation(subscription.operation))
         except Fault:
             return last_bytes
-        if not data or (subscription.changes and data == last_bytes):
+        if not data or (subscription.only_changes and data == last_bytes):
             return last_bytes
         self._send_bytes(data)
         return data
@@ -120,7 +127,7 @@ class CommandProcessor:
 
     def __init__(
         self,
-        connected: Connected,
+        connected: NewConnection,
         controller: MountController,
         binding: SurfaceBinding,
         session: Session,
@@ -129,44 +136,44 @@ class CommandProcessor:
     ) -> None:
         self.activity = activity
         self.controller, self.surface, self.session = controller, binding.surface, session
-        self._wanted = controller.wanted
-        self.framer, self.write = binding.framing(), connected.write
+        self._wanted_state = controller.wanted
+        self.framer, self.write = binding.make_framer(), connected.write
         self.log = ClientLog(connected.name, controller.wire_log)
         self._inbox = Inbox(self.log)
-        self.releases = Releases(controller, binding.surface, self._inbox, binding.stops_arrows)
-        self.runner = TurnRunner(controller, binding, session, activity, self.log, rights)
-        self._cache = self.runner.cache
+        self.arrow_releases = ArrowReleases(controller, binding.surface, self._inbox, binding.releases_by_stop)
+        self.command_runner = CommandRunner(controller, binding, session, activity, self.log, rights)
+        self._reply_cache = self.command_runner.reply_cache
         #: The task of the command that waits for the mount, and the tasks of commands whose reply is too late.
         self._task: asyncio.Task[None] | None = None
         self._detached_tasks: set[asyncio.Task[None]] = set()
         #: The command that waits for the mount; whether it has no timeout, but waits until the next command.
-        self._waiting_turn: Turn | None = None
-        self._may_outlast = False
+        self._waiting_command: PendingCommand | None = None
+        self._waits_past_timeout = False
         self.is_open = True
         #: Whether the next byte begins a command.
         self._between_commands = True
         #: The end of the last reply, which some programs on a network do not read.
         self.unread_text = UnreadText(self._send, self.log, controller.loop, binding.hold if connected.hang_up else 0.0)
         #: Changes the baud rate; None if the connection is no serial port.
-        self._rate = None if connected.change_rate is None else BaudTrial(connected.change_rate)
+        self._baud_trial = None if connected.change_baud is None else BaudTrial(connected.change_baud)
         subscriptions, unsent = self.surface.subscriptions(session), lambda: self.write(b"") or 0
-        self._pushes = Pushes(subscriptions, self.runner.reading, self._send, unsent, controller.spawn)
+        self._pusher = Pusher(subscriptions, self.command_runner.read_for_client, self._send, unsent, controller.spawn)
 
     @property
-    def busy(self) -> bool:
+    def has_running_operations(self) -> bool:
         """Whether an operation of this client is still under way."""
-        return self._task is not None or bool(self._detached_tasks) or bool(self.runner.background)
+        return self._task is not None or bool(self._detached_tasks) or bool(self.command_runner.background)
 
     @property
-    def answered(self) -> bool:
+    def all_answered(self) -> bool:
         """Whether no command waits for its turn or for the mount."""
         return self._task is None and not self._inbox
 
-    def recognised(self, profile: ClientProfile) -> None:
+    def apply_profile(self, profile: ClientProfile) -> None:
         """Apply the profile of the client's program, which was recognised just now."""
-        self.session.recognised(profile.settings)
-        self.runner.equinox = profile.equinox or self.runner.equinox
-        self.unread_text.hold_time, self.releases.by_stop = profile.hold, profile.stops_arrows
+        self.session.use_program_settings(profile.settings)
+        self.command_runner.equinox_converter = profile.equinox or self.command_runner.equinox_converter
+        self.unread_text.hold_time, self.arrow_releases.uses_stop = profile.hold_time, profile.releases_by_stop
         self.log.note(f"recognised client {profile.program}: applying its profile")
 
     # --- bytes in ---------------------------------------------------------------------------------------------------
@@ -178,11 +185,11 @@ class CommandProcessor:
         were held back, ``arrived_at`` is the loop time of their arrival. Empty ``data``: process the bytes that the
         framer has held back.
         """
-        self.activity.sent_data |= stop_count != NO_DEADLINE
+        self.activity.sent_data |= stop_count != BEFORE_ALL_STOPS
         if self.log.sinks and data:
             self.log.put("raw", data)
         if self.unread_text.hold_time:
-            self.unread_text.heard(data)
+            self.unread_text.note_received(data)
         if self._between_commands and self._task is None and self._answer_from_cache(data):
             return
         arrived_at = self.controller.now() if arrived_at is None else arrived_at
@@ -190,41 +197,41 @@ class CommandProcessor:
         if self.log.sinks:
             self._log_dropped()
         self._between_commands = self.framer.idle  # else the next bytes may belong to these
-        if self.framer.held:
+        if self.framer.holds_bytes:
             self.controller.loop.call_later(RESYNC_GAP, self._feed_held, stop_count)
         ended: set[bytes] = set()  # frames that ended a motion, with no other command since
         for frame in frames:
             if isinstance(frame, Unterminated):
                 self.log.note(frame.refusal_text)
-            if self._rate is not None and self.surface.protocol.find(frame) is not None:
-                self._rate.understood()
+            if self._baud_trial is not None and self.surface.protocol.find(frame) is not None:
+                self._baud_trial.confirm()
             if frame in ended:
                 self.log.put("x", frame, "repeated with nothing in between: carried out once for both")
                 continue
-            ending = self.surface.ending(self.session, frame)
+            ending = self.surface.urgent_end(self.session, frame)
             if ending is None:
                 ended.clear()
             else:
                 ended.add(frame)
                 self._end_motion(frame, ending, arrived_at)
             steps = self.surface.handle(self.session, frame)
-            before = self._wanted.value.stops if stop_count is None else stop_count
-            self._inbox.add(Turn(frame, steps, before, ending, arrived_at))
-        if self._may_outlast and self._inbox and self._waiting_turn is not None:
-            self._give_up(self._waiting_turn)
+            before = self._wanted_state.value.n_stops if stop_count is None else stop_count
+            self._inbox.add(PendingCommand(frame, steps, before, ending, arrived_at))
+        if self._waits_past_timeout and self._inbox and self._waiting_command is not None:
+            self._give_up(self._waiting_command)
         if self._task is None:
-            self._pump()
+            self._answer_waiting_commands()
 
     def _feed_held(self, stop_count: int | None) -> None:
         """Process what the framer has held back, unless the client has gone or more has arrived."""
-        if self.is_open and self.framer.held:
+        if self.is_open and self.framer.holds_bytes:
             self.feed(b"", stop_count)
 
     def _answer_from_cache(self, data: bytes) -> bool:
         """Send the cached reply to this command if it is still valid. Return whether it was."""
         controller = self.controller
         now = controller.now()
-        cached = self._cache.reply(data, now)
+        cached = self._reply_cache.reply(data, now)
         if cached is None:
             return False
         reply, kinds = cached
@@ -238,15 +245,15 @@ class CommandProcessor:
 
     def _end_motion(self, frame: bytes, ending: UrgentEnd, arrived_at: float) -> None:
         """End a motion ahead of all waiting commands, and remove the waiting commands that would begin it."""
-        ends = self.releases.ends(frame, ending, arrived_at, self._waiting_turn)
+        ends = self.arrow_releases.find_end(frame, ending, arrived_at, self._waiting_command)
         if ends is None:
             return
-        self._inbox.take_back(ends.takes_back, frame)
+        self._inbox.cancel(ends.discarded, frame)
         if isinstance(ends.operation, AbortMotion):
-            if not (self.releases.by_stop and self.controller.reconciler.releases_arrow(self.activity)):
-                self.controller.begin_stop(self.activity.who)
+            if not (self.arrow_releases.uses_stop and self.controller.reconciler.treat_as_release(self.activity)):
+                self.controller.begin_stop(self.activity.host)
         else:
-            self.runner.background.start(ends.operation, self._wanted.value.stops, arrived_at)
+            self.command_runner.background.start(ends.operation, self._wanted_state.value.n_stops, arrived_at)
 
     def _log_dropped(self) -> None:
         for why, data in self.framer.dropped.items():
@@ -254,104 +261,104 @@ class CommandProcessor:
 
     # --- commands in order ------------------------------------------------------------------------------------------
 
-    def _pump(self) -> None:
+    def _answer_waiting_commands(self) -> None:
         """Answer waiting commands until a command must wait for the mount, or the gateway closes."""
         while self._inbox and not self.controller.context.closed:
-            turn = self._inbox.take()
+            pending = self._inbox.take()
             try:
-                wanted = self.runner.advance(turn, None)
+                wanted = self.command_runner.advance(pending, None)
             except StopIteration as end:
-                again = self._inbox.take_repeated(turn.frame) if turn.ended_motion else 0
-                self._answer(turn, end.value * (1 + again) if end.value else None)
+                again = self._inbox.take_repeated(pending.frame) if pending.has_ended_motion else 0
+                self._answer(pending, end.value * (1 + again) if end.value else None)
                 continue
             except Exception as error:  # a defect must cost a single command, never the client's connection
-                self.runner.defect(turn.frame, error)
+                self.command_runner.handle_defect(pending.frame, error)
                 continue
-            self._task, self._waiting_turn = self.controller.loop.create_task(self._wait(turn, wanted)), turn
-            until = turn.arrived + MOUNT_TIMEOUT
+            self._task, self._waiting_command = self.controller.loop.create_task(self._finish(pending, wanted)), pending
+            until = pending.arrived_at + MOUNT_TIMEOUT
             if self.controller.now() < until:
-                turn.timer = self.controller.loop.call_at(until, self._give_up, turn)
+                pending.timeout_timer = self.controller.loop.call_at(until, self._give_up, pending)
                 return
-            self._detach(turn)
+            self._detach(pending)
 
-    def _give_up(self, turn: Turn) -> None:
+    def _give_up(self, pending: PendingCommand) -> None:
         """The mount has not answered in time: continue with the next command, and drop a late reply to this command."""
-        self._may_outlast = turn.lasting and not self._inbox
-        if turn is self._waiting_turn and not self._may_outlast:
-            self._detach(turn)
-            self._pump()
+        self._waits_past_timeout = pending.is_long_operation and not self._inbox
+        if pending is self._waiting_command and not self._waits_past_timeout:
+            self._detach(pending)
+            self._answer_waiting_commands()
 
-    def _detach(self, turn: Turn) -> None:
+    def _detach(self, pending: PendingCommand) -> None:
         """Let the task of this command run on without a reply, and answer as if the mount does not respond."""
         assert self._task is not None
         self._detached_tasks.add(self._task)
         self._task.add_done_callback(self._detached_tasks.discard)
-        self._task, self._waiting_turn, turn.late = None, None, True
-        reply = self.surface.unanswered(turn.frame, NoAnswer())
+        self._task, self._waiting_command, pending.is_late = None, None, True
+        reply = self.surface.fallback_reply(pending.frame, NoAnswer())
         if not reply:
-            self._log_no_reply(turn.frame)
-        self._answer(turn, reply)
+            self._log_no_reply(pending.frame)
+        self._answer(pending, reply)
 
-    async def _wait(self, turn: Turn, operation: Operation) -> None:
+    async def _finish(self, pending: PendingCommand, operation: Operation) -> None:
         """Finish a command that needs the mount, then continue with the commands that arrived meanwhile."""
-        turn.reusable = False
+        pending.is_reusable = False
         reply = None
         try:
-            reply = await self.runner.finish(turn, operation)
+            reply = await self.command_runner.finish(pending, operation)
         except Exception as error:
-            self.runner.defect(turn.frame, error)
+            self.command_runner.handle_defect(pending.frame, error)
         finally:
-            if not turn.late:
-                self._task = self._waiting_turn = None
-                self._may_outlast = False
-                if turn.timer is not None:
-                    turn.timer.cancel()
-        if turn.late:
-            self._log_refused(turn.frame)
+            if not pending.is_late:
+                self._task = self._waiting_command = None
+                self._waits_past_timeout = False
+                if pending.timeout_timer is not None:
+                    pending.timeout_timer.cancel()
+        if pending.is_late:
+            self._log_refused(pending.frame)
             return
-        self._answer(turn, reply)
-        self._pump()
+        self._answer(pending, reply)
+        self._answer_waiting_commands()
 
     # --- replies out ------------------------------------------------------------------------------------------------
 
-    def _answer(self, turn: Turn, reply: bytes | None) -> None:
-        frame, now = turn.frame, self.controller.now()
+    def _answer(self, pending: PendingCommand, reply: bytes | None) -> None:
+        frame, now = pending.frame, self.controller.now()
         self.session.last_frame = frame
         self._log_refused(frame)
-        if not (turn.reusable and turn.readings):
-            self._cache.clear()
+        if not (pending.is_reusable and pending.reading_kinds):
+            self._reply_cache.clear()
         elif reply:
-            self._cache.remember(frame, reply, turn.readings, now)
-        if reply and now - turn.arrived > REPLY_TIMEOUT and not turn.lasting:
+            self._reply_cache.remember(frame, reply, pending.reading_kinds, now)
+        if reply and now - pending.arrived_at > REPLY_TIMEOUT and not pending.is_long_operation:
             reply = None
             self._log_no_reply(frame)
         if reply:
-            read = self.surface.protocol.partly_read.get(frame)
+            read = self.surface.protocol.partly_read_replies.get(frame)
             if self.unread_text.hold_time and read is not None:
-                reply = self.unread_text.read_part(reply, read, bool(self._inbox))
+                reply = self.unread_text.hold_back_rest(reply, read, bool(self._inbox))
             self._send(reply)
-        elif self.log.sinks and (why := self.surface.silence(self.session, frame)):
-            self.log.note_once(f"no reply to {show(frame)}: {why}")
-        if turn.baud is not None and self._rate is not None:
-            self._rate.begin(turn.baud)
+        elif self.log.sinks and (why := self.surface.silence_reason(self.session, frame)):
+            self.log.note_once(f"no reply to {printable(frame)}: {why}")
+        if pending.new_baud is not None and self._baud_trial is not None:
+            self._baud_trial.begin(pending.new_baud)
 
     def _log_no_reply(self, frame: bytes) -> None:
         match = self.surface.protocol.find(frame)
         if match is not None and not match[0].replies:
             return
         self.log.note_once(
-            f"no reply to {show(frame)}: the mount has not answered within "
+            f"no reply to {printable(frame)}: the mount has not answered within "
             f"{REPLY_TIMEOUT} s, and a later answer would be taken for the reply to another command"
         )
 
     def _log_refused(self, frame: bytes) -> None:
-        if self.session.said_no:
-            self.session.said_no = False
-            self.log.wire_log.refusals += 1
-        if self.session.refused:
-            why, self.session.refused = self.session.refused, ""
-            sent = show(frame.removesuffix(b"\n"))
-            self.log.refused_once(f"`{sent}` refused: {why}")
+        if self.session.refused_unlogged:
+            self.session.refused_unlogged = False
+            self.log.wire_log.refusal_count += 1
+        if self.session.refusal_reason:
+            why, self.session.refusal_reason = self.session.refusal_reason, ""
+            sent = printable(frame.removesuffix(b"\n"))
+            self.log.log_refusal_once(f"`{sent}` refused: {why}")
 
     def _send(self, data: bytes) -> None:
         if data:
@@ -363,10 +370,10 @@ class CommandProcessor:
         self.is_open = False
         self.write = lambda data: None
         self.unread_text.drop()
-        self._pushes.close()
+        self._pusher.close()
         for frame in self.framer.end():  # the next connection must not continue an incomplete command
             self.log.note(frame.refusal_text)
             deque(self.surface.handle(self.session, frame), 0)
         self._log_dropped()
-        if self._rate is not None:
-            self._rate.end()
+        if self._baud_trial is not None:
+            self._baud_trial.cancel_fallback()

@@ -19,10 +19,10 @@ from gateway.clients.access import Rights
 from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault
-from gateway.core.motion_kinds import HAND_MOTIONS, MOVERS, begins_motion, ends_focus
-from gateway.core.wire_log import ClientLog, show
+from gateway.core.motion_kinds import HAND_MOTIONS, MOVERS, begins_motion, stops_focuser
+from gateway.core.wire_log import ClientLog, printable
 from gateway.mount.controller import MountController
-from gateway.mount.link.queue import MAX_START_DELAY, STARTED_TOO_LATE
+from gateway.mount.link.queue import MAX_START_DELAY, START_TOO_LATE_MESSAGE
 from gateway.mount.motion.taps import MAX_TAP_TIME
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import MAX_AGE, NOT_CACHED
@@ -39,7 +39,7 @@ from gateway.protocols.base.wants import (
 )
 
 #: As the count of stops of a command: it was sent before every stop, so it neither begins nor prolongs a motion.
-NO_DEADLINE = -1
+BEFORE_ALL_STOPS = -1
 #: Seconds after which a reply is no longer sent: clients have given up by then and would take it for the reply to the
 #: next command (NexStar protocol: the hand control answers within 3.5 s). The mount gets a little less time, so that
 #: commands which arrived together with an unanswered command are still answered.
@@ -50,48 +50,49 @@ START_TIMEOUT = 3.0
 MAX_WAITING_COMMANDS = 256
 
 
-class Turn(Struct, eq=False):
+class PendingCommand(Struct, eq=False):
     """A received command, and the generator ``steps`` that carries it out.
 
-    ``arrived``: loop time. ``stops``: number of stops before it. ``ending``: the motion that it ended on arrival.
-    ``reusable``: its reply depends only on cached readings, of the kinds ``readings``. ``ended_motion``: its last
-    operation ended a motion. ``lasting``: it waits until the next command, without a timeout. ``late``: its reply is no
-    longer sent. ``baud``: the baud rate after its reply. ``held``: seconds from the press of an arrow to its release.
+    ``arrived_at``: loop time. ``stop_count``: number of stops before it. ``ending``: the motion that it ended on
+    arrival. ``is_reusable``: its reply depends only on cached readings, of the kinds ``reading_kinds``.
+    ``has_ended_motion``: its last operation ended a motion. ``is_long_operation``: it waits until the next command,
+    without a timeout. ``is_late``: its reply is no longer sent. ``new_baud``: the baud rate after its reply.
+    ``press_duration``: seconds from the press of an arrow to its release.
     """
 
     frame: bytes
     steps: Handling
-    stops: int
+    stop_count: int
     ending: UrgentEnd | None
-    arrived: float
-    readings: list[type[op.Operation]] = []
-    reusable: bool = True
-    ended_motion: bool = False
-    lasting: bool = False
-    late: bool = False
-    baud: int | None = None
-    held: float | None = None
-    timer: asyncio.TimerHandle | None = None
+    arrived_at: float
+    reading_kinds: list[type[op.Operation]] = []
+    is_reusable: bool = True
+    has_ended_motion: bool = False
+    is_long_operation: bool = False
+    is_late: bool = False
+    new_baud: int | None = None
+    press_duration: float | None = None
+    timeout_timer: asyncio.TimerHandle | None = None
 
 
-class Inbox(deque[Turn]):
+class Inbox(deque[PendingCommand]):
     """The commands that wait, in the order of arrival. Commands that are removed other than by ``take`` are logged."""
 
     def __init__(self, log: ClientLog) -> None:
         super().__init__(maxlen=MAX_WAITING_COMMANDS)
         self._log = log
 
-    def add(self, turn: Turn) -> None:
+    def add(self, pending: PendingCommand) -> None:
         """Add a command; if the inbox is full, the oldest is dropped."""
         if len(self) == MAX_WAITING_COMMANDS:
             self._log.put("x", self[0].frame, f"more than {MAX_WAITING_COMMANDS} commands wait")
-        self.append(turn)
+        self.append(pending)
 
-    def take(self) -> Turn:
+    def take(self) -> PendingCommand:
         """Remove and return the oldest command; there must be a command."""
-        turn = self.popleft()
-        self._log.put(">", turn.frame)
-        return turn
+        pending = self.popleft()
+        self._log.put(">", pending.frame)
+        return pending
 
     def take_repeated(self, frame: bytes) -> int:
         """Remove the repetitions of this command that follow directly, and return their number."""
@@ -101,30 +102,30 @@ class Inbox(deque[Turn]):
             count += 1
         return count
 
-    def release(self, presses: frozenset[bytes], now: float) -> bool:
+    def note_release(self, presses: frozenset[bytes], now: float) -> bool:
         """Record how long the newest waiting press was held, and remove the earlier presses. Return whether one waits.
 
         ``presses`` are the commands that press this arrow. A press that has waited too long to be a tap does not count.
         """
-        waiting = [turn for turn in self if turn.frame in presses]
-        if not waiting or now - waiting[-1].arrived > MAX_TAP_TIME:
+        waiting = [pending for pending in self if pending.frame in presses]
+        if not waiting or now - waiting[-1].arrived_at > MAX_TAP_TIME:
             return False
-        for turn in waiting[:-1]:
-            if turn.held is None:
-                self.remove(turn)
-        if waiting[-1].held is None:
-            waiting[-1].held = now - waiting[-1].arrived
+        for pending in waiting[:-1]:
+            if pending.press_duration is None:
+                self.remove(pending)
+        if waiting[-1].press_duration is None:
+            waiting[-1].press_duration = now - waiting[-1].arrived_at
         return True
 
-    def take_back(self, frames: frozenset[bytes], by: bytes) -> None:
+    def cancel(self, frames: frozenset[bytes], by: bytes) -> None:
         """Remove the waiting commands ``frames``, which would begin the motion that the command ``by`` ends."""
-        for turn in [turn for turn in self if turn.frame in frames]:
-            self.remove(turn)
-            self._log.put("x", turn.frame, f"cancelled by {by!r}, which arrived before its turn")
+        for pending in [pending for pending in self if pending.frame in frames]:
+            self.remove(pending)
+            self._log.put("x", pending.frame, f"cancelled by {by!r}, which arrived before its turn")
 
 
 #: The kinds of readings of which a reply is made.
-Kinds = list[type[op.Operation]]
+ReadingKinds = list[type[op.Operation]]
 
 #: Maximum number of commands whose replies are cached.
 MAX_CACHED_REPLIES = 32
@@ -137,21 +138,21 @@ class ReplyCache:
 
     def __init__(self, controller: MountController) -> None:
         self._controller = controller
-        self._replies: dict[bytes, tuple[bytes, Kinds]] = {}
-        self._version, self._valid_until = -1, 0.0
+        self._replies: dict[bytes, tuple[bytes, ReadingKinds]] = {}
+        self._readings_version, self._valid_until = -1, 0.0
 
-    def reply(self, command: bytes, now: float) -> tuple[bytes, Kinds] | None:
+    def reply(self, command: bytes, now: float) -> tuple[bytes, ReadingKinds] | None:
         """Return the cached reply to this command, and the kinds of readings it was made of; None if not valid."""
-        current = now < self._valid_until and self._version == self._controller.version
+        current = now < self._valid_until and self._readings_version == self._controller.answer_version
         return self._replies.get(command) if current else None
 
-    def remember(self, command: bytes, reply: bytes, kinds: Kinds, now: float) -> None:
+    def remember(self, command: bytes, reply: bytes, reading_kinds: ReadingKinds, now: float) -> None:
         """Cache a reply that is valid until one of these readings expires."""
-        version, until = self._controller.version, self._controller.fresh_until(kinds)
-        if self._version != version or now >= self._valid_until or len(self._replies) >= MAX_CACHED_REPLIES:
+        version, until = self._controller.answer_version, self._controller.fresh_until(reading_kinds)
+        if self._readings_version != version or now >= self._valid_until or len(self._replies) >= MAX_CACHED_REPLIES:
             self._replies.clear()
-            self._version, self._valid_until = version, float("inf")
-        self._replies[command] = reply, kinds
+            self._readings_version, self._valid_until = version, float("inf")
+        self._replies[command] = reply, reading_kinds
         self._valid_until = min(self._valid_until, until)
 
     def clear(self) -> None:
@@ -160,7 +161,7 @@ class ReplyCache:
 
 
 #: Maximum number of operations of a connection without a reply; beyond that only ends of motions are started.
-MAX_BACKGROUND = 16
+MAX_BACKGROUND_OPERATIONS = 16
 
 
 class BackgroundOperations:
@@ -173,34 +174,34 @@ class BackgroundOperations:
     def __bool__(self) -> bool:
         return bool(self._operations)
 
-    def start(self, operation: op.Operation, stop_count: int, asked: float) -> None:
-        """Start an operation without a reply, requested at loop time ``asked``. Log a failure."""
+    def start(self, operation: op.Operation, stop_count: int, asked_at: float) -> None:
+        """Start an operation without a reply, requested at loop time ``asked_at``. Log a failure."""
         controller = self._controller
         if isinstance(operation, MOVERS) and stop_count != controller.stops:  # a stop came since, or the client is gone
             return
         halts = isinstance(operation, op.StopAxis | op.AbortSlew)
-        if halts and controller.reconciler.halt_is_pending(operation):
+        if halts and controller.reconciler.merge_halt(operation):
             return
-        ends = halts or ends_focus(operation)
-        if len(self._operations) >= MAX_BACKGROUND and (not ends or operation in self._operations.values()):
+        ends = halts or stops_focuser(operation)
+        if len(self._operations) >= MAX_BACKGROUND_OPERATIONS and (not ends or operation in self._operations.values()):
             what = operation.title()
             self._log.note_once(f"commands arrive faster than the mount accepts them: {what}: not carried out")
             return
-        failed = partial(self._failed, operation)
-        task = controller.begin(operation, stop_count, failed, self._activity, asked)
+        failed = partial(self._log_failure, operation)
+        task = controller.begin(operation, stop_count, failed, self._activity, asked_at)
         self._operations[task] = operation
         task.add_done_callback(lambda done: self._operations.pop(done, None))
 
-    def _failed(self, operation: op.Operation, fault: Fault) -> None:
-        self._log.refused(fault.of(operation.title()))
+    def _log_failure(self, operation: op.Operation, fault: Fault) -> None:
+        self._log.log_refusal(fault.with_summary(operation.title()))
 
 
 #: The operation that may take minutes; its reply has no timeout, but the next command ends it.
-LASTING = op.ClockFromGps
+LONG_OPERATION = op.ClockFromGps
 
 
-class TurnRunner:
-    """Runs the commands of a client, which has these ``rights``. ``equinox`` converts its coordinates."""
+class CommandRunner:
+    """Runs the commands of a client, which has these ``rights``. ``equinox_converter`` converts its coordinates."""
 
     def __init__(
         self,
@@ -212,85 +213,87 @@ class TurnRunner:
         rights: Rights,
     ) -> None:
         self._controller, self._surface, self._session = controller, binding.surface, session
-        self._activity, self._log, self.cache = activity, log, ReplyCache(controller)
-        self.rights, self.equinox = rights, binding.converter
+        self._activity, self._log, self.reply_cache = activity, log, ReplyCache(controller)
+        self.rights, self.equinox_converter = rights, binding.converter
         self.background = BackgroundOperations(controller, log, activity)
-        self._deferred_operations: dict[str, asyncio.TimerHandle] = {}
+        self._deferral_timers: dict[str, asyncio.TimerHandle] = {}
         #: Kind of reading -> the last reading as it was sent, the loop time, and the version of the readings.
-        self._sent_operations: dict[type[op.Operation], tuple[object, float, int]] = {}
+        self._sent_readings: dict[type[op.Operation], tuple[object, float, int]] = {}
 
-    def advance(self, turn: Turn, answer: object, fault: Fault | None = None) -> op.Operation:
+    def advance(self, pending: PendingCommand, answer: object, fault: Fault | None = None) -> op.Operation:
         """Run a command until it must wait. Return the operation to wait for. Raises StopIteration with the reply."""
         while True:
             if fault is not None:
-                fault.logged = True  # it is in the log already
-            wanted = turn.steps.send(answer) if fault is None else turn.steps.throw(fault)
-            answer, fault, turn.lasting = None, None, isinstance(wanted, LASTING)
+                fault.is_logged = True  # it is in the log already
+            wanted = pending.steps.send(answer) if fault is None else pending.steps.throw(fault)
+            answer, fault, pending.is_long_operation = None, None, isinstance(wanted, LONG_OPERATION)
             if isinstance(wanted, FireAndForget):
-                self._start(turn, wanted.operation)
+                self._start(pending, wanted.operation)
             elif isinstance(wanted, CheckPossible):
-                turn.reusable = False
-                fault = self._refusal(wanted.operation, turn.arrived) or self._impossible(wanted.operation)
+                pending.is_reusable = False
+                fault = self._refusal(wanted.operation, pending.arrived_at) or self._find_fault(wanted.operation)
             elif isinstance(wanted, Defer):
-                turn.reusable = False
+                pending.is_reusable = False
                 self._defer(wanted)
             elif isinstance(wanted, Note):
                 self._controller.context.note_once(wanted.text)
             elif isinstance(wanted, ChangeBaudRate):
-                turn.reusable, turn.baud = False, wanted.baud
+                pending.is_reusable, pending.new_baud = False, wanted.baud
             else:
                 if isinstance(wanted, ReuseLastReading):
                     wanted = wanted.operation
-                    answer = self._recent_reading(wanted, turn)
+                    answer = self._recently_sent_reading(wanted, pending)
                     if answer is not None:
                         continue
                 if not isinstance(wanted, op.Read):
-                    fault = self._refusal(wanted, turn.arrived)
+                    fault = self._refusal(wanted, pending.arrived_at)
                     if fault is None:
                         return wanted
-                    turn.reusable = False
+                    pending.is_reusable = False
                     continue
                 value = self._controller.peek(wanted, self._activity.program)
                 if value is NOT_CACHED:
                     return wanted
                 if type(wanted) in MAX_AGE:
-                    turn.readings.append(type(wanted))
+                    pending.reading_kinds.append(type(wanted))
                 elif not (isinstance(wanted, op.NativeRequest) and wanted.keep == "fixed"):
-                    turn.reusable = False
-                answer = self._to_client(wanted, value)
+                    pending.is_reusable = False
+                answer = self._to_client_equinox(wanted, value)
 
-    async def finish(self, turn: Turn, operation: op.Operation) -> bytes | None:
+    async def finish(self, pending: PendingCommand, operation: op.Operation) -> bytes | None:
         """Wait for each operation of the command until the command is done. Return its reply."""
         while True:
             answer, fault = None, None
             try:
-                patience = turn.arrived + START_TIMEOUT - self._controller.now() if self._surface.replies else inf
+                patience = pending.arrived_at + START_TIMEOUT - self._controller.now() if self._surface.replies else inf
                 value = await self._controller.perform(
-                    self._to_internal(operation), turn.stops, self._activity, patience, turn.arrived
+                    self._to_of_date(operation), pending.stop_count, self._activity, patience, pending.arrived_at
                 )
-                answer = self._to_client(operation, value)
+                answer = self._to_client_equinox(operation, value)
             except Fault as error:
-                text = error.of(operation.title())
-                (self._log.note if isinstance(operation, op.Read) else self._log.refused)(text)
+                text = error.with_summary(operation.title())
+                (self._log.note if isinstance(operation, op.Read) else self._log.log_refusal)(text)
                 fault = error
             try:
-                operation = self.advance(turn, answer, fault)
+                operation = self.advance(pending, answer, fault)
             except StopIteration as end:
                 reply: bytes | None = end.value
                 return reply
 
     # --- requested operations ----------------------------------------------------------------------------------------
 
-    def _start(self, turn: Turn, operation: op.Operation) -> None:
+    def _start(self, pending: PendingCommand, operation: op.Operation) -> None:
         """Start an operation without waiting. One that was started when the bytes arrived is not started again."""
-        turn.reusable = False
-        if self._refusal(operation, turn.arrived):
+        pending.is_reusable = False
+        if self._refusal(operation, pending.arrived_at):
             return
-        turn.ended_motion = isinstance(operation, op.StopAxis | op.AbortSlew)
-        if turn.ending is None or operation != turn.ending.operation:
-            self.background.start(self._to_internal(operation), turn.stops, turn.arrived)
-        if turn.held is not None and isinstance(operation, op.Move | op.MoveAxis):
-            self.background.start(op.StopAxis(operation.axis), turn.stops, turn.arrived + turn.held)
+        pending.has_ended_motion = isinstance(operation, op.StopAxis | op.AbortSlew)
+        if pending.ending is None or operation != pending.ending.operation:
+            self.background.start(self._to_of_date(operation), pending.stop_count, pending.arrived_at)
+        if pending.press_duration is not None and isinstance(operation, op.Move | op.MoveAxis):
+            self.background.start(
+                op.StopAxis(operation.axis), pending.stop_count, pending.arrived_at + pending.press_duration
+            )
 
     def _refusal(self, operation: op.Operation, arrived_at: float) -> Fault | None:
         """Return the fault if the client may not request this operation, or it is too late; log the refusal."""
@@ -299,77 +302,77 @@ class TurnRunner:
             isinstance(operation, HAND_MOTIONS)  # a motion or a sync is not done after its reply is too late
             or (late > MOUNT_TIMEOUT and (begins_motion(operation) or isinstance(operation, op.Sync)))
         ):
-            self._log.refused(f"{operation.title()}: {STARTED_TOO_LATE}")
-            return Busy(STARTED_TOO_LATE)
+            self._log.log_refusal(f"{operation.title()}: {START_TOO_LATE_MESSAGE}")
+            return Busy(START_TOO_LATE_MESSAGE)
         refusal = self.rights.refusal(operation)
         if refusal is not None:
-            self._log.refused_once(f"{operation.title()} refused: {refusal.reason}")
+            self._log.log_refusal_once(f"{operation.title()} refused: {refusal.reason}")
         return None if refusal is None else refusal.fault
 
-    def _impossible(self, operation: op.Operation) -> Fault | None:
+    def _find_fault(self, operation: op.Operation) -> Fault | None:
         """Return the fault if the operation is impossible now, and log it."""
-        fault = self._controller.impossible(operation)
+        fault = self._controller.certain_fault(operation)
         if fault is not None:
-            self._log.refused(fault.of(operation.title()))
+            self._log.log_refusal(fault.with_summary(operation.title()))
         return fault
 
     # --- answers -----------------------------------------------------------------------------------------------------
 
-    def _recent_reading(self, operation: op.Operation, turn: Turn) -> object:
+    def _recently_sent_reading(self, operation: op.Operation, pending: PendingCommand) -> object:
         """Return the reading that the client was sent a moment ago; None if that is too long ago."""
-        value, at, version = self._sent_operations.get(type(operation), (None, -inf, 0))
+        value, at, version = self._sent_readings.get(type(operation), (None, -inf, 0))
         if self._controller.now() - at >= COORDINATE_PAIR_WINDOW:
             return None
-        if version == self._controller.version:
-            turn.readings.append(type(operation))
+        if version == self._controller.answer_version:
+            pending.reading_kinds.append(type(operation))
         else:
-            turn.reusable = False
+            pending.is_reusable = False
         return value
 
-    def _to_client(self, operation: op.Operation, value: object) -> object:
-        if self.equinox is not None:
-            value = self.equinox.to_client(operation, value)
+    def _to_client_equinox(self, operation: op.Operation, value: object) -> object:
+        if self.equinox_converter is not None:
+            value = self.equinox_converter.to_client(operation, value)
         if type(operation) in MAX_AGE:
-            self._sent_operations[type(operation)] = value, self._controller.now(), self._controller.version
+            self._sent_readings[type(operation)] = value, self._controller.now(), self._controller.answer_version
         return value
 
-    async def reading(self, operation: op.Operation) -> object:
+    async def read_for_client(self, operation: op.Operation) -> object:
         """Return a reading in the client's equinox, for a subscription. Raises Fault."""
-        value: object = await self._controller.answer(self._to_internal(operation), self._activity)
-        return value if self.equinox is None else self.equinox.to_client(operation, value)
+        value: object = await self._controller.answer(self._to_of_date(operation), self._activity)
+        return value if self.equinox_converter is None else self.equinox_converter.to_client(operation, value)
 
-    def _to_internal(self, operation: op.Operation) -> op.Operation:
-        return operation if self.equinox is None else self.equinox.to_internal(operation)
+    def _to_of_date(self, operation: op.Operation) -> op.Operation:
+        return operation if self.equinox_converter is None else self.equinox_converter.to_equinox_of_date(operation)
 
     # --- deferred commands -------------------------------------------------------------------------------------------
 
     def _defer(self, deferral: Defer) -> None:
         controller = self._controller
-        controller.context.incoming.expect(self._activity.program, controller.now() + deferral.seconds)
-        old = self._deferred_operations.pop(deferral.handler, None)
+        controller.context.incoming.expect_rest(self._activity.program, controller.now() + deferral.seconds)
+        old = self._deferral_timers.pop(deferral.handler, None)
         if old is not None:
             old.cancel()
-        self._deferred_operations[deferral.handler] = controller.loop.call_later(
-            deferral.seconds, lambda: controller.spawn(self._deferred_handler(deferral.handler))
+        self._deferral_timers[deferral.handler] = controller.loop.call_later(
+            deferral.seconds, lambda: controller.spawn(self._run_deferred_handler(deferral.handler))
         )
 
-    async def _deferred_handler(self, handler: str) -> None:
+    async def _run_deferred_handler(self, handler_name: str) -> None:
         """Run a deferred handler. It has no reply, so it may run after its connection has closed."""
-        steps = self._surface.call(handler, self._session, None, {})
-        turn = Turn(handler.encode(), steps, self._controller.stops, None, self._controller.now())
+        steps = self._surface.call(handler_name, self._session, None, {})
+        pending = PendingCommand(handler_name.encode(), steps, self._controller.stops, None, self._controller.now())
         try:
-            await self.finish(turn, self.advance(turn, None))
+            await self.finish(pending, self.advance(pending, None))
         except StopIteration:
             return
         except Fault as fault:
-            self._log.note(f"{handler}: {fault}")
+            self._log.note(f"{handler_name}: {fault}")
         except Exception as error:
-            self.defect(turn.frame, error)
+            self.handle_defect(pending.frame, error)
         finally:
-            self._controller.context.incoming.complete(self._activity.program)
+            self._controller.context.incoming.note_complete(self._activity.program)
 
-    def defect(self, frame: bytes, error: Exception) -> None:
+    def handle_defect(self, frame: bytes, error: Exception) -> None:
         """Log an internal error, and stop a moving mount: the failed command may have been meant to end the motion."""
-        self._log.note(f"internal error at {show(frame)}, please report it: {error!r}")
+        self._log.note(f"internal error at {printable(frame)}, please report it: {error!r}")
         if self._controller.reconciler.busy:
             self._controller.begin_stop()

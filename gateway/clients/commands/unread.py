@@ -23,55 +23,57 @@ _IGNORED_BYTES = b"#\r\n\0 "
 
 
 class UnreadText:
-    """The held-back text of a connection. ``send_bytes`` sends and logs bytes; a ``hold`` of 0 s holds nothing back."""
+    """The held-back text of a connection. ``send_bytes`` sends and logs bytes; a ``hold_time`` of 0 s holds nothing
+    back.
+    """
 
     def __init__(
-        self, send_bytes: Callable[[bytes], None], log: ClientLog, loop: asyncio.AbstractEventLoop, hold: float
+        self, send_bytes: Callable[[bytes], None], log: ClientLog, loop: asyncio.AbstractEventLoop, hold_time: float
     ) -> None:
-        self._send_bytes, self._log, self._loop, self.hold_time = send_bytes, log, loop, hold
+        self._send_bytes, self._log, self._loop, self.hold_time = send_bytes, log, loop, hold_time
         self._held_text = b""
         self._timer: asyncio.TimerHandle | None = None
 
-    def heard(self, data: bytes) -> None:
+    def note_received(self, data: bytes) -> None:
         """Drop the held-back text if the program has sent a command, since it then does not wait for the text."""
         if data[:1] == b"#" and len(data) > 1:
-            self.whole()
+            self.stop_holding_back()
         if data.strip(_IGNORED_BYTES):
             self.drop()
 
     def drop(self) -> None:
         """Drop the held-back text: the program has sent another command, or has disconnected."""
-        if text := self._remove_text():
+        if text := self._take_held_text():
             self._log.put("x", text, "not sent, because the program did not wait for it")
 
-    def read_part(self, reply: bytes, byte_count: int, more: bool) -> bytes:
+    def hold_back_rest(self, reply: bytes, byte_count: int, more_commands: bool) -> bytes:
         """Return the part of a reply to send now, the first ``byte_count`` bytes, and hold back the rest.
 
-        ``more``: the program has sent further commands without waiting for this reply. Then the reply is sent whole,
-        or not at all if ``byte_count`` is 0.
+        ``more_commands``: the program has sent further commands without waiting for this reply. Then the reply is sent
+        whole, or not at all if ``byte_count`` is 0.
         """
-        if len(reply) <= byte_count or (more and byte_count):
+        if len(reply) <= byte_count or (more_commands and byte_count):
             return reply
         self._held_text = reply[byte_count:]
-        if more:
+        if more_commands:
             self.drop()
         elif self.hold_time != float("inf"):
-            self._timer = self._loop.call_later(self.hold_time, self._settle)
+            self._timer = self._loop.call_later(self.hold_time, self._schedule_release)
         return reply[:byte_count]
 
-    def _settle(self) -> None:
-        self._timer = self._loop.call_later(SETTLE_TIME, self._release)
+    def _schedule_release(self) -> None:
+        self._timer = self._loop.call_later(SETTLE_TIME, self._send_held_text)
 
-    def _release(self) -> None:
-        if text := self._remove_text():
+    def _send_held_text(self) -> None:
+        if text := self._take_held_text():
             self._send_bytes(text)
 
-    def whole(self) -> None:
+    def stop_holding_back(self) -> None:
         """Send the held-back text, and hold nothing back from now on."""
-        self._release()
+        self._send_held_text()
         self.hold_time = 0.0
 
-    def _remove_text(self) -> bytes:
+    def _take_held_text(self) -> bytes:
         text, self._held_text = self._held_text, b""
         if self._timer is not None:
             self._timer.cancel()

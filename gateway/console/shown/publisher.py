@@ -18,14 +18,14 @@ import msgspec
 from gateway.app.gateway import Gateway
 from gateway.app.status import AverageRate
 from gateway.console.shown import view
-from gateway.console.shown.talk import MAX_ROWS, ConversationView, surface_spoken
-from gateway.core.wire_log import MOUNT_SIDE, Entry, show
+from gateway.console.shown.talk import MAX_ROWS, ConversationView, surface_of_client
+from gateway.core.wire_log import MOUNT_SIDE, Entry, printable
 
 #: How many answer times are stored for new pages.
 MAX_ANSWER_TIMES = 240
 
 #: Time of the answer (Unix seconds), and the answer time in milliseconds; None for a failed exchange.
-Sample = tuple[float, float | None]
+AnswerSample = tuple[float, float | None]
 #: For how many clients the last command is stored; how many bytes of it are shown.
 MAX_CLIENTS, MAX_COMMAND_BYTES = 200, 40
 #: Seconds for which these are cached: Sun, Moon and planets; the same while some are missing; clients and abilities.
@@ -38,11 +38,11 @@ class AnswerTimes:
     """Collects the mount's answer times and counts its faults, from a wire log."""
 
     def __init__(self) -> None:
-        self.samples: deque[Sample] = deque(maxlen=MAX_ANSWER_TIMES)
+        self.samples: deque[AnswerSample] = deque(maxlen=MAX_ANSWER_TIMES)
         self.faults = 0
         self._asked = 0.0
         #: The rate of exchanges with the mount.
-        self.rate = AverageRate()
+        self.answer_rate = AverageRate()
 
     def put(self, entry: Entry) -> None:
         """Receive an entry; this is a sink of the wire log."""
@@ -55,7 +55,7 @@ class AnswerTimes:
             self.faults += failed
             self.samples.append((round(entry.time, 3), None if failed else round((entry.time - self._asked) * 1e3, 1)))
 
-    def newest(self, now: float) -> list[Sample]:
+    def newest(self, now: float) -> list[AnswerSample]:
         """Return the answer times of the last seconds, more than are new, because a page may miss a message."""
         return [sample for sample in self.samples if sample[0] > now - ANSWER_TIMES_WINDOW]
 
@@ -67,7 +67,7 @@ class ConnectedPrograms:
         self._gateway = gateway
         self._last_commands: dict[str, bytes] = {}
         self._counts: dict[str, int] = {}
-        self._rates: dict[str, AverageRate] = {}
+        self._command_rates: dict[str, AverageRate] = {}
 
     def put(self, entry: Entry) -> None:
         """Receive an entry; this is a sink of the wire log."""
@@ -75,7 +75,7 @@ class ConnectedPrograms:
         if side == MOUNT_SIDE:
             return
         if entry.arrow == "-":
-            for known in (self._last_commands, self._counts, self._rates):
+            for known in (self._last_commands, self._counts, self._command_rates):
                 known.pop(side, None)
         elif entry.arrow == ">":
             if side not in self._last_commands and len(self._last_commands) >= MAX_CLIENTS:
@@ -89,12 +89,12 @@ class ConnectedPrograms:
         visits = [(surface, visit) for surface, acceptor in acceptors for visit in acceptor.connections()]
         for surface, visit in visits:
             client, side = visit.client, visit.client.log.name
-            rate = self._rates.setdefault(side, AverageRate()).per_second(now, self._counts.get(side, 0))
+            rate = self._command_rates.setdefault(side, AverageRate()).per_second(now, self._counts.get(side, 0))
             yield {
-                "name": show(side.encode()), "surface": surface_spoken(surface, visit.protocol),
-                "profile": visit.profile,
-                "last": show(self._last_commands.get(side, b"")[:MAX_COMMAND_BYTES]), "rate": round(rate, 1),
-                "read_only": client.runner.rights.read_only,
+                "name": printable(side.encode()), "surface": surface_of_client(surface, visit.protocol),
+                "profile": visit.program_name,
+                "last": printable(self._last_commands.get(side, b"")[:MAX_COMMAND_BYTES]), "rate": round(rate, 1),
+                "read_only": client.command_runner.rights.read_only,
             }  # fmt: skip
 
 
@@ -103,7 +103,7 @@ class ShownMount:
 
     def __init__(self, gateway: Gateway, index: int) -> None:
         self.gateway, self._index = gateway, index
-        self.answer_times, self.talk, self._programs = (
+        self.answer_times, self.conversation, self._connected_programs = (
             AnswerTimes(),
             ConversationView(gateway, index),
             ConnectedPrograms(gateway),
@@ -111,30 +111,30 @@ class ShownMount:
         self._program_list: list[dict[str, Any]] = []
         self._bodies: list[dict[str, Any]] = []
         self._abilities: dict[str, Any] = {}
-        self._programs_at = self._bodies_at = self._abilities_at = -1e9
-        self._bodies_basis: Any = None
+        self._programs_cached_at = self._bodies_cached_at = self._abilities_cached_at = -1e9
+        self._bodies_cache_key: Any = None
         self._loop = asyncio.get_running_loop()
 
     def start(self) -> None:
         """Begin to collect data from the wire log."""
-        self.gateway.wire_log.sinks += [self.answer_times.put, self._programs.put]
-        self._programs_at = -1e9
+        self.gateway.wire_log.sinks += [self.answer_times.put, self._connected_programs.put]
+        self._programs_cached_at = -1e9
 
     def stop(self) -> None:
         """Stop collecting data."""
-        for sink in (self.answer_times.put, self._programs.put):
-            self.gateway.wire_log.remove(sink)
+        for sink in (self.answer_times.put, self._connected_programs.put):
+            self.gateway.wire_log.remove_sink(sink)
 
     def state(self) -> dict[str, Any]:
         """Return the whole state of the mount."""
         controller, now = self.gateway.controller, self._loop.time()
         state = view.state(self.gateway, self._index)
-        if now - self._abilities_at >= OTHER_CACHE_TIME:
-            self._abilities_at, self._abilities = now, view.abilities(controller)
+        if now - self._abilities_cached_at >= OTHER_CACHE_TIME:
+            self._abilities_cached_at, self._abilities = now, view.abilities(controller)
         many = sum(len(acceptor.connections()) for acceptor in self.gateway.acceptors)
-        if now - self._programs_at >= OTHER_CACHE_TIME or many != len(self._program_list):
-            self._programs_at, self._program_list = now, list(self._programs.connections(now))
-        rate = self.answer_times.rate.per_second(controller.now(), controller.line.times.answers)
+        if now - self._programs_cached_at >= OTHER_CACHE_TIME or many != len(self._program_list):
+            self._programs_cached_at, self._program_list = now, list(self._connected_programs.connections(now))
+        rate = self.answer_times.answer_rate.per_second(controller.now(), controller.line.times.reply_count)
         state["line"] |= {"rate": round(rate, 1), "faults": self.answer_times.faults}
         times = self.answer_times.newest(controller.wire_log.clock())
         return {**state, **self._abilities, "programs": self._program_list, "bodies": self._sky(now), "times": times}
@@ -142,10 +142,10 @@ class ShownMount:
     def _sky(self, now: float) -> list[dict[str, Any]]:
         """Return Sun, Moon and planets from the cache; refresh it if stale, the site changes or astropy is loaded."""
         controller = self.gateway.controller
-        by = controller.sources.site(), controller.astrometry.sky.ready
+        by = controller.sources.site(), controller.astrometry.sky.has_tables
         fresh = BODIES_CACHE_TIME if len(self._bodies) == len(view.BODIES) else BODIES_RETRY_TIME
-        if now - self._bodies_at >= fresh or by != self._bodies_basis:
-            self._bodies_at, self._bodies_basis, self._bodies = now, by, list(view.bodies(controller))
+        if now - self._bodies_cached_at >= fresh or by != self._bodies_cache_key:
+            self._bodies_cached_at, self._bodies_cache_key, self._bodies = now, by, list(view.bodies(controller))
         return self._bodies
 
 
@@ -166,85 +166,85 @@ class Publisher:
         self._recordings = recordings
         self._loop = asyncio.get_running_loop()
         #: The newest message; empty if there is none yet.
-        self.text = ""
-        self._pages = self._listening = 0
+        self.message_text = ""
+        self._page_count = self._listener_count = 0
         #: Done when there is a new message or row; all pages wait for it.
         self._next_message: asyncio.Future[None] = self._loop.create_future()
         self._task: asyncio.Task[None] | None = None
         self._rows: deque[Any] = deque(maxlen=MAX_ROWS)
         #: The number of rows of the conversation so far.
-        self.count = 0
+        self.row_count = 0
 
     def subscribe(self) -> None:
         """Count one more page that waits for messages; the first page starts the task."""
-        self._pages += 1
+        self._page_count += 1
         if self._task is None:
             for mount in self.mounts:
                 mount.start()
             self._task = self._loop.create_task(self._publish())
-            self._task.add_done_callback(self._ended)
+            self._task.add_done_callback(self._on_task_ended)
 
-    def leave(self) -> None:
+    def unsubscribe(self) -> None:
         """Count one page less; after the last page, end the task."""
-        self._pages -= 1
-        if not self._pages and self._task is not None:
+        self._page_count -= 1
+        if not self._page_count and self._task is not None:
             self._task.cancel()
             self._stop()
 
-    async def next(self) -> None:
+    async def wait_for_message(self) -> None:
         """Wait for the next message or more rows. Raises ConnectionError if the task has ended."""
         if self._task is None:
             raise ConnectionError("the page has nothing to show")
         await asyncio.shield(self._next_message)
 
-    def listen(self, change: int) -> None:
+    def count_listeners(self, change: int) -> None:
         """Count one more (1) or one less (-1) page that shows the conversation."""
-        self._listening += change
+        self._listener_count += change
         for mount in self.mounts:
-            mount.talk.listen(self._listening > 0)
+            mount.conversation.listen(self._listener_count > 0)
 
-    def since(self, row: int) -> Sequence[Any]:
+    def rows_since(self, row: int) -> Sequence[Any]:
         """Return the rows of the conversation from this number on, as far as they are still stored."""
-        missed = min(self.count - row, len(self._rows))
+        missed = min(self.row_count - row, len(self._rows))
         return list(self._rows)[-missed:] if missed > 0 else []
 
     async def _publish(self) -> None:
         before, due = None, 0.0
         while True:
-            rows = self.count
-            await self._take_rows()
+            rows = self.row_count
+            await self._make_rows()
             states, recordings = [mount.state() for mount in self.mounts], self._recordings()
             steady = [{key: value for key, value in state.items() if key not in VOLATILE} for state in states]
             moves = any(state["moves"] for state in states)
             if moves or (steady, recordings) != before or self._loop.time() >= due:
                 before, due = (steady, recordings), self._loop.time() + REST_PERIOD - MOTION_PERIOD / 2
-                self.text = encoded({"mounts": states, "recordings": recordings})
-            elif rows == self.count:
+                self.message_text = encode({"mounts": states, "recordings": recordings})
+            elif rows == self.row_count:
                 await asyncio.sleep(MOTION_PERIOD)
                 continue
             shown, self._next_message = self._next_message, self._loop.create_future()
             shown.set_result(None)
             await asyncio.sleep(MOTION_PERIOD)
 
-    async def _take_rows(self) -> None:
+    async def _make_rows(self) -> None:
         """Make rows of the log entries since the last message, at most ``MAX_ROWS``."""
-        began, end = time.perf_counter(), self.count + MAX_ROWS
+        began, end = time.perf_counter(), self.row_count + MAX_ROWS
         for mount in self.mounts:
-            for row in mount.talk.take():
+            for row in mount.conversation.take_rows():
                 self._rows.append(row)
-                self.count += 1
-                if self.count >= end:
+                self.row_count += 1
+                if self.row_count >= end:
                     return
                 if time.perf_counter() - began > WORK_SLICE:
                     await asyncio.sleep(SLICE_PAUSE)
                     began = time.perf_counter()
 
     def _stop(self) -> None:
-        self._task, self.text = None, ""
+        self._task, self.message_text = None, ""
         for mount in self.mounts:
             mount.stop()
 
-    def _ended(self, task: asyncio.Task[None]) -> None:
+    def _on_task_ended(self, task: asyncio.Task[None]) -> None:
         """If the task has failed, disconnect the pages; they connect again, which starts a new task."""
         if task is self._task and not task.cancelled():
             self._stop()
@@ -255,6 +255,6 @@ class Publisher:
             shown.exception()  # perhaps nobody waits for it
 
 
-def encoded(message: object) -> str:
+def encode(message: object) -> str:
     """Encode a message as JSON."""
     return msgspec.json.encode(message).decode()

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from gateway.app.gateway import Gateway
-from gateway.core.wire_log import MOUNT_SIDE, Entry, show
-from gateway.diagnostics.log.printing import Rows
+from gateway.core.wire_log import MOUNT_SIDE, Entry, printable
+from gateway.diagnostics.log.printing import RowBuilder
 from gateway.protocols.registry import ANY
 
 #: How many rows are stored for pages, and how many entries may wait to be made into rows; the oldest are dropped.
@@ -28,16 +28,16 @@ class ConversationView:
         self._gateway, self._index = gateway, index
         self._entries: deque[Entry] = deque(maxlen=MAX_WAITING_ENTRIES)
         self._is_listening = False
-        self._row_number = 0
+        self._last_command_number = 0
         self._unanswered: dict[str, tuple[int, float]] = {}
-        self._cause_row: int | None = None
+        self._cause_command_number: int | None = None
         #: Name in the log -> surface of this connection; empty if it is no connection, or has closed.
         self._surfaces: dict[str, str] = {}
         self._rows = self._new_rows()
 
-    def _new_rows(self) -> Rows:
+    def _new_rows(self) -> RowBuilder:
         surfaces = [str(endpoint) for endpoint in self._gateway.endpoints]
-        return Rows(self._gateway.mount.protocol, surfaces)
+        return RowBuilder(self._gateway.mount.protocol, surfaces)
 
     def listen(self, on: bool) -> None:
         """Begin or end collecting entries."""
@@ -45,25 +45,25 @@ class ConversationView:
             return
         self._is_listening, wire_log = on, self._gateway.wire_log
         if on:
-            self._rows, self._unanswered, self._cause_row = self._new_rows(), {}, None
-            self._surfaces = connected(self._gateway)
+            self._rows, self._unanswered, self._cause_command_number = self._new_rows(), {}, None
+            self._surfaces = surface_by_connection(self._gateway)
             for side, surface in self._surfaces.items():
-                if (protocol := kind(surface).partition(":")[0]) != ANY:
-                    self._rows.knows(side, protocol)
+                if (protocol := protocol_and_model(surface).partition(":")[0]) != ANY:
+                    self._rows.set_protocol(side, protocol)
             wire_log.sinks.append(self._entries.append)
         else:
             self._entries.clear()
-            wire_log.remove(self._entries.append)
+            wire_log.remove_sink(self._entries.append)
 
-    def take(self) -> Iterator[dict[str, Any]]:
+    def take_rows(self) -> Iterator[dict[str, Any]]:
         """Yield the rows of the entries since the last call."""
         while self._entries:
             entry = self._entries.popleft()
-            pair, surface = self._pair(entry), kind(self._surface(entry))
+            pair, surface = self._command_number(entry), protocol_and_model(self._surface(entry))
             for row in self._rows.take(entry):
                 yield {  # bytes as printable text, which the page shows as text, never as markup
-                    "mount": self._index, "time": round(row.time, 3), "side": show(row.side.encode()),
-                    "arrow": row.arrow, "data": show(row.data), "words": row.text, "kind": row.kind, "pair": pair,
+                    "mount": self._index, "time": round(row.time, 3), "side": printable(row.side.encode()),
+                    "arrow": row.arrow, "data": printable(row.data), "words": row.text, "kind": row.kind, "pair": pair,
                     "surface": surface,
                 }  # fmt: skip
 
@@ -71,15 +71,15 @@ class ConversationView:
         """Return the surface of an entry's connection, looked up again when the connection's protocol is recognised."""
         side, known = entry.side, self._surfaces
         if side not in known or entry.arrow == "~":
-            known[side] = "" if side == MOUNT_SIDE else connected(self._gateway).get(side, "")
+            known[side] = "" if side == MOUNT_SIDE else surface_by_connection(self._gateway).get(side, "")
         return known.pop(side) if entry.arrow == "-" else known[side]
 
-    def _pair(self, entry: Entry) -> int | None:
+    def _command_number(self, entry: Entry) -> int | None:
         """Return the number of the client's command that an entry belongs to, by order in the log; None if unknown."""
         if entry.side != MOUNT_SIDE and entry.arrow == ">":
-            self._row_number += 1
-            self._unanswered[entry.side] = (self._row_number, entry.time)
-            return self._row_number
+            self._last_command_number += 1
+            self._unanswered[entry.side] = (self._last_command_number, entry.time)
+            return self._last_command_number
         if entry.side != MOUNT_SIDE:
             number = self._unanswered.get(entry.side, (None, 0.0))[0]
             if entry.arrow in "<-":  # not after a note: a refusal is noted first, and its reply follows
@@ -87,26 +87,26 @@ class ConversationView:
             return number
         if entry.arrow == ">":  # the mount's answer belongs to the same command, however late it arrives
             waiting = [number for number, at in self._unanswered.values() if entry.time - at <= CAUSE_WINDOW]
-            self._cause_row = max(waiting, default=None)
-        return self._cause_row
+            self._cause_command_number = max(waiting, default=None)
+        return self._cause_command_number
 
 
-def connected(gateway: Gateway) -> dict[str, str]:
+def surface_by_connection(gateway: Gateway) -> dict[str, str]:
     """Return a dictionary from the name of every connection in the log to its surface."""
     surfaces = zip(gateway.names(), gateway.acceptors, strict=False)
     return {
-        visit.client.log.name: surface_spoken(surface, visit.protocol)
+        visit.client.log.name: surface_of_client(surface, visit.protocol)
         for surface, acceptor in surfaces
         for visit in acceptor.connections()
     }
 
 
-def surface_spoken(surface: str, protocol: str) -> str:
+def surface_of_client(surface: str, protocol: str) -> str:
     """Return the surface of a client, with the client's protocol if the surface takes any protocol."""
     what, at, where = surface.partition("@")
     return f"{protocol}{at}{where}" if what == ANY else surface
 
 
-def kind(surface: str) -> str:
+def protocol_and_model(surface: str) -> str:
     """Return protocol and model of a surface without its address, such as ``lx200:autostar``."""
     return surface.partition("@")[0]

@@ -18,9 +18,9 @@ from gateway.mount.motion.wanted import Slew
 from gateway.mount.safety.admission.contradictions import site_text, time_unknown
 
 #: Decimal places of degrees: 0.04 arcseconds for positions, 0.001 degrees for azimuth and altitude; the rest is noise.
-FINE, COARSE = 5, 3
+FINE_DECIMALS, COARSE_DECIMALS = 5, 3
 #: The operations that the page offers only if the mount supports them.
-OFFERED = ("Goto", "Home", "Move", "Park", "Pulse", "SetGuideRate", "SetTracking", "Sync", "TrackRate")
+OPTIONAL_OPERATIONS = ("Goto", "Home", "Move", "Park", "Pulse", "SetGuideRate", "SetTracking", "Sync", "TrackRate")
 #: Advice for a terminal, which is removed for a page, because a page has a button instead.
 RELEASE_ADVICE = " (mount-gateway stop --release)"
 #: The bodies of the solar system that are shown.
@@ -30,12 +30,12 @@ BODIES = ("Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranu
 def state(gateway: Gateway, index: int) -> dict[str, Any]:
     """Return the state of a mount without the parts that ``ShownMount`` caches. Takes about 0.1 ms."""
     controller, state = gateway.controller, gateway.state()
-    shown, look, status, limits = state.drawn(), state.look, state.look.status, state.policy.limits
+    shown, look, status, limits = state.to_state(), state.look, state.look.status, state.policy.limits
     position = None if look.position is None else coordinates(controller, look.position, state.horizontal)
     return {
-        "index": index, "name": look.name, "at": state.mount, "found": shown.found, "product": shown.product,
+        "index": index, "name": look.name, "at": state.mount, "found": shown.identity_text, "product": shown.product,
         "model": shown.model, "version": shown.version, "state": look.state, "reason": look.reason,
-        "does": activity(look), "pier": state.pier, "tracking": status.tracking.value if status else "",
+        "does": activity(look), "pier": state.pier_side, "tracking": status.tracking.value if status else "",
         "tracks": status is not None and status.tracking is not op.Tracking.OFF,
         "aligned": status.aligned if status else None, "equatorial": status.equatorial if status else None,
         "german": state.german, "slewing": look.slewing, "by_hand": look.by_hand, "moves": look.moves,
@@ -43,12 +43,12 @@ def state(gateway: Gateway, index: int) -> dict[str, Any]:
         "goto_unparks": controller.driver.goto_unparks, "wanted": list(shown.wanted),
         "allowed": [in_page_wording(text) for text in shown.allowed],
         "lately": [in_page_wording(text) for text in shown.lately],
-        "line": {"typical": round(state.reply, 3), "answers": state.answers},
+        "line": {"typical": round(state.reply_time, 3), "answers": state.reply_count},
         "surfaces": gateway.names(),
         "limits": {key: getattr(limits, key) for key in ("lowest", "highest", "sun", "hour_angle", "by_page")},
         "own_limits": str(controller.owners_limits), "position": position and {**position, "age": round(look.age, 1)},
-        "site_holds": controller.settings.holds_for(),
-        **_sky(controller, state), **_site_and_clock(state), **_goal(controller, state),
+        "site_holds": controller.settings.site_scope(),
+        **_sidereal_and_hour_angle(controller, state), **_site_and_clock(state), **_goto_target(controller, state),
     }  # fmt: skip
 
 
@@ -60,12 +60,13 @@ def in_page_wording(text: str) -> str:
 def abilities(controller: MountController) -> dict[str, Any]:
     """Return the functions of the page that the mount supports, its guide rates, its speeds by key, and its park
     position; None while unknown."""
-    status = controller.cache.last(op.GetStatus)
+    status = controller.cache.last_or_forgotten(op.GetStatus)
     if not controller.identified.is_set() or status is None:
         return {"can": None, "guides": None, "speeds": None, "park": None}
     able = controller.driver.can_do(status.equatorial)
     return {
-        "can": [name for name in OFFERED if name in able.can], "guides": [round(rate, 3) for rate in able.guides],
+        "can": [name for name in OPTIONAL_OPERATIONS if name in able.can],
+        "guides": [round(rate, 3) for rate in able.guides],
         "speeds": [round(controller.driver.speed(op.Rate(key=key)), 4) for key in range(1, 10)],
         "park": _park_position(controller, status),
     }  # fmt: skip
@@ -78,58 +79,58 @@ def _park_position(controller: MountController, status: op.Status) -> dict[str, 
         return None
     horizontal: op.GotoAxes | op.Horizontal = axes
     if status.equatorial:
-        horizontal = derived.horizon(derived.from_axes(axes, wedge=not controller.driver.german))
-    return {"alt": round(horizontal.alt, COARSE), "az": round(horizontal.az, COARSE)}
+        horizontal = derived.horizontal(derived.from_axes(axes, on_wedge=not controller.driver.german))
+    return {"alt": round(horizontal.alt, COARSE_DECIMALS), "az": round(horizontal.az, COARSE_DECIMALS)}
 
 
 def coordinates(
-    controller: MountController, place: op.Equatorial, horizontal: op.Horizontal | None = None
+    controller: MountController, position: op.Equatorial, horizontal: op.Horizontal | None = None
 ) -> dict[str, Any]:
     """Return a position of date, also as J2000 and ``horizontal`` (None while the site is unknown)."""
     derived = controller.astrometry
-    ra2000, dec2000 = derived.sky.to_j2000(place.ra, place.dec, derived.site_clock.unix())
+    ra2000, dec2000 = derived.sky.to_j2000(position.ra, position.dec, derived.site_clock.unix())
     shown: dict[str, Any] = {
-        "ra": round(place.ra, FINE), "dec": round(place.dec, FINE), "ra2000": round(ra2000, FINE),
-        "dec2000": round(dec2000, FINE), "alt": None, "az": None,
+        "ra": round(position.ra, FINE_DECIMALS), "dec": round(position.dec, FINE_DECIMALS),
+        "ra2000": round(ra2000, FINE_DECIMALS), "dec2000": round(dec2000, FINE_DECIMALS), "alt": None, "az": None,
     }  # fmt: skip
     if horizontal is None and derived.site_clock.site() is not None:
-        horizontal = derived.horizon(place)
+        horizontal = derived.horizontal(position)
     if horizontal is not None:
-        shown |= {"alt": round(horizontal.alt, COARSE), "az": round(horizontal.az, COARSE)}
+        shown |= {"alt": round(horizontal.alt, COARSE_DECIMALS), "az": round(horizontal.az, COARSE_DECIMALS)}
     return shown
 
 
 def bodies(controller: MountController) -> Iterator[dict[str, Any]]:
     """Yield Sun, Moon and planets: name, J2000 position, altitude and azimuth (None while the site is unknown)."""
     for name in BODIES:
-        where = _body(controller, name)
+        where = _body_position(controller, name)
         if where is not None:
             place = coordinates(controller, where)
             yield {"name": name, **{key: place[key] for key in ("ra2000", "dec2000", "alt", "az")}}
 
 
-def _body(controller: MountController, name: str) -> op.Equatorial | None:
+def _body_position(controller: MountController, body_name: str) -> op.Equatorial | None:
     derived = controller.astrometry
     unix = derived.site_clock.unix()
-    if name == "Sun":
+    if body_name == "Sun":
         return op.Equatorial(*derived.sky.sun(unix))
-    if name == "Moon":
+    if body_name == "Moon":
         site = derived.site_clock.site()
         return None if site is None else op.Equatorial(*derived.sky.moon(unix, site.latitude, site.longitude)[:2])
-    planet = derived.sky.planet(name, unix)
+    planet = derived.sky.planet(body_name, unix)
     return None if planet is None else op.Equatorial(*planet)
 
 
-def _sky(controller: MountController, state: MountState) -> dict[str, Any]:
+def _sidereal_and_hour_angle(controller: MountController, state: MountState) -> dict[str, Any]:
     """Return sidereal time and hour angle, degrees; None while the site is unknown."""
     if not state.sites:
         return {"sidereal": None, "hour_angle": None}
     sidereal, position = controller.astrometry.sidereal_time(), state.look.position
-    angle = None if position is None else round(wrap180(sidereal - position.ra), COARSE)
-    return {"sidereal": round(sidereal, COARSE), "hour_angle": angle}
+    angle = None if position is None else round(wrap180(sidereal - position.ra), COARSE_DECIMALS)
+    return {"sidereal": round(sidereal, COARSE_DECIMALS), "hour_angle": angle}
 
 
-def _goal(controller: MountController, state: MountState) -> dict[str, Any]:
+def _goto_target(controller: MountController, state: MountState) -> dict[str, Any]:
     """Return the target of the goto under way; its value is None if there is none."""
     goal: dict[str, Any] | None = None
     if isinstance(state.goal, op.Equatorial):
@@ -149,9 +150,9 @@ def _site_and_clock(state: MountState) -> dict[str, Any]:
         site = {"latitude": place.latitude, "longitude": place.longitude, "source": source, "words": site_text(place)}
     return {
         "site": site,
-        "clock": {"ahead": round(time.unix - state.clock, 1), "source": time.source},
-        "site_doubt": next((doubt.line for doubt in state.site_doubts), ""),
+        "clock": {"ahead": round(time.unix - state.unix_time, 1), "source": time.source},
+        "site_doubt": next((doubt.warning_line for doubt in state.site_contradictions), ""),
         "clock_doubt": "no source reports the time, and this computer's clock is wrong"
         if time_unknown(time)
-        else next((doubt.line for doubt in state.clock_doubts), ""),
+        else next((doubt.warning_line for doubt in state.clock_contradictions), ""),
     }

@@ -14,7 +14,7 @@ from gateway.core.operations.values import *
 from gateway.core.operations.values import Operation, Read
 
 
-def named(name: str) -> type[Operation] | None:
+def operation_class(name: str) -> type[Operation] | None:
     """Return the operation class of that name, or None."""
     kind: object = globals().get(name)
     if isinstance(kind, type) and issubclass(kind, Operation) and kind not in (Operation, Read):

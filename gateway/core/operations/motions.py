@@ -23,8 +23,8 @@ class Goto(Operation[None], frozen=True):
 class GotoHorizontal(Operation[None], frozen=True):
     """Slew to an azimuth and altitude, degrees; the other fields are as in ``Goto``."""
 
-    called = "Goto"
-    polar = ("alt",)
+    display_name = "Goto"
+    polar_fields = ("alt",)
 
     az: float
     alt: float
@@ -36,7 +36,7 @@ class GotoHorizontal(Operation[None], frozen=True):
 class GotoAxes(Operation[None], frozen=True):
     """Slew both motor axes to these axis angles, degrees; only on a fork they are azimuth and altitude."""
 
-    called = "Goto"
+    display_name = "Goto"
 
     az: float  # reading of axis 1
     alt: float  # reading of axis 2
@@ -57,7 +57,7 @@ class Move(Operation[None], frozen=True):
     milliseconds at guide rate, sent as a guide pulse if the mount times pulses itself (the answer is then Pulsed).
     """
 
-    called = "Arrow"
+    display_name = "Arrow"
 
     direction: Direction
     rate: Rate
@@ -77,7 +77,7 @@ class Move(Operation[None], frozen=True):
 class MoveAxis(Operation[None], frozen=True):
     """Start turning a motor: axis 1 or 2, sense +1 or -1, at a hand rate, until halted."""
 
-    called = "Arrow"
+    display_name = "Arrow"
 
     axis: int  # 1 or 2
     sense: int  # of the motor, +1 or -1
@@ -87,7 +87,7 @@ class MoveAxis(Operation[None], frozen=True):
 class StopAxis(Operation[None], frozen=True):
     """End the motion of an axis (1 or 2)."""
 
-    called = "Release of an arrow"
+    display_name = "Release of an arrow"
 
     axis: int
 
@@ -95,7 +95,7 @@ class StopAxis(Operation[None], frozen=True):
 class AbortMotion(Operation[None], frozen=True):
     """End every motion and goto; tracking stays as it was."""
 
-    called = "Stop"
+    display_name = "Stop"
 
 
 class Pulse(Operation[Pulsed | None], frozen=True):
@@ -113,7 +113,7 @@ class Pulse(Operation[Pulsed | None], frozen=True):
 class PulseAxis(Operation[Pulsed | None], frozen=True):
     """Guide with a motor: axis 1 or 2, sense +1 or -1, for some milliseconds; rate as a fraction of sidereal."""
 
-    called = "Pulse"
+    display_name = "Pulse"
 
     axis: int  # 1 or 2
     sense: int  # of the motor, +1 or -1
@@ -124,7 +124,7 @@ class PulseAxis(Operation[Pulsed | None], frozen=True):
 class AbortSlew(Operation[None], frozen=True):
     """End the goto under way; motion by hand continues."""
 
-    called = "End of a goto"
+    display_name = "End of a goto"
 
 
 class SetTracking(Operation[None], frozen=True):
@@ -134,7 +134,7 @@ class SetTracking(Operation[None], frozen=True):
     ``code`` is the mode's number in the mount's own protocol, if the client speaks that protocol.
     """
 
-    called = "Tracking"
+    display_name = "Tracking"
 
     survives_abort = True
 
@@ -147,7 +147,7 @@ class SetTracking(Operation[None], frozen=True):
 class TrackRate(Operation[None], frozen=True):
     """Set the drive rate: ``sidereal``, ``solar``, ``lunar``, or a multiple of sidereal."""
 
-    called = "Tracking rate"
+    display_name = "Tracking rate"
 
     survives_abort = True
 
@@ -166,7 +166,7 @@ class Home(Operation[None], frozen=True):
 class SetHome(Operation[None], frozen=True):
     """Store the present position as home; a mount with index marks on its axes may turn to search for them."""
 
-    called = "Home position"
+    display_name = "Home position"
 
 
 class Unpark(Operation[None], frozen=True):
@@ -193,7 +193,7 @@ class PassThrough(Operation[Values | None], frozen=True):
     Client and mount must speak the same protocol. ``fields`` are the values of the command's fields, in order.
     """
 
-    called = "Command of the mount's own"
+    display_name = "Command of the mount's own"
 
     command: str  # its name in commands.toml
     fields: Fields = ()

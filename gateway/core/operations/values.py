@@ -41,7 +41,7 @@ NUMBER_FIELDS = {
 DEGREE_FIELDS = ("ra", "dec", "az", "alt", "latitude", "longitude", "lowest", "highest")
 POLAR_FIELDS = ("dec", "latitude")
 #: Field with few possible values -> these values: the axis of a motor, and the sense in which it turns.
-FIELD_CHOICES: dict[str, tuple[object, ...]] = {"axis": (1, 2), "sense": (1, -1)}
+CHOICES_BY_FIELD: dict[str, tuple[object, ...]] = {"axis": (1, 2), "sense": (1, -1)}
 
 
 def _is_number(value: object, maximum: float) -> bool:
@@ -56,16 +56,16 @@ def _is_number(value: object, maximum: float) -> bool:
 class Operation(Struct, Generic[AnswerT], frozen=True):
     """Base of all operations. A stop does not cancel an operation that ``survives_abort``, because it is no motion.
 
-    ``called`` is its name in messages, if it differs from the words of the class name. Raises Invalid for a number that
-    is missing or not finite, and for a ``polar`` field (declination, latitude) beyond a pole.
+    ``display_name`` is its name in messages, if it differs from the words of the class name. Raises Invalid for a
+    number that is missing or not finite, and for a ``polar_fields`` field (declination, latitude) beyond a pole.
     """
 
-    polar: ClassVar[tuple[str, ...]] = POLAR_FIELDS
+    polar_fields: ClassVar[tuple[str, ...]] = POLAR_FIELDS
     survives_abort: ClassVar[bool] = False
-    called: ClassVar[str] = ""
+    display_name: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
-        for name, most, optional in _numbers(type(self)):
+        for name, most, optional in _number_fields(type(self)):
             value = getattr(self, name)
             if isinstance(value, Rate):
                 value, optional = value.degrees, True
@@ -73,7 +73,7 @@ class Operation(Struct, Generic[AnswerT], frozen=True):
                 span = "" if most == inf else " from -90 to 90"
                 unit = " of degrees" if name in DEGREE_FIELDS else ""
                 raise Invalid(f"The {NUMBER_FIELDS[name]} must be a number{unit}{span}, not {repr(value)[:40]}.")
-        for name, values in _choices(type(self)):
+        for name, values in _choice_fields(type(self)):
             if getattr(self, name) not in values:
                 among = " or ".join(map(str, values))
                 raise Invalid(f"The {name} must be {among}, not {repr(getattr(self, name))[:40]}.")
@@ -81,32 +81,32 @@ class Operation(Struct, Generic[AnswerT], frozen=True):
     @classmethod
     def title(cls) -> str:
         """Return the name of the operation in messages and in the log: ``Goto``, ``Release of an arrow``."""
-        return cls.called or re.sub("(?<=[a-z])(?=[A-Z])", " ", cls.__name__).capitalize()
+        return cls.display_name or re.sub("(?<=[a-z])(?=[A-Z])", " ", cls.__name__).capitalize()
 
 
-def _defaults(kind: type[Operation]) -> dict[str, object]:
+def _field_defaults(kind: type[Operation]) -> dict[str, object]:
     return dict(zip(reversed(kind.__struct_fields__), reversed(kind.__struct_defaults__), strict=False))
 
 
 @cache
-def _numbers(kind: type[Operation]) -> tuple[tuple[str, float, bool], ...]:
+def _number_fields(kind: type[Operation]) -> tuple[tuple[str, float, bool], ...]:
     """Return the number fields of an operation: name, maximum of the absolute value, and whether None is allowed."""
-    without = _defaults(kind)
+    without = _field_defaults(kind)
     return tuple(
-        (name, 90.0 if name in kind.polar else inf, without.get(name, 0.0) is None)
+        (name, 90.0 if name in kind.polar_fields else inf, without.get(name, 0.0) is None)
         for name in kind.__struct_fields__
         if name in NUMBER_FIELDS
     )
 
 
 @cache
-def _choices(kind: type[Operation]) -> tuple[tuple[str, tuple[object, ...]], ...]:
+def _choice_fields(kind: type[Operation]) -> tuple[tuple[str, tuple[object, ...]], ...]:
     """Return the fields of an operation that have only a few possible values, with these values and the default."""
-    without = _defaults(kind)
+    without = _field_defaults(kind)
     return tuple(
-        (name, (*FIELD_CHOICES[name], without[name]) if name in without else FIELD_CHOICES[name])
+        (name, (*CHOICES_BY_FIELD[name], without[name]) if name in without else CHOICES_BY_FIELD[name])
         for name in kind.__struct_fields__
-        if name in FIELD_CHOICES
+        if name in CHOICES_BY_FIELD
     )
 
 
@@ -123,7 +123,7 @@ class Direction(Enum):
     WEST = "w"
 
     @property
-    def word(self) -> str:
+    def label(self) -> str:
         """The name in messages: ``north``, ``south``, ``east`` or ``west``."""
         return self.name.lower()
 

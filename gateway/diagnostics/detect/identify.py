@@ -18,7 +18,7 @@ from gateway.app.config import Endpoint, MountConfig
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer
 from gateway.core.operations import Values
-from gateway.core.wire_log import WireLog, show
+from gateway.core.wire_log import WireLog, printable
 from gateway.diagnostics.detect.port_listener import PortListener
 from gateway.mount.link.driver_runner import run_driver
 from gateway.mount.link.line import MountLink
@@ -43,28 +43,29 @@ _T = TypeVar("_T")
 
 class FoundMount(Struct, frozen=True):
     """An identified mount. ``latency`` is its median reply time, seconds; ``equinox`` is ``jnow`` or ``j2000``, by its
-    version; ``aligned`` is None if it did not say. ``answers`` lists, by the name of each query, the commands that were
-    answered (empty if none)."""
+    version; ``aligned`` is None if it did not say. ``answered_commands`` lists, by the name of each query, the commands
+    that were answered (empty if none).
+    """
 
     protocol: str
     product: str
     model: str
     version: str
-    motors: tuple[str, ...]
+    motor_versions: tuple[str, ...]
     latency: float
     equinox: str
     aligned: bool | None
     equatorial: bool | None
-    tells_model: bool
-    tells_place: bool
-    answers: dict[str, str]  # query -> the commands that were answered
+    reports_model: bool
+    reports_site: bool
+    answered_commands: dict[str, str]  # query -> the commands that were answered
 
 
-class _Talk:
+class _Conversation:
     """Carries out a driver's operations on a mount link; records reply times and the commands that were answered."""
 
-    def __init__(self, driver: Driver, line: MountLink) -> None:
-        self.driver, self.line = driver, line
+    def __init__(self, driver: Driver, link: MountLink) -> None:
+        self.driver, self.link = driver, link
         self.reply_times: list[float] = []
         #: The commands that were answered, in order.
         self.answered_commands: list[str] = []
@@ -73,13 +74,13 @@ class _Talk:
         """Return the operation's answer. Raises Fault."""
         return await run_driver(self.driver.perform(operation), self._exchange, lambda later: None)
 
-    async def _exchange(self, ask: Send) -> Values:
-        if ask.patience is not None and self.reply_times:
-            ask = ask._replace(patience=min(ask.patience, max(MIN_TIMEOUT, TIMEOUT_FACTOR * max(self.reply_times))))
-        answer = await self.line.exchange(ask)
-        if self.driver.protocol.commands[ask.command].replies:
-            self.reply_times.append(self.line.transaction.times.last_rtt)
-            self.answered_commands.append(ask.command)
+    async def _exchange(self, send: Send) -> Values:
+        if send.timeout is not None and self.reply_times:
+            send = send._replace(timeout=min(send.timeout, max(MIN_TIMEOUT, TIMEOUT_FACTOR * max(self.reply_times))))
+        answer = await self.link.exchange(send)
+        if self.driver.protocol.commands[send.command].replies:
+            self.reply_times.append(self.link.transaction.times.last_rtt)
+            self.answered_commands.append(send.command)
         return answer
 
 
@@ -90,7 +91,7 @@ async def identify(
     now = asyncio.get_running_loop().time
     driver, _, reply_rules = make_driver(Endpoint(protocol, listener.name, model, version), MountConfig(at="-"), now)
     line = MountLink(listener, reply_rules, WireLog(time.time))
-    talk = _Talk(driver, line)
+    talk = _Conversation(driver, line)
     line.start()
     try:
         async with asyncio.timeout(IDENTIFY_TIMEOUT):
@@ -99,9 +100,9 @@ async def identify(
             fields: dict[str, object] = {}
             for name, operation in QUESTIONS:
                 talk.answered_commands.clear()
-                fields[name] = await _maybe(talk, operation)
-                answers[name] = _written(driver, talk.answered_commands) if fields[name] is not None else ""
-            await _maybe(talk, op.Position())  # once more, for the usual time of an answer
+                fields[name] = await _answer_or_none(talk, operation)
+                answers[name] = _format_commands(driver, talk.answered_commands) if fields[name] is not None else ""
+            await _answer_or_none(talk, op.Position())  # once more, for the usual time of an answer
     except TimeoutError:
         raise NoAnswer from None
     finally:
@@ -112,18 +113,18 @@ async def identify(
         product=identity.product,
         model=identity.model,
         version=identity.version,
-        motors=identity.motors,
+        motor_versions=identity.motors,
         latency=statistics.median(talk.reply_times),
         equinox=driver.equinox,
         aligned=status.aligned if isinstance(status, op.Status) else None,
         equatorial=status.equatorial if isinstance(status, op.Status) else None,
-        tells_model=identity.model in driver.protocol.models,
-        tells_place=driver.gps or bool(answers[SITE_QUESTION]),
-        answers=answers,
+        reports_model=identity.model in driver.protocol.models,
+        reports_site=driver.gps or bool(answers[SITE_QUESTION]),
+        answered_commands=answers,
     )
 
 
-async def _maybe(conversation: _Talk, operation: op.Operation[_T]) -> _T | None:
+async def _answer_or_none(conversation: _Conversation, operation: op.Operation[_T]) -> _T | None:
     """Return the answer, or None if the mount cannot give it."""
     try:
         return await conversation.perform(operation)
@@ -131,7 +132,7 @@ async def _maybe(conversation: _Talk, operation: op.Operation[_T]) -> _T | None:
         return None
 
 
-def _written(driver: Driver, names: Iterable[str]) -> str:
+def _format_commands(driver: Driver, command_names: Iterable[str]) -> str:
     """Format commands as in the manual, without arguments; a command that is not printable appears by its name."""
-    written = {name: show(driver.protocol.commands[name].request.prefix) for name in names}
+    written = {name: printable(driver.protocol.commands[name].request.prefix) for name in command_names}
     return " ".join(dict.fromkeys(name if "\\" in text else text for name, text in written.items()))

@@ -18,7 +18,7 @@ from gateway.transport.wires import OnData, OnLost, Transport
 CHECK_PERIOD = 0.02
 
 
-class Tunable(Transport, Protocol):
+class BaudTransport(Transport, Protocol):
     """A transport whose baud rate can be changed while it is open."""
 
     def set_baud(self, baud: int) -> None:
@@ -29,31 +29,31 @@ class PortListener:
     """Collects the bytes that an open port receives. It is also a transport for a ``MountLink``, which may open and
     close it: the port itself stays open."""
 
-    def __init__(self, wire: Tunable) -> None:
-        self.name, self._wire = wire.name, wire
+    def __init__(self, transport: BaudTransport) -> None:
+        self.name, self._transport = transport.name, transport
         self.received = b""
         self.loss_reason = ""
         self._last_byte_at = 0.0
         self._on_data: OnData | None = None
         self._on_lost: OnLost | None = None
 
-    async def begin(self) -> None:
+    async def open_port(self) -> None:
         """Open the port and begin to listen. Raises OSError with a reason that users understand."""
-        await self._wire.open(self._arrived, self._vanished)
+        await self._transport.open(self._on_received, self._on_port_lost)
         self._last_byte_at = self.now()
 
-    async def end(self) -> None:
+    async def close_port(self) -> None:
         """Close the port."""
-        await self._wire.close()
+        await self._transport.close()
 
     # --- listening ------------------------------------------------------------------------------------------------
 
-    def tune(self, baud: int) -> None:
+    def change_baud(self, baud: int) -> None:
         """Change the baud rate and discard the bytes received at the old rate. Raises OSError."""
-        self._wire.set_baud(baud)
-        self.forget()
+        self._transport.set_baud(baud)
+        self.discard_received()
 
-    def forget(self) -> None:
+    def discard_received(self) -> None:
         """Discard all received bytes and restart the measurement of silence."""
         self.received = b""
         self._last_byte_at = self.now()
@@ -63,11 +63,11 @@ class PortListener:
         return asyncio.get_running_loop().time()
 
     @property
-    def still(self) -> float:
+    def quiet_seconds(self) -> float:
         """Seconds since the last byte arrived, or since listening began."""
         return self.now() - self._last_byte_at
 
-    async def tick(self) -> None:
+    async def wait_briefly(self) -> None:
         """Wait for `CHECK_PERIOD`. Raises OSError if the port has disappeared."""
         await asyncio.sleep(CHECK_PERIOD)
         if self.loss_reason:
@@ -83,20 +83,20 @@ class PortListener:
 
     def write(self, data: bytes) -> None:
         """Send bytes. Raises OSError if the port has disappeared."""
-        self._wire.write(data)
+        self._transport.write(data)
 
     async def close(self) -> None:
         """Stop passing received bytes to the caller of ``open``; the port stays open."""
         self._on_data = self._on_lost = None
 
-    def _arrived(self, data: bytes) -> None:
+    def _on_received(self, data: bytes) -> None:
         self._last_byte_at = self.now()
         if self._on_data is not None:
             self._on_data(data)
         else:
             self.received = (self.received + data)[-4096:]
 
-    def _vanished(self, reason: str) -> None:
+    def _on_port_lost(self, reason: str) -> None:
         self.loss_reason = reason or "the port is gone"
         if self._on_lost is not None:
             self._on_lost(reason)

@@ -10,10 +10,10 @@ from urllib.parse import urlsplit
 from msgspec import Struct
 
 from gateway.app.config.endpoints import Endpoint, parse_endpoint, suggest_address
-from gateway.app.control.reach import Scope, reachable, search
-from gateway.app.state.mount_claim import address
+from gateway.app.control.reach import Scope, may_reach, search
+from gateway.app.state.mount_claim import lock_name
 from gateway.core.errors import UserError
-from gateway.protocols.registry import PROTOCOLS, mounts
+from gateway.protocols.registry import PROTOCOLS, drivers
 from gateway.system.files import state_folder
 from gateway.system.processes import gateways, is_gateway, openers
 from gateway.system.runtime_folders import user_name
@@ -31,10 +31,10 @@ class SerialPortInfo(Struct, frozen=True):
     url: str
     name: str
     about: str = ""  # the system's description
-    named: Endpoint | None = None
+    typed_endpoint: Endpoint | None = None
 
     @property
-    def has_rates(self) -> bool:
+    def has_baud_setting(self) -> bool:
         """Whether the gateway can set the baud rate; a network adapter has a setting of its own."""
         return "://" not in self.url or self.url.startswith(("hwgrep://", "spy://"))
 
@@ -46,11 +46,11 @@ def local_ports() -> list[SerialPortInfo]:
     ports = []
     for port in sorted(comports(), key=lambda port: port.device):
         about = port.description if port.description not in (None, "n/a", port.device) else ""
-        ports.append(SerialPortInfo(port.device, lasting_name(port.device), about))
+        ports.append(SerialPortInfo(port.device, persistent_name(port.device), about))
     return ports
 
 
-def is_usb_or_named(url: str) -> bool:
+def is_not_built_in(url: str) -> bool:
     """Whether a port is not one of those built into a PC or a Raspberry Pi."""
     return not re.match(r"/dev/tty(S|AMA)\d", url)
 
@@ -60,16 +60,16 @@ def parse_port(text: str) -> SerialPortInfo:
     UserError."""
     what, at, where = text.partition("@")
     if at and "://" not in what and not what.startswith(("/", ".", "~")):
-        endpoint = parse_endpoint(f"{what}@{suggest_address(where, listening=False) or where}")
-        if endpoint.protocol not in mounts():
-            listed = " or ".join(f"{name}@{where}" for name in mounts())
+        endpoint = parse_endpoint(f"{what}@{suggest_address(where, is_surface=False) or where}")
+        if endpoint.protocol not in drivers():
+            listed = " or ".join(f"{name}@{where}" for name in drivers())
             raise UserError(f"{text}: programs speak {endpoint.protocol}, and no mount does; write {where} or {listed}")
-        return SerialPortInfo(endpoint.where, endpoint.where, named=endpoint)
-    port = suggest_address(text, listening=False) or text
+        return SerialPortInfo(endpoint.where, endpoint.where, typed_endpoint=endpoint)
+    port = suggest_address(text, is_surface=False) or text
     return SerialPortInfo(port, port)
 
 
-def lasting_name(device: str, folder: Path = PERSISTENT_PORTS_FOLDER) -> str:
+def persistent_name(device: str, folder: Path = PERSISTENT_PORTS_FOLDER) -> str:
     """Return the name of a port that stays the same in another USB socket; the device's own name if it has none."""
     try:
         links = sorted(folder.iterdir())
@@ -79,24 +79,24 @@ def lasting_name(device: str, folder: Path = PERSISTENT_PORTS_FOLDER) -> str:
     return next((str(link) for link in links if os.path.realpath(link) == real), device)
 
 
-def serving_gateway(url: str) -> int | None:
+def serving_gateway_pid(url: str) -> int | None:
     """Return the process id of this user's gateway that drives the mount on this port, or None."""
-    network = address(url)
+    network = lock_name(url)
     for _, gateway in search(Scope(state_folder(None))).gateways:
         where = gateway.mount.partition("@")[2]
-        same = address(where) == network if network else os.path.realpath(where) == os.path.realpath(url)
+        same = lock_name(where) == network if network else os.path.realpath(where) == os.path.realpath(url)
         if same and where != SIMULATED_PORT and is_gateway(gateway.pid):
             return gateway.pid
     return None
 
 
-def gateway_of_another() -> str:
+def other_user_gateway() -> str:
     """Return a text about another user's gateway, which may be using a port; empty if there is none."""
-    owner = next((process for process in gateways() if not reachable(process)), None)
-    return f"perhaps by the gateway of {user_name(owner.user)} (process {owner.pid})" if owner else ""
+    owner = next((process for process in gateways() if not may_reach(process)), None)
+    return f"perhaps by the gateway of {user_name(owner.user_id)} (process {owner.pid})" if owner else ""
 
 
-def unsupported_device(port: str) -> str:
+def unsupported_device_at(port: str) -> str:
     """Return advice about the unsupported device that usually listens at this network address; empty if none does."""
     try:
         url = urlsplit(port)

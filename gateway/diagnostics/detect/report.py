@@ -10,15 +10,15 @@ import shlex
 from collections.abc import Sequence
 
 from gateway.diagnostics.detect.identify import FoundMount
-from gateway.diagnostics.detect.ports import is_usb_or_named, unsupported_device
-from gateway.diagnostics.detect.scan_port import BUSY, DEFAULT_BAUD, FOREIGN, MUTE, SERVED, UNOPENED, PortFinding
+from gateway.diagnostics.detect.ports import is_not_built_in, unsupported_device_at
+from gateway.diagnostics.detect.scan_port import BUSY, DEFAULT_BAUD, FOREIGN, NO_ID, SERVED, UNOPENED, PortFinding
 from gateway.protocols.registry import ANY, ANY_PORT, PROTOCOLS, other_surface
 
 #: The warning for users who let other computers connect.
 NETWORK_WARNING = "anyone on your network can then move the mount"
 #: The text that stands for the version of a mount that does not report it.
 UNREPORTED_VERSION = "?"
-WORDS = {
+STATE_TEXTS = {
     "silent": "nothing here: no answer",
     "echo": "nothing here: what is sent comes back (a loopback plug, a cable with echo, a modem)",
     "gps": "a GPS receiver, not a mount",
@@ -33,52 +33,52 @@ WORDS = {
     "mute": "a mount",
     "offered": "a mount to which programs connect; it needs no second gateway",
 }
-EQUINOX = {
+EQUINOX_TEXTS = {
     "jnow": "of date (jnow)",
     "j2000": "by this version j2000 ({by} says so, other programs say of date); "
              "--equinox auto follows it, the default is jnow",
     "always": "J2000 (j2000), as its maker says of all versions; that is the default",
 }  # fmt: skip
-NO_PORT = (
+NO_PORT_ADVICE = (
     "no serial port was found: plug in the USB adapter; dmesg | tail shows whether this computer noticed (on Windows "
     "the device manager)",
     "a virtual serial port must be named (mount-gateway detect /tmp/ttySIM0), and so must an adapter in the network "
     "(mount-gateway detect socket://192.168.1.50:4030)",
 )
-NO_ADAPTER = (
+NO_ADAPTER_ADVICE = (
     "only ports that are built into this computer were looked at: if the mount is on a USB adapter, plug that in; "
     "dmesg | tail shows whether this computer noticed"
 )
 #: Advice if nothing answers; between these two, the cables of each protocol's mounts are listed.
 SWITCH_ON_ADVICE = "switch the mount on, and wait until its hand control has started"
-SILENT = (
+SILENT_PORT_ADVICE = (
     "use the cable that is made for this hand control: others fit, but are wired differently",
     "close programs that use the mount on another port, and leave the menus of the hand control",
 )
-OF_OTHERS = {
+ADVICE_BY_STATE = {
     BUSY: "{port} is in use: close that program, or let it connect to the gateway instead of the port",
     FOREIGN: "{port}: sudo mount-gateway status shows whether that gateway has this mount, and where programs connect",
     SERVED: "{port}: mount-gateway status shows this mount, and the addresses where programs connect to its gateway",
     UNOPENED: "{port} cannot be opened: mount-gateway detect without a port looks at every port",
-    MUTE: "{port}: switch the mount off and on, and look again",
+    NO_ID: "{port}: switch the mount off and on, and look again",
     "echo": "{port} receives what it sends: remove a loopback plug, or use the mount's own cable",
     "garbled": "{port}: try another cable, a shorter one, or another USB adapter",
 }
 
 
-def block(finding: PortFinding) -> str:
+def describe_port(finding: PortFinding) -> str:
     """Describe a port for people: the mount and the commands that start a gateway, then the details."""
-    about = f"  ({finding.place.about})" if finding.place.about else ""
-    lines = _mount_lines(finding) if finding.mount else [_nothing(finding)]
-    return "\n".join([f"{finding.place.url}{about}", *(f"  {line}".rstrip() for line in lines)])
+    about = f"  ({finding.port.about})" if finding.port.about else ""
+    lines = _mount_lines(finding) if finding.mount else [_describe_no_mount(finding)]
+    return "\n".join([f"{finding.port.url}{about}", *(f"  {line}".rstrip() for line in lines)])
 
 
-def _nothing(finding: PortFinding) -> str:
+def _describe_no_mount(finding: PortFinding) -> str:
     """Describe the state of a port without an identified mount."""
-    states = {state: text for spec in PROTOCOLS.values() for state, text in spec.states.items()}
-    text = (WORDS | states)[finding.state]
-    if finding.state == "silent" and finding.rates > 1:
-        text += f" at {DEFAULT_BAUD} baud and {finding.rates - 1} other rates"
+    states = {state: text for spec in PROTOCOLS.values() for state, text in spec.detect_states.items()}
+    text = (STATE_TEXTS | states)[finding.state]
+    if finding.state == "silent" and finding.rates_tried > 1:
+        text += f" at {DEFAULT_BAUD} baud and {finding.rates_tried - 1} other rates"
     elif finding.state in ("gps", "stranger", "echo") and finding.baud not in (None, DEFAULT_BAUD):
         text += f" ({finding.baud} baud)"
     return f"{text}: {finding.reason}" if finding.reason else text
@@ -87,37 +87,37 @@ def _nothing(finding: PortFinding) -> str:
 def _mount_lines(finding: PortFinding) -> list[str]:
     mount = finding.mount
     assert mount is not None
-    if not mount.answers:  # it was not asked anything: a server offers it
-        return [f"{mount.product}; its server answers in {mount.latency * 1000:.0f} ms", *_starts(finding)]
+    if not mount.answered_commands:  # it was not asked anything: a server offers it
+        return [f"{mount.product}; its server answers in {mount.latency * 1000:.0f} ms", *_start_lines(finding)]
     baud = f"{finding.baud} baud; " if finding.baud else ""
-    motors = f"motors {', '.join(dict.fromkeys(mount.motors))}; " if mount.motors else ""
+    motors = f"motors {', '.join(dict.fromkeys(mount.motor_versions))}; " if mount.motor_versions else ""
     version = "tells no version" if mount.version == UNREPORTED_VERSION else f"version {mount.version}"
-    model = f"model {mount.model}" if mount.tells_model else "a model it cannot tell"
-    mute = [name for name, meaning in mount.answers.items() if not meaning]
+    model = f"model {mount.model}" if mount.reports_model else "a model it cannot tell"
+    mute = [name for name, meaning in mount.answered_commands.items() if not meaning]
     title = PROTOCOLS[mount.protocol].commands.title(mount.product, mount.model)
     return [
         f"{title}, {version}, {model}",
         *hints(mount),
-        *_starts(finding),
+        *_start_lines(finding),
         f"details: {motors}{baud}a reply takes {mount.latency * 1000:.0f} ms; "
-        f"equinox {EQUINOX[_by_model(mount) or mount.equinox].format(by=PROTOCOLS[mount.protocol].j2000_by)}",
-        f"  replies: {'; '.join(f'{name} ({meaning})' for name, meaning in mount.answers.items() if meaning)}",
+        f"equinox {EQUINOX_TEXTS[_by_model(mount) or mount.equinox].format(by=PROTOCOLS[mount.protocol].j2000_source)}",
+        f"  replies: {'; '.join(f'{name} ({text})' for name, text in mount.answered_commands.items() if text)}",
         *([f"  no reply: {', '.join(mute)}"] if mute else []),
     ]
 
 
-def _starts(finding: PortFinding) -> list[str]:
+def _start_lines(finding: PortFinding) -> list[str]:
     """Return lines with the commands that start a gateway for a mount."""
     return [
         "start the gateway:",
-        f"  {command(finding)}",
+        f"  {start_command(finding)}",
         f"instead, to let phones connect ({NETWORK_WARNING}):",
-        f"  {command(finding, network=True)}",
+        f"  {start_command(finding, network=True)}",
     ]
 
 
 def _by_model(mount: FoundMount) -> str:
-    """Return "always", a key of ``EQUINOX``, if all versions of a model report J2000 coordinates; else "" (none)."""
+    """Return "always", a key of ``EQUINOX_TEXTS``, if all versions of a model report J2000 coordinates; else ""."""
     return "always" if PROTOCOLS[mount.protocol].commands.models.get(mount.model, {}).get("equinox") else ""
 
 
@@ -126,36 +126,36 @@ def hints(mount: FoundMount) -> list[str]:
     parts = []
     if mount.aligned is False:
         parts.append("not aligned yet: align it at the hand control, because it refuses gotos before")
-    if not mount.tells_model and (unknown := PROTOCOLS[mount.protocol].unknown_model(mount.version)):
+    if not mount.reports_model and (unknown := PROTOCOLS[mount.protocol].unknown_model(mount.version)):
         parts.append(unknown)
-    if not mount.tells_place:
+    if not mount.reports_site:
         parts.append("it does not report its site and mode: add --site LAT,LON --mode alt-az (or eq-north, eq-south)")
     return parts
 
 
 def endpoint(finding: PortFinding) -> str:
     """Return the mount's endpoint; it names the model if the user did, or if the mount cannot report its version."""
-    mount, place = finding.mount, finding.place
+    mount, place = finding.mount, finding.port
     assert mount is not None
-    if place.named is not None and place.named.protocol == mount.protocol:
-        return str(place.named)
+    if place.typed_endpoint is not None and place.typed_endpoint.protocol == mount.protocol:
+        return str(place.typed_endpoint)
     model = f":{mount.model}" if mount.version == UNREPORTED_VERSION and mount.model else ""
     return f"{mount.protocol}{model}@{place.name}"
 
 
-def surface(mount: FoundMount, network: bool) -> str:
+def surface_endpoint(mount: FoundMount, network: bool) -> str:
     """Return the endpoint of a suitable surface: for clients on this computer only, or also in the network."""
     spoken = other_surface(mount.protocol)
     return f"{spoken}@tcp://{'0.0.0.0' if network else '127.0.0.1'}:{PROTOCOLS[spoken].usual_port}"
 
 
-def command(finding: PortFinding, network: bool = False) -> str:
+def start_command(finding: PortFinding, network: bool = False) -> str:
     """Return the command line that starts a gateway with this mount."""
     assert finding.mount is not None
     argv = ["mount-gateway", "run", "--mount", endpoint(finding)]
     if finding.baud not in (None, DEFAULT_BAUD):
         argv += ["--baud", str(finding.baud)]
-    return shlex.join([*argv, "--surface", surface(finding.mount, network)])
+    return shlex.join([*argv, "--surface", surface_endpoint(finding.mount, network)])
 
 
 def toml(finding: PortFinding, network: bool = False) -> str:
@@ -167,10 +167,10 @@ def toml(finding: PortFinding, network: bool = False) -> str:
     if finding.baud:
         rows.append(f"baud = {finding.baud}")
     if mount.equinox == "j2000" and not _by_model(mount):
-        rows.append(f'# equinox = "auto"  # j2000 for this version, by {PROTOCOLS[mount.protocol].j2000_by}')
-    if not mount.tells_place:
+        rows.append(f'# equinox = "auto"  # j2000 for this version, by {PROTOCOLS[mount.protocol].j2000_source}')
+    if not mount.reports_site:
         rows += ["# site = [48.1, 11.6]  # latitude north, longitude east positive", '# mode = "alt-az"']
-    rows += ["", "[[surface]]", f"at = {json.dumps(surface(mount, network))}"]
+    rows += ["", "[[surface]]", f"at = {json.dumps(surface_endpoint(mount, network))}"]
     if network:
         rows += [
             f"# {NETWORK_WARNING}: these protocols have no passwords",
@@ -181,7 +181,7 @@ def toml(finding: PortFinding, network: bool = False) -> str:
             "# instead, for programs of every protocol, and for your browser:",
             f'# at = "{ANY}@tcp://127.0.0.1:{ANY_PORT}"',
             f"# instead, to let phones connect ({NETWORK_WARNING}: these protocols have no passwords):",
-            f"# at = {json.dumps(surface(mount, True))}",
+            f"# at = {json.dumps(surface_endpoint(mount, True))}",
         ]
     spoken = other_surface(mount.protocol)
     rows += [
@@ -193,22 +193,22 @@ def toml(finding: PortFinding, network: bool = False) -> str:
     return "\n".join(rows) + "\n"
 
 
-def values(finding: PortFinding, network: bool = False) -> dict[str, object]:
+def port_values(finding: PortFinding, network: bool = False) -> dict[str, object]:
     """Return the JSON object of a port; unknown values are None."""
     mount = finding.mount
     known: dict[str, object] = {
-        "port": finding.place.url, "name": finding.place.name, "about": finding.place.about,
-        "state": "mount" if mount else finding.state, "words": "" if mount else _nothing(finding),
+        "port": finding.port.url, "name": finding.port.name, "about": finding.port.about,
+        "state": "mount" if mount else finding.state, "words": "" if mount else _describe_no_mount(finding),
         "baud": finding.baud, "seconds": round(finding.seconds, 2), "mount": None,
     }  # fmt: skip
     if mount is not None:
         known["mount"] = {
             "protocol": mount.protocol, "product": mount.product, "version": mount.version,
-            "model": mount.model if mount.tells_model else None, "motors": list(mount.motors),
+            "model": mount.model if mount.reports_model else None, "motors": list(mount.motor_versions),
             "aligned": mount.aligned, "equatorial": mount.equatorial, "equinox": mount.equinox,
-            "latency": round(mount.latency, 4), "answers": mount.answers,
-            "endpoint": endpoint(finding), "run": command(finding), "run_network": command(finding, network=True),
-            "toml": toml(finding, network),
+            "latency": round(mount.latency, 4), "answers": mount.answered_commands,
+            "endpoint": endpoint(finding), "run": start_command(finding),
+            "run_network": start_command(finding, network=True), "toml": toml(finding, network),
         }  # fmt: skip
     return known
 
@@ -218,18 +218,18 @@ def next_steps(findings: Sequence[PortFinding]) -> list[str]:
     if any(finding.mount for finding in findings):
         return []
     if not findings:
-        return list(NO_PORT)
-    steps = [] if any(is_usb_or_named(finding.place.url) for finding in findings) else [NO_ADAPTER]
-    silent = [finding.place.url for finding in findings if finding.state == "silent"]
-    steps += filter(None, map(unsupported_device, silent))
+        return list(NO_PORT_ADVICE)
+    steps = [] if any(is_not_built_in(finding.port.url) for finding in findings) else [NO_ADAPTER_ADVICE]
+    silent = [finding.port.url for finding in findings if finding.state == "silent"]
+    steps += filter(None, map(unsupported_device_at, silent))
     if silent and not steps:
         specs = [spec for spec in reversed(PROTOCOLS.values()) if spec.make_driver is not None]
         cables = "; ".join(f"{spec.makers[0].title()}: {spec.cable}" for spec in specs if spec.makers and spec.cable)
         deaf = [spec.detect_warning for spec in specs if spec.detect_warning]
-        steps += [step.format(port=silent[0]) for step in (SWITCH_ON_ADVICE, cables, *SILENT, *deaf)]
+        steps += [step.format(port=silent[0]) for step in (SWITCH_ON_ADVICE, cables, *SILENT_PORT_ADVICE, *deaf)]
     steps += [
-        OF_OTHERS[finding.state].format(port=finding.place.url)
+        ADVICE_BY_STATE[finding.state].format(port=finding.port.url)
         for finding in findings
-        if finding.state in OF_OTHERS and "permission denied" not in finding.reason
+        if finding.state in ADVICE_BY_STATE and "permission denied" not in finding.reason
     ]
     return list(dict.fromkeys(steps))

@@ -20,15 +20,15 @@ from pynmea2 import NMEASentence
 
 from gateway.core.errors import Fault
 from gateway.diagnostics.detect.identify import FoundMount, identify
-from gateway.diagnostics.detect.port_listener import PortListener, Tunable
-from gateway.diagnostics.detect.ports import SerialPortInfo, gateway_of_another, port_holder, serving_gateway
-from gateway.protocols.base.spec import Question
+from gateway.diagnostics.detect.port_listener import BaudTransport, PortListener
+from gateway.diagnostics.detect.ports import SerialPortInfo, other_user_gateway, port_holder, serving_gateway_pid
+from gateway.protocols.base.spec import Probe
 from gateway.protocols.registry import PROTOCOLS
 from gateway.transport.wires import SerialTransport
 
 #: The answer of an unknown device at its own baud rate; other bytes may come from a device at another rate.
-_TEXT = re.compile(rb"[ -~\r\n\t]+")
-_SENTENCE = re.compile(rb"\$([A-Z]{4,6},[^\r\n*$]*)\*([0-9A-F]{2})")
+_PRINTABLE_TEXT = re.compile(rb"[ -~\r\n\t]+")
+_NMEA = re.compile(rb"\$([A-Z]{4,6},[^\r\n*$]*)\*([0-9A-F]{2})")
 
 
 class PortVerdict(StrEnum):
@@ -42,26 +42,26 @@ class PortVerdict(StrEnum):
     GARBLED = "garbled"  # answers with illegible bytes
 
 
-class Patience(Struct, frozen=True):
+class ProbeTimes(Struct, frozen=True):
     """Times in seconds: how long the port must be silent before the first query, and how long to wait for that silence;
     the interval between two queries; and the timeout of all answers, from the first query on.
     """
 
-    quiet: float
-    restless: float
-    first: float
-    answer: float
+    required_silence: float
+    silence_timeout: float
+    query_interval: float
+    answer_timeout: float
 
 
 #: At 9600 baud: a hand control discards an incomplete command after a second, and may take 3.5 s to answer (NexStar
 #: protocol, Developer Notes). ACK (0x06) is sent before that time is over, and its answer may arrive later.
-AT_9600 = Patience(quiet=1.05, restless=2.5, first=0.6, answer=3.5)
+AT_9600 = ProbeTimes(required_silence=1.05, silence_timeout=2.5, query_interval=0.6, answer_timeout=3.5)
 #: At other rates only a Meade can be expected, which answers at once. The last query at one rate and the first at the
 #: next are a second apart, too.
-AT_OTHERS = Patience(quiet=0.3, restless=1.5, first=0.3, answer=1.05)
+AT_OTHERS = ProbeTimes(required_silence=0.3, silence_timeout=1.5, query_interval=0.3, answer_timeout=1.05)
 
 
-def questions(protocol: str | None) -> list[Question]:
+def questions(protocol: str | None) -> list[Probe]:
     """Return the queries that may be sent, in order.
 
     First comes ``Kx``, which a hand control echoes as ``x#`` and an LX200 ignores. Then come ``#`` and the single byte
@@ -78,78 +78,78 @@ def questions(protocol: str | None) -> list[Question]:
     return [
         question
         for name, question in every
-        if (not question.named or name == protocol) and (last is None or question.rank <= last)
+        if (not question.opt_in or name == protocol) and (last is None or question.rank <= last)
     ]
 
 
-async def probe(listener: PortListener, patience: Patience, protocol: str | None = None) -> str:
+async def probe(listener: PortListener, times: ProbeTimes, protocol: str | None = None) -> str:
     """Query an open port and return the verdict. Raises OSError if the port disappears meanwhile."""
-    if not await _fell_quiet(listener, patience):
-        return PortVerdict.GPS if sentence(listener.received) else PortVerdict.TALKER
-    listener.forget()
+    if not await _wait_for_silence(listener, times):
+        return PortVerdict.GPS if has_nmea_sentence(listener.received) else PortVerdict.TALKER
+    listener.discard_received()
     asked = questions(protocol)
-    waits = [patience.first] * (len(asked) - 1)
-    waits.append(patience.answer - sum(waits))
+    waits = [times.query_interval] * (len(asked) - 1)
+    waits.append(times.answer_timeout - sum(waits))
     for question, seconds in zip(asked, waits, strict=True):
         listener.write(question.request)
-        verdict = await _wait(listener, seconds, partial(_judge, listener, question))
+        verdict = await _listen(listener, seconds, partial(_judge_received, listener, question))
         if verdict is not None:
             return verdict
     if not listener.received:
         return PortVerdict.SILENT
-    if sentence(listener.received):
+    if has_nmea_sentence(listener.received):
         return PortVerdict.GPS
-    return PortVerdict.STRANGER if _TEXT.fullmatch(listener.received) else PortVerdict.GARBLED
+    return PortVerdict.STRANGER if _PRINTABLE_TEXT.fullmatch(listener.received) else PortVerdict.GARBLED
 
 
-async def overhear(listener: PortListener, seconds: float) -> str:
+async def listen_for_gps(listener: PortListener, seconds: float) -> str:
     """Listen to a device that sends unasked; return the verdict GPS or TALKER. Raises OSError."""
     return (
-        await _wait(listener, seconds, lambda: PortVerdict.GPS if sentence(listener.received) else None)
+        await _listen(listener, seconds, lambda: PortVerdict.GPS if has_nmea_sentence(listener.received) else None)
         or PortVerdict.TALKER
     )
 
 
-def _judge(listener: PortListener, question: Question) -> str | None:
-    return judge(listener.received, listener.still, question)
+def _judge_received(listener: PortListener, question: Probe) -> str | None:
+    return judge(listener.received, listener.quiet_seconds, question)
 
 
-def judge(received: bytes, quiet_seconds: float, question: Question) -> str | None:
+def judge(received: bytes, quiet_seconds: float, question: Probe) -> str | None:
     """Return the verdict on the bytes received after a query; None while they are ambiguous.
 
     ``quiet_seconds`` is the time since the last byte. Late answers to earlier queries are recognised, too.
     """
     before = [asked for spec in PROTOCOLS.values() for asked in spec.questions if asked.rank < question.rank]
-    if received.startswith((question.request, *(asked.request for asked in before if asked.late))):
+    if received.startswith((question.request, *(asked.request for asked in before if asked.slow))):
         return PortVerdict.ECHO
-    for asked in (*(asked for asked in before if asked.late), question):
+    for asked in (*(asked for asked in before if asked.slow), question):
         if (said := asked.judge(received, quiet_seconds)) is not None:
             return said
     return None
 
 
-def sentence(received: bytes) -> bool:
+def has_nmea_sentence(received: bytes) -> bool:
     """Whether these bytes contain a complete NMEA 0183 sentence with a valid checksum."""
     return any(
-        NMEASentence.checksum(body.decode("latin-1")) == int(check, 16) for body, check in _SENTENCE.findall(received)
+        NMEASentence.checksum(body.decode("latin-1")) == int(check, 16) for body, check in _NMEA.findall(received)
     )
 
 
-async def _fell_quiet(listener: PortListener, patience: Patience) -> bool:
+async def _wait_for_silence(listener: PortListener, times: ProbeTimes) -> bool:
     """Wait until the port has been silent for the required time; return False if that takes too long."""
-    end = listener.now() + patience.restless
-    while listener.still < patience.quiet:
-        if sentence(listener.received) or listener.now() > end:
+    end = listener.now() + times.silence_timeout
+    while listener.quiet_seconds < times.required_silence:
+        if has_nmea_sentence(listener.received) or listener.now() > end:
             return False
-        await listener.tick()
+        await listener.wait_briefly()
     return True
 
 
-async def _wait(listener: PortListener, seconds: float, condition: Callable[[], str | None]) -> str | None:
+async def _listen(listener: PortListener, seconds: float, condition: Callable[[], str | None]) -> str | None:
     """Wait for a verdict; return None on timeout."""
     end = listener.now() + seconds
     while listener.now() < end:
-        await listener.tick()
+        await listener.wait_briefly()
         verdict = condition()
         if verdict is not None:
             return verdict
@@ -168,27 +168,27 @@ UNDECIDED_VERDICTS = (PortVerdict.SILENT, PortVerdict.GARBLED, PortVerdict.TALKE
 #: A port in use: by a program, by this user's gateway, perhaps by another user's; and a gateway in the network.
 BUSY, SERVED, FOREIGN, OFFERED = "busy", "served", "foreign", "offered"
 #: The port could not be opened; it disappeared during the search; a mount answered but could not be identified.
-UNOPENED, VANISHED, MUTE = "unopened", "vanished", "mute"
+UNOPENED, VANISHED, NO_ID = "unopened", "vanished", "mute"
 
 
 class PortFinding(Struct, frozen=True):
     """The result for a port. ``state`` is a verdict, a mount's protocol, or why there is no verdict (``BUSY`` and the
-    constants after it). ``reason`` explains it; ``rates`` is the number of baud rates tried; the search took
+    constants after it). ``reason`` explains it; ``rates_tried`` is the number of baud rates tried; the search took
     ``seconds``.
     """
 
-    place: SerialPortInfo
+    port: SerialPortInfo
     state: str
     baud: int | None = None
     reason: str = ""
     mount: FoundMount | None = None
-    rates: int = 0  # how many baud rates were tried
+    rates_tried: int = 0  # how many baud rates were tried
     seconds: float = 0.0
 
 
-async def look_at_all(places: Iterable[SerialPortInfo]) -> list[PortFinding]:
+async def examine_ports(ports: Iterable[SerialPortInfo]) -> list[PortFinding]:
     """Examine several ports at the same time."""
-    return await asyncio.gather(*(look(place) for place in places))
+    return await asyncio.gather(*(scan(place) for place in ports))
 
 
 async def ask_servers(urls: Sequence[str] | None) -> list[PortFinding]:
@@ -199,7 +199,7 @@ async def ask_servers(urls: Sequence[str] | None) -> list[PortFinding]:
             place = SerialPortInfo(answer.where, answer.where, f"{spec.title}: {answer.server}")
             mount = FoundMount(
                 spec.name, answer.product, "", "?", (), answer.seconds, "jnow", None, None,
-                tells_model=False, tells_place=True, answers={},
+                reports_model=False, reports_site=True, answered_commands={},
             )  # fmt: skip
             gateway = PortFinding(place, OFFERED, reason=answer.product)
             mounts.append(
@@ -208,11 +208,11 @@ async def ask_servers(urls: Sequence[str] | None) -> list[PortFinding]:
     return mounts
 
 
-async def look(
-    port: SerialPortInfo, wire: Tunable | None = None, first: Patience = AT_9600, others: Patience = AT_OTHERS
+async def scan(
+    port: SerialPortInfo, wire: BaudTransport | None = None, first: ProbeTimes = AT_9600, others: ProbeTimes = AT_OTHERS
 ) -> PortFinding:
     """Examine a port; the result reports any problem with it. A given transport is used instead of the port's URL."""
-    if wire is None and (process := serving_gateway(port.url)):
+    if wire is None and (process := serving_gateway_pid(port.url)):
         return PortFinding(port, SERVED, reason=f"mount-gateway, process {process}")
     who = port_holder(port.url) if wire is None else ""
     if who:
@@ -221,63 +221,63 @@ async def look(
     began = now()
     listener = PortListener(wire or SerialTransport(port.url, DEFAULT_BAUD))
     try:
-        await listener.begin()
+        await listener.open_port()
     except Exception as error:  # pyserial has more kinds of failure than OSError
         state = BUSY if getattr(error, "errno", None) == errno.EBUSY else UNOPENED
-        if state == BUSY and (who := gateway_of_another()):
+        if state == BUSY and (who := other_user_gateway()):
             return PortFinding(port, FOREIGN, reason=f"in use, {who}", seconds=now() - began)
         return PortFinding(port, state, reason=getattr(error, "strerror", None) or str(error), seconds=now() - began)
     try:
-        verdict, baud, rates = await _at_every_rate(listener, port, first, others)
+        verdict, baud, rates = await _probe_at_every_rate(listener, port, first, others)
         state, mount, reason = str(verdict), None, ""
         if state in PROTOCOLS:
-            named = port.named if port.named and port.named.protocol == state else None
+            named = port.typed_endpoint if port.typed_endpoint and port.typed_endpoint.protocol == state else None
             model, version = (named.model, named.version) if named else (None, None)
             try:
                 mount = await identify(state, listener, model, version)
             except Fault as fault:
                 if listener.loss_reason:
                     raise OSError(listener.loss_reason) from None
-                reason, state = f"speaks {state}, but did not say who it is: {fault}", MUTE
+                reason, state = f"speaks {state}, but did not say who it is: {fault}", NO_ID
             except OSError:
                 raise
             except Exception as error:  # a defect in a driver must affect this port only
-                reason, state = f"speaks {state}; internal error, please report it: {error!r}", MUTE
-        return PortFinding(port, state, baud if port.has_rates else None, reason, mount, rates, now() - began)
+                reason, state = f"speaks {state}; internal error, please report it: {error!r}", NO_ID
+        return PortFinding(port, state, baud if port.has_baud_setting else None, reason, mount, rates, now() - began)
     except OSError as error:
         return PortFinding(port, VANISHED, reason=str(error), seconds=now() - began)
     finally:
-        await listener.end()
+        await listener.close_port()
 
 
-async def _at_every_rate(
-    listener: PortListener, port: SerialPortInfo, first: Patience, others: Patience
+async def _probe_at_every_rate(
+    listener: PortListener, port: SerialPortInfo, first: ProbeTimes, others: ProbeTimes
 ) -> tuple[str, int, int]:
     """Return the verdict, the baud rate and the number of rates tried. Raises OSError if the port disappears."""
-    protocol = port.named.protocol if port.named else None
+    protocol = port.typed_endpoint.protocol if port.typed_endpoint else None
     verdict, baud, rates = await probe(listener, first, protocol), DEFAULT_BAUD, 1
-    if not port.has_rates or verdict not in UNDECIDED_VERDICTS:
+    if not port.has_baud_setting or verdict not in UNDECIDED_VERDICTS:
         return verdict, baud, rates
     talks, garbled = verdict == PortVerdict.TALKER, verdict == PortVerdict.GARBLED
     for baud in OTHER_BAUD_RATES:
         try:
-            listener.tune(baud)
+            listener.change_baud(baud)
         except OSError:
-            await listener.tick()
+            await listener.wait_briefly()
             continue  # a rate that this port does not have
         rates += baud != DEFAULT_BAUD
-        verdict = await (overhear(listener, LISTENING_TIME) if talks else probe(listener, others, protocol))
+        verdict = await (listen_for_gps(listener, LISTENING_TIME) if talks else probe(listener, others, protocol))
         if verdict not in UNDECIDED_VERDICTS:
             return verdict, baud, rates
         garbled = garbled or verdict == PortVerdict.GARBLED
     return PortVerdict.TALKER if talks else PortVerdict.GARBLED if garbled else PortVerdict.SILENT, DEFAULT_BAUD, rates
 
 
-async def who_answers(url: str, baud: int) -> str | None:
+async def answering_protocol(url: str, baud: int) -> str | None:
     """Return the protocol of the mount that answers at this baud rate, or None."""
     listener = PortListener(SerialTransport(url, baud))
     try:
-        await listener.begin()
+        await listener.open_port()
     except OSError:
         return None
     try:
@@ -285,5 +285,5 @@ async def who_answers(url: str, baud: int) -> str | None:
     except OSError:
         return None
     finally:
-        await listener.end()
+        await listener.close_port()
     return verdict if verdict in PROTOCOLS else None

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 
-from gateway.core.about import RELEASE_TIME
+from gateway.core.about import EARLIEST_VALID_TIME
 from gateway.diagnostics.doctor.facts import BAD, GOOD, NOTE, CheckResult, Facts, Port, Said
 
 #: The oldest and the newest version of Python that mount-gateway is tested with.
@@ -32,7 +32,7 @@ MODEM_MANAGER_ADVICE = (
 )
 
 
-def python(facts: Facts) -> Iterator[Said]:
+def check_python(facts: Facts) -> Iterator[Said]:
     """Check that mount-gateway is tested with this version of Python; also describe the computer."""
     version = ".".join(map(str, facts.python))
     summary = f"Python {version} on {facts.system}; mount-gateway {facts.version}"
@@ -49,14 +49,14 @@ def python(facts: Facts) -> Iterator[Said]:
         yield GOOD, summary, ""
 
 
-def packages(facts: Facts) -> Iterator[Said]:
+def check_packages(facts: Facts) -> Iterator[Said]:
     """Check that every required package is installed in a suitable version."""
     needed = [package for package in facts.packages if not (facts.without_astropy and package.name in ASTROPY_PACKAGES)]
     wrong = [package for package in needed if not package.fits]
     for package in wrong:
         state = f"version {package.version} is installed" if package.version else "is not installed"
-        mend = f"{facts.pip} install --upgrade '{package.name}{package.needed}'"
-        yield BAD, f"{package.name} {state}, and {package.needed or 'any version'} is needed", mend
+        mend = f"{facts.pip} install --upgrade '{package.name}{package.required_versions}'"
+        yield BAD, f"{package.name} {state}, and {package.required_versions or 'any version'} is needed", mend
     if not facts.packages:
         again = f"{facts.pip} install '.' in the folder of mount-gateway"
         yield NOTE, "mount-gateway runs from its source without being installed: versions cannot be compared", again
@@ -64,7 +64,7 @@ def packages(facts: Facts) -> Iterator[Said]:
         yield GOOD, ", ".join(f"{package.name} {package.version}" for package in needed), ""
 
 
-def extras(facts: Facts) -> Iterator[Said]:
+def check_extras(facts: Facts) -> Iterator[Said]:
     """List the extras that are not installed."""
     for extra, names in sorted(facts.missing_extras.items()):
         without = MISSING_EXTRA_EFFECTS.get(extra, f"the extra {extra} does not work")
@@ -77,16 +77,16 @@ def extras(facts: Facts) -> Iterator[Said]:
         yield GOOD, "all extras are installed", ""
 
 
-def clock(facts: Facts) -> Iterator[Said]:
+def check_clock(facts: Facts) -> Iterator[Said]:
     """Check that the clock is not earlier than this software's release, and that a time source keeps it right."""
-    now = _day(facts.now, "%Y-%m-%d %H:%M:%S UTC")
+    now = _date(facts.now, "%Y-%m-%d %H:%M:%S UTC")
     set_it = "sudo timedatectl set-ntp true with a network; without one sudo date -u -s 'YYYY-MM-DD HH:MM:SS'"
-    least = max(RELEASE_TIME, facts.published or 0.0)
+    least = max(EARLIEST_VALID_TIME, facts.published or 0.0)
     if facts.now < least:
         yield (
             BAD,
             f"this computer's clock has lost the time: it shows {now}, and the installed astronomy data are of "
-            f"{_day(least)}",
+            f"{_date(least)}",
             f"set it: {set_it}. A mount with GPS has its own",
         )
     elif facts.clock_synchronized is False:
@@ -104,18 +104,18 @@ def clock(facts: Facts) -> Iterator[Said]:
         yield GOOD, f"this computer's clock shows {now}{source}", ""
 
 
-def astronomy(facts: Facts) -> Iterator[Said]:
+def check_astronomy(facts: Facts) -> Iterator[Said]:
     """Check that positions in the sky can be calculated: by astropy, or from an almanac of another computer."""
-    yield _almanac(facts) if facts.without_astropy else (GOOD, "the sky is calculated by astropy", "")
+    yield _check_almanac(facts) if facts.without_astropy else (GOOD, "the sky is calculated by astropy", "")
 
 
-def _almanac(facts: Facts) -> Said:
+def _check_almanac(facts: Facts) -> Said:
     calculate = "mount-gateway almanac FILE --days 400 on a computer with astropy, and run --almanac FILE here"
     if facts.almanac_until is not None:
-        covers = f"astropy is not installed, and not needed: the almanac lasts until {_day(facts.almanac_until)}"
+        covers = f"astropy is not installed, and not needed: the almanac lasts until {_date(facts.almanac_until)}"
         soon = facts.almanac_until < facts.now + MIN_ALMANAC_DAYS * DAY_SECONDS
         return (NOTE, covers, calculate) if soon else (GOOD, covers, "")
-    if any(running.sky.startswith("almanac of") for running in facts.gateways):
+    if any(running.sky_source.startswith("almanac of") for running in facts.gateways):
         return (
             GOOD,
             "astropy is not installed, and not needed: the running gateway has an almanac for today (doctor "
@@ -130,7 +130,7 @@ def _almanac(facts: Facts) -> Said:
     )
 
 
-def ports(facts: Facts) -> Iterator[Said]:
+def check_ports(facts: Facts) -> Iterator[Said]:
     """Check that this user may open every serial port, and that no other program has it open."""
     if not facts.ports:
         yield (
@@ -139,11 +139,11 @@ def ports(facts: Facts) -> Iterator[Said]:
             "plug the USB adapter in, unless the mount is reached over the network; dmesg | tail shows whether this "
             "computer noticed",
         )
-    processes = {running.process for running in facts.gateways}
+    processes = {running.pid for running in facts.gateways}
     for port in facts.ports:
         called = f"{port.name} ({port.about})" if port.about else port.name
         if not port.permitted:
-            yield BAD, f"{called}: your user may not open it", _permission(facts, port)
+            yield BAD, f"{called}: your user may not open it", _permission_advice(facts, port)
         elif port.holder and not any(f"(process {process})" in port.holder for process in processes):
             yield (
                 BAD,
@@ -155,7 +155,7 @@ def ports(facts: Facts) -> Iterator[Said]:
             yield GOOD, f"{called}: {used}", ""
 
 
-def _permission(facts: Facts, port: Port) -> str:
+def _permission_advice(facts: Facts, port: Port) -> str:
     if port.group in facts.groups and port.group not in facts.active_groups:
         return f"log out and in again: your new group {port.group} counts from the next login"
     if port.group in facts.active_groups:
@@ -163,7 +163,7 @@ def _permission(facts: Facts, port: Port) -> str:
     return f"sudo usermod -aG {port.group} $USER, then log out and in again"
 
 
-def meddlers(facts: Facts) -> Iterator[Said]:
+def check_disturbers(facts: Facts) -> Iterator[Said]:
     """Check that no program is running that is known to disturb serial ports."""
     usb = [port for port in facts.ports if port.usb]
     said = False
@@ -196,7 +196,7 @@ def meddlers(facts: Facts) -> Iterator[Said]:
         yield GOOD, "no program is running that is known to write to serial ports unasked", ""
 
 
-def state_folder(facts: Facts) -> Iterator[Said]:
+def check_state_folder(facts: Facts) -> Iterator[Said]:
     """Check that the state folder can be written to."""
     if facts.state_problem:
         yield (
@@ -209,17 +209,17 @@ def state_folder(facts: Facts) -> Iterator[Said]:
         yield GOOD, f"the state folder {facts.state_folder} can be written to", ""
 
 
-def gateways(facts: Facts) -> Iterator[Said]:
+def check_gateways(facts: Facts) -> Iterator[Said]:
     """List the running gateways, and whether they can be queried."""
     hidden: dict[tuple[str, bool], list[str]] = {}
     for running in facts.gateways:
         if running.mount:
-            folder = f", state folder {running.folder}" if running.folder else ""
-            yield GOOD, f"a gateway runs for {running.mount} (process {running.process}{folder})", ""
-            for place in running.served:
+            folder = f", state folder {running.state_folder}" if running.state_folder else ""
+            yield GOOD, f"a gateway runs for {running.mount} (process {running.pid}{folder})", ""
+            for place in running.addresses:
                 yield GOOD, f"{running.mount}: {place}", ""
         else:
-            hidden.setdefault((running.user, running.foreign), []).append(str(running.process))
+            hidden.setdefault((running.user, running.is_other_users), []).append(str(running.pid))
     for (user, foreign), numbers in hidden.items():
         which = f"process {numbers[0]}" if len(numbers) == 1 else f"processes {', '.join(numbers)}"
         yield (
@@ -231,24 +231,24 @@ def gateways(facts: Facts) -> Iterator[Said]:
         yield GOOD, "no gateway runs now", ""
 
 
-def _day(unix: float, form: str = "%Y-%m-%d") -> str:
+def _date(unix: float, form: str = "%Y-%m-%d") -> str:
     return datetime.fromtimestamp(unix, UTC).strftime(form)
 
 
 #: The checks by name, in the order of the report.
 CHECKS: dict[str, Callable[[Facts], Iterator[Said]]] = {
-    "python": python,
-    "packages": packages,
-    "extras": extras,
-    "ports": ports,
-    "meddlers": meddlers,
-    "clock": clock,
-    "astronomy": astronomy,
-    "state": state_folder,
-    "gateways": gateways,
+    "python": check_python,
+    "packages": check_packages,
+    "extras": check_extras,
+    "ports": check_ports,
+    "meddlers": check_disturbers,
+    "clock": check_clock,
+    "astronomy": check_astronomy,
+    "state": check_state_folder,
+    "gateways": check_gateways,
 }
 
 
-def examine(facts: Facts) -> list[CheckResult]:
+def run_checks(facts: Facts) -> list[CheckResult]:
     """Run all checks and return their results, in the order of `CHECKS`."""
     return [CheckResult(name, *said) for name, look in CHECKS.items() for said in look(facts)]

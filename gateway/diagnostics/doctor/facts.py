@@ -31,7 +31,7 @@ class Package(Struct, frozen=True):
     """A required package: the versions that suit, the installed one (empty if none), and whether that ``fits``."""
 
     name: str
-    needed: str  # the versions that suit, as in ``>=2.0``
+    required_versions: str  # the versions that suit, as in ``>=2.0``
     version: str
     fits: bool = True  # whether the installed version suits
 
@@ -53,14 +53,14 @@ class Running(Struct, frozen=True):
     another user, the addresses where clients connect now, and its state folder.
     """
 
-    process: int
+    pid: int
     mount: str = ""
     user: str = ""
-    foreign: bool = False
-    served: tuple[str, ...] = ()
-    folder: str = ""
+    is_other_users: bool = False
+    addresses: tuple[str, ...] = ()
+    state_folder: str = ""
     #: How its sky is calculated: by which almanac, or by closed formulas.
-    sky: str = ""
+    sky_source: str = ""
 
 
 class Facts(Struct, frozen=True):

@@ -23,13 +23,13 @@ from pathlib import Path
 from packaging.requirements import InvalidRequirement, Requirement
 
 from gateway.app.control.exchange import ControlEndpoint, is_listening
-from gateway.app.control.reach import Scope, ask_state, reachable, search, unreachable_gateways
+from gateway.app.control.reach import Scope, ask_state, may_reach, search, unreachable_gateways
 from gateway.app.status import State
-from gateway.astro.ephemeris.almanac import DAY, stored
+from gateway.astro.ephemeris.almanac import DAY, load_stored
 from gateway.core.about import full_version
-from gateway.diagnostics.detect.ports import is_usb_or_named, local_ports, port_holder
+from gateway.diagnostics.detect.ports import is_not_built_in, local_ports, port_holder
 from gateway.diagnostics.doctor.facts import Facts, Package, Port, Running
-from gateway.system.computer_clock import synchronised
+from gateway.system.computer_clock import is_clock_synchronised
 from gateway.system.files import state_folder
 from gateway.system.own_commands import pip_command
 from gateway.system.processes import PROC_FOLDER
@@ -41,7 +41,7 @@ PRODUCT_NAME, DATA_PACKAGE = "mount-gateway", "astropy-iers-data"
 DEVELOPER_EXTRAS = ("test", "judges", "dev", "docs", "single-file")
 
 
-def version(name: str) -> str:
+def installed_version(name: str) -> str:
     """Return the version of an installed package; empty if it is not installed."""
     try:
         return importlib.metadata.version(name)
@@ -49,7 +49,7 @@ def version(name: str) -> str:
         return ""
 
 
-def needed(product: str = PRODUCT_NAME, extra: str = "") -> Iterator[Package]:
+def required_packages(product: str = PRODUCT_NAME, extra: str = "") -> Iterator[Package]:
     """Yield the packages that the product, or an extra of it, requires on this system."""
     try:
         lines = importlib.metadata.requires(product) or []
@@ -62,7 +62,7 @@ def needed(product: str = PRODUCT_NAME, extra: str = "") -> Iterator[Package]:
             continue
         always = requirement.marker is None or requirement.marker.evaluate({"extra": ""})
         if always if not extra else not always and requirement.marker and requirement.marker.evaluate({"extra": extra}):
-            installed = version(requirement.name)
+            installed = installed_version(requirement.name)
             fits = bool(installed) and requirement.specifier.contains(installed, prereleases=True)
             yield Package(requirement.name, str(requirement.specifier), installed, fits)
 
@@ -73,7 +73,7 @@ def missing_extras(product: str = PRODUCT_NAME) -> dict[str, list[str]]:
         extras = importlib.metadata.metadata(product).get_all("Provides-Extra") or []
     except importlib.metadata.PackageNotFoundError:
         return {}
-    required = {extra: needed(product, extra) for extra in extras if extra not in DEVELOPER_EXTRAS}
+    required = {extra: required_packages(product, extra) for extra in extras if extra not in DEVELOPER_EXTRAS}
     missing = {
         extra: [package.name for package in packages if not package.fits] for extra, packages in required.items()
     }
@@ -99,34 +99,34 @@ ANSWER_TIMEOUT = 3.0
 UDEV_FOLDER = Path("/run/udev/data")
 
 
-def gather(state: str | None = None, almanac: str | None = None) -> Facts:
+def gather_facts(named_state_folder: str | None = None, almanac_file: str | None = None) -> Facts:
     """Collect the facts for the checks; the user may have named a state folder and an almanac. Raises UserError."""
-    folder = state_folder(state)
-    granted, active = groups()
+    folder = state_folder(named_state_folder)
+    granted, active = user_and_active_groups()
     return Facts(
         version=full_version(),
         python=sys.version_info[:3],
         system=f"{platform.system()} {platform.release()} ({platform.machine()})",
         now=time.time(),
-        published=release_date(version(DATA_PACKAGE)),
-        almanac_until=_almanac_until(time.time(), almanac),
-        packages=list(needed()),
+        published=release_date(installed_version(DATA_PACKAGE)),
+        almanac_until=_almanac_until(time.time(), almanac_file),
+        packages=list(required_packages()),
         missing_extras=missing_extras(),
         ports=list(ports()),
         groups=granted,
         active_groups=active,
-        clock_synchronized=synchronised(),
+        clock_synchronized=is_clock_synchronised(),
         meddlers=processes_named(PORT_DISTURBERS),
         state_folder=str(folder),
-        state_problem=unwritable(folder),
-        gateways=list(running(Scope(folder, alone=state is not None))),
+        state_problem=why_unwritable(folder),
+        gateways=list(running_gateways(Scope(folder, folder_only=named_state_folder is not None))),
         pip=pip_command(),
     )
 
 
 def _almanac_until(now: float, path: str | None) -> float | None:
     today = int(now // DAY)
-    days = stored(path).days_from(today)
+    days = load_stored(path).consecutive_days_from(today)
     return (today + days - 1) * DAY if days else None
 
 
@@ -136,7 +136,7 @@ def ports() -> Iterator[Port]:
         yield Port(
             name=port.url,
             about=port.about,
-            usb=is_usb_or_named(port.url),
+            usb=is_not_built_in(port.url),
             permitted=os.name != "posix" or os.access(port.url, os.R_OK | os.W_OK),
             group=group_of(port.url),
             holder=port_holder(port.url),
@@ -144,7 +144,7 @@ def ports() -> Iterator[Port]:
         )
 
 
-def unwritable(folder: Path) -> str:
+def why_unwritable(folder: Path) -> str:
     """Return why files cannot be written to a folder; empty if they can, or if the folder could be created."""
     existing = folder
     while not existing.exists() and existing != existing.parent:
@@ -156,20 +156,20 @@ def unwritable(folder: Path) -> str:
     return "the disk is full" if shutil.disk_usage(existing).free == 0 else ""
 
 
-def running(scope: Scope) -> Iterator[Running]:
+def running_gateways(scope: Scope) -> Iterator[Running]:
     """Yield the gateways that can be queried, then those of which only the process is visible."""
     endpoints = [endpoint for _, endpoint in search(scope).gateways if is_listening(endpoint)]
-    for endpoint, (places, sky) in zip(endpoints, asyncio.run(_all_served(endpoints)), strict=True):
-        yield Running(endpoint.pid, endpoint.title, served=places, folder=endpoint.state, sky=sky)
+    for endpoint, (places, sky) in zip(endpoints, asyncio.run(_query_gateways(endpoints)), strict=True):
+        yield Running(endpoint.pid, endpoint.title, addresses=places, state_folder=endpoint.state, sky_source=sky)
     for process in unreachable_gateways(scope):
-        yield Running(process.pid, user=user_name(process.user), foreign=not reachable(process))
+        yield Running(process.pid, user=user_name(process.user_id), is_other_users=not may_reach(process))
 
 
-async def _all_served(endpoints: Sequence[ControlEndpoint]) -> list[tuple[tuple[str, ...], str]]:
-    return await asyncio.gather(*map(_served, endpoints))
+async def _query_gateways(endpoints: Sequence[ControlEndpoint]) -> list[tuple[tuple[str, ...], str]]:
+    return await asyncio.gather(*map(_addresses_and_sky, endpoints))
 
 
-async def _served(endpoint: ControlEndpoint) -> tuple[tuple[str, ...], str]:
+async def _addresses_and_sky(endpoint: ControlEndpoint) -> tuple[tuple[str, ...], str]:
     """Return where clients connect to a gateway, and how it calculates the sky; both empty if it does not answer."""
     state = await ask_state(endpoint, fresh=False, seconds=ANSWER_TIMEOUT)
     return (tuple(map(str, state.served)), state.sky) if isinstance(state, State) else ((), "")
@@ -196,7 +196,7 @@ def modem_manager_ignores(device: str, udev: Path = UDEV_FOLDER) -> bool:
     return any(line in properties.splitlines() for line in ("E:ID_MM_PORT_IGNORE=1", "E:ID_MM_DEVICE_IGNORE=1"))
 
 
-def groups() -> tuple[set[str], set[str]]:
+def user_and_active_groups() -> tuple[set[str], set[str]]:
     """Return the groups of this user, and those of this login session."""
     try:
         import grp

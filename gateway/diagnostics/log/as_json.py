@@ -10,15 +10,15 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, TextIO
 
-from gateway.core.wire_log import Entry, show
+from gateway.core.wire_log import Entry, printable
 from gateway.system import streams
 
 if TYPE_CHECKING:
     from gateway.diagnostics.log.layout import Row
-    from gateway.diagnostics.log.printing import Rows
+    from gateway.diagnostics.log.printing import RowBuilder
 
 #: The value of ``log`` that selects this format; a hyphen and a filter may follow, as in ``json-changes``.
-FORM = "json"
+JSON_FORMAT = "json"
 #: The name of each event kind, by the arrow of its log row.
 EVENT_KINDS = {
     ">": "command",
@@ -38,30 +38,30 @@ DIRECTIONS = {">": "to mount", "<": "from mount"}
 
 def is_json(log: bool | str) -> bool:
     """Whether a value of the setting ``log`` selects the JSON format."""
-    return isinstance(log, str) and log.partition("-")[0] == FORM
+    return isinstance(log, str) and log.partition("-")[0] == JSON_FORMAT
 
 
 def filter_of(log: bool | str) -> str:
     """Return the filter that a value of the setting ``log`` names: "normal" for true, "all" if it names none."""
     if log is True:
         return "normal"
-    return (log.removeprefix(FORM).removeprefix("-") if isinstance(log, str) else "") or "all"
+    return (log.removeprefix(JSON_FORMAT).removeprefix("-") if isinstance(log, str) else "") or "all"
 
 
-def written(row: Row, mount: str) -> str:
+def format_row(row: Row, mount: str) -> str:
     """Format a row as one line. ``mount`` is the mount's name, or its endpoint if it has no name."""
-    return _line(
+    return _format_line(
         row.time, mount, row.side, EVENT_KINDS.get(row.arrow, row.arrow), row.text,
         direction=DIRECTIONS.get(row.arrow), refused=row.kind == "no", data=row.data,
     )  # fmt: skip
 
 
-def warning(time: float, text: str) -> str:
+def format_warning(time: float, text: str) -> str:
     """Format a warning of the gateway itself as one line."""
-    return _line(time, None, "gateway", "warning", text)
+    return _format_line(time, None, "gateway", "warning", text)
 
 
-def _line(
+def _format_line(
     time: float, mount: str | None, side: str, kind: str, text: str,
     direction: str | None = None, refused: bool = False, data: bytes = b"",
 ) -> str:  # fmt: skip
@@ -74,20 +74,20 @@ def _line(
         "direction": direction,
         "kind": kind,
         "refused": refused,
-        "bytes": show(data),
+        "bytes": printable(data),
         "hex": data.hex(),
         "words": text,
     }
     return json.dumps(fields)
 
 
-def json_printer(rows: Rows, stream: TextIO, mount: str) -> Callable[[Entry], None]:
+def json_printer(rows: RowBuilder, stream: TextIO, mount: str) -> Callable[[Entry], None]:
     """Return a sink for wire log entries, which writes them as JSON lines to a stream."""
-    notice, info = (streams.level(number, stream) for number in (streams.NOTICE, streams.INFO))
+    notice, info = (streams.prefix(number, stream) for number in (streams.NOTICE, streams.INFO))
 
     def put(entry: Entry) -> None:
         for row in rows.take(entry):
-            stream.write(f"{notice if row.arrow == '!' else info}{written(row, mount)}\n")
+            stream.write(f"{notice if row.arrow == '!' else info}{format_row(row, mount)}\n")
         stream.flush()
 
     return put

@@ -23,30 +23,30 @@ from gateway.protocols.wireformat.command_set import load
 MAX_UNANSWERED, MAX_UNPARSED_BYTES = 256, 4096
 
 
-class Heard(NamedTuple):
+class DecodedMessage(NamedTuple):
     """A decoded command or reply, its description, and the command's name in the command table (empty if unknown).
 
-    ``asks``: a query that changes nothing, or the reply to one. ``fails``: a refusal, or not understood. ``fields`` are
-    all fields of a reply by name; ``values`` are those that stay constant while nothing happens (no positions, no
+    ``is_query``: a query that changes nothing, or the reply to one. ``fails``: a refusal, or not understood. ``fields``
+    are all fields of a reply by name; ``values`` are those that stay constant while nothing happens (no positions, no
     times). ``pushed``: a message that answers no request.
     """
 
     data: bytes
     text: str
     command: str = ""
-    asks: bool = False
+    is_query: bool = False
     fails: bool = False
     values: tuple[object, ...] = ()
     fields: Mapping[str, object] = MappingProxyType({})
     pushed: bool = False
 
 
-def _briefly(meaning: str) -> str:
+def _short_meaning(meaning: str) -> str:
     """Return a short description of a command, without the further explanations of the manual."""
     return re.split(r"[:;] | \(", meaning)[0]
 
 
-class Side:
+class ConnectionDecoder:
     """Decodes one connection (a client's or the mount's), and remembers commands that are still unanswered."""
 
     def __init__(self, protocol: str, model: str | None = None) -> None:
@@ -59,94 +59,102 @@ class Side:
 
     # --- commands ---------------------------------------------------------------------------------------------------
 
-    def commands(self, data: bytes, time: float) -> Iterator[Heard]:
+    def decode_commands(self, data: bytes, time: float) -> Iterator[DecodedMessage]:
         """Yield the commands that these bytes complete. ``time`` is when they arrived, in seconds."""
         for frame in self._framer.feed(data, time):
-            yield self.command(frame)
+            yield self.describe_command(frame)
 
-    def command(self, frame: bytes) -> Heard:
+    def describe_command(self, frame: bytes) -> DecodedMessage:
         """Describe a complete command; the next matching reply is its answer."""
         if isinstance(frame, Unterminated):
             self._due += [Send(name) for name in frame.names[:1] if name and not frame.late]
-            return Heard(frame, "its end (#) is missing: refused", frame.names[0] if frame.names else "", fails=True)
+            return DecodedMessage(
+                frame, "its end (#) is missing: refused", frame.names[0] if frame.names else "", fails=True
+            )
         match = self._reply_rules.protocol.find(frame)
         if match is None:
-            return Heard(frame, f"not a command of the {self.protocol} protocol", fails=True)
+            return DecodedMessage(frame, f"not a command of the {self.protocol} protocol", fails=True)
         command, picture = match
         try:
             values = picture.decode(frame)
         except ValueError as error:
             if command.replies:
                 self._due.append(Send(command.name))
-            return Heard(frame, f"{command.help}; not valid: {error}", command.name, fails=True)
+            return DecodedMessage(frame, f"{command.help}; not valid: {error}", command.name, fails=True)
         if command.replies:
             self._due.append(Send(command.name, values))
         fields = format_fields(self.protocol, command.name, values)
-        text = f"{_briefly(command.help)}: {fields}" if fields else _briefly(command.help)
-        return Heard(frame, text, command.name, command.question)
+        text = f"{_short_meaning(command.help)}: {fields}" if fields else _short_meaning(command.help)
+        return DecodedMessage(frame, text, command.name, command.is_query)
 
     # --- replies ----------------------------------------------------------------------------------------------------
 
-    def replies(self, data: bytes) -> Iterator[Heard]:
+    def decode_replies(self, data: bytes) -> Iterator[DecodedMessage]:
         """Yield the replies that these bytes complete, each matched to the oldest command that it can answer."""
         self._partial_reply += data
         while self._partial_reply:
-            taken = self._take()
+            taken = self._match_reply()
             if taken is None and len(self._partial_reply) <= MAX_UNPARSED_BYTES:
                 break
             if taken is None:
-                taken = Heard(b"", "answers no request", fails=True), len(self._partial_reply)
+                taken = DecodedMessage(b"", "answers no request", fails=True), len(self._partial_reply)
             heard, length = taken
             yield heard._replace(data=self._partial_reply[:length])
             self._partial_reply = self._partial_reply[length:]
 
-    def _take(self) -> tuple[Heard, int] | None:
+    def _match_reply(self) -> tuple[DecodedMessage, int] | None:
         """Match the received bytes to the oldest command that they can answer; forget commands before it."""
         for skipped, ask in enumerate(self._due):
-            taken = self._answer(ask, self._partial_reply)
+            taken = self._parse_reply(ask, self._partial_reply)
             if taken is not None and taken[1]:
                 for _ in range(skipped + 1):
                     self._due.popleft()
-                return self._reply(ask, *taken)
-        if (message := self._unasked(self._partial_reply)) is not None:
+                return self._describe(ask, *taken)
+        if (message := self._match_pushed(self._partial_reply)) is not None:
             return message
-        return None if self._due or self._pushed else (Heard(b"", "nobody asked", fails=True), len(self._partial_reply))
+        return (
+            None
+            if self._due or self._pushed
+            else (DecodedMessage(b"", "nobody asked", fails=True), len(self._partial_reply))
+        )
 
-    def reply(self, data: bytes) -> Heard:
+    def describe_reply(self, data: bytes) -> DecodedMessage:
         """Describe a complete reply on a connection with one request at a time: it answers the last command.
 
         The text is empty if the reply does not match that command.
         """
-        if (message := self._unasked(data)) is not None:
+        if (message := self._match_pushed(data)) is not None:
             return message[0]._replace(data=data)
         ask = self._due[-1] if self._due else None
         self._due.clear()
-        taken = self._answer(ask, data) if ask is not None else None
+        taken = self._parse_reply(ask, data) if ask is not None else None
         if ask is None or taken is None:
-            return Heard(data, "")
-        return self._reply(ask, *taken)[0]._replace(data=data)
+            return DecodedMessage(data, "")
+        return self._describe(ask, *taken)[0]._replace(data=data)
 
-    def _unasked(self, data: bytes) -> tuple[Heard, int] | None:
+    def _match_pushed(self, data: bytes) -> tuple[DecodedMessage, int] | None:
         """Describe the bytes if they are a message that is sent without a request; else return None."""
         for pushed in self._pushed:
-            taken = self._answer(pushed, data)
+            taken = self._parse_reply(pushed, data)
             if taken is not None:
-                heard, length = self._reply(pushed, *taken)
+                heard, length = self._describe(pushed, *taken)
                 return heard._replace(pushed=True), length
         return None
 
-    def _answer(self, ask: Send, data: bytes) -> tuple[dict[str, object] | Fault, int] | None:
+    def _parse_reply(self, request: Send, data: bytes) -> tuple[dict[str, object] | Fault, int] | None:
         try:
-            return self._reply_rules.take(ask, data)
+            return self._reply_rules.parse_reply(request, data)
         except ValueError as error:
             return Refused(f"garbled: {error}"), len(data)
 
-    def _reply(self, ask: Send, outcome: dict[str, object] | Fault, length: int) -> tuple[Heard, int]:
-        command = self._reply_rules.protocol.commands[ask.command]
+    def _describe(self, request: Send, outcome: dict[str, object] | Fault, length: int) -> tuple[DecodedMessage, int]:
+        command = self._reply_rules.protocol.commands[request.command]
         if isinstance(outcome, Fault):
-            return Heard(b"", f"{command.name}: {outcome}", command.name, fails=True), length
+            return DecodedMessage(b"", f"{command.name}: {outcome}", command.name, fails=True), length
         values = {key: value for key, value in outcome.items() if key != "length"}
         text = format_fields(self.protocol, command.name, values) or "accepted"
         lasting = constant_values(self.protocol, command.name, values)
-        heard = Heard(b"", f"{command.name}: {text}", command.name, command.question, values=lasting, fields=values)
+        heard = DecodedMessage(
+            b"", f"{command.name}: {text}", command.name, command.is_query, values=lasting, fields=values
+        )
         return heard, length

@@ -14,14 +14,14 @@ from typing import TextIO
 
 from msgspec import Struct
 
-from gateway.core.wire_log import show
+from gateway.core.wire_log import printable
 
 #: The number of columns if no terminal reports it, and the smallest number that lines are formatted for.
 DEFAULT_COLUMNS, MIN_COLUMNS = 80, 40
 #: Column widths for the connection and for the bytes; longer content moves the text to the right or to the next line.
 NAME_COLUMNS, BYTES_COLUMNS = 15, 18
 #: The text moves below the bytes if fewer columns than this are left beside them.
-MIN_WORDS_COLUMNS = 24
+MIN_TEXT_COLUMNS = 24
 #: The indentation of a continued line.
 INDENTATION = "    "
 #: The colour of each kind of line, as SGR parameters (ECMA-48); by day and by night.
@@ -38,27 +38,27 @@ class Row(Struct, frozen=True):
     data: bytes = b""
     text: str = ""
     kind: str = "event"  # a key of the colours
-    name: str = ""
+    mount_name: str = ""
 
 
-def stamp(unix: float) -> str:
+def format_time(unix: float) -> str:
     """Format Unix seconds as the time of day, UTC, with milliseconds."""
     return datetime.fromtimestamp(unix, UTC).strftime("%H:%M:%S.%f")[:-3]
 
 
-def plain(row: Row, with_time: bool = True) -> str:
+def as_one_line(row: Row, with_time: bool = True) -> str:
     """Format a row as one line, however long."""
-    data = [show(row.data).ljust(BYTES_COLUMNS)] if row.data else []
-    return " ".join([_head(row, with_time), *data, row.text]).rstrip()
+    data = [printable(row.data).ljust(BYTES_COLUMNS)] if row.data else []
+    return " ".join([_line_head(row, with_time), *data, row.text]).rstrip()
 
 
 def wrapped(row: Row, columns: int) -> list[str]:
     """Format a row as lines of at most so many columns."""
-    head, columns = _head(row, with_time=True) + " ", max(columns, MIN_COLUMNS)
+    head, columns = _line_head(row, with_time=True) + " ", max(columns, MIN_COLUMNS)
     start: list[str] = []
-    if len(head) > columns - MIN_WORDS_COLUMNS:  # the rest moves to the lines below
+    if len(head) > columns - MIN_TEXT_COLUMNS:  # the rest moves to the lines below
         start, head = _split_text(head.rstrip(), columns - len(INDENTATION)), INDENTATION
-    room, data = columns - len(head), show(row.data)
+    room, data = columns - len(head), printable(row.data)
     if not data:
         lines = _split_text(row.text, room)
     elif len(data.ljust(BYTES_COLUMNS)) + 1 + len(row.text) <= room:
@@ -71,38 +71,38 @@ def wrapped(row: Row, columns: int) -> list[str]:
     return [line.rstrip() for line in (head + lines[0], *(indent + line for line in lines[1:]))]
 
 
-def _in_columns(data: str, note: str, room: int) -> list[str]:
+def _in_columns(data: str, note: str, width: int) -> list[str]:
     """Return lines with the bytes, and the text beside or below them."""
-    beside = BYTES_COLUMNS + 1 if room - BYTES_COLUMNS - 1 >= MIN_WORDS_COLUMNS else 2
-    pieces = _pieces(data, room)
-    text = _split_text(note, room - beside)
+    beside = BYTES_COLUMNS + 1 if width - BYTES_COLUMNS - 1 >= MIN_TEXT_COLUMNS else 2
+    pieces = _cut(data, width)
+    text = _split_text(note, width - beside)
     if len(pieces) == 1 and len(data) <= BYTES_COLUMNS and beside > 2:
         return [f"{data:<{BYTES_COLUMNS}} {text[0]}", *(" " * beside + line for line in text[1:])]
-    if len(pieces) == 1 and len(data) + 1 + len(note) <= room:
+    if len(pieces) == 1 and len(data) + 1 + len(note) <= width:
         return [f"{data} {note}"]
     return [*pieces, *(" " * beside + line for line in text)]
 
 
-def _head(row: Row, with_time: bool) -> str:
+def _line_head(row: Row, with_time: bool) -> str:
     """Return the beginning of a line: time, mount, connection, direction."""
-    clock = [stamp(row.time)] if with_time else []
-    name = [f"{row.name:<8}"] if row.name else []
+    clock = [format_time(row.time)] if with_time else []
+    name = [f"{row.mount_name:<8}"] if row.mount_name else []
     return " ".join([*clock, *name, f"{row.side:<{NAME_COLUMNS}}", row.arrow])
 
 
-def _pieces(text: str, room: int) -> list[str]:
-    return [text[start : start + room] for start in range(0, len(text), room)] or [""]
+def _cut(text: str, width: int) -> list[str]:
+    return [text[start : start + width] for start in range(0, len(text), width)] or [""]
 
 
-def _split_text(text: str, room: int) -> list[str]:
+def _split_text(text: str, width: int) -> list[str]:
     """Break text between words; only a word that is longer than a line is split."""
     lines = [""]
     for word in text.split(" "):
         joined = f"{lines[-1]} {word}" if lines[-1] else word
-        if len(joined) <= room:
+        if len(joined) <= width:
             lines[-1] = joined
             continue
-        lines += _pieces(word, room)
+        lines += _cut(word, width)
     return lines if lines[0] or len(lines) == 1 else lines[1:]
 
 

@@ -12,11 +12,11 @@ from typing import TextIO
 
 from msgspec import Struct
 
-from gateway.clients.wrong_preset import other
-from gateway.core.wire_log import MOUNT_SIDE, Entry, show
-from gateway.diagnostics.log.conversation import Heard, Side
-from gateway.diagnostics.log.layout import Row, colours_of, columns_of, painted, plain, wrapped
-from gateway.protocols.registry import ANY, guess
+from gateway.clients.wrong_preset import other_telescope_type
+from gateway.core.wire_log import MOUNT_SIDE, Entry, printable
+from gateway.diagnostics.log.conversation import ConnectionDecoder, DecodedMessage
+from gateway.diagnostics.log.layout import Row, as_one_line, colours_of, columns_of, painted, wrapped
+from gateway.protocols.registry import ANY, guess_protocol
 from gateway.protocols.wireformat.command_set import load
 from gateway.system import streams
 
@@ -37,43 +37,43 @@ class LogLine(Struct, frozen=True):
 
     row: Row
     host: str
-    heard: Heard
-    asked: bytes
+    message: DecodedMessage
+    query: bytes
 
 
 #: The arrows of a new connection and of its recognised protocol.
 CONNECTION_ARROWS = "+~"
 
 
-class _Run:
+class _RepeatedQuery:
     """A repeated query: when it was last shown, how often it was answered since then, and its latest reply."""
 
-    def __init__(self, since: float) -> None:
-        self.since, self.count = since, 0
-        self.values: tuple[object, ...] | None = None
+    def __init__(self, shown_at: float) -> None:
+        self.shown_at, self.count = shown_at, 0
+        self.last_values: tuple[object, ...] | None = None
         self.last_reply = ""
 
 
-class _Party:
+class _LoggedConnection:
     """The filter's state for a connection; a host that reconnects soon continues with the same."""
 
     def __init__(self) -> None:
-        self.runs: dict[bytes, _Run] = {}
+        self.runs: dict[bytes, _RepeatedQuery] = {}
         self.held_rows: list[Row] = []
-        self.left_at = -1e9
+        self.closed_at = -1e9
 
 
-class Folding:
+class LogFilter:
     """Decides which lines are shown, in their order.
 
     The user selects "all"; "normal", without the counts of repeated queries; "changes", without answered queries; or
     "refusals", without anything that succeeds.
     """
 
-    def __init__(self, shown: str = "all") -> None:
-        self._filter = shown
-        self._connected_parties: dict[str, _Party] = {}
-        self._gone_parties: dict[str, _Party] = {}
+    def __init__(self, filter_name: str = "all") -> None:
+        self._filter = filter_name
+        self._open_connections: dict[str, _LoggedConnection] = {}
+        self._closed_connections: dict[str, _LoggedConnection] = {}
 
     def take(self, line: LogLine) -> list[Row]:
         """Process the next line and return the rows to show now."""
@@ -85,22 +85,22 @@ class Folding:
             case "-":
                 return self._connection_closed(line)
             case ">":
-                return self._request(line)
+                return self._take_request(line)
             case "<":
-                return self._reply(line)
-        return self._shown(self._party(line), line)
+                return self._take_reply(line)
+        return self._show_line(self._connection_of(line), line)
 
-    def _party(self, line: LogLine) -> _Party:
-        return self._connected_parties.setdefault(line.row.side, _Party())
+    def _connection_of(self, line: LogLine) -> _LoggedConnection:
+        return self._open_connections.setdefault(line.row.side, _LoggedConnection())
 
     # --- connections --------------------------------------------------------------------------------------------------
 
     def _connection_opened(self, line: LogLine) -> list[Row]:
-        party = self._gone_parties.pop(line.host, None)
-        has_party = any(side.rpartition(":")[0] == line.host for side in self._connected_parties)
-        if party is None or has_party or line.row.time - party.left_at > RECONNECT_WINDOW:
-            party = _Party()
-        self._connected_parties[line.row.side] = party
+        party = self._closed_connections.pop(line.host, None)
+        has_party = any(side.rpartition(":")[0] == line.host for side in self._open_connections)
+        if party is None or has_party or line.row.time - party.closed_at > RECONNECT_WINDOW:
+            party = _LoggedConnection()
+        self._open_connections[line.row.side] = party
         if not party.runs and self._filter != "refusals":
             return [line.row]
         party.held_rows = [line.row]
@@ -108,107 +108,107 @@ class Folding:
 
     def _protocol_recognised(self, line: LogLine) -> list[Row]:
         """Handle the recognition of a connection's protocol, which is shown together with the connection."""
-        party = self._party(line)
+        party = self._connection_of(line)
         if not party.held_rows and self._filter != "refusals":
-            return self._shown(party, line)
+            return self._show_line(party, line)
         party.held_rows.append(line.row)
         return []
 
     def _connection_closed(self, line: LogLine) -> list[Row]:
-        party = self._connected_parties.pop(line.row.side, None) or _Party()
-        party.left_at = line.row.time
-        self._gone_parties[line.host] = party
-        if len(self._gone_parties) > MAX_HOSTS:
-            del self._gone_parties[next(iter(self._gone_parties))]
+        party = self._open_connections.pop(line.row.side, None) or _LoggedConnection()
+        party.closed_at = line.row.time
+        self._closed_connections[line.host] = party
+        if len(self._closed_connections) > MAX_HOSTS:
+            del self._closed_connections[next(iter(self._closed_connections))]
         silent = bool(party.held_rows) and party.held_rows[0].arrow == "+"
-        rows = self._unanswered(party)
+        rows = self._show_unanswered(party)
         if silent and not rows:
             party.held_rows.clear()
             return []
-        return [*rows, *self._counts_line(party, line.row), line.row] if self._filter != "refusals" else rows
+        return [*rows, *self._repeat_counts_row(party, line.row), line.row] if self._filter != "refusals" else rows
 
     # --- commands and replies -----------------------------------------------------------------------------------------
 
-    def _request(self, line: LogLine) -> list[Row]:
-        party = self._party(line)
-        rows = self._unanswered(party)
-        if line.heard.fails:
-            return [*rows, *self._shown(party, line)]
-        if not line.heard.asks:
+    def _take_request(self, line: LogLine) -> list[Row]:
+        party = self._connection_of(line)
+        rows = self._show_unanswered(party)
+        if line.message.fails:
+            return [*rows, *self._show_line(party, line)]
+        if not line.message.is_query:
             if self._filter == "refusals":
                 party.held_rows.append(line.row)
                 return rows
-            return [*rows, *self._shown(party, line)]
+            return [*rows, *self._show_line(party, line)]
         if line.row.data in party.runs or self._filter in ("changes", "refusals"):
             party.held_rows.append(line.row)
             return rows
-        party.runs[line.row.data] = _Run(line.row.time)
+        party.runs[line.row.data] = _RepeatedQuery(line.row.time)
         return [*rows, *self._show_held(party), line.row]
 
-    def _reply(self, line: LogLine) -> list[Row]:
-        party = self._party(line)
-        if line.heard.fails:
-            return self._shown(party, line)
-        if self._filter == "refusals" or (line.heard.asks and self._filter == "changes"):
+    def _take_reply(self, line: LogLine) -> list[Row]:
+        party = self._connection_of(line)
+        if line.message.fails:
+            return self._show_line(party, line)
+        if self._filter == "refusals" or (line.message.is_query and self._filter == "changes"):
             party.held_rows = [row for row in party.held_rows if row.arrow in CONNECTION_ARROWS]
             return []
         asked: Row | None = line.row
-        if line.heard.pushed:
-            key, run = UNPROMPTED_KEY, party.runs.setdefault(UNPROMPTED_KEY, _Run(line.row.time))
+        if line.message.pushed:
+            key, run = UNPROMPTED_KEY, party.runs.setdefault(UNPROMPTED_KEY, _RepeatedQuery(line.row.time))
         else:
-            key, repeated = line.asked, party.runs.get(line.asked) if line.heard.asks else None
+            key, repeated = line.query, party.runs.get(line.query) if line.message.is_query else None
             if repeated is None:
-                return self._shown(party, line)
+                return self._show_line(party, line)
             run, asked = repeated, next((row for row in party.held_rows if row.arrow == ">"), None)
-        new, run.values = run.values != line.heard.values, line.heard.values
+        new, run.last_values = run.last_values != line.message.values, line.message.values
         if asked is None or new:
-            counted = self._count(key, run, asked) if asked is not None else []
-            run.since = line.row.time
+            counted = self._count_row(key, run, asked) if asked is not None else []
+            run.shown_at = line.row.time
             return [*counted, *self._show_held(party), line.row]
-        if not line.heard.pushed:
+        if not line.message.pushed:
             party.held_rows.remove(asked)
         run.count, run.last_reply = run.count + 1, line.row.text
-        return self._count(key, run, line.row) if line.row.time - run.since >= REPEAT_REPORT_PERIOD else []
+        return self._count_row(key, run, line.row) if line.row.time - run.shown_at >= REPEAT_REPORT_PERIOD else []
 
-    def _unanswered(self, party: _Party) -> list[Row]:
+    def _show_unanswered(self, connection: _LoggedConnection) -> list[Row]:
         """Return the held rows if they contain an unanswered request, as the next request has arrived."""
-        if all(row.arrow in CONNECTION_ARROWS for row in party.held_rows):
+        if all(row.arrow in CONNECTION_ARROWS for row in connection.held_rows):
             return []
         if self._filter == "refusals":
-            party.held_rows = [row for row in party.held_rows if row.arrow in CONNECTION_ARROWS]
+            connection.held_rows = [row for row in connection.held_rows if row.arrow in CONNECTION_ARROWS]
             return []
-        return self._show_held(party)
+        return self._show_held(connection)
 
-    def _shown(self, party: _Party, line: LogLine) -> list[Row]:
+    def _show_line(self, connection: _LoggedConnection, line: LogLine) -> list[Row]:
         """Return a line to show, after the counts of repeated queries and the held lines; restart the counts."""
-        rows = [*self._counts_line(party, line.row), *self._show_held(party), line.row]
-        party.runs.clear()
+        rows = [*self._repeat_counts_row(connection, line.row), *self._show_held(connection), line.row]
+        connection.runs.clear()
         return rows
 
-    def _show_held(self, party: _Party) -> list[Row]:
-        rows, party.held_rows = party.held_rows[-MAX_HELD_LINES:], []
+    def _show_held(self, connection: _LoggedConnection) -> list[Row]:
+        rows, connection.held_rows = connection.held_rows[-MAX_HELD_LINES:], []
         return rows
 
-    def _counts_line(self, party: _Party, row: Row) -> list[Row]:
+    def _repeat_counts_row(self, connection: _LoggedConnection, row: Row) -> list[Row]:
         """Return one row with all counts of repeated queries that were not shown yet; none if there are none."""
-        counts = {show(asked) or "line unasked": run.count for asked, run in party.runs.items() if run.count}
-        for run in party.runs.values():
-            run.count, run.since = 0, row.time
+        counts = {printable(asked) or "line unasked": run.count for asked, run in connection.runs.items() if run.count}
+        for run in connection.runs.values():
+            run.count, run.shown_at = 0, row.time
         if not counts or self._filter == "normal":
             return []
         text = "repeated: " + ", ".join(f"{asked} ×{count}" for asked, count in counts.items())
-        return [Row(row.time, row.side, "=", b"", text, "again", row.name)]
+        return [Row(row.time, row.side, "=", b"", text, "again", row.mount_name)]
 
-    def _count(self, query: bytes, run: _Run, row: Row) -> list[Row]:
+    def _count_row(self, query: bytes, repeated: _RepeatedQuery, row: Row) -> list[Row]:
         """Return a row that says how often a query was repeated since it was last shown, with its latest reply."""
-        if not run.count:
+        if not repeated.count:
             return []
-        text = f"{_times(run.count)} more in {row.time - run.since:.0f} s, now {run.last_reply}"
-        run.count, run.since = 0, row.time
-        return [Row(row.time, row.side, "=", query, text, "again", row.name)]
+        text = f"{_times_text(repeated.count)} more in {row.time - repeated.shown_at:.0f} s, now {repeated.last_reply}"
+        repeated.count, repeated.shown_at = 0, row.time
+        return [Row(row.time, row.side, "=", query, text, "again", row.mount_name)]
 
 
-def _times(count: int) -> str:
+def _times_text(count: int) -> str:
     return "once" if count == 1 else f"{count} times"
 
 
@@ -218,26 +218,26 @@ HIDDEN_ENTRIES = ("raw", "v")
 EVENT_WORDS = {"+": "connected", "-": "gone", "~": "speaks", "^": "port opened", "v": "port lost"}
 
 
-class Rows:
+class RowBuilder:
     """Turns wire log entries into rows. ``surfaces`` are the surfaces' endpoints (or protocols) in their order."""
 
-    def __init__(self, mount: str, surfaces: Sequence[str], shown: str = "all", name: str = "") -> None:
+    def __init__(self, mount: str, surfaces: Sequence[str], filter_name: str = "all", name: str = "") -> None:
         self._mount, self._surfaces, self._mount_name = mount, surfaces, name
-        self._is_shown = shown
-        self._folding = Folding(shown)
-        self._sides_by_name: dict[str, Side] = {}
+        self._filter_name = filter_name
+        self._log_filter = LogFilter(filter_name)
+        self._decoder_by_side: dict[str, ConnectionDecoder] = {}
         self._last_queries: dict[str, bytes] = {}
 
     def take(self, entry: Entry) -> Iterable[Row]:
         """Process an entry and return the rows to show now."""
         ours = entry.side == MOUNT_SIDE
-        if entry.arrow in HIDDEN_ENTRIES or self._is_shown == (MOUNT_SIDE if not ours else "program"):
+        if entry.arrow in HIDDEN_ENTRIES or self._filter_name == (MOUNT_SIDE if not ours else "program"):
             return ()
         host = entry.side.rpartition(":")[0] or entry.side
         kind = "mount" if ours else "program"
         if entry.arrow == "+":
-            self._begin(entry)
-        heard = self._heard(entry)
+            self._set_surface_protocol(entry)
+        heard = self._describe_entry(entry)
         if entry.arrow not in "<>":
             kind = {"!": "note", "x": "no"}.get(entry.arrow, "event")
         row = Row(
@@ -247,51 +247,51 @@ class Rows:
         if entry.arrow == ">":
             self._last_queries[entry.side] = bytes(entry.data)
         elif entry.arrow == "~":
-            self._sides_by_name[entry.side] = Side(entry.note.partition(",")[0])
+            self._decoder_by_side[entry.side] = ConnectionDecoder(entry.note.partition(",")[0])
         elif entry.arrow == "-":
-            self._sides_by_name.pop(entry.side, None)
+            self._decoder_by_side.pop(entry.side, None)
             self._last_queries.pop(entry.side, None)
-        return self._folding.take(LogLine(row, host, heard, asked))
+        return self._log_filter.take(LogLine(row, host, heard, asked))
 
-    def knows(self, side: str, protocol: str) -> None:
+    def set_protocol(self, side: str, protocol: str) -> None:
         """Note the protocol of a connection that was open before this log began."""
-        self._sides_by_name[side] = Side(protocol)
+        self._decoder_by_side[side] = ConnectionDecoder(protocol)
 
     def _surface(self, entry: Entry) -> str:
         """Return the surface whose number a connection's entry contains; empty if it is unknown."""
         number = entry.note.partition(",")[0].rpartition(" ")[2]
         return self._surfaces[int(number) - 1] if number.isdecimal() and 0 < int(number) <= len(self._surfaces) else ""
 
-    def _begin(self, entry: Entry) -> None:
+    def _set_surface_protocol(self, entry: Entry) -> None:
         if surface := self._surface(entry):
             protocol = surface.partition("@")[0].partition(":")[0]
             if protocol != ANY:  # an entry for the recognised protocol follows
-                self._sides_by_name[entry.side] = Side(protocol)
+                self._decoder_by_side[entry.side] = ConnectionDecoder(protocol)
 
-    def _heard(self, entry: Entry) -> Heard:
+    def _describe_entry(self, entry: Entry) -> DecodedMessage:
         """Decode and describe an entry."""
         if entry.arrow not in "<>x":
             note = entry.note
             if entry.arrow == "+" and "@" in (surface := self._surface(entry)):
                 note = note.replace(note.partition(",")[0], surface, 1)
-            return Heard(entry.data, describe_event(entry.arrow, _plain(note)))
-        side = self._sides_by_name.get(entry.side)
+            return DecodedMessage(entry.data, describe_event(entry.arrow, _escape(note)))
+        side = self._decoder_by_side.get(entry.side)
         if side is None and entry.arrow == "<" and entry.side != MOUNT_SIDE:
             # A client that connected before this log began: its next command shows its protocol.
-            return Heard(entry.data, _plain(entry.note), fails=bool(entry.note))
+            return DecodedMessage(entry.data, _escape(entry.note), fails=bool(entry.note))
         if side is None:
-            protocol = self._mount if entry.side == MOUNT_SIDE else guess(entry.data)
+            protocol = self._mount if entry.side == MOUNT_SIDE else guess_protocol(entry.data)
             # What is no command of any protocol says nothing of what follows.
             if protocol is None or (entry.side != MOUNT_SIDE and load(protocol).find(entry.data) is None):
-                return Heard(entry.data, _plain(entry.note), fails=bool(entry.note))
-            side = self._sides_by_name[entry.side] = Side(protocol)
+                return DecodedMessage(entry.data, _escape(entry.note), fails=bool(entry.note))
+            side = self._decoder_by_side[entry.side] = ConnectionDecoder(protocol)
         if entry.arrow == "x":
-            foreign = other(side.protocol, entry.data)
+            foreign = other_telescope_type(side.protocol, entry.data)
             hint = f"; {foreign} has such a command" if foreign else ""
-            return Heard(entry.data, f"dropped: {entry.note}{hint}", fails=True)
+            return DecodedMessage(entry.data, f"dropped: {entry.note}{hint}", fails=True)
         if entry.note:
-            return Heard(entry.data, _plain(entry.note), fails=True)
-        return side.command(entry.data) if entry.arrow == ">" else side.reply(entry.data)
+            return DecodedMessage(entry.data, _escape(entry.note), fails=True)
+        return side.describe_command(entry.data) if entry.arrow == ">" else side.describe_reply(entry.data)
 
 
 def describe_event(arrow: str, note: str) -> str:
@@ -299,20 +299,20 @@ def describe_event(arrow: str, note: str) -> str:
     return (" " if arrow == "~" else ", ").join(filter(None, (EVENT_WORDS.get(arrow, ""), note)))
 
 
-def _plain(text: str) -> str:
+def _escape(text: str) -> str:
     """Escape control characters, as the text may contain what a client has sent: it must not control the terminal."""
-    return "".join(char if char.isprintable() else show(char.encode("utf-8", "replace")) for char in text)
+    return "".join(char if char.isprintable() else printable(char.encode("utf-8", "replace")) for char in text)
 
 
-def printer(rows: Rows, stream: TextIO, night_colours: bool = False) -> Callable[[Entry], None]:
+def line_printer(rows: RowBuilder, stream: TextIO, night_colours: bool = False) -> Callable[[Entry], None]:
     """Return a sink that writes lines to a stream; in systemd's journal notes have a higher level than the rest."""
-    notice, info = (streams.level(number, stream) for number in (streams.NOTICE, streams.INFO))
+    notice, info = (streams.prefix(number, stream) for number in (streams.NOTICE, streams.INFO))
     colours, columns = colours_of(stream, night_colours), columns_of(stream)
 
     def put(entry: Entry) -> None:
         for row in rows.take(entry):
             level = notice if row.arrow == "!" else info
-            for line in [plain(row, with_time=False)] if level else wrapped(row, columns()):
+            for line in [as_one_line(row, with_time=False)] if level else wrapped(row, columns()):
                 stream.write(f"{level}{painted(line, row.kind, colours)}\n")
         stream.flush()
 

@@ -52,13 +52,13 @@ class Finding(Struct, frozen=True, omit_defaults=True):
     rate: MeasuredRate | None = None
 
     @property
-    def line(self) -> str:
+    def as_line(self) -> str:
         """The finding in one line, without the sentence about its effect."""
         beside = f": {self.measured}" if self.measured else ""
         return f"{self.verdict}  {self.what}{beside}{f' (assumed: {self.assumed})' if self.assumed else ''}"
 
 
-def rest_of(stage: str) -> str:
+def untried_rest_title(stage: str) -> str:
     """Return the title of the finding that stands for the untried rest of a stage that ended early."""
     return f"the rest of {stage}"
 
@@ -81,17 +81,17 @@ class Findings(Struct):
     equatorial: bool = False
     stages: dict[str, list[Finding]] = {}
 
-    def whole(self, stage: str) -> bool:
+    def is_complete(self, stage: str) -> bool:
         """Whether a stage was carried out to its end."""
-        return stage in self.stages and all(finding.what != rest_of(stage) for finding in self.stages[stage])
+        return stage in self.stages and all(finding.what != untried_rest_title(stage) for finding in self.stages[stage])
 
-    def of(self, verdict: str) -> list[Finding]:
+    def select(self, verdict: str) -> list[Finding]:
         return [finding for stage in self.stages.values() for finding in stage if finding.verdict == verdict]
 
     @property
-    def keys(self) -> dict[str, object]:
+    def config_keys(self) -> dict[str, object]:
         """The keys of [mount] in gateway.toml that adapt the gateway to all differences."""
-        return {key: value for finding in self.of(DIFFERS) for key, value in finding.keys.items()}
+        return {key: value for finding in self.select(DIFFERS) for key, value in finding.keys.items()}
 
 
 def load(path: Path) -> Findings:
@@ -122,21 +122,21 @@ class ProofFile(Struct, frozen=True):
     stages: dict[str, list[Finding]]
 
 
-def result(findings: Findings, simulated: bool) -> ProofFile:
+def public_findings(findings: Findings, simulated: bool) -> ProofFile:
     """Return the findings without anything private."""
 
-    def shown(stage: str, finding: Finding) -> Finding:
+    def redact(stage: str, finding: Finding) -> Finding:
         if stage == "sky" or finding.verdict == NOT_TRIED:
             return Finding(finding.what, finding.verdict)
         return replace(finding, rate=None if finding.rate is None else finding.rate.rounded)
 
-    stages = {stage: [shown(stage, finding) for finding in of_stage] for stage, of_stage in findings.stages.items()}
+    stages = {stage: [redact(stage, finding) for finding in of_stage] for stage, of_stage in findings.stages.items()}
     return ProofFile(findings.mount, findings.version, findings.equatorial, version(), simulated, stages)
 
 
-def write(folder: Path, findings: Findings, simulated: bool) -> Path:
+def write_proof_file(folder: Path, findings: Findings, simulated: bool) -> Path:
     """Write the file ``prove-MODEL-VERSION.json`` into a folder, and return its path. Raises OSError."""
     name = f"prove-{findings.model or 'unknown'}-{findings.version or 'unknown'}"
     path = folder / (re.sub(r"[^\w.-]+", "_", name) + ".json")
-    path.write_bytes(msgspec.json.format(msgspec.json.encode(result(findings, simulated)), indent=1) + b"\n")
+    path.write_bytes(msgspec.json.format(msgspec.json.encode(public_findings(findings, simulated)), indent=1) + b"\n")
     return path

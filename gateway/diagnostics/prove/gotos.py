@@ -12,7 +12,7 @@ from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, SAME, Finding, StageReporter
-from gateway.diagnostics.prove.telescope import CheckedMount, Ended
+from gateway.diagnostics.prove.telescope import CheckedMount, StageEnd
 from gateway.mount.motion.run_on import TimedPosition
 
 #: Seconds: the timeout of a goto, and the time after which the goto that is to be cancelled is cancelled.
@@ -21,9 +21,9 @@ GOTO_TIMEOUT, CANCEL_DELAY = 300.0, 2.0
 GOTO_DISTANCE, GOAL_TOLERANCE, REST_TOLERANCE, MIN_DISTANCE_FROM_GOAL = 5.0, 0.1, 0.1, 1.0
 #: Degrees, for enough room: least distance from lowest and highest altitude, greatest declination, and the least
 #: distance from the Sun beyond the gateway's limit.
-MARGIN, MAX_DECLINATION, SUN_ROOM = 20.0, 75.0, 7.0
+MARGIN, MAX_DECLINATION, SUN_MARGIN = 20.0, 75.0, 7.0
 #: A German mount's least distance from the meridian, degrees: for small motions, and for the goal of a goto.
-MERIDIAN_ROOM, MIN_MERIDIAN_DISTANCE = 15.0, 3.0
+ROOMY_MERIDIAN_DISTANCE, MIN_MERIDIAN_DISTANCE = 15.0, 3.0
 #: Where to look for a better position: these hour angles, degrees, and a declination of this part of the latitude.
 HOUR_ANGLES, LATITUDE_FACTOR = (30.0, -30.0, 50.0, -50.0, 10.0, -10.0), 0.5
 #: How many gotos the stage has: there, back, a goto that is cancelled, and back again.
@@ -33,47 +33,49 @@ GOTO_COUNT = 4
 def why_no_room(telescope: CheckedMount, sky: op.Equatorial | None = None) -> str:
     """Return why there is no room for small motions at a position (by default the present one); empty if there is."""
     if sky is None and telescope.latest is not None:
-        sky = telescope.latest.sky
+        sky = telescope.latest.position
     if sky is None:
         return ""
-    altitude, hour_angle = telescope.controller.astrometry.overhead(sky)
+    altitude, hour_angle = telescope.controller.astrometry.alt_and_ha(sky)
     limits = telescope.controller.policy.limits
     if abs(sky.dec) > MAX_DECLINATION:
         return "it points near the pole"
-    if (sun := min(telescope.controller.suns.distances(sky), default=inf)) < telescope.controller.suns.limit + SUN_ROOM:
+    if (
+        sun := min(telescope.controller.suns.distances(sky), default=inf)
+    ) < telescope.controller.suns.limit + SUN_MARGIN:
         return f"it points {sun:.0f}° from the Sun"
     if altitude is not None and not limits.lowest + MARGIN <= altitude <= min(90.0, limits.highest) - MARGIN:
         return f"its altitude is {altitude:.0f}°"
-    if telescope.driver.german and hour_angle is not None and abs(wrap180(hour_angle)) < MERIDIAN_ROOM:
+    if telescope.driver.german and hour_angle is not None and abs(wrap180(hour_angle)) < ROOMY_MERIDIAN_DISTANCE:
         return "it points near the meridian, where it would change the side of its pier"
     return ""
 
 
-async def to_place(telescope: CheckedMount, report: StageReporter) -> None:
+async def go_to_roomy_position(telescope: CheckedMount, report: StageReporter) -> None:
     """Go to a position with room for small motions. Raises StageEnded."""
     why = why_no_room(telescope)
     site = telescope.controller.sources.site()
     if site is None:
-        raise Ended("the site is not known, so that no place can be chosen")
+        raise StageEnd("the site is not known, so that no place can be chosen")
     sidereal = telescope.controller.astrometry.sidereal_time()
-    now = sidereal - telescope.latest.sky.ra if telescope.latest is not None else 0.0
+    now = sidereal - telescope.latest.position.ra if telescope.latest is not None else 0.0
     goals = [op.Equatorial((sidereal - away) % 360.0, LATITUDE_FACTOR * site.latitude) for away in HOUR_ANGLES]
     if telescope.driver.german:  # on this side of the pier first
         goals.sort(key=lambda goal: abs(wrap180(goal.ra - sidereal + now)))
     goals = [goal for goal in goals if not why_no_room(telescope, goal)] or goals
-    goal, refused = await _allowed(telescope, goals)
+    goal, refused = await _pick_goal(telescope, goals)
     if goal is None:
-        raise Ended(f"{why}, and no better place is allowed: {refused}")
+        raise StageEnd(f"{why}, and no better place is allowed: {refused}")
     report.progress(0, 1, "on its way to a better place")
     if refused := await telescope.goto(goal, GOTO_TIMEOUT):
-        raise Ended(f"{why}, and the goto was refused: {refused}")
-    check_arrival(await telescope.rest(), goal)
+        raise StageEnd(f"{why}, and the goto was refused: {refused}")
+    check_arrival(await telescope.settle(), goal)
     if why := why_no_room(telescope):
-        raise Ended(f"{why} still")
+        raise StageEnd(f"{why} still")
     report.add(Finding("goto to a better place", SAME))
 
 
-async def _allowed(telescope: CheckedMount, goals: Iterable[op.Equatorial]) -> tuple[op.Equatorial | None, str]:
+async def _pick_goal(telescope: CheckedMount, goals: Iterable[op.Equatorial]) -> tuple[op.Equatorial | None, str]:
     """Return the first goal that the gateway allows, or None and why the last goal was refused."""
     refusal: Fault | None = None
     for goal in goals:
@@ -87,21 +89,21 @@ async def nearby_goal(telescope: CheckedMount, position: op.Equatorial) -> tuple
     """Return an allowed goal 5° away, or None and the reason."""
     aside = GOTO_DISTANCE / max(0.2, cos(radians(position.dec)))
     ways = ((0.0, GOTO_DISTANCE), (0.0, -GOTO_DISTANCE), (aside, 0.0), (-aside, 0.0))
-    west = telescope.controller.astrometry.overhead(position)[1] if telescope.driver.german else None
+    west = telescope.controller.astrometry.alt_and_ha(position)[1] if telescope.driver.german else None
 
-    def stays(goal: op.Equatorial) -> bool:
+    def keeps_pier_side(goal: op.Equatorial) -> bool:
         """Whether a German mount can go to a goal without changing the side of its pier (others always can)."""
         before = 90.0 if west is None else wrap180(west)
         after = 90.0 if west is None else wrap180(before + position.ra - goal.ra)
         return abs(goal.dec) < 89.0 and before * after > 0.0 and abs(after) > MIN_MERIDIAN_DISTANCE
 
     goals = (op.Equatorial((position.ra + ra) % 360.0, position.dec + dec) for ra, dec in ways)
-    return await _allowed(telescope, filter(stays, goals))
+    return await _pick_goal(telescope, filter(keeps_pier_side, goals))
 
 
 async def run(telescope: CheckedMount, report: StageReporter) -> None:
     """Go 5° and back, then cancel a second goto on its way. Raises StageEnded."""
-    places = await _there_and_back(telescope, report)
+    places = await _goto_and_back(telescope, report)
     if places is None:
         return
     start, goal = places
@@ -109,7 +111,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
     if refused := await telescope.goto(goal, CANCEL_DELAY):
         report.add(Finding("cancelled goto", NOT_TRIED, refused))
         return
-    position = (await telescope.rest()).sky
+    position = (await telescope.settle()).position
     if (left := sky_distance(position, goal)) > GOAL_TOLERANCE:
         report.add(Finding("cancelled goto", SAME, f"it rests {left:.1f}° before its goal"))
     else:
@@ -118,12 +120,12 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
     report.progress(3, GOTO_COUNT, "back to where it was")
     if sky_distance(position, start) > REST_TOLERANCE:
         await telescope.goto(start, inf)
-        await telescope.rest()
+        await telescope.settle()
 
 
-async def _there_and_back(telescope: CheckedMount, report: StageReporter) -> tuple[op.Equatorial, op.Equatorial] | None:
+async def _goto_and_back(telescope: CheckedMount, report: StageReporter) -> tuple[op.Equatorial, op.Equatorial] | None:
     """Go 5° and back, and return the start and the goal; None if a goto was refused. Raises StageEnded."""
-    start = (await telescope.rest()).sky
+    start = (await telescope.settle()).position
     goal, refused = await nearby_goal(telescope, start)
     if goal is None:
         report.add(Finding("goto of 5°", NOT_TRIED, refused))
@@ -134,11 +136,11 @@ async def _there_and_back(telescope: CheckedMount, report: StageReporter) -> tup
         if refused := await telescope.goto(to, GOTO_TIMEOUT):
             report.add(Finding(what, NOT_TRIED, refused))
             return None
-        said = await telescope.look()
-        took, arrived = telescope.now() - began, await telescope.rest()
-        off = sky_distance(arrived.sky, to)
+        said = await telescope.read_position()
+        took, arrived = telescope.now() - began, await telescope.settle()
+        off = sky_distance(arrived.position, to)
         measured = f"{took:.0f} s, {off * 60.0:.1f}' from its goal"
-        if off > GOAL_TOLERANCE + max(telescope.ticks):
+        if off > GOAL_TOLERANCE + max(telescope.angle_steps):
             report.add(
                 Finding(what, DIFFERS, measured, "at its goal", "Gotos of your mount end elsewhere than they should.")
             )
@@ -153,10 +155,10 @@ async def _there_and_back(telescope: CheckedMount, report: StageReporter) -> tup
 
 def check_arrival(end_position: TimedPosition, goal: op.Equatorial) -> None:
     """Raise StageEnded if a goto has ended far from its goal."""
-    if (off := sky_distance(end_position.sky, goal)) > MIN_DISTANCE_FROM_GOAL:
-        raise Ended(f"the goto ended {off:.0f}° from its goal: somebody used its keys, or it cannot go there")
+    if (off := sky_distance(end_position.position, goal)) > MIN_DISTANCE_FROM_GOAL:
+        raise StageEnd(f"the goto ended {off:.0f}° from its goal: somebody used its keys, or it cannot go there")
 
 
-def sky_distance(place: op.Equatorial, other: op.Equatorial) -> float:
+def sky_distance(position: op.Equatorial, other: op.Equatorial) -> float:
     """Return the angle between two positions, degrees."""
-    return separation(place.ra, place.dec, other.ra, other.dec)
+    return separation(position.ra, position.dec, other.ra, other.dec)

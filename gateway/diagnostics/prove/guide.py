@@ -17,32 +17,32 @@ from gateway.core import operations as op
 from gateway.core import requests
 from gateway.core.errors import Fault, UserError
 from gateway.diagnostics.prove import gotos, guiding, reads, sky, small_motions
-from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, Finding, Findings, StageReporter, rest_of
-from gateway.diagnostics.prove.telescope import CLIENT, CheckedMount, Ended, StoppedByOthers
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, Finding, Findings, StageReporter, untried_rest_title
+from gateway.diagnostics.prove.telescope import CLIENT, CheckedMount, StageEnd, StoppedByOthers
 
 #: The question after the person has stopped a stage with the space bar.
 KEYS_AFTER_STOP = "y: next stage  a: this one again  q: leave"
 
 
 class Stage(NamedTuple):
-    """A stage of ``prove``. ``plan`` announces it in one sentence; ``moves``: whether it moves the mount; ``points``:
-    whether a stage without motion needs an aligned mount, as every stage with motion does.
+    """A stage of ``prove``. ``announcement`` announces it in one sentence; ``moves_mount``: whether it moves the mount;
+    ``needs_alignment``: whether a stage without motion needs an aligned mount, as every stage with motion does.
 
     ``run`` raises StageEnded. ``reason_needed`` returns why the stage is necessary; empty if it is not.
     """
 
     name: str
-    plan: str
-    moves: bool
+    announcement: str
+    moves_mount: bool
     run: Callable[[CheckedMount, StageReporter], Awaitable[None]]
     reason_needed: Callable[[CheckedMount], str] = lambda telescope: "it belongs to every check"
-    points: bool = False
+    needs_alignment: bool = False
 
 
 STAGES: tuple[Stage, ...] = (
     Stage("reads", "sends it every question of its protocol. Nothing moves.", False, reads.run),
-    Stage("sky", "compares its site, its clock and the sky. Nothing moves.", False, sky.run, points=True),
-    Stage("place", "goes to a place with room for the motions.", True, gotos.to_place, gotos.why_no_room),
+    Stage("sky", "compares its site, its clock and the sky. Nothing moves.", False, sky.run, needs_alignment=True),
+    Stage("place", "goes to a place with room for the motions.", True, gotos.go_to_roomy_position, gotos.why_no_room),
     Stage("motions", "moves it every way at every rate, up to 5°: about 5 min.", True, small_motions.run),
     Stage("goto", "goes 5° and back, stops a goto on its way: about 30 s.", True, gotos.run),
     Stage("guiding", "sends short pulses in all directions: about 1 min.", True, guiding.run),
@@ -50,13 +50,15 @@ STAGES: tuple[Stage, ...] = (
 
 
 class Person(Protocol):
-    """The person at the terminal. ``stop`` is set when the space bar is pressed; ``key`` asks, and returns a key."""
+    """The person at the terminal. ``stop`` is set when the space bar is pressed; ``ask_for_key`` asks, and returns a
+    key.
+    """
 
     stop: asyncio.Event  # set when the space bar is pressed
 
     def say(self, text: str) -> None: ...
-    def progress(self, part: float, title: str) -> None: ...
-    async def key(self, question: str, keys: str) -> str: ...  # asks, returns the pressed key
+    def show_progress(self, fraction: float, title: str) -> None: ...
+    async def ask_for_key(self, question: str, keys: str) -> str: ...  # asks, returns the pressed key
 
 
 class GuidedCheck:
@@ -70,7 +72,7 @@ class GuidedCheck:
         save: Callable[[Findings], None],
         stages: tuple[Stage, ...] = STAGES,
     ) -> None:
-        self._telescope, self._person, self._findings, self._keep = CheckedMount(gateway), person, findings, save
+        self._telescope, self._person, self._findings, self._save = CheckedMount(gateway), person, findings, save
         self._stages = stages
         self._stage_findings: list[Finding] = []
         self.before: list[Finding] = []
@@ -83,7 +85,7 @@ class GuidedCheck:
         person, telescope = self._person, self._telescope
         identity: op.Identity | None = telescope.controller.cache.value(op.GetIdentity)
         if identity is not None:
-            mount, version = reads.named(identity, telescope.driver)
+            mount, version = reads.name_and_version(identity, telescope.driver)
             findings = self._findings
             unknown = reads.UNKNOWN_VERSION in (version, findings.version)
             same = mount.removesuffix(version) == findings.mount.removesuffix(findings.version)
@@ -94,19 +96,19 @@ class GuidedCheck:
             elif version != reads.UNKNOWN_VERSION:
                 findings.mount, findings.version = mount, version
         person.say(f"Your mount: {self._findings.mount}. Space stops everything at any time.")
-        telescope.begin()
+        telescope.begin_stage()
         try:
-            await telescope.look()
+            await telescope.read_position()
             self._findings.equatorial = telescope.status.equatorial
-        except Ended as ended:
+        except StageEnd as ended:
             person.say(f"{str(ended).capitalize()}.")
             return self._findings
-        if any(stage.moves for stage in self._stages):
+        if any(stage.moves_mount for stage in self._stages):
             person.say("Take care of its cables, and keep a hand near its switch.")
         refused = ""  # why the stage before could not be carried out
         for stage in self._stages:
             title = f"{STAGES.index(stage) + 1}/{len(STAGES)} {stage.name}"
-            if self._findings.whole(stage.name):
+            if self._findings.is_complete(stage.name):
                 person.say(f"{title}: done before.")
                 continue
             if not stage.reason_needed(telescope):
@@ -114,55 +116,55 @@ class GuidedCheck:
                 continue
             key = ""
             while key in ("", "a"):
-                before, refused = refused, self._why_not(stage)
+                before, refused = refused, self._why_impossible(stage)
                 if refused:
                     person.say(f"{title}: not now{' either' if refused == before else f': {refused}'}.")
                     break
                 resumes = any(finding.rate is not None for finding in self._findings.stages.get(stage.name, []))
                 again = " It continues after the last measurement." * resumes
-                person.say(f"{title}: {stage.plan}{again}{self._where() * stage.moves}")
-                key = key or await self._answer("y: yes  s: skip it  q: leave", "ysq")
+                person.say(f"{title}: {stage.announcement}{again}{self._position_text() * stage.moves_mount}")
+                key = key or await self._ask_person("y: yes  s: skip it  q: leave", "ysq")
                 if key in ("y", "a"):
-                    key = await self._stage(stage)
+                    key = await self._carry_out(stage)
             if key == "q":
                 break
         return self._findings
 
-    def _where(self) -> str:
+    def _position_text(self) -> str:
         """Return a sentence with the mount's altitude and azimuth; empty if they are unknown."""
         if (latest := self._telescope.latest) is None:
             return ""
         try:
-            horizon = self._telescope.controller.astrometry.horizon(latest.sky)
+            horizon = self._telescope.controller.astrometry.horizontal(latest.position)
         except Fault:
             return ""
         return f" It points {horizon.alt:.0f}° high, at azimuth {horizon.az:.0f}°."
 
-    def _why_not(self, stage: Stage) -> str:
+    def _why_impossible(self, stage: Stage) -> str:
         """Return why a stage cannot be carried out now; empty if it can."""
         controller = self._telescope.controller
-        if stage.moves and controller.hold.on:
+        if stage.moves_mount and controller.hold.is_on:
             return "it is held (mount-gateway stop --release ends that)"
-        if stage.moves and (controller.driver.asleep or controller.driver.parked):
+        if stage.moves_mount and (controller.driver.asleep or controller.driver.parked):
             return "it is parked or asleep; unpark it first (mount-gateway unpark)"
         status: op.Status | None = controller.cache.value(op.GetStatus)
-        if (stage.moves or stage.points) and status is not None and not status.aligned:
+        if (stage.moves_mount or stage.needs_alignment) and status is not None and not status.aligned:
             return "it is not aligned, so that it does not know where it points; align it first"
         return ""
 
-    async def _stage(self, stage: Stage) -> str:
+    async def _carry_out(self, stage: Stage) -> str:
         """Carry out a stage; return the key for the next step: y for the next stage, a for again, q to quit."""
         telescope, person = self._telescope, self._person
         self._stage_findings, self.before = [], self._findings.stages.get(stage.name, [])
-        telescope.begin()
+        telescope.begin_stage()
         try:
-            await telescope.look()
+            await telescope.read_position()
             tracked = telescope.status.tracking
-        except Ended as ended:
+        except StageEnd as ended:
             person.say(f"Not now: {ended}.")
             return "y"
         if person.stop.is_set():  # pressed before the stage began
-            return await self._answer(KEYS_AFTER_STOP, "yaq")
+            return await self._ask_person(KEYS_AFTER_STOP, "yaq")
         work = asyncio.ensure_future(stage.run(telescope, self))
         space = asyncio.ensure_future(person.stop.wait())
         stopped = theirs = False
@@ -171,71 +173,71 @@ class GuidedCheck:
             if stopped := not work.done():
                 work.cancel()
                 person.stop.clear()
-                await self._stop()
+                await self._stop_mount()
             await work
-        except (Ended, asyncio.CancelledError) as ended:
+        except (StageEnd, asyncio.CancelledError) as ended:
             if isinstance(ended, asyncio.CancelledError) and not stopped:  # this session itself is ended
                 try:
                     await telescope.stop()
                 finally:
-                    self._ends_early(stage, "prove was ended")
-                    self._keep_all(stage)
+                    self._note_early_end(stage, "prove was ended")
+                    self._save_findings(stage)
                 raise
             reason, theirs = "stopped by you" if stopped else str(ended), isinstance(ended, StoppedByOthers)
-            if telescope.mine and not (stopped or theirs or telescope.moved_by_others):
+            if telescope.moving and not (stopped or theirs or telescope.other_mover):
                 await telescope.stop()
             person.say(f"This stage ends: {reason}.")
-            self._ends_early(stage, reason)
+            self._note_early_end(stage, reason)
         finally:
             for task in (space, work):
                 task.cancel()
-            with contextlib.suppress(Ended, asyncio.CancelledError):
+            with contextlib.suppress(StageEnd, asyncio.CancelledError):
                 await work
             if not theirs:
-                await self._restore(tracked, stage.moves and not telescope.tracking_by_others)
-        self._keep_all(stage)
-        return await self._answer(KEYS_AFTER_STOP, "yaq") if stopped else "y"
+                await self._restore_tracking(tracked, stage.moves_mount and not telescope.others_set_tracking)
+        self._save_findings(stage)
+        return await self._ask_person(KEYS_AFTER_STOP, "yaq") if stopped else "y"
 
-    def _ends_early(self, stage: Stage, reason: str) -> None:
+    def _note_early_end(self, stage: Stage, reason: str) -> None:
         """Add what an earlier run of the stage found, and a finding with the reason why the rest is missing."""
-        again = {rest_of(stage.name), *(finding.what for finding in self._stage_findings)}
+        again = {untried_rest_title(stage.name), *(finding.what for finding in self._stage_findings)}
         self._stage_findings += [finding for finding in self.before if finding.what not in again]
-        self._stage_findings.append(Finding(rest_of(stage.name), NOT_TRIED, reason))
+        self._stage_findings.append(Finding(untried_rest_title(stage.name), NOT_TRIED, reason))
 
-    def _keep_all(self, stage: Stage) -> None:
+    def _save_findings(self, stage: Stage) -> None:
         stages = self._findings.stages | {stage.name: self._stage_findings}
         self._findings.stages = {known.name: stages[known.name] for known in STAGES if known.name in stages}
-        self._keep(self._findings)
+        self._save(self._findings)
 
-    async def _answer(self, question: str, keys: str) -> str:
+    async def _ask_person(self, question: str, keys: str) -> str:
         """Ask until the person presses one of the keys, and return it. The space bar stops the mount."""
-        while (key := await self._person.key(question, keys)) == " ":
+        while (key := await self._person.ask_for_key(question, keys)) == " ":
             self._person.stop.clear()
-            await self._stop()
+            await self._stop_mount()
         return key
 
-    async def _stop(self) -> None:
+    async def _stop_mount(self) -> None:
         stopping = asyncio.ensure_future(self._telescope.stop())
         await asyncio.sleep(0)  # it is on its way before anything is written to a terminal, which may block
         self._person.say("Stopping …")
         trouble = await stopping
         self._person.say(f"Not stopped: {trouble}" if trouble else "STOPPED.")
 
-    async def _restore(self, tracking: op.Tracking, ours: bool) -> None:
+    async def _restore_tracking(self, earlier_tracking: op.Tracking, set_by_check: bool) -> None:
         """Turn tracking off if it was off before the stage and the stage has turned it on. Report any other change of
         tracking: somebody else made it, or the gateway at a limit."""
         telescope = self._telescope
-        telescope.begin()
-        with contextlib.suppress(Ended):
-            await telescope.look()
-            before, after = (each is not op.Tracking.OFF for each in (tracking, telescope.status.tracking))
+        telescope.begin_stage()
+        with contextlib.suppress(StageEnd):
+            await telescope.read_position()
+            before, after = (each is not op.Tracking.OFF for each in (earlier_tracking, telescope.status.tracking))
             if before == after:
                 return
-            if before or not ours:
+            if before or not set_by_check:
                 was, now = ("on", "off") if before else ("off", "on")
-                why = telescope.switched_off if before else ""
+                why = telescope.tracking_off_note if before else ""
                 self._person.say(f"Its tracking was {was}, and is {now} now: {why or 'prove did not do that'}.")
-            elif not (answer := await telescope.ask(requests.TrackRequest(on=False, who=CLIENT))).done:
+            elif not (answer := await telescope.ask(requests.TrackRequest(on=False, who=CLIENT))).is_ok:
                 self._person.say(f"Its tracking was off: {answer.text}")
 
     # --- reports of a stage -------------------------------------------------------------------------------------------
@@ -244,11 +246,11 @@ class GuidedCheck:
         self._stage_findings.append(finding)
         if any(earlier is finding for earlier in self.before):  # a rate that was measured before the stage was ended
             return
-        self._person.say(finding.line)
+        self._person.say(finding.as_line)
         if finding.verdict == DIFFERS and finding.means:
             self._person.say(f"  {finding.means}")
 
     def progress(self, done_count: int, total: int, title: str) -> None:
         """Show the progress of the stage to the person; show others (page, ``status``) that ``prove`` is running."""
-        self._telescope.controller.wire_log.remember(CLIENT, "checks this mount")
-        self._person.progress(done_count / max(1, total), title)
+        self._telescope.controller.wire_log.remember_notice(CLIENT, "checks this mount")
+        self._person.show_progress(done_count / max(1, total), title)

@@ -8,12 +8,12 @@ from gateway.astro.spherical import SIDEREAL_RATE
 from gateway.core import operations as op
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Finding, StageReporter
 from gateway.diagnostics.prove.small_motions import DIRECTION_PAIRS, MIN_READING_STEPS, rate_text
-from gateway.diagnostics.prove.telescope import MAX_CROSS_MOTION, CheckedMount, Ended
+from gateway.diagnostics.prove.telescope import MAX_CROSS_MOTION, CheckedMount, StageEnd
 
 #: Pulses in each direction, the length of a pulse, and the interval between two, seconds.
 PULSE_COUNT, PULSE_SECONDS, PULSE_PERIOD = 20, 0.2, 0.5
 #: The most exchanges that a pulse takes (on an alt-az mount); the longest exchange that allows pulses, seconds.
-EXCHANGES_PER_PULSE, QUICK_TIME = 16, 0.15
+EXCHANGES_PER_PULSE, QUICK_EXCHANGE_TIME = 16, 0.15
 #: The greatest average delay of this computer, seconds: it changes the length of pulses by as much.
 MAX_DELAY = PULSE_SECONDS / 8.0
 #: The tolerance of the guide rate, as a part of it.
@@ -26,49 +26,49 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
     if not {"Pulse", "PulseAxis"} & abilities.can or telescope.status.tracking is op.Tracking.OFF:
         report.add(Finding("guiding", NOT_TRIED, "it is not guided while it does not track, or not at all"))
         return
-    telescope.axes(await telescope.rest())  # before anything moves: without a site nothing could be measured
-    if (exchange := telescope.controller.line.times.typical_rtt) > QUICK_TIME:
+    telescope.axis_angles(await telescope.settle())  # before anything moves: without a site nothing could be measured
+    if (exchange := telescope.controller.line.times.typical_rtt) > QUICK_EXCHANGE_TIME:
         reason = f"its line takes {exchange:.1f} s for an exchange, longer than a pulse"
         report.add(Finding("guiding", NOT_MEASURABLE, reason))
         return
-    telescope.mine = True
+    telescope.moving = True
     for axis, pair in enumerate(DIRECTION_PAIRS, 1):
         ways, late = list[float](), 0.0
         for direction in pair:
-            before = await telescope.rest()
+            before = await telescope.settle()
             for number in range(PULSE_COUNT):
                 done = 2 * PULSE_COUNT * (axis - 1) + PULSE_COUNT * len(ways) + number
-                report.progress(done, 4 * PULSE_COUNT, f"pulses {direction.word}")
+                report.progress(done, 4 * PULSE_COUNT, f"pulses {direction.label}")
                 due = telescope.now() + max(PULSE_PERIOD, EXCHANGES_PER_PULSE * exchange)
                 await telescope.pulse(direction, int(PULSE_SECONDS * 1000.0))
                 await asyncio.sleep(due - telescope.now())
                 late += (telescope.now() - due) / PULSE_COUNT / len(pair)
-                telescope.check()
-            after = await telescope.rest()
-            if telescope.moved(before, after, tracks=True) > MAX_CROSS_MOTION:
-                raise Ended("it turned much farther than by pulses: somebody pressed its keys")
-            ways.append(telescope.turned(before, after)[axis - 1])
+                telescope.raise_if_stage_ends()
+            after = await telescope.settle()
+            if telescope.distance_moved(before, after, tracks=True) > MAX_CROSS_MOTION:
+                raise StageEnd("it turned much farther than by pulses: somebody pressed its keys")
+            ways.append(telescope.axis_turns(before, after)[axis - 1])
         rate = (ways[0] - ways[1]) / 2.0 / (PULSE_COUNT * PULSE_SECONDS)
         if axis == 2 and telescope.driver.german:  # a pulse means a sense of the motor, on both sides of the pier
             rate = abs(rate)
-        assumed, tick = abilities.guides[axis - 1] * SIDEREAL_RATE, telescope.ticks[axis - 1]
-        finding = guide_rate_finding(f"guiding {pair[0].word}/{pair[1].word}", rate, assumed, exchange, tick)
+        assumed, tick = abilities.guides[axis - 1] * SIDEREAL_RATE, telescope.angle_steps[axis - 1]
+        finding = guide_rate_finding(f"guiding {pair[0].label}/{pair[1].label}", rate, assumed, exchange, tick)
         if finding.verdict == DIFFERS and (
-            late > MAX_DELAY or telescope.controller.line.times.typical_rtt > QUICK_TIME
+            late > MAX_DELAY or telescope.controller.line.times.typical_rtt > QUICK_EXCHANGE_TIME
         ):
             reason = "this computer or its line was too busy for such short pulses"
             finding = Finding(finding.what, NOT_MEASURABLE, reason, finding.assumed)
         report.add(finding)
 
 
-def guide_rate_finding(title: str, rate: float, assumed: float, exchange: float, reading_step: float) -> Finding:
+def guide_rate_finding(title: str, rate: float, assumed: float, exchange_time: float, reading_step: float) -> Finding:
     """Return the finding on the guide rate of an axis. The measurement is uncertain by two steps of the reading
     (``reading_step``, degrees) for all pulses together, and by half an exchange (seconds) for each pulse.
     """
     rates = rate_text(rate), rate_text(assumed)
     if max(abs(rate), assumed) * PULSE_COUNT * PULSE_SECONDS < MIN_READING_STEPS * reading_step:
         return Finding(title, NOT_MEASURABLE, "too few steps of its reading", rates[1])
-    shows = exchange / 2.0 / PULSE_SECONDS * assumed + 2.0 * reading_step / (PULSE_COUNT * PULSE_SECONDS)
+    shows = exchange_time / 2.0 / PULSE_SECONDS * assumed + 2.0 * reading_step / (PULSE_COUNT * PULSE_SECONDS)
     measured = f"{rates[0]} ± {rate_text(shows)}"
     if (off := abs(rate - assumed)) <= RATE_TOLERANCE * assumed:
         return Finding(title, SAME, measured, rates[1])

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoDevice, Refused, Unsupported
-from gateway.diagnostics.log.conversation import Heard, Side
+from gateway.diagnostics.log.conversation import ConnectionDecoder, DecodedMessage
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, SAME, Finding, StageReporter
 from gateway.diagnostics.prove.telescope import CheckedMount
 from gateway.protocols.base.driver import Driver
@@ -32,19 +32,19 @@ USUAL_REPLY_TIME, BUSY_EXTRA_TIME = 0.3, 1.0
 MAX_EXCHANGES = 6.0
 
 
-async def ask_mount(telescope: CheckedMount, name: str) -> Heard:
+async def ask_mount(telescope: CheckedMount, name: str) -> DecodedMessage:
     """Send a query to the mount even if the gateway has the answer in its cache; decode the reply. Raises Fault."""
     driver = telescope.driver
-    side = Side(driver.protocol.name, driver.model)
-    side.command(driver.protocol.commands[name].request.encode({}))
+    side = ConnectionDecoder(driver.protocol.name, driver.model)
+    side.describe_command(driver.protocol.commands[name].request.encode({}))
     keep = "dialect" if driver.protocol.dialect else "moment"
-    return side.reply(await telescope.controller.read(op.NativeRequest(name, (), keep)))
+    return side.describe_reply(await telescope.controller.read(op.NativeRequest(name, (), keep)))
 
 
-def _readable(driver: Driver) -> Iterator[str]:
+def _question_names(driver: Driver) -> Iterator[str]:
     """Yield the names of commands without arguments that only read something, if this mount has them."""
     for name, command in driver.protocol.commands.items():
-        asks = command.question and command.answer != "stream" and not command.request.fields and command.asked
+        asks = command.is_query and command.answer_kind != "stream" and not command.request.fields and command.requested
         if asks and not command.beyond and name not in UNASKED_QUESTIONS and driver.supports(name):
             yield name
 
@@ -52,10 +52,10 @@ def _readable(driver: Driver) -> Iterator[str]:
 async def run(telescope: CheckedMount, report: StageReporter) -> None:
     """Ask all questions and report findings on identity, form of replies and reply times. Raises StageEnded."""
     identity: op.Identity | None = telescope.controller.cache.value(op.GetIdentity)
-    report.add(_identity(identity, telescope.driver))
+    report.add(_identity_finding(identity, telescope.driver))
     #: Seconds until the replies, by command; the commands without a reply, and those whose reply has not their form.
     took, silent, strange = dict[str, float](), list[str](), list[str]()
-    names = list(_readable(telescope.driver))
+    names = list(_question_names(telescope.driver))
     for number, name in enumerate(names):
         report.progress(number, len(names), telescope.driver.protocol.commands[name].help)
         began = telescope.now()
@@ -64,34 +64,34 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         except (Unsupported, NoDevice):
             continue  # it has not got that
         except Refused:
-            heard = Heard(b"", "refused")  # an answer, too
+            heard = DecodedMessage(b"", "refused")  # an answer, too
         except Fault:
             await asyncio.sleep(RECOVERY_TIME)
-            telescope.check()
+            telescope.raise_if_stage_ends()
             if name in NAME_QUESTIONS and identity is not None and identity.version == UNKNOWN_VERSION:
                 continue
             silent.append(name)
             continue
-        telescope.check()
+        telescope.raise_if_stage_ends()
         if not heard.text or GARBLED_WORD in heard.text:
             strange.append(name)
             continue
         took[name] = telescope.now() - began
-    report.add(_forms(len(took), silent, strange))
-    report.add(_times(took, telescope.controller.line.times.typical_rtt))
+    report.add(_reply_form_finding(len(took), silent, strange))
+    report.add(_reply_time_finding(took, telescope.controller.line.times.typical_rtt))
 
 
-def named(identity: op.Identity, driver: Driver) -> tuple[str, str]:
+def name_and_version(identity: op.Identity, driver: Driver) -> tuple[str, str]:
     """Return a mount's name and version, without the texts of a network server: they may contain its owner's name."""
     if driver.protocol.name not in streams():
         return f"{driver.protocol.name} {identity.model}", ""
     return " ".join(f"{identity.product} {identity.model} {identity.version}".split()), identity.version
 
 
-def _identity(identity: op.Identity | None, driver: Driver) -> Finding:
+def _identity_finding(identity: op.Identity | None, driver: Driver) -> Finding:
     if identity is None:
         return Finding("identity", NOT_MEASURABLE, "it tells nothing")
-    name = named(identity, driver)[0]
+    name = name_and_version(identity, driver)[0]
     if driver.reported_model(identity) is None:
         return Finding("identity", NOT_MEASURABLE, f"{name}: it does not tell its model")
     if identity.model in driver.protocol.models:
@@ -100,17 +100,17 @@ def _identity(identity: op.Identity | None, driver: Driver) -> Finding:
     return Finding("identity", DIFFERS, name, "", means)
 
 
-def _forms(matching_count: int, silent_commands: list[str], strange_replies: list[str]) -> Finding:
+def _reply_form_finding(matching_count: int, silent_commands: list[str], malformed_replies: list[str]) -> Finding:
     what = "answers to its protocol's questions"
-    if not silent_commands and not strange_replies:
+    if not silent_commands and not malformed_replies:
         return Finding(what, SAME, f"all {matching_count} in their form")
     parts = [f"none to {', '.join(silent_commands)}"] * bool(silent_commands)
-    parts += [f"of another form to {', '.join(strange_replies)}"] * bool(strange_replies)
+    parts += [f"of another form to {', '.join(malformed_replies)}"] * bool(malformed_replies)
     means = "Programs that ask these get what the gateway knows instead, or a refusal."
     return Finding(what, DIFFERS, "; ".join(parts), f"{matching_count} others fit", means)
 
 
-def _times(reply_times: dict[str, float], usual_time: float) -> Finding:
+def _reply_time_finding(reply_times: dict[str, float], usual_time: float) -> Finding:
     """Return the finding on the reply times, seconds by command; ``usual_time`` is that of a single exchange."""
     if not reply_times:
         return Finding("reply times", DIFFERS, "no reply", "", "Nothing was answered.")

@@ -15,7 +15,7 @@ from gateway.diagnostics.prove import reads
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, SAME, Finding, StageReporter
 from gateway.diagnostics.prove.telescope import CheckedMount
 from gateway.mount.safety.admission.contradictions import contradictions
-from gateway.mount.site.site_clock import COMPUTER, MOUNT, Site
+from gateway.mount.site.site_clock import COMPUTER, MOUNT_SOURCE, SourcedSite
 
 #: Degrees by which reported altitude and azimuth may differ from calculated ones; the sky's motion meanwhile is less.
 DIRECTION_TOLERANCE = 0.5
@@ -33,26 +33,26 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         report.add(
             Finding(f"{doubt.sources[0]} and {doubt.sources[1]}", DIFFERS, doubt.text, "", "One of them is wrong.")
         )
-    if not any(doubt.apart.endswith(" km") for doubt in doubts):
-        report.add(_site(telescope, sites))
-    by_mount = next((time for time in times if time.source == MOUNT), None)
+    if not any(doubt.difference.endswith(" km") for doubt in doubts):
+        report.add(_site_finding(telescope, sites))
+    by_mount = next((time for time in times if time.source == MOUNT_SOURCE), None)
     computer = next((time for time in times if time.source == COMPUTER), None)
     if by_mount is None or computer is None:
         report.add(Finding("clock", NOT_MEASURABLE, "the mount reports no time"))
     elif abs(by_mount.unix - computer.unix) <= CLOCK_TOLERANCE:
         report.add(Finding("clock", SAME, f"{abs(by_mount.unix - computer.unix):.0f} s from this computer's"))
     report.progress(1, 2, "altitude and azimuth")
-    report.add(await _overhead(telescope))
+    report.add(await _check_az_alt(telescope))
 
 
-def _site(telescope: CheckedMount, sites: Sequence[Site]) -> Finding:
+def _site_finding(telescope: CheckedMount, sites: Sequence[SourcedSite]) -> Finding:
     """Return the finding on an undisputed site: whether its longitude suits the time zone of the mount's clock."""
     clock = telescope.controller.site_clock.mount_clock
     if not sites:
         return Finding("site", NOT_MEASURABLE, "no source has it; --site LATITUDE,LONGITUDE sets it")
     zone = clock[0].offset if clock is not None else 0.0  # a clock that is set to UTC says nothing
     away = abs(wrap180(sites[0].place.longitude - 15.0 * zone)) if zone else 0.0
-    if sites[0].source == MOUNT and away > ZONE_TOLERANCE:
+    if sites[0].source == MOUNT_SOURCE and away > ZONE_TOLERANCE:
         means = "The longitude, its sign, or the zone is wrong: one of them."
         return Finding("site and zone", DIFFERS, f"{away:.0f}° from the longitude of its zone", "", means)
     if len(sites) > 1:
@@ -60,19 +60,19 @@ def _site(telescope: CheckedMount, sites: Sequence[Site]) -> Finding:
     return Finding("site", NOT_MEASURABLE, f"only {sites[0].source} tells it")
 
 
-async def _overhead(telescope: CheckedMount) -> Finding:
+async def _check_az_alt(telescope: CheckedMount) -> Finding:
     """Compare reported altitude and azimuth with those calculated from reported RA and Dec. Raises StageEnded."""
     what, driver = "altitude and azimuth against RA and Dec", telescope.driver
-    overhead = driver.protocol.extra("prove.toml")["overhead"]
+    overhead = driver.protocol.extra_table("prove.toml")["overhead"]
     if telescope.status.equatorial and "axes_of" in overhead:
         return Finding(what, NOT_MEASURABLE, "an equatorial mount tells its axes instead")
     values: Values = {}
     for name in filter(driver.supports, overhead["asks"]):
         with suppress(Fault):
             values |= (await reads.ask_mount(telescope, name)).fields
-    look = await telescope.look()
+    look = await telescope.read_position()
     try:
-        expected = telescope.controller.astrometry.horizon(look.sky)
+        expected = telescope.controller.astrometry.horizontal(look.position)
     except Fault:
         return Finding(what, NOT_MEASURABLE, "the site is not known")
     if not {"az", "alt"} <= values.keys():

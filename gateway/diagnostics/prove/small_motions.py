@@ -29,7 +29,7 @@ from gateway.diagnostics.prove.telescope import FAST, MAX_DEGREES, MAX_SECONDS, 
 from gateway.mount.safety.allow import RUN_ON, RUN_UP_SECONDS
 
 #: The rate keys of the hand control, fastest first: if several have the same speed, the slowest number is tried.
-KEYS: Sequence[int] = range(9, 0, -1)
+RATE_KEYS: Sequence[int] = range(9, 0, -1)
 #: Tolerances of a rate, as parts of it: if measured between readings, if the motion is a series of small gotos, and if
 #: measured by the whole distance of a short motion.
 STEADINESS_TOLERANCE, STEPPED_TOLERANCE, SHORT_TOLERANCE = 0.08, 0.25, 0.35
@@ -54,26 +54,26 @@ class Velocity(NamedTuple):
     error: float
     distance: float
     run_on: float
-    short: bool
+    is_short: bool
 
 
 def velocity(telescope: CheckedMount, motion: Motion, axis: int, speed: float) -> Velocity | None:
     """Return how an axis moved that was to turn at ``speed``; None if the start or end position is unknown."""
     if motion.start_position is None or motion.end_position is None:
         return None
-    number, tick, lasted = axis - 1, telescope.ticks[axis - 1], motion.ended_at - motion.began_at
-    distance = telescope.turned(motion.start_position, motion.end_position)[number]
+    number, tick, lasted = axis - 1, telescope.angle_steps[axis - 1], motion.ended_at - motion.began_at
+    distance = telescope.axis_turns(motion.start_position, motion.end_position)[number]
     even = [place for place in motion.positions if place.at > motion.began_at + RUN_UP_SECONDS]
     span = even[-1].at - even[0].at if even else 0.0
     last = motion.positions[-1] if motion.positions else motion.start_position
-    rest, left = abs(telescope.turned(last, motion.end_position)[number]), motion.ended_at - last.at
+    rest, left = abs(telescope.axis_turns(last, motion.end_position)[number]), motion.ended_at - last.at
     long = rest > (left + 2.0 * RUN_ON) * speed + RUN_ON_TOLERANCE  # then the whole distance does not show the rate
     if (short := span < MIN_RATE_SPAN) and not long:
         rate = distance / lasted
         error = SHORT_TOLERANCE * abs(rate) + 2.0 * tick / lasted
     elif len(two := even[:1] + even[-1:] if not short else list(motion.positions[-2:])) == 2:
         span = two[1].at - two[0].at
-        rate = telescope.turned(*two)[number] / span
+        rate = telescope.axis_turns(*two)[number] / span
         part = (
             SHORT_TOLERANCE if short else STEPPED_TOLERANCE if telescope.driver.moves_by_gotos else STEADINESS_TOLERANCE
         )
@@ -85,19 +85,19 @@ def velocity(telescope: CheckedMount, motion: Motion, axis: int, speed: float) -
 
 async def run(telescope: CheckedMount, report: StageReporter) -> None:
     """Carry out all motions and report the findings. Raises StageEnded."""
-    telescope.axes(await telescope.rest())  # before anything moves: without a site nothing could be measured
-    speeds = {telescope.speed(key): key for key in KEYS}
+    telescope.axis_angles(await telescope.settle())  # before anything moves: without a site nothing could be measured
+    speeds = {telescope.speed_of_key(key): key for key in RATE_KEYS}
     tried = [(speed, key, pair) for speed, key in sorted(speeds.items()) for pair in DIRECTION_PAIRS]
     if getattr(telescope.driver, "tracking", None) is None:  # its driver learns the mode from the first motion
-        await telescope.press(Direction.WEST, 1, 1.0)
+        await telescope.move_by_key(Direction.WEST, 1, 1.0)
     before = {item.what: item for item in report.before if item.rate is not None}
     findings = list[Finding]()
     for number, (speed, key, pair) in enumerate(tried):
-        what = f"rate {key} {pair[0].word}/{pair[1].word}"
+        what = f"rate {key} {pair[0].label}/{pair[1].label}"
         report.progress(number, len(tried), what)
         finding = before.get(what)
         if finding is None or finding.rate is None or finding.rate.assumed != speed:
-            finding = await _measured(telescope, what, speed, key, pair)
+            finding = await _measure(telescope, what, speed, key, pair)
         report.add(finding)
         findings.append(finding)
     moved = [(item, item.rate) for item in findings if item.rate is not None and item.rate.run_ons]
@@ -105,43 +105,43 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         report.add(direction_finding(pair, [rate.real < 0.0 for _, rate in moved if rate.axis == axis]))
     run_ons = [(abs(rate.real), distance) for _, rate in moved if abs(rate.real) >= FAST for distance in rate.run_ons]
     report.add(run_on_finding(run_ons, telescope.controller.line.times.typical_rtt, telescope.controller.policy.run_on))
-    report.add(await tracking(telescope))
+    report.add(await check_tracking(telescope))
     even = [(rate.assumed, abs(rate.real)) for item, rate in moved if item.verdict == DIFFERS and rate.evenly]
     if real := {assumed: rate for assumed, rate in even if 1.0 / MAX_RATE_RATIO < rate / assumed < MAX_RATE_RATIO}:
-        speeds_of = [telescope.speed(key) for key in range(1, 10)]
+        speeds_of = [telescope.speed_of_key(key) for key in range(1, 10)]
         rates = [round(real.get(speed, speed), 5) for speed in speeds_of]
         report.add(Finding("rates of all keys", DIFFERS, "measured", "its maker's", RATE_EFFECT, {"rates": rates}))
 
 
-async def _measured(telescope: CheckedMount, what: str, speed: float, key: int, pair: tuple[Direction, ...]) -> Finding:
+async def _measure(telescope: CheckedMount, name: str, speed: float, key: int, pair: tuple[Direction, ...]) -> Finding:
     """Turn an axis both ways at a rate, and return the finding on that rate. Raises StageEnded."""
     axis = pair[0].axis
-    motions = [await telescope.press(direction, key, min(MAX_SECONDS, MAX_DEGREES / speed)) for direction in pair]
+    motions = [await telescope.move_by_key(direction, key, min(MAX_SECONDS, MAX_DEGREES / speed)) for direction in pair]
     onwards, back = (velocity(telescope, motion, axis, speed) for motion in motions)
     if onwards is None or back is None:
-        return Finding(what, NOT_TRIED, motions[0].refusal or motions[1].refusal)
+        return Finding(name, NOT_TRIED, motions[0].refusal or motions[1].refusal)
     rate, error = (onwards.rate - back.rate) / 2.0, (onwards.error + back.error) / 2.0
-    distance, least = max(onwards.distance, back.distance), MIN_READING_STEPS * telescope.ticks[axis - 1]
+    distance, least = max(onwards.distance, back.distance), MIN_READING_STEPS * telescope.angle_steps[axis - 1]
     run_ons = (onwards.run_on, back.run_on) if distance > least else ()
-    finding = rate_finding(what, abs(rate), error, speed, onwards, distance, least)
-    return replace(finding, rate=MeasuredRate(axis, speed, rate, run_ons, not onwards.short))
+    finding = rate_finding(name, abs(rate), error, speed, onwards, distance, least)
+    return replace(finding, rate=MeasuredRate(axis, speed, rate, run_ons, not onwards.is_short))
 
 
 def rate_finding(
-    title: str, rate: float, error: float, speed: float, measured_velocity: Velocity, distance: float, least: float
+    title: str, rate: float, error: float, nominal: float, measured_velocity: Velocity, distance: float, min_arc: float
 ) -> Finding:
     """Return the finding on a rate; an axis that turned no farther than the least distance has no measured rate."""
-    measured, assumed = rate_text(rate), rate_text(speed)
-    if distance <= least:
-        if speed * MAX_SECONDS > 2.0 * least:
+    measured, assumed = rate_text(rate), rate_text(nominal)
+    if distance <= min_arc:
+        if nominal * MAX_SECONDS > 2.0 * min_arc:
             return Finding(title, DIFFERS, "it does not move", assumed, "This arrow key does nothing on your mount.")
         return Finding(title, NOT_MEASURABLE, "too few steps of its reading", assumed)
     if error == inf:
         return Finding(title, NOT_MEASURABLE, "it runs on for too long", assumed)
-    off = abs(rate - speed)
-    if off <= max(STEADINESS_TOLERANCE * speed, 0.0 if measured_velocity.short else error):
+    off = abs(rate - nominal)
+    if off <= max(STEADINESS_TOLERANCE * nominal, 0.0 if measured_velocity.is_short else error):
         return Finding(title, SAME, measured, assumed)
-    if measured_velocity.short and (off <= error or rate < speed):
+    if measured_velocity.is_short and (off <= error or rate < nominal):
         return Finding(title, NOT_MEASURABLE, f"{measured} on average, still speeding up", assumed)
     return Finding(title, DIFFERS, measured, assumed, RATE_EFFECT)
 
@@ -152,7 +152,7 @@ def rate_text(rate: float) -> str:
 
 def direction_finding(pair: tuple[Direction, Direction], reversals: list[bool]) -> Finding:
     """Return the finding on the direction of an axis."""
-    what = f"direction of {pair[0].word} and {pair[1].word}"
+    what = f"direction of {pair[0].label} and {pair[1].label}"
     if not reversals:
         return Finding(what, NOT_TRIED)
     if not any(reversals):
@@ -161,13 +161,13 @@ def direction_finding(pair: tuple[Direction, Direction], reversals: list[bool]) 
     return Finding(what, DIFFERS, "reversed" if all(reversals) else "reversed at some rates", "", means)
 
 
-def run_on_finding(run_ons: list[tuple[float, float]], exchange: float, run_on_time: float) -> Finding:
+def run_on_finding(run_ons: list[tuple[float, float]], exchange_time: float, run_on_time: float) -> Finding:
     """Return the finding on the run-on, from pairs of rate and run-on; ``run_on_time`` is the assumed time, seconds."""
     what = "run-on after a stop"
     if not run_ons:
         return Finding(what, NOT_TRIED)
     rate, most = max(run_ons, key=lambda pair: (max(0.0, pair[1] - pair[0] * run_on_time), pair[0]))
-    allowed = rate * (run_on_time + 2.0 * exchange)
+    allowed = rate * (run_on_time + 2.0 * exchange_time)
     measured, assumed = f"{max(0.0, most):.1f}° from {rate_text(rate)}", f"{rate * run_on_time:.1f}°"
     if most <= 1.5 * allowed + RUN_ON_TOLERANCE:
         return Finding(what, SAME, measured, assumed)
@@ -177,15 +177,15 @@ def run_on_finding(run_ons: list[tuple[float, float]], exchange: float, run_on_t
     return Finding(what, DIFFERS, measured, assumed, means, keys)
 
 
-async def tracking(telescope: CheckedMount) -> Finding:
+async def check_tracking(telescope: CheckedMount) -> Finding:
     """Check that the mount tracks if it reports tracking, and rests if it does not. Raises StageEnded."""
     tracks = telescope.status.tracking is not op.Tracking.OFF
-    before = await telescope.rest()
-    sky, least = abs(SIDEREAL_RATE) * cos(radians(before.sky.dec)), 2.0 * max(telescope.ticks)
+    before = await telescope.settle()
+    sky, least = abs(SIDEREAL_RATE) * cos(radians(before.position.dec)), 2.0 * max(telescope.angle_steps)
     seconds = min(6.0 * TRACKING_TIME, max(TRACKING_TIME, 2.0 * least / max(sky, TRACKING_TOLERANCE)))
-    await telescope.until(lambda: False, seconds)
-    after = await telescope.look()
-    off = telescope.moved(before, after, tracks) - least
+    await telescope.wait_until(lambda: False, seconds)
+    after = await telescope.read_position()
+    off = telescope.distance_moved(before, after, tracks) - least
     what, rate = f"tracking is {'on' if tracks else 'off'} afterwards", max(0.0, off) / (after.at - before.at)
     if rate <= TRACKING_TOLERANCE:
         shows = sky * seconds - least > TRACKING_TOLERANCE * seconds

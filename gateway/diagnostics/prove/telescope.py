@@ -1,8 +1,8 @@
 """Moves and observes the mount for ``prove``: sends requests to the gateway, and evaluates reported positions.
 
 Every motion is a request like those of the command line, under the same rules. While ``prove`` waits, it checks whether
-somebody else has stopped or moved the mount, or the connection is lost: then the stage ends (``Ended``) and ``prove``
-moves nothing any more. Angles are degrees, times seconds of the event loop's clock.
+somebody else has stopped or moved the mount, or the connection is lost: then the stage ends (``StageEnd``) and
+``prove`` moves nothing any more. Angles are degrees, times seconds of the event loop's clock.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 from msgspec.structs import replace
 
-from gateway.app.control.operations import packed
-from gateway.app.control.orders import stopped
+from gateway.app.control.operations import pack_operation
+from gateway.app.control.orders import stop_mount
 from gateway.app.gateway import Gateway
 from gateway.astro.spherical import SIDEREAL_RATE, hour_angle_to_horizon, separation, wrap180
 from gateway.core import operations as op
@@ -25,7 +25,7 @@ from gateway.core.errors import Fault, NoAnswer
 from gateway.core.motion_kinds import begins_motion
 from gateway.core.wire_log import Entry
 from gateway.mount.motion.run_on import TimedPosition, unexplained_motion
-from gateway.mount.motion.wanted import ByHand, Slew, Wanted
+from gateway.mount.motion.wanted import HandMove, Slew, Wanted
 from gateway.mount.presence import HostActivity
 from gateway.mount.safety.unattended import SWITCHED_OFF_MESSAGE
 from gateway.protocols.registry import streams
@@ -33,10 +33,10 @@ from gateway.protocols.registry import streams
 #: The client name of ``prove`` in the log and on the page.
 CLIENT = "mount-gateway prove"
 #: Seconds: between two checks of the mount's state; the timeout for rest; between two positions that prove rest.
-LOOK_PERIOD, REST_TIMEOUT, POSITION_SPACING = 0.1, 15.0, 0.8
+CHECK_PERIOD, REST_TIMEOUT, POSITION_SPACING = 0.1, 15.0, 0.8
 #: A motion ends after so many changed readings, or so many seconds, or the time for so many degrees at its rate; the
 #: other axis may turn by no more than the last value, degrees.
-ENOUGH_CHANGES, MAX_SECONDS, MAX_DEGREES, MAX_CROSS_MOTION = 20, 10.0, 5.0, 0.5
+ENOUGH_READING_CHANGES, MAX_SECONDS, MAX_DEGREES, MAX_CROSS_MOTION = 20, 10.0, 5.0, 0.5
 #: At this rate (degrees a second) or faster, a reading must change within so many seconds.
 FAST, MAX_UNCHANGED_TIME = 0.5, 2.0
 #: Degrees: the finest step of a server's angles that is believed; smaller changes than the second are rounding errors.
@@ -45,14 +45,14 @@ FINEST_STEP, CALCULATED_CHANGE = 1.0 / 3600.0, 0.5 / 3600.0
 Pair = tuple[float, float]  # of the two axes, degrees
 
 
-class Ended(Exception):
+class StageEnd(Exception):
     """A stage must end early. The text is the reason, without a full stop at its end."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(reason.removesuffix("."))
 
 
-class StoppedByOthers(Ended):
+class StoppedByOthers(StageEnd):
     """Somebody else has stopped the mount, so ``prove`` must not move it any more."""
 
 
@@ -78,81 +78,83 @@ class CheckedMount:
         self.now, self.driver = self.controller.now, self.controller.driver
         self._stop_count, self._positions = self.controller.stops, list[TimedPosition]()
         #: Whether a motion of the check is under way.
-        self.mine = False
+        self.moving = False
         self._epoch: Pair | None = None
         #: Whether somebody else has turned tracking on or off, or set its rate, in this stage.
-        self.tracking_by_others = False
-        self._steps = list(self.driver.ticks)
+        self.others_set_tracking = False
+        self._steps = list(self.driver.angle_steps)
         self.controller.reader.position.connect(lambda _: self._add_position())
-        self.controller.wanted.changed.connect(self._ordered)
+        self.controller.wanted.changed.connect(self._on_wanted_changed)
         #: The gateway's message when it switched tracking off; empty if it has not.
-        self.switched_off = ""
-        self.controller.wire_log.sinks.append(self._noted)
+        self.tracking_off_note = ""
+        self.controller.wire_log.sinks.append(self._on_log_entry)
 
     @property
     def latest(self) -> TimedPosition | None:
         """The last position that the mount has reported; None if there is none."""
-        return self.controller.reader.latest()
+        return self.controller.reader.latest_position()
 
     @property
     def status(self) -> op.Status:
         """The last status. Raises StageEnded if the mount has not reported one."""
         status: op.Status | None = self.controller.cache.value(op.GetStatus)
         if status is None:
-            raise Ended("the mount has not reported its status")
+            raise StageEnd("the mount has not reported its status")
         return status
 
     # --- who else acts ------------------------------------------------------------------------------------------------
 
-    def begin(self) -> None:
+    def begin_stage(self) -> None:
         """Begin a stage: stops and tracking orders before this moment do not count."""
-        self._stop_count, self.tracking_by_others = self.controller.stops, False
+        self._stop_count, self.others_set_tracking = self.controller.stops, False
 
-    def check(self) -> None:
+    def raise_if_stage_ends(self) -> None:
         """Raise StageEnded if somebody else stops or moves the mount, or if it does not answer."""
         controller = self.controller
         if controller.stops != self._stop_count:
-            said = [entry.text for entry in controller.wire_log.recent if entry.side != CLIENT]
-            reason = controller.wanted.value.short or next(reversed(said), "")
+            said = [entry.text for entry in controller.wire_log.recent_notices if entry.side != CLIENT]
+            reason = controller.wanted.value.failure or next(reversed(said), "")
             by = controller.wanted.stopped_by
             raise StoppedByOthers(f"the mount was stopped{f' by {by}' if by else f' ({reason})' * bool(reason)}")
         if controller.line.state not in ("up", "busy"):
-            still = "; it may still move, and is stopped as soon as it answers" * (controller.wanted.owed or self.mine)
-            raise Ended(f"the mount does not answer ({controller.line.reason}){still}")
-        if other := self.moved_by_others:
-            raise Ended(f"another program moves the mount ({other})")
-        if controller.watch.moved_by_others and not self.mine and controller.context.run_on.value is None:
-            raise Ended("the mount is moved at its keys, or by itself")
+            still = "; it may still move, and is stopped as soon as it answers" * (
+                controller.wanted.stop_owed or self.moving
+            )
+            raise StageEnd(f"the mount does not answer ({controller.line.down_cause}){still}")
+        if other := self.other_mover:
+            raise StageEnd(f"another program moves the mount ({other})")
+        if controller.watch.moved_by_others and not self.moving and controller.context.run_on.current is None:
+            raise StageEnd("the mount is moved at its keys, or by itself")
 
     @property
-    def moved_by_others(self) -> str:
+    def other_mover(self) -> str:
         """The name of another client that moves the mount; empty if none does."""
-        return next((by.who for by in self._movers() if by is not None and by.who != CLIENT), "")
+        return next((by.host for by in self._moving_clients() if by is not None and by.host != CLIENT), "")
 
-    def _movers(self) -> Iterator[HostActivity | None]:
+    def _moving_clients(self) -> Iterator[HostActivity | None]:
         wanted = self.controller.wanted.value
         if isinstance(wanted.motion, Slew):
-            yield wanted.motion.by
-        elif isinstance(wanted.motion, ByHand):
-            yield from (moving.by for _, moving in wanted.motion)
-        yield from (order.by for order in wanted.pending if begins_motion(order.operation))
+            yield wanted.motion.client
+        elif isinstance(wanted.motion, HandMove):
+            yield from (moving.client for _, moving in wanted.motion)
+        yield from (order.client for order in wanted.pending if begins_motion(order.operation))
 
-    def _noted(self, entry: Entry) -> None:
+    def _on_log_entry(self, entry: Entry) -> None:
         if entry.note.startswith(SWITCHED_OFF_MESSAGE):
-            self.switched_off = f"the gateway says: {entry.note}"
+            self.tracking_off_note = f"the gateway says: {entry.note}"
 
-    def _ordered(self, wanted: Wanted) -> None:
+    def _on_wanted_changed(self, wanted: Wanted) -> None:
         orders = [order for order in wanted.pending if isinstance(order.operation, op.SetTracking | op.TrackRate)]
-        self.tracking_by_others |= any(order.by is not None and order.by.who != CLIENT for order in orders)
+        self.others_set_tracking |= any(order.client is not None and order.client.host != CLIENT for order in orders)
 
-    async def until(self, is_done: Callable[[], bool], seconds: float) -> bool:
+    async def wait_until(self, is_done: Callable[[], bool], seconds: float) -> bool:
         """Wait for a condition; return False after so many seconds. Raises StageEnded."""
         end = self.now() + seconds
         while not is_done():
             if self.now() >= end:
                 return False
-            await asyncio.sleep(LOOK_PERIOD)
-            self.check()
+            await asyncio.sleep(CHECK_PERIOD)
+            self.raise_if_stage_ends()
         return True
 
     # --- requests -----------------------------------------------------------------------------------------------------
@@ -160,54 +162,54 @@ class CheckedMount:
     async def ask(self, request: requests.Request) -> requests.Answer:
         return await self.gateway.carry_out(request)
 
-    async def look(self) -> TimedPosition:
+    async def read_position(self) -> TimedPosition:
         """Read the mount's position and status anew, and return the position. Raises StageEnded."""
         await self.ask(requests.StateRequest())
-        self.check()
+        self.raise_if_stage_ends()
         if self.latest is None:
-            raise Ended("the mount has not reported its position")
+            raise StageEnd("the mount has not reported its position")
         return self.latest
 
     async def stop(self) -> str:
         """Stop all motion at once; return an empty text, or why the mount may still move."""
-        answer = await stopped(self.controller)
-        return "" if answer.done else answer.text
+        answer = await stop_mount(self.controller)
+        return "" if answer.is_ok else answer.text
 
-    async def rest(self) -> TimedPosition:
+    async def settle(self) -> TimedPosition:
         """Wait until the mount is at rest, and return its position. Raises StageEnded."""
         controller = self.controller
 
-        def rests() -> bool:
-            ends = controller.wanted.ending or controller.context.run_on.value is not None
-            ends = ends or (self.mine and controller.watch.moved_by_others)  # what runs on longer looks like that
-            return not (ends or controller.moving or controller.wanted.goto_waits)
+        def is_at_rest() -> bool:
+            ends = controller.wanted.ending or controller.context.run_on.current is not None
+            ends = ends or (self.moving and controller.watch.moved_by_others)  # what runs on longer looks like that
+            return not (ends or controller.moving or controller.wanted.goto_pending)
 
-        if not await self.until(rests, REST_TIMEOUT):
-            raise Ended("the mount does not come to rest")
-        present = await self.look()
+        if not await self.wait_until(is_at_rest, REST_TIMEOUT):
+            raise StageEnd("the mount does not come to rest")
+        present = await self.read_position()
         for _ in range(int(REST_TIMEOUT / POSITION_SPACING)):
             await asyncio.sleep(POSITION_SPACING)
-            before, present = present, await self.look()
-            if self.drift(before, present) <= max(self.ticks) + 5.0 / 3600.0:
-                self.mine = False
+            before, present = present, await self.read_position()
+            if self.drift(before, present) <= max(self.angle_steps) + 5.0 / 3600.0:
+                self.moving = False
                 return present
-        raise Ended("the mount does not come to rest")
+        raise StageEnd("the mount does not come to rest")
 
-    async def press(self, direction: op.Direction, key: int, longest: float) -> Motion:
+    async def move_by_key(self, direction: op.Direction, key: int, max_seconds: float) -> Motion:
         """Move as with a key of the hand control, and wait until the mount is at rest. Raises StageEnded."""
-        before = await self.rest()
-        speed, number = self.speed(key), requests.new_number()
+        before = await self.settle()
+        speed, number = self.speed_of_key(key), requests.new_request_number()
         self._positions.clear()
-        self.mine = True
+        self.moving = True
         try:
-            answer = await self.ask(requests.PressRequest(direction=direction, key=key, number=number, who=CLIENT))
-            if refused := self._refused(answer):
+            answer = await self.ask(requests.PressKeyRequest(direction=direction, key=key, number=number, who=CLIENT))
+            if refused := self._refusal(answer):
                 return Motion(refusal=refused)
             began, changed, count = self.now(), self.now(), 0
-            while self.now() < began + longest and count < ENOUGH_CHANGES:
-                await asyncio.sleep(max(0.01, min(LOOK_PERIOD, began + longest - self.now())))
-                self.check()
-                observed = sum(self._changed(*two, fast=speed > FAST) for two in pairwise(self._positions))
+            while self.now() < began + max_seconds and count < ENOUGH_READING_CHANGES:
+                await asyncio.sleep(max(0.01, min(CHECK_PERIOD, began + max_seconds - self.now())))
+                self.raise_if_stage_ends()
+                observed = sum(self._has_changed(*two, fast=speed > FAST) for two in pairwise(self._positions))
                 if observed != count:
                     count, changed = observed, self.now()
                 if speed > FAST and self.now() > changed + MAX_UNCHANGED_TIME:
@@ -216,28 +218,28 @@ class CheckedMount:
             await self.ask(requests.ReleaseKeyRequest(number=number, who=CLIENT, lost=True))
         ended = self.now()
         places = tuple(place for place in self._positions if place.asked > began and place.at < ended)
-        after = await self.rest()
-        across = abs(self.turned(before, after)[2 - direction.axis])
+        after = await self.settle()
+        across = abs(self.axis_turns(before, after)[2 - direction.axis])
         if across > MAX_CROSS_MOTION + abs(SIDEREAL_RATE) * (after.at - before.at) and not self.driver.moves_by_gotos:
-            raise Ended(
+            raise StageEnd(
                 f"the other axis was turned as well, by {across:.1f}°: somebody used its keys, or axes are swapped"
             )
         return Motion(began, ended, before, places, after)
 
-    def _changed(self, before: TimedPosition, after: TimedPosition, fast: bool) -> bool:
+    def _has_changed(self, before: TimedPosition, after: TimedPosition, fast: bool) -> bool:
         """Whether a position has changed; in a fast motion only if tracking does not explain the change."""
-        return self.drift(before, after) > max(self.ticks) if fast else before.sky != after.sky
+        return self.drift(before, after) > max(self.angle_steps) if fast else before.position != after.position
 
     async def goto(self, goal: op.Equatorial, seconds: float) -> str:
         """Go to a position; cancel that after ``seconds``. Return the reason if it is refused. Raises StageEnded."""
-        number = requests.new_number()
-        where = requests.Spot(goal.ra % 360.0, goal.dec)
-        self.mine, controller, over = True, self.controller, False
+        number = requests.new_request_number()
+        where = requests.SkyPosition(goal.ra % 360.0, goal.dec)
+        self.moving, controller, over = True, self.controller, False
         try:
             answer = await self.ask(requests.GotoRequest(where=where, number=number, who=CLIENT))
-            if refused := self._refused(answer):
+            if refused := self._refusal(answer):
                 return refused
-            over = await self.until(lambda: not (controller.slewing or controller.wanted.goto_waits), seconds)
+            over = await self.wait_until(lambda: not (controller.slewing or controller.wanted.goto_pending), seconds)
         finally:
             if not over:
                 await self.ask(requests.CancelRequest(number))
@@ -245,63 +247,65 @@ class CheckedMount:
 
     async def pulse(self, direction: op.Direction, ms: int) -> None:
         """Send a guide pulse, as a guiding program does; a refusal is ignored."""
-        await self.ask(replace(packed(op.Pulse(direction, ms), requests.new_number()), who=CLIENT))
+        await self.ask(replace(pack_operation(op.Pulse(direction, ms), requests.new_request_number()), who=CLIENT))
 
-    def _refused(self, answer: requests.Answer) -> str:
+    def _refusal(self, answer: requests.Answer) -> str:
         """Return why a request was refused; empty if it was not. Raises StageEnded."""
-        if answer.done:
+        if answer.is_ok:
             return ""
-        self.check()
+        self.raise_if_stage_ends()
         if answer.fault == NoAnswer.__name__:
-            raise Ended("the mount has not acknowledged an order")
-        self.mine = False
+            raise StageEnd("the mount has not acknowledged an order")
+        self.moving = False
         return answer.text
 
-    def speed(self, key: int) -> float:
+    def speed_of_key(self, key: int) -> float:
         """Return the speed of a rate key on this model, degrees a second."""
-        return min(self.driver.speed(op.Rate(key=key)), float(getattr(self.driver, "facts", {}).get("max_rate", inf)))
+        return min(
+            self.driver.speed(op.Rate(key=key)), float(getattr(self.driver, "model_facts", {}).get("max_rate", inf))
+        )
 
     # --- what a position means ----------------------------------------------------------------------------------------
 
     @property
-    def ticks(self) -> Pair:
+    def angle_steps(self) -> Pair:
         """The steps of the two angles that the mount reports; for a network server, the smallest observed changes."""
-        return self.driver.ticks if self.driver.protocol.name in streams() else (self._steps[0], self._steps[1])
+        return self.driver.angle_steps if self.driver.protocol.name in streams() else (self._steps[0], self._steps[1])
 
     def _add_position(self) -> None:
         """Record the latest position and the smallest observed step."""
         if (place := self.latest) is None:
             return
         self._positions.append(place)
-        before = self._positions[-2:][0].sky
-        for number, change in enumerate((wrap180(place.sky.ra - before.ra), place.sky.dec - before.dec)):
+        before = self._positions[-2:][0].position
+        for number, change in enumerate((wrap180(place.position.ra - before.ra), place.position.dec - before.dec)):
             if abs(change) > CALCULATED_CHANGE:
                 self._steps[number] = min(self._steps[number], max(FINEST_STEP, abs(change)))
 
-    def axes(self, position: TimedPosition) -> Pair:
+    def axis_angles(self, position: TimedPosition) -> Pair:
         """Return the angles of the axes: hour angle and declination, or azimuth and altitude. Raises StageEnded."""
         if self._epoch is None:
             try:
                 self._epoch = self.now(), self.controller.astrometry.sidereal_time()
             except Fault:
                 if not self.status.equatorial:
-                    raise Ended("the site is not known: without it an alt-az mount cannot be measured") from None
+                    raise StageEnd("the site is not known: without it an alt-az mount cannot be measured") from None
                 self._epoch = self.now(), 0.0
-        hour_angle = self._epoch[1] + SIDEREAL_RATE * (position.at - self._epoch[0]) - position.sky.ra
+        hour_angle = self._epoch[1] + SIDEREAL_RATE * (position.at - self._epoch[0]) - position.position.ra
         if self.status.equatorial or self.driver.moves_by_gotos:
-            return hour_angle, position.sky.dec
-        return hour_angle_to_horizon(hour_angle, position.sky.dec, self.controller.astrometry.place().latitude)
+            return hour_angle, position.position.dec
+        return hour_angle_to_horizon(hour_angle, position.position.dec, self.controller.astrometry.place().latitude)
 
-    def turned(self, before: TimedPosition, after: TimedPosition) -> Pair:
+    def axis_turns(self, before: TimedPosition, after: TimedPosition) -> Pair:
         """Return how far both axes have turned relative to the ground."""
-        (first, second), (then, second_end) = self.axes(before), self.axes(after)
+        (first, second), (then, second_end) = self.axis_angles(before), self.axis_angles(after)
         return wrap180(then - first), second_end - second
 
     def drift(self, before: TimedPosition, after: TimedPosition) -> float:
         """Return the motion between two positions that tracking, on or off, does not explain."""
-        return unexplained_motion(before.sky, after.sky, after.at - before.at)
+        return unexplained_motion(before.position, after.position, after.at - before.at)
 
-    def moved(self, before: TimedPosition, after: TimedPosition, tracks: bool) -> float:
+    def distance_moved(self, before: TimedPosition, after: TimedPosition, tracks: bool) -> float:
         """Return the distance of two positions in the sky, or relative to the ground if the mount does not track."""
         passed = 0.0 if tracks else SIDEREAL_RATE * (after.at - before.at)
-        return separation(before.sky.ra + passed, before.sky.dec, after.sky.ra, after.sky.dec)
+        return separation(before.position.ra + passed, before.position.dec, after.position.ra, after.position.dec)

@@ -18,26 +18,26 @@ from gateway.app.recording.format import unescape
 from gateway.astro.ephemeris.almanac import SHIPPED_FILE, decoded
 from gateway.astro.ephemeris.sky import Sky
 from gateway.core.errors import UserError
-from gateway.core.wire_log import show
-from gateway.diagnostics.command_outcomes import OUTCOME_MEANINGS, MountKind, outcome, remarks, taken
-from gateway.diagnostics.log.conversation import Side
+from gateway.core.wire_log import printable
+from gateway.diagnostics.command_outcomes import OUTCOME_MEANINGS, MountKind, choose, outcome, remarks
+from gateway.diagnostics.log.conversation import ConnectionDecoder
 from gateway.diagnostics.log.words import format_fields
 from gateway.diagnostics.rehearsal.play import (
-    Before,
     Play,
     Player,
+    Prelude,
     is_refused,
     may_change_mount,
     observation_time,
-    stage,
+    set_up,
 )
-from gateway.diagnostics.rehearsal.samples import example
+from gateway.diagnostics.rehearsal.samples import example_request
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.surface import ACKNOWLEDGED
-from gateway.protocols.registry import PROTOCOLS, mounts
+from gateway.protocols.registry import PROTOCOLS, drivers
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load
-from gateway.protocols.wireformat.rows import KEEPS, Model, SurfaceRow, Version
+from gateway.protocols.wireformat.rows import REUSE_DESCRIPTIONS, Model, SurfaceRow, Version
 
 #: How long the gateway is idle before the command, seconds.
 IDLE_TIME = 3.0
@@ -48,41 +48,40 @@ TABLES_HINT = "; mappings/README.md lists them all"
 MAX_EQUAL_COMMANDS = 3
 
 
-class Explained(NamedTuple):
+class Explanation(NamedTuple):
     """The explanation of a command as text, and whether the command can be carried out."""
 
     text: str
-    valid: bool
+    is_valid: bool
 
 
-def explain(surface: str, mount: str, typed_words: str) -> Explained:
+def explain(surface: str, mount: str, typed_words: str) -> Explanation:
     """Explain a command. ``surface`` and ``mount`` are ``PROTOCOL[:MODEL[/VERSION]]``, or only a model.
 
     Raises UserError if any of them does not exist, or if the protocol does not have the command.
     """
-    face, at = parse_device(surface), parse_device(mount, part="mount")
-    if at.protocol not in mounts():
-        raise UserError(f"{at.protocol} mounts cannot be driven; {' or '.join(mounts())} can")
+    face, at = parse_device(surface), parse_device(mount, role="mount")
+    if at.protocol not in drivers():
+        raise UserError(f"{at.protocol} mounts cannot be driven; {' or '.join(drivers())} can")
     at = with_defaults(at)
     frame = unescape(typed_words)
-    protocol, driven = load(face.protocol), load(at.protocol).of(at.model)
+    protocol, driven = load(face.protocol), load(at.protocol).in_dialect_of(at.model)
     match = protocol.find(frame)
     if match is None:
-        raise UserError(
-            f"{face.protocol} has no command {typed_words!r}{_hint(face.protocol, at.protocol, frame) or TABLES_HINT}"
-        )
+        hint = _unknown_command_hint(face.protocol, at.protocol, frame) or TABLES_HINT
+        raise UserError(f"{face.protocol} has no command {typed_words!r}{hint}")
     command, picture = match
-    row = protocol.surface.get(command.name)
-    lines = [f"{show(frame)}  {command.help}"]
+    row = protocol.surface_rows.get(command.name)
+    lines = [f"{printable(frame)}  {command.help}"]
     if command.models is not None:
         lines.append(f"  by the manual only on {', '.join(sorted(command.models))}")
-    version = PROTOCOLS[face.protocol].counts_as(face.version) if face.version else None
-    if face.model in command.lacking:
+    version = PROTOCOLS[face.protocol].command_set_version(face.version) if face.version else None
+    if face.model in command.lacking_models:
         lines.append(f"  a {face.model} does not have it: nothing is done")
-        return Explained("\n".join(lines), False)
-    if not command.known_to(None, version):
+        return Explanation("\n".join(lines), False)
+    if not command.exists_on(None, version):
         lines.append(f"  a hand control of version {face.version} does not know it, and ignores it")
-        return Explained("\n".join(lines), False)
+        return Explanation("\n".join(lines), False)
     valid = True
     if command.beyond:
         lines.append(f"  beyond the manual: {command.beyond}")
@@ -92,23 +91,23 @@ def explain(surface: str, mount: str, typed_words: str) -> Explained:
     except ValueError as error:
         lines.append(f"  not valid: {error}")
         valid = False
-    play, became, said = play_one(face, at, frame)
+    play, became, said = play_on_new_stage(face, at, frame)
     if presents_mount(at, face):
-        lines += _own(protocol, command.name)
+        lines += _native_command_lines(protocol, command.name)
     elif not valid:
-        lines.append(f"outcome: {_means('refused', play.reply)}")
+        lines.append(f"outcome: {_outcome_text('refused', play.reply)}")
     else:
-        lines.append(f"outcome on {_name(at)} mount: {_means(became, play.reply)}")
+        lines.append(f"outcome on {_name_with_article(at)} mount: {_outcome_text(became, play.reply)}")
         if became == "refused" != said:
             lines.append(f"  with other values, or in another state: {said}")
         for otherwise, changed in _circumstances(at):
-            if (other := play_one(face, at, frame, **changed)[1]) != became:
+            if (other := play_on_new_stage(face, at, frame, **changed)[1]) != became:
                 lines.append(f"  {otherwise}: {other}")
-        ways = taken(row, driven, MountKind(at.model or "", counted_version(at)))
+        ways = choose(row, driven, MountKind(at.model or "", actual_version(at)))
         lines += [f"  {remark}" for remark in remarks(row, ways)]
     first = f"after {' '.join((*row.after, *row.during))}, " if row and (row.after or row.during) else ""
     lines.append(f"for example, {first}with the Crab nebula as the target and an aligned mount that tracks:")
-    return Explained("\n".join([*lines, *in_lines(play, face.protocol, at)]), valid)
+    return Explanation("\n".join([*lines, *format_play(play, face.protocol, at)]), valid)
 
 
 @cache
@@ -126,57 +125,57 @@ def with_defaults(mount: Endpoint) -> Endpoint:
     return replace(mount, model=model, version=mount.version or versions[-1])
 
 
-def counted_version(mount: Endpoint) -> Version | None:
+def actual_version(mount: Endpoint) -> Version | None:
     """Return the comparable version that decides which commands a mount knows; None without a version."""
-    return PROTOCOLS[mount.protocol].counts_as(mount.version) if mount.version else None
+    return PROTOCOLS[mount.protocol].command_set_version(mount.version) if mount.version else None
 
 
-def traits(surface: Endpoint, command: Command, facts: Model | None = None) -> frozenset[str]:
+def traits_of(surface: Endpoint, command: Command, facts: Model | None = None) -> frozenset[str]:
     """Return the traits of a presented model, as the tables name them; none if its version lacks the command.
 
     The facts are those of a model that the gateway chose to fit the mount, which may lack a part.
     """
     spec = PROTOCOLS[surface.protocol]
     protocol, model = spec.commands, facts["name"] if facts else surface.model or spec.default_model or ""
-    version = spec.counts_as(surface.version) if surface.version else None
-    return protocol.traits(model, facts=facts) if command.known_to(None, version) or command.beyond else frozenset()
+    version = spec.command_set_version(surface.version) if surface.version else None
+    return protocol.traits(model, facts=facts) if command.exists_on(None, version) or command.beyond else frozenset()
 
 
-def commands_before(surface: Endpoint, row: SurfaceRow) -> Before:
+def commands_before(surface: Endpoint, row: SurfaceRow) -> Prelude:
     """Return the commands that a program sends before this command: those to complete first, and those to begin."""
     spec = PROTOCOLS[surface.protocol]
-    after = (*spec.required_requests, *spec.target, *row.after)
-    return Before(tuple(map(unescape, after)), tuple(map(unescape, row.during)))
+    after = (*spec.required_requests, *spec.target_requests, *row.after)
+    return Prelude(tuple(map(unescape, after)), tuple(map(unescape, row.during)))
 
 
-def play_one(
+def play_on_new_stage(
     face: Endpoint, mount: Endpoint, frame: bytes, *, aligned: bool = True, wedge: bool = False, missing: str = ""
 ) -> tuple[Play, str, str]:
     """Send a frame through a new gateway, whose presented model fits the mount if none is named.
 
     Return the play, its outcome, and the outcome by the tables: another one if it is refused or changes nothing.
     """
-    protocol, driven = load(face.protocol), load(mount.protocol).of(mount.model)
+    protocol, driven = load(face.protocol), load(mount.protocol).in_dialect_of(mount.model)
     match = protocol.find(frame)
     assert match is not None
-    command, row = match[0], protocol.surface.get(match[0].name)
+    command, row = match[0], protocol.surface_rows.get(match[0].name)
 
     async def play() -> tuple[Play, str, str]:
-        async with stage(face, mount, rehearsal_sky(), aligned=aligned, wedge=wedge, missing=missing) as whole_gateway:
+        async with set_up(face, mount, rehearsal_sky(), aligned=aligned, wedge=wedge, missing=missing) as whole_gateway:
             await whole_gateway.gateway.present_fitting_model()
             await asyncio.sleep(IDLE_TIME)  # readings in the cache expire, so that the mount is asked
             played = await Player(whole_gateway).play(
                 frame,
-                Before() if row is None else commands_before(face, row),
+                Prelude() if row is None else commands_before(face, row),
                 observation_time(command, aligned and bool(command.replies)),
             )  # an arrow may be carried out in many steps
-            presented = traits(face, command, dict(whole_gateway.face.model))
-            said = outcome(row, driven, MountKind(mount.model or "", counted_version(mount), aligned, wedge), presented)
+            presented = traits_of(face, command, dict(whole_gateway.face.model))
+            said = outcome(row, driven, MountKind(mount.model or "", actual_version(mount), aligned, wedge), presented)
             if is_refused(played, command, whole_gateway.face.surface):
                 return played, "refused", said
             idle = (
                 said in ("translated", "refused")
-                and not played.of("act")
+                and not played.steps_of_kind("act")
                 and row
                 and any(map(may_change_mount, row.operations))
             )
@@ -188,7 +187,7 @@ def play_one(
 
 def _circumstances(mount: Endpoint) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield other circumstances (not aligned, on a wedge, without a part): as text, and as settings to try."""
-    driven, spec = load(mount.protocol).of(mount.model), PROTOCOLS[mount.protocol]
+    driven, spec = load(mount.protocol).in_dialect_of(mount.model), PROTOCOLS[mount.protocol]
     yield "before the alignment", {"aligned": False}
     if driven.traits(mount.model or "") != driven.traits(mount.model or "", wedge=True):
         yield "on a wedge", {"wedge": True}
@@ -196,12 +195,12 @@ def _circumstances(mount: Endpoint) -> Iterator[tuple[str, dict[str, Any]]]:
         yield f"without a {part}", {"missing": part}
 
 
-def _name(endpoint: Endpoint) -> str:
+def _name_with_article(endpoint: Endpoint) -> str:
     model = str(endpoint.model)
     return f"{'an' if model[0] in 'aeilo' else 'a'} {model}{f'/{endpoint.version}' if endpoint.version else ''}"
 
 
-def _means(outcome: str, reply: bytes) -> str:
+def _outcome_text(outcome: str, reply: bytes) -> str:
     """Return an outcome with its meaning; for a refusal, whether the client or only the log is told."""
     if outcome != "refused":
         return f"{outcome} ({OUTCOME_MEANINGS[outcome]})" if outcome in OUTCOME_MEANINGS else outcome
@@ -212,27 +211,27 @@ def _means(outcome: str, reply: bytes) -> str:
     return "refused (the reply says so)"
 
 
-def _own(protocol: CommandSet, name: str) -> list[str]:
+def _native_command_lines(protocol: CommandSet, name: str) -> list[str]:
     """Return lines on who answers a command if client and mount speak the same protocol."""
-    row = protocol.own.get(name)
-    who = f"the mount itself, {KEEPS[row.keep]}" if row is not None and row.keep else "the gateway"
+    row = protocol.own_rows.get(name)
+    who = f"the mount itself, {REUSE_DESCRIPTIONS[row.keep]}" if row is not None and row.keep else "the gateway"
     return [f"answered by {who}", *([f"  {row.why}"] if row is not None and row.why else [])]
 
 
-def _hint(client: str, mount: str, frame: bytes) -> str:
-    driven = client if client in mounts() else mount
+def _unknown_command_hint(client: str, mount: str, frame: bytes) -> str:
+    driven = client if client in drivers() else mount
     for other, spec in PROTOCOLS.items():
         if other != client and spec.commands.find(frame) is not None:
             return f"; it is one of {other}: write explain {other} {driven}"
     if (hint := PROTOCOLS[client].hint) is not None:
         return f"; {advice}" if (advice := hint(frame)) else ""
     alike = [command for command in load(client).commands.values() if command.request.prefix[:1] == frame[:1]]
-    return f"; {alike[0].help} is written like '{show(example(alike[0]))}'" if alike else ""
+    return f"; {alike[0].help} is written like '{printable(example_request(alike[0]))}'" if alike else ""
 
 
-def in_lines(play: Play, surface: str, mount: Endpoint) -> list[str]:
+def format_play(play: Play, surface: str, mount: Endpoint) -> list[str]:
     """Format a play: its meaning, the commands to the mount up to the reply, and later ones that change the mount."""
-    program, driven = Side(surface), Side(mount.protocol, mount.model)
+    program, driven = ConnectionDecoder(surface), ConnectionDecoder(mount.protocol, mount.model)
     lines: list[str] = []
     answered, last, again = False, "", 0
     for event in play.events:
@@ -242,8 +241,8 @@ def in_lines(play: Play, surface: str, mount: Endpoint) -> list[str]:
         elif event.kind == "means":
             line = f"  the gateway understands: {event.text}"
         elif event.kind == "act" or (event.kind == "look" and not answered):
-            heard = driven.command(event.data)
-            line = f"    to the mount: {show(event.data)}  {heard.text}"
+            heard = driven.describe_command(event.data)
+            line = f"    to the mount: {printable(event.data)}  {heard.text}"
             again = again + 1 if heard.command == last else 0
             last = heard.command
             if again == MAX_EQUAL_COMMANDS:
@@ -256,8 +255,8 @@ def in_lines(play: Play, surface: str, mount: Endpoint) -> list[str]:
             line = f"  a serial port goes on at {event.text} baud"
         if line and line not in lines[-1:]:
             lines.append(line)
-    program.command(play.frame)
-    meaning = program.reply(play.reply).text.partition(": ")[2] if play.reply else ""
-    same = meaning.strip('"') == show(play.reply).removesuffix("#")  # a name needs no explanation
+    program.describe_command(play.frame)
+    meaning = program.describe_reply(play.reply).text.partition(": ")[2] if play.reply else ""
+    same = meaning.strip('"') == printable(play.reply).removesuffix("#")  # a name needs no explanation
     about = "" if same or meaning in ("", "accepted") else f"  ({meaning})"
-    return [*lines, f"reply: {show(play.reply) if play.reply else 'none'}{about}"]
+    return [*lines, f"reply: {printable(play.reply) if play.reply else 'none'}{about}"]

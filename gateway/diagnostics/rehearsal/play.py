@@ -15,11 +15,11 @@ from gateway.app.config import Endpoint
 from gateway.app.simulated import DEFAULT_SITE
 from gateway.astro.ephemeris.sky import Sky
 from gateway.core.errors import Unsupported
-from gateway.core.operations import Read, named
+from gateway.core.operations import Read, operation_class
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.rehearsal.meaning import meaning
 from gateway.diagnostics.rehearsal.samples import START_TIME
-from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
+from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalMount
 from gateway.protocols.base.driver import Driver
 from gateway.protocols.base.surface import ACKNOWLEDGED, Surface
 from gateway.protocols.base.wants import (
@@ -30,7 +30,7 @@ from gateway.protocols.base.wants import (
     Note,
     ReuseLastReading,
     SurfaceStep,
-    relayed,
+    relay_requests,
 )
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command import Command
@@ -48,7 +48,7 @@ SLEW_SPEEDUP = 10.0
 SLEW_TIMEOUT = 300.0
 #: How long a query is observed, seconds: by then it has been sent to the mount.
 QUERY_OBSERVATION_TIME = 0.4
-_STEP = 0.05
+_CHECK_PERIOD = 0.05
 
 
 class PlayedStep(NamedTuple):
@@ -60,36 +60,38 @@ class PlayedStep(NamedTuple):
     data: bytes = b""
 
 
-class Before(NamedTuple):
-    """The commands that a program sends first: ``after`` are completed before the next one, ``during`` only begun."""
+class Prelude(NamedTuple):
+    """The commands that a program sends first: ``completed`` are completed before the next one, ``in_progress`` only
+    begun.
+    """
 
-    after: tuple[bytes, ...] = ()
-    during: tuple[bytes, ...] = ()
+    completed: tuple[bytes, ...] = ()
+    in_progress: tuple[bytes, ...] = ()
 
 
 class Play(NamedTuple):
-    """All events that a frame caused, in order; ``wire`` are the commands that reached the mount and change it;
-    ``refused``: whether the log has counted a refusal.
+    """All events that a frame caused, in order; ``changing_commands`` are the commands that reached the mount and
+    change it; ``refused``: whether the log has counted a refusal.
     """
 
     frame: bytes
     events: tuple[PlayedStep, ...]
     reply: bytes
-    wire: tuple[bytes, ...]
+    changing_commands: tuple[bytes, ...]
     refused: bool = False
 
-    def of(self, kind: str) -> tuple[PlayedStep, ...]:
+    def steps_of_kind(self, kind: str) -> tuple[PlayedStep, ...]:
         return tuple(event for event in self.events if event.kind == kind)
 
 
 def observation_time(command: Command, aligned: bool) -> float:
     """Return how long a command is observed after its reply, seconds."""
-    return QUERY_OBSERVATION_TIME if command.question else OBSERVATION_TIME if aligned else SETTING_OBSERVATION_TIME
+    return QUERY_OBSERVATION_TIME if command.is_query else OBSERVATION_TIME if aligned else SETTING_OBSERVATION_TIME
 
 
 def may_change_mount(name: str) -> bool:
     """Whether an operation of this name may change the mount."""
-    kind = named(name)
+    kind = operation_class(name)
     return kind is not None and not issubclass(kind, Read)
 
 
@@ -104,12 +106,12 @@ def is_refusal(command: Command, reply: bytes, surface: Surface, frame: bytes) -
     if not reply:
         return False
     recognised = any(form.matcher.fullmatch(reply) for form in forms) or surface.is_refusal(reply)
-    return recognised or reply == refusal_form(surface, frame)
+    return recognised or reply == general_refusal(surface, frame)
 
 
-def refusal_form(surface: Surface, frame: bytes) -> bytes:
+def general_refusal(surface: Surface, frame: bytes) -> bytes:
     """Return the surface's refusal of a command that no mount has; empty if the protocol has no refusal."""
-    form = surface.unanswered(frame, Unsupported())
+    form = surface.fallback_reply(frame, Unsupported())
     return b"" if form == ACKNOWLEDGED else form
 
 
@@ -117,19 +119,19 @@ def refusal_form(surface: Surface, frame: bytes) -> bytes:
 def query_commands(protocol: CommandSet) -> frozenset[str]:
     """Return the names of the protocol's commands that only query the mount: they carry out reads and have replies."""
     reads: set[str] = set()
-    for name, ways in protocol.driver.items():
-        kind = named(name)
+    for name, ways in protocol.driver_rows.items():
+        kind = operation_class(name)
         if kind is not None and issubclass(kind, Read):
             reads |= {command for way in ways for command in way.commands}
     return frozenset(name for name in reads if protocol.commands[name].replies)
 
 
-def is_look(protocol: CommandSet, data: bytes) -> bool:
+def is_query(protocol: CommandSet, data: bytes) -> bool:
     match = protocol.find(data)
     return match is not None and match[0].name in query_commands(protocol)
 
 
-def stage(
+def set_up(
     surface: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True, wedge: bool = False, missing: str = ""
 ) -> RehearsalMount:
     """Return a gateway between a presented model and a simulated mount, each with its version, at ``START_TIME``.
@@ -155,12 +157,12 @@ def stage(
     )
 
 
-async def _until(condition: Callable[[], bool], seconds: float) -> None:
+async def _wait_until(condition: Callable[[], bool], seconds: float) -> None:
     """Wait until the condition holds, for so many seconds at most."""
     loop = asyncio.get_running_loop()
     end = loop.time() + seconds
     while not condition() and loop.time() < end:
-        await asyncio.sleep(_STEP)
+        await asyncio.sleep(_CHECK_PERIOD)
 
 
 class Player:
@@ -171,50 +173,50 @@ class Player:
         self.driver: Driver = stage.driver
         self.surface = surface = stage.face.surface
         self._events: list[PlayedStep] = []
-        self._visitors = 0
+        self._client_count = 0
         handle = surface.handle
         surface.subscriptions = lambda session: ()  # so that all bytes received are the reply
-        surface.handle = lambda session, frame: relayed(handle(session, frame), self._ask)  # type: ignore[method-assign]
-        stage.wire_log.sinks.append(self._note)
+        surface.handle = lambda session, frame: relay_requests(handle(session, frame), self._note_request)  # type: ignore[method-assign]
+        stage.wire_log.sinks.append(self._note_entry)
 
-    async def play(self, frame: bytes, before: Before = Before(), watching: float = SETTING_OBSERVATION_TIME) -> Play:
+    async def play(self, frame: bytes, before: Prelude = Prelude(), duration: float = SETTING_OBSERVATION_TIME) -> Play:
         """Send the commands of ``before``, then the frame; observe for some seconds after its reply."""
-        self._visitors += 1
-        visitor = self.stage.client(f"rehearsal{self._visitors}")
-        for said in before.after:
+        self._client_count += 1
+        visitor = self.stage.client(f"rehearsal{self._client_count}")
+        for said in before.completed:
             visitor.tell(said)
-            await self._settled(visitor, 0.0)
+            await self._wait_for_replies(visitor, 0.0)
             await asyncio.sleep(BACKGROUND_TIMEOUT)
-            await self._at_rest()
-        for said in before.during:
+            await self._wait_for_rest()
+        for said in before.in_progress:
             visitor.tell(said)
-            await self._settled(visitor, BACKGROUND_TIMEOUT)
-        self.begin()
-        wire, refusals = len(self.stage.wire), self.stage.wire_log.refusals
+            await self._wait_for_replies(visitor, BACKGROUND_TIMEOUT)
+        self.on_play_begin()
+        wire, refusals = len(self.stage.wire), self.stage.wire_log.refusal_count
         self._events.clear()
         visitor.received = b""
         visitor.tell(frame)
-        await self._settled(visitor, 0.0)
+        await self._wait_for_replies(visitor, 0.0)
         reply = visitor.received
         self._events.append(PlayedStep("reply", "", reply))
-        await asyncio.sleep(watching)
+        await asyncio.sleep(duration)
         protocol = self.driver.protocol
-        acts = tuple(data for data in self.stage.wire[wire:] if not is_look(protocol, data))
-        return Play(frame, tuple(self._events), reply, acts, refusals != self.stage.wire_log.refusals)
+        acts = tuple(data for data in self.stage.wire[wire:] if not is_query(protocol, data))
+        return Play(frame, tuple(self._events), reply, acts, refusals != self.stage.wire_log.refusal_count)
 
-    def begin(self) -> None:
+    def on_play_begin(self) -> None:
         """Called when the play begins, after the preceding commands; for subclasses."""
 
-    async def _settled(self, visitor: Visitor, min_wait: float) -> None:
+    async def _wait_for_replies(self, visitor: RehearsalClient, min_wait: float) -> None:
         """Wait until all commands that have a reply are answered, for `REPLY_TIMEOUT` at most."""
         await asyncio.sleep(min_wait)
-        await _until(lambda: visitor.answered, REPLY_TIMEOUT)
+        await _wait_until(lambda: visitor.all_answered, REPLY_TIMEOUT)
 
-    async def _at_rest(self) -> None:
+    async def _wait_for_rest(self) -> None:
         """Wait until the mount is at rest and the gateway has noticed that."""
-        await _until(lambda: not (self.stage.sim.slewing or self.stage.controller.reconciler.busy), SLEW_TIMEOUT)
+        await _wait_until(lambda: not (self.stage.sim.slewing or self.stage.controller.reconciler.busy), SLEW_TIMEOUT)
 
-    def _ask(self, request: SurfaceStep) -> bool:
+    def _note_request(self, request: SurfaceStep) -> bool:
         """Record a request of the surface; return False, so that it is also carried out."""
         if isinstance(request, ChangeBaudRate):
             self._events.append(PlayedStep("baud", str(request.baud)))
@@ -223,12 +225,12 @@ class Player:
             self._events.append(PlayedStep("means", meaning(operation)))
         return False
 
-    def _note(self, entry: Entry) -> None:
+    def _note_entry(self, entry: Entry) -> None:
         """Record the wire log entries that belong to a play: notes, and commands and replies of the mount."""
         if entry.arrow == "!":
             self._events.append(PlayedStep("note", entry.note))
         elif entry.side == "mount" and entry.arrow == ">":
-            kind = "look" if is_look(self.driver.protocol, entry.data) else "act"
+            kind = "look" if is_query(self.driver.protocol, entry.data) else "act"
             self._events.append(PlayedStep(kind, "", entry.data))
         elif entry.side == "mount" and entry.arrow == "<":
             self._events.append(PlayedStep("answer", "", entry.data))

@@ -43,13 +43,13 @@ _COMMAND_FIELD_VALUES: dict[tuple[str, str], object] = {
 _FALLBACK_VALUES = (5, 7.5, 1, "A", "text", *"SEWTP0", "12", "n", date(2026, 1, 28))
 
 
-def example(command: Command) -> bytes:
+def example_request(command: Command) -> bytes:
     """Return a request of this command. Raises MappingError if no value fits a field."""
-    values = {name: value(command, name, field) for name, field in command.request.fields.items()}
+    values = {name: sample_value(command, name, field) for name, field in command.request.fields.items()}
     return command.request.encode(values)
 
 
-def value(command: Command, name: str, field: Codec) -> object:
+def sample_value(command: Command, name: str, field: Codec) -> object:
     """Return an example value of a field, which it can encode and decode."""
     choices = field.pattern.decode("latin-1").replace("\\", "").removeprefix("(?:").removesuffix(")").split("|")
     wanted = (_COMMAND_FIELD_VALUES.get((command.name, name)), _FIELD_VALUES.get(name), *_FALLBACK_VALUES, *choices)

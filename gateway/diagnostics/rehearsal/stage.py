@@ -20,12 +20,12 @@ from gateway.core.waiting import TimedEvent
 from gateway.core.wire_log import Entry, WireLog
 from gateway.mount.link.line import MountLink
 from gateway.protocols.mechanics.simulated import Simulated
-from gateway.protocols.registry import pairs
-from gateway.transport.handler import Connected
-from gateway.transport.wires import Connection, SimulatedTransport
+from gateway.protocols.registry import protocol_pairs
+from gateway.transport.handler import NewConnection
+from gateway.transport.wires import SimulatedConnection, SimulatedTransport
 
 #: The default protocols of the surface and the mount.
-DEFAULT_SURFACE, DEFAULT_MOUNT = pairs()[0]
+DEFAULT_SURFACE, DEFAULT_MOUNT = protocol_pairs()[0]
 
 
 class RehearsalMount:
@@ -72,9 +72,9 @@ class RehearsalMount:
         known = MountConfig(at=str(endpoint if named else Endpoint(driven, "sim")), speed=speed, **(config or {}))
         shown = SurfaceConfig(at=str(Endpoint(presented, "-", surface, surface_version)))
         self.gateway = Gateway(known, [shown], self.wire_log, sky, self.host)
-        self.open_store()
+        self.open_state_store()
         self.wire: list[bytes] = []  # what the mount has received
-        wire = SimulatedTransport("sim", self._listening(self.sim.connection), latency)
+        wire = SimulatedTransport("sim", self._recorded_connection(self.sim.connection), latency)
         self.gateway.prepare(lambda reply_rules, wire_log: MountLink(wire, reply_rules, wire_log))
         self.controller = self.gateway.controller
         self.driver, self.site_clock = self.controller.driver, self.controller.site_clock
@@ -83,54 +83,54 @@ class RehearsalMount:
         self.face, self.shared = made.binding, made.shared_state
         self.acceptor = ConnectionAcceptor(self.controller, self.face, self.shared, self.clock, access=access)
 
-    def open_store(self) -> None:
+    def open_state_store(self) -> None:
         """Do nothing: a rehearsal has no saved state. Subclasses may open a state store."""
 
-    def _listening(self, connect: Connection) -> Connection:
+    def _recorded_connection(self, connect: SimulatedConnection) -> SimulatedConnection:
         """Return a connection to the mount that records the bytes sent to the mount."""
 
         def connection(send_later: Callable[[float, bytes], None]) -> Callable[[bytes], bytes]:
             feed = connect(send_later)
 
-            def heard(data: bytes) -> bytes:
+            def record_and_answer(data: bytes) -> bytes:
                 self.wire.append(data)
                 answer: bytes = feed(data)
                 return answer
 
-            return heard
+            return record_and_answer
 
         return connection
 
     async def __aenter__(self) -> Self:
         self.controller.start()
-        await self.controller.settled.wait()
+        await self.controller.site_read.wait()
         return self
 
     async def __aexit__(self, *_: object) -> None:
         await self.controller.close()
 
-    def client(self, host: str = "127.0.0.1") -> Visitor:
-        return Visitor(self, host)
+    def client(self, host: str = "127.0.0.1") -> RehearsalClient:
+        return RehearsalClient(self, host)
 
-    def sent(self) -> list[bytes]:
+    def sent_requests(self) -> list[bytes]:
         """Return every request that the gateway has sent to the mount, by its log."""
         return [entry.data for entry in self.entries if entry.side == "mount" and entry.arrow == ">"]
 
 
-class Visitor:
+class RehearsalClient:
     def __init__(self, stage: RehearsalMount, host: str) -> None:
         self.received = b""
         self._received_event = TimedEvent()
-        self.connection = stage.acceptor.accept(Connected(host, host, self._hear))
+        self.connection = stage.acceptor.accept(NewConnection(host, host, self._on_received))
 
-    def _hear(self, data: bytes) -> None:
+    def _on_received(self, data: bytes) -> None:
         self.received += data
         self._received_event.set()
 
     @property
-    def answered(self) -> bool:
+    def all_answered(self) -> bool:
         """Whether all commands that have a reply were answered."""
-        return bool(self.connection.answered)
+        return bool(self.connection.all_answered)
 
     async def ask(self, data: bytes, seconds: float = 10.0, *, until: bytes = b"") -> bytes:
         """Send bytes; return the reply as soon as it ends with ``until``, or what was received after ``seconds``."""
@@ -140,7 +140,7 @@ class Visitor:
         end = loop.time() + seconds
         while not self.received or not self.received.endswith(until):
             self._received_event.clear()
-            if not await self._received_event.within(end - loop.time()):
+            if not await self._received_event.wait_within(end - loop.time()):
                 break
         return self.received
 

@@ -14,7 +14,7 @@ from gateway.astro.spherical import separation, wrap180
 from gateway.core.about import full_version
 from gateway.core.errors import UserError
 from gateway.core.wire_log import MOUNT_SIDE
-from gateway.diagnostics.log.conversation import Heard, Side
+from gateway.diagnostics.log.conversation import ConnectionDecoder, DecodedMessage
 from gateway.diagnostics.recorded_sides import RecordedSides
 from gateway.diagnostics.report.night import Incident, Night, Pointing, ProgramConnections, SiteOfNight
 from gateway.protocols.registry import PROTOCOLS
@@ -31,17 +31,17 @@ MAX_REMARKS = 10_000
 
 def gather(recording: Recording) -> Night:
     """Collect the data of a whole recording. Raises UserError if the file is damaged or empty."""
-    gathering = _Gathering(recording)
-    for event in gathering.sides.introduced(recording):
+    gathering = _NightCollector(recording)
+    for event in gathering.sides.after_recognition(recording):
         gathering.take(event)
     night = gathering.night
-    night.cut_reason = recording.cut
+    night.cut_reason = recording.incomplete_reason
     if not gathering.entry_count:
         raise UserError(f"{recording.parts[0]}: nothing happened in this recording, so there is nothing to report")
     return night
 
 
-class _Gathering:
+class _NightCollector:
     def __init__(self, recording: Recording) -> None:
         config = recording.settings["config"]
         self.sides = RecordedSides(recording)
@@ -60,67 +60,67 @@ class _Gathering:
             self.night.site = SiteOfNight(float(mount["site"][0]), float(mount["site"][1]), "the settings")
         self.entry_count = 0
         protocol = PROTOCOLS[self.sides.protocol(MOUNT_SIDE)]
-        self._rows = protocol.night
+        self._command_names = protocol.night
         self._answered_commands = {name for name, command in protocol.commands.commands.items() if command.replies}
-        self._sides_by_name: dict[str, Side] = {}
+        self._decoder_by_side: dict[str, ConnectionDecoder] = {}
         self._programs: dict[str, ProgramConnections] = {}
         self._unanswered: deque[tuple[float, str]] = deque(maxlen=MAX_UNANSWERED)
         self._last_coordinates: dict[str, tuple[float, float]] = {}
 
     def take(self, event: Event) -> None:
         """Process a line of the recording."""
-        time = self._start_time + event.at
+        time = self._start_time + event.time
         self.night.ended = max(self.night.ended, time)
         if event.side == RECORDER_SIDE:
             return
         self.entry_count += 1
         if event.side == MOUNT_SIDE:
-            self._of_mount(event, time)
+            self._take_mount_event(event, time)
         else:
-            self._of_program(event, time)
+            self._take_program_event(event, time)
 
     # --- the mount's line -------------------------------------------------------------------------------------------
 
-    def _of_mount(self, event: Event, time: float) -> None:
+    def _take_mount_event(self, event: Event, time: float) -> None:
         if event.arrow in "!v^":
             text = event.data.decode("latin-1")
             if event.arrow == "v":
                 text = f"the mount's port was lost: {text}" if text else "the mount's port was lost"
-                self._given_up(len(self._unanswered))
-                self._sides_by_name.pop(MOUNT_SIDE, None)
+                self._count_unanswered(len(self._unanswered))
+                self._decoder_by_side.pop(MOUNT_SIDE, None)
             if text and len(self.night.remarks) < MAX_REMARKS:
                 self.night.remarks.append(Incident(time, MOUNT_SIDE, text))
             return
-        side = self._side(MOUNT_SIDE)
+        side = self._decoder(MOUNT_SIDE)
         if event.arrow == ">":
-            for heard in side.commands(event.data, event.at):
+            for heard in side.decode_commands(event.data, event.time):
                 if heard.command in self._answered_commands:
-                    self._unanswered.append((event.at, heard.command))
-                self.night.gotos += heard.command in self._rows.gotos
+                    self._unanswered.append((event.time, heard.command))
+                self.night.goto_count += heard.command in self._command_names.goto_commands
         else:
-            for heard in side.replies(event.data):
-                self._answered(heard, event.at)
+            for heard in side.decode_replies(event.data):
+                self._match_reply(heard, event.time)
 
-    def _answered(self, message: Heard, time: float) -> None:
+    def _match_reply(self, message: DecodedMessage, time: float) -> None:
         """Match a reply to the newest request of its command; count older requests as unanswered."""
         waiting = [place for place, (_, name) in enumerate(self._unanswered) if name == message.command]
         if waiting:
-            self._given_up(waiting[-1])
+            self._count_unanswered(waiting[-1])
             asked, _ = self._unanswered.popleft()
             self.night.request_times.append(self._start_time + asked)
             self.night.reply_times.append(time - asked)
-        if message.command in self._rows.places and not message.fails:
-            self._place(message.fields, self._start_time + time)
-        if message.command in self._rows.site and not message.fails:
-            self._site(message.fields, self._start_time + time)
+        if message.command in self._command_names.position_commands and not message.fails:
+            self._add_pointing(message.fields, self._start_time + time)
+        if message.command in self._command_names.site_commands and not message.fails:
+            self._set_site(message.fields, self._start_time + time)
 
-    def _given_up(self, number: int) -> None:
+    def _count_unanswered(self, number: int) -> None:
         """Count this many of the oldest requests as unanswered."""
         for _ in range(number):
             self._unanswered.popleft()
-        self.night.unanswered += number
+        self.night.unanswered_count += number
 
-    def _place(self, fields: Mapping[str, Any], time: float) -> None:
+    def _add_pointing(self, fields: Mapping[str, Any], time: float) -> None:
         self._last_coordinates |= {name: (time, fields[name]) for name in ("ra", "dec") if name in fields}
         if not {"ra", "dec"} <= set(self._last_coordinates) or "dec" not in fields:
             return
@@ -131,54 +131,54 @@ class _Gathering:
         if not places or time - places[-1].time >= PERIOD or separation(places[-1].ra, places[-1].dec, ra, dec) > STEP:
             places.append(Pointing(time, ra, dec))
 
-    def _site(self, fields: Mapping[str, Any], time: float) -> None:
+    def _set_site(self, fields: Mapping[str, Any], time: float) -> None:
         self._last_coordinates |= {name: (time, fields[name]) for name in ("latitude", "longitude") if name in fields}
         values = [self._last_coordinates.get(name) for name in ("latitude", "longitude")]
         if None in values or (self.night.site is not None and self.night.site.source != "the mount"):
             return
         latitude, longitude = (value[1] for value in values if value is not None)
         if abs(latitude) <= 90.0:
-            self.night.site = SiteOfNight(latitude, wrap180(longitude * self._rows.east), "the mount")
+            self.night.site = SiteOfNight(latitude, wrap180(longitude * self._command_names.lon_sign), "the mount")
 
     # --- programs ---------------------------------------------------------------------------------------------------
 
-    def _of_program(self, event: Event, time: float) -> None:
+    def _take_program_event(self, event: Event, time: float) -> None:
         if event.arrow == "+":
             self._connection_opened(event, time)
             return
         if event.arrow == "~":
-            self._sides_by_name.pop(event.side, None)
+            self._decoder_by_side.pop(event.side, None)
             return
         program = self._programs.get(event.side)
         if event.arrow == "-":
-            self._sides_by_name.pop(event.side, None)
+            self._decoder_by_side.pop(event.side, None)
             self._programs.pop(event.side, None)
         elif event.arrow == "!":
             if program is not None:
-                program.refused += 1
+                program.refusal_count += 1
             if len(self.night.refusals) < MAX_REMARKS:
                 who = event.side if program is None else program.host
                 self.night.refusals.append(Incident(time, who, event.data.decode("latin-1")))
         elif event.arrow == ">":
             if program is None:
-                program = self._program(event.side, event.side, self.sides.protocol(event.side), time)
-            for heard in self._side(event.side).commands(event.data, event.at):
+                program = self._add_program(event.side, event.side, self.sides.protocol(event.side), time)
+            for heard in self._decoder(event.side).decode_commands(event.data, event.time):
                 program.commands[heard.command or "not understood"] += 1
-                program.last = time
+                program.last_time = time
 
     def _connection_opened(self, event: Event, time: float) -> None:
-        number = self.sides.surface[event.side]
+        number = self.sides.surface_numbers[event.side]
         host = event.data.decode("latin-1").rpartition("host ")[2]
-        self._sides_by_name.pop(event.side, None)
-        program = self._program(event.side, host, self.night.surfaces[number - 1], time)
-        program.connections += 1
+        self._decoder_by_side.pop(event.side, None)
+        program = self._add_program(event.side, host, self.night.surfaces[number - 1], time)
+        program.connection_count += 1
 
-    def _program(self, side: str, host: str, surface: str, time: float) -> ProgramConnections:
+    def _add_program(self, side: str, host: str, surface: str, time: float) -> ProgramConnections:
         program = self.night.programs.setdefault((host, surface), ProgramConnections(host, surface, time, time))
         self._programs[side] = program
         return program
 
-    def _side(self, name: str) -> Side:
-        if name not in self._sides_by_name:
-            self._sides_by_name[name] = self.sides.side(name)
-        return self._sides_by_name[name]
+    def _decoder(self, name: str) -> ConnectionDecoder:
+        if name not in self._decoder_by_side:
+            self._decoder_by_side[name] = self.sides.decoder(name)
+        return self._decoder_by_side[name]

@@ -38,14 +38,14 @@ class ProgramConnections:
 
     host: str
     surface: str
-    first: float
-    last: float
-    connections: int = 0
+    first_time: float
+    last_time: float
+    connection_count: int = 0
     commands: Counter[str] = field(default_factory=Counter)
-    refused: int = 0
+    refusal_count: int = 0
 
     @property
-    def sent(self) -> int:
+    def n_sent(self) -> int:
         return self.commands.total()
 
 
@@ -65,8 +65,8 @@ class Night:
     #: When each query was sent to the mount, and how long its reply took; a night has a million of them.
     request_times: array[float] = field(default_factory=lambda: array("d"))
     reply_times: array[float] = field(default_factory=lambda: array("d"))
-    unanswered: int = 0
-    gotos: int = 0
+    unanswered_count: int = 0
+    goto_count: int = 0
     #: Problems of the connection with the mount, and the gateway's notes about the mount.
     remarks: list[Incident] = field(default_factory=list)
     refusals: list[Incident] = field(default_factory=list)

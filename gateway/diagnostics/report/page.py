@@ -13,18 +13,18 @@ from datetime import UTC, datetime
 from gateway.astro.ephemeris.sky import Sky
 from gateway.diagnostics.report import plots
 from gateway.diagnostics.report.night import Incident, Night
-from gateway.diagnostics.report.plots import TrackPoint, at, light, track
-from gateway.diagnostics.report.svg import clock
+from gateway.diagnostics.report.plots import TrackPoint, altaz_track, light_intervals, quant
+from gateway.diagnostics.report.svg import format_time_of_day
 
 #: The greatest number of commands named for each program, and of rows in the tables of refusals and notes.
 MAX_COMMANDS, MAX_ROWS = 8, 200
 
 
-def page(night: Night, source: str) -> str:
+def report_page(night: Night, source: str) -> str:
     """Return the report as HTML; ``source`` is the name of the recording."""
     sky = Sky()  # its closed forms are good to a second of arc
-    points = track(night, sky)
-    said = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in sentences(night, points))
+    points = altaz_track(night, sky)
+    said = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in summary_sentences(night, points))
     site = (
         f", {night.site.latitude:.2f}°, {night.site.longitude:.2f}° as {night.site.source} told" if night.site else ""
     )
@@ -32,25 +32,25 @@ def page(night: Night, source: str) -> str:
     if points:
         parts.append(_section(
             "Where it pointed", "North is up and east is left, as you look up. Thick line: tracking or at rest. "
-            "Thin line: slewing.", f'<div class="round">{plots.all_sky(points, night)}</div>',
+            "Thin line: slewing.", f'<div class="round">{plots.plot_all_sky(points, night)}</div>',
         ))  # fmt: skip
         parts.append(_section(
             "How high it pointed", "Behind the line: day, twilight, darkness. Triangles: refusals. Dashed: the "
-            "limits.", _wide(plots.altitude(points, light(night, sky), night)),
+            "limits.", _scrollable(plots.plot_altitude(points, light_intervals(night, sky), night)),
         ))  # fmt: skip
     if night.reply_times:
         parts.append(_section(
             "How long the mount took to answer", "Line: the median. Band: nine of ten replies. Dots: the longest. "
             "Red: a note about the mount or its connection.",
-            _wide(plots.over_time(night)),
+            _scrollable(plots.plot_reply_times(night)),
         ))  # fmt: skip
     parts += [
         _section("Programs", "", table_of_programs(night)),
-        _section("Refused", "", table_of_remarks(night.refusals, "Nothing was refused.", of_programs=True)),
+        _section("Refused", "", table_of_remarks(night.refusals, "Nothing was refused.", with_client_column=True)),
         _section(
             "Notes about the mount and its connection",
             "",
-            table_of_remarks(night.remarks, "Nothing.", of_programs=False),
+            table_of_remarks(night.remarks, "Nothing.", with_client_column=False),
         ),
     ]
     heading, by = title(night), f" Recorded by mount-gateway {night.recorded_by}." if night.recorded_by else ""
@@ -65,7 +65,7 @@ def page(night: Night, source: str) -> str:
     )
 
 
-def _wide(plot: str) -> str:
+def _scrollable(plot: str) -> str:
     """Wrap a plot so that it scrolls on a phone instead of becoming too small to read."""
     return f'<div class="wide">{plot}</div>'
 
@@ -75,9 +75,9 @@ def _section(title: str, note: str, content: str) -> str:
     return f'<section>{head}{f"""<p class="note">{html.escape(note)}</p>""" if note else ""}{content}</section>'
 
 
-def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return an HTML table; the cells are HTML already."""
-    head = "".join(f'<th scope="col">{html.escape(word)}</th>' for word in heads)
+    head = "".join(f'<th scope="col">{html.escape(word)}</th>' for word in headings)
     body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
     return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
 
@@ -85,23 +85,24 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def table_of_programs(night: Night) -> str:
     """Return an HTML table of the programs, the one with most commands first."""
     rows = []
-    busiest = max((program.sent for program in night.programs.values()), default=1) or 1
-    for program in sorted(night.programs.values(), key=lambda listed: -listed.sent):
+    busiest = max((program.n_sent for program in night.programs.values()), default=1) or 1
+    for program in sorted(night.programs.values(), key=lambda listed: -listed.n_sent):
         named = [f"<b>{html.escape(name)}</b> {times:,}" for name, times in program.commands.most_common(MAX_COMMANDS)]
         more = len(program.commands) - MAX_COMMANDS
-        share, minutes = program.sent / busiest * 100.0, max((program.last - program.first) / 60.0, 1.0)
+        share, minutes = program.n_sent / busiest * 100.0, max((program.last_time - program.first_time) / 60.0, 1.0)
         rows.append([
             html.escape(program.host), html.escape(program.surface),
-            f"{clock(program.first)}–{clock(program.last)}", f"{program.connections:,}",
-            f'<span class="share" style="--share:{share:.1f}%">{program.sent:,}</span>',
-            f"{program.sent / minutes:,.0f}", f"{program.refused:,}",
+            f"{format_time_of_day(program.first_time)}–{format_time_of_day(program.last_time)}",
+            f"{program.connection_count:,}",
+            f'<span class="share" style="--share:{share:.1f}%">{program.n_sent:,}</span>',
+            f"{program.n_sent / minutes:,.0f}", f"{program.refusal_count:,}",
             " · ".join(named) + (f" · {more} others" if more > 0 else ""),
         ])  # fmt: skip
     heads = ("host", "surface", "time", "connections", "commands", "a minute", "refused", "which ones")
     return table(heads, rows) if rows else "<p>No program was connected.</p>"
 
 
-def table_of_remarks(remarks: Sequence[Incident], empty_text: str, of_programs: bool) -> str:
+def table_of_remarks(remarks: Sequence[Incident], empty_text: str, with_client_column: bool) -> str:
     """Return an HTML table of different remarks, the most frequent first: count, first and last time, text."""
     same: dict[tuple[str, str], list[float]] = {}
     for remark in remarks:
@@ -110,10 +111,10 @@ def table_of_remarks(remarks: Sequence[Incident], empty_text: str, of_programs: 
         return f"<p>{html.escape(empty_text)}</p>"
     rows = []
     for (text, who), times in sorted(same.items(), key=lambda item: -len(item[1]))[:MAX_ROWS]:
-        when = clock(times[0], seconds=True)
-        when += f" – {clock(times[-1], seconds=True)}" if len(times) > 1 else ""
-        rows.append([f"{len(times):,} ×", when, *([html.escape(who)] if of_programs else []), html.escape(text)])
-    heads = ("how often", "when", *(["to whom"] if of_programs else []), "what")
+        when = format_time_of_day(times[0], seconds=True)
+        when += f" – {format_time_of_day(times[-1], seconds=True)}" if len(times) > 1 else ""
+        rows.append([f"{len(times):,} ×", when, *([html.escape(who)] if with_client_column else []), html.escape(text)])
+    heads = ("how often", "when", *(["to whom"] if with_client_column else []), "what")
     left = f"<p>{len(same) - MAX_ROWS:,} others are not shown.</p>" if len(same) > MAX_ROWS else ""
     return table(heads, rows) + left
 
@@ -123,78 +124,79 @@ def title(night: Night) -> str:
     return f"The night of {datetime.fromtimestamp(night.began, UTC):%d %B %Y}".replace(" 0", " ")
 
 
-def sentences(night: Night, points: list[TrackPoint]) -> list[str]:
+def summary_sentences(night: Night, points: list[TrackPoint]) -> list[str]:
     """Return sentences that summarise the night, the most important first."""
     return [
-        f"From {clock(night.began)} to {clock(night.ended)} UTC, {_lasting(night.ended - night.began)}, with the mount "
-        f"{night.mount}.",
-        _pointing(night, points),
-        _answering(night),
-        _programs(night),
-        _refusals(night),
-        _remarks(night),
+        f"From {format_time_of_day(night.began)} to {format_time_of_day(night.ended)} UTC, "
+        f"{_format_duration(night.ended - night.began)}, with the mount {night.mount}.",
+        _pointing_sentence(night, points),
+        _reply_time_sentence(night),
+        _programs_sentence(night),
+        _refusals_sentence(night),
+        _remarks_sentence(night),
         *([f"The recording is not whole: {night.cut_reason}."] if night.cut_reason else []),
     ]
 
 
-def _lasting(seconds: float) -> str:
+def _format_duration(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s" if minutes else f"{rest} s"
 
 
-def counted(number: int, noun: str) -> str:
+def format_count(number: int, noun: str) -> str:
     """Format a count, as in ``1 program`` or ``1,200 commands``."""
     return f"{number:,} {noun}{'s' * (number != 1)}"
 
 
-def _pointing(night: Night, points: list[TrackPoint]) -> str:
+def _pointing_sentence(night: Night, points: list[TrackPoint]) -> str:
     if not night.pointings:
         return "The mount never reported its position."
-    gotos = f"It was sent to {counted(night.gotos, 'place')}" if night.gotos else "It received no goto"
+    gotos = f"It was sent to {format_count(night.goto_count, 'place')}" if night.goto_count else "It received no goto"
     if not points:
         return f"{gotos}. The site is not known, and so are altitudes."
     lowest, highest = min(place.alt for place in points), max(place.alt for place in points)
     return f"{gotos}; the telescope was between {lowest:.0f}° and {highest:.0f}° high."
 
 
-def _answering(night: Night) -> str:
+def _reply_time_sentence(night: Night) -> str:
     if not night.reply_times:
         return "The mount answered no question."
     times = sorted(night.reply_times)
-    lost = f"; {counted(night.unanswered, 'question')} had no answer" if night.unanswered else ""
+    lost = f"; {format_count(night.unanswered_count, 'question')} had no answer" if night.unanswered_count else ""
     every = "" if lost or len(times) == 1 else "all "
     return (
-        f"The mount answered {every}{counted(len(times), 'question')}{lost}. It took {_ms(at(0.5, times))} as a rule, "
-        f"{_ms(at(0.99, times))} or less 99 times in 100, {_ms(times[-1])} at worst."
+        f"The mount answered {every}{format_count(len(times), 'question')}{lost}. "
+        f"It took {_format_reply_time(quant(0.5, times))} as a rule, "
+        f"{_format_reply_time(quant(0.99, times))} or less 99 times in 100, {_format_reply_time(times[-1])} at worst."
     )
 
 
-def _ms(seconds: float) -> str:
+def _format_reply_time(seconds: float) -> str:
     return f"{seconds:.1f} s" if seconds >= 10.0 else f"{seconds * 1000.0:.0f} ms"
 
 
-def _programs(night: Night) -> str:
-    sent = sum(program.sent for program in night.programs.values())
+def _programs_sentence(night: Night) -> str:
+    sent = sum(program.n_sent for program in night.programs.values())
     if not night.programs:
         return "No program was connected."
-    return f"{counted(len(night.programs), 'program')} sent {counted(sent, 'command')}."
+    return f"{format_count(len(night.programs), 'program')} sent {format_count(sent, 'command')}."
 
 
-def _refusals(night: Night) -> str:
+def _refusals_sentence(night: Night) -> str:
     if not night.refusals:
         return "Nothing was refused."
     [(text, times)] = Counter(remark.text for remark in night.refusals).most_common(1)
     often = f", {'all of them' if times == len(night.refusals) else f'{times:,} of them'} because" if times > 1 else ":"
     were = "was" if len(night.refusals) == 1 else "were"
-    return f"{counted(len(night.refusals), 'thing')} {were} refused{often} “{text}”."
+    return f"{format_count(len(night.refusals), 'thing')} {were} refused{often} “{text}”."
 
 
-def _remarks(night: Night) -> str:
+def _remarks_sentence(night: Night) -> str:
     if not night.remarks:
         return "The gateway noted nothing about the mount or its connection."
     listed = "it is" if len(night.remarks) == 1 else "they are"
-    noted = counted(len(night.remarks), "thing")
+    noted = format_count(len(night.remarks), "thing")
     return f"The gateway noted {noted} about the mount and its connection; {listed} listed below."
 
 

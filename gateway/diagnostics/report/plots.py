@@ -9,7 +9,7 @@ from typing import NamedTuple
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
 from gateway.diagnostics.report.night import Night
-from gateway.diagnostics.report.svg import TOP, PlotFrame, Point, clock, path, picture, tag, text
+from gateway.diagnostics.report.svg import TOP, PlotFrame, Point, format_time_of_day, path, picture, tag, text
 
 #: The number of intervals into which the night is divided.
 INTERVAL_COUNT = 240
@@ -17,7 +17,7 @@ INTERVAL_COUNT = 240
 SHOWN_FRACTION, SCALE_MARGIN = 0.99, 1.3
 
 
-class Spread(NamedTuple):
+class ReplyTimeSpread(NamedTuple):
     """The reply times of an interval: its time, the 5 % quantile, the median, the 95 % quantile, the maximum."""
 
     time: float
@@ -27,12 +27,12 @@ class Spread(NamedTuple):
     maximum: float
 
 
-def at(part: float, sorted_values: Sequence[float]) -> float:
+def quant(fraction: float, sorted_values: Sequence[float]) -> float:
     """Return a quantile (0 to 1) of sorted values."""
-    return sorted_values[min(len(sorted_values) - 1, int(part * len(sorted_values)))]
+    return sorted_values[min(len(sorted_values) - 1, int(fraction * len(sorted_values)))]
 
 
-def spreads(night: Night) -> list[Spread]:
+def reply_time_spreads(night: Night) -> list[ReplyTimeSpread]:
     """Return the distribution of reply times in every interval in which the mount answered."""
     width = max((night.ended - night.began) / INTERVAL_COUNT, 1e-3)
     parts: dict[int, list[float]] = {}
@@ -42,16 +42,16 @@ def spreads(night: Night) -> list[Spread]:
     for number, times in sorted(parts.items()):
         times.sort()
         time = night.began + (number + 0.5) * width
-        marks.append(Spread(time, at(0.05, times), at(0.5, times), at(0.95, times), times[-1]))
+        marks.append(ReplyTimeSpread(time, quant(0.05, times), quant(0.5, times), quant(0.95, times), times[-1]))
     return marks
 
 
-def _longest(night: Night) -> float:
+def _scale_maximum(night: Night) -> float:
     """Return the end of the scale of reply times, milliseconds."""
-    return max(at(SHOWN_FRACTION, sorted(night.reply_times)) * 1000.0 * SCALE_MARGIN, 1.0)
+    return max(quant(SHOWN_FRACTION, sorted(night.reply_times)) * 1000.0 * SCALE_MARGIN, 1.0)
 
 
-def _round(value: float) -> float:
+def _scale_step(value: float) -> float:
     """Return the distance of ticks, a round number of about a quarter of the scale."""
     step = 1.0
     while True:
@@ -61,14 +61,14 @@ def _round(value: float) -> float:
         step *= 10.0
 
 
-def over_time(night: Night) -> str:
+def plot_reply_times(night: Night) -> str:
     """Plot reply times: medians as a line, 5 % to 95 % as a band, outliers as dots; problems as red lines."""
-    reach = _longest(night)
+    reach = _scale_maximum(night)
     frame = PlotFrame(night.began, night.ended, 0.0, reach, height=220.0)
-    step = _round(reach)
+    step = _scale_step(reach)
     drawn = [frame.axes((step * number, f"{step * number:g} ms") for number in range(int(reach / step) + 1))]
-    measured = spreads(night)
-    for piece in _unbroken(measured, night):
+    measured = reply_time_spreads(night)
+    for piece in _split_at_gaps(measured, night):
         band = [(frame.x(spread.time), frame.y(spread.quantile_95 * 1000.0)) for spread in piece]
         band += [(frame.x(spread.time), frame.y(spread.quantile_05 * 1000.0)) for spread in reversed(piece)]
         drawn.append(path(band, "spread", closed=True))
@@ -84,10 +84,10 @@ def over_time(night: Night) -> str:
     return picture(frame.width, frame.height, "".join(drawn), "How long the mount took to answer, over time")
 
 
-def _unbroken(spreads: list[Spread], night: Night) -> list[list[Spread]]:
+def _split_at_gaps(spreads: list[ReplyTimeSpread], night: Night) -> list[list[ReplyTimeSpread]]:
     """Split a series where the mount did not answer for several intervals."""
     gap = 3.5 * (night.ended - night.began) / INTERVAL_COUNT
-    parts: list[list[Spread]] = []
+    parts: list[list[ReplyTimeSpread]] = []
     for spread in spreads:
         if not parts or spread.time - parts[-1][-1].time > gap:
             parts.append([])
@@ -103,7 +103,7 @@ SUN_STEP, MAX_SUN_ALTITUDES = 240.0, 400
 SUNSET_ALTITUDE, NIGHT_ALTITUDE = -0.8, -18.0
 CHART_SIZE, CHART_RADIUS = 460.0, 200.0
 #: The size of a time label beside a track, pixels.
-WIDE, HIGH = 46.0, 15.0
+WIDTH, HIGH = 46.0, 15.0
 
 
 class TrackPoint(NamedTuple):
@@ -118,7 +118,7 @@ class TrackPoint(NamedTuple):
     continues_track: bool
 
 
-def track(night: Night, sky: Sky) -> list[TrackPoint]:
+def altaz_track(night: Night, sky: Sky) -> list[TrackPoint]:
     """Return the recorded positions as altitude and azimuth; empty if no site is known."""
     if night.site is None:
         return []
@@ -134,7 +134,7 @@ def track(night: Night, sky: Sky) -> list[TrackPoint]:
     return points
 
 
-def pieces(points: list[TrackPoint]) -> Iterator[list[TrackPoint]]:
+def split_track(points: list[TrackPoint]) -> Iterator[list[TrackPoint]]:
     """Split a track where slewing begins or ends, and at gaps; pieces without a gap share an end point."""
     piece: list[TrackPoint] = []
     for place in points:
@@ -146,7 +146,7 @@ def pieces(points: list[TrackPoint]) -> Iterator[list[TrackPoint]]:
         yield piece
 
 
-class Light(NamedTuple):
+class LightInterval(NamedTuple):
     """A time interval; its kind is ``day``, ``twilight`` or ``dark``."""
 
     began: float
@@ -154,38 +154,38 @@ class Light(NamedTuple):
     kind: str
 
 
-def light(night: Night, sky: Sky) -> list[Light]:
+def light_intervals(night: Night, sky: Sky) -> list[LightInterval]:
     """Divide the time of the recording into day, twilight and dark; empty if no site is known."""
     if night.site is None or night.ended <= night.began:
         return []
     step = max(SUN_STEP, (night.ended - night.began) / MAX_SUN_ALTITUDES)
-    lights: list[Light] = []
+    lights: list[LightInterval] = []
     time = night.began
     while time < night.ended:
-        end, kind = min(time + step, night.ended), _daylight(night, sky, time)
+        end, kind = min(time + step, night.ended), _light_kind(night, sky, time)
         if lights and lights[-1].kind == kind:
             lights[-1] = lights[-1]._replace(ended=end)
         else:
-            lights.append(Light(time, end, kind))
+            lights.append(LightInterval(time, end, kind))
         time = end
     return lights
 
 
-def _daylight(night: Night, sky: Sky, time: float) -> str:
+def _light_kind(night: Night, sky: Sky, time: float) -> str:
     assert night.site is not None
     _, alt = sky.horizon(*sky.sun(time), night.site.latitude, night.site.longitude, time)
     return "day" if alt > SUNSET_ALTITUDE else "twilight" if alt > NIGHT_ALTITUDE else "dark"
 
 
-def all_sky(points: list[TrackPoint], night: Night) -> str:
+def plot_all_sky(points: list[TrackPoint], night: Night) -> str:
     """Plot the track on the whole sky, in stereographic projection: zenith in the middle, north up, east left."""
     middle = CHART_SIZE / 2
     drawn = [tag("circle", cx=middle, cy=middle, r=CHART_RADIUS, class_="sky")]
     for altitude in (30.0, 60.0):
-        drawn.append(tag("circle", cx=middle, cy=middle, r=_reach(altitude), class_="grid"))
-        drawn.append(text(f"{altitude:.0f}°", middle + 4, middle - _reach(altitude) - 3, "tick", "start"))
+        drawn.append(tag("circle", cx=middle, cy=middle, r=_chart_distance(altitude), class_="grid"))
+        drawn.append(text(f"{altitude:.0f}°", middle + 4, middle - _chart_distance(altitude) - 3, "tick", "start"))
     for altitude in {night.lowest_alt, night.highest_alt} - {0.0, 90.0}:
-        drawn.append(tag("circle", cx=middle, cy=middle, r=_reach(altitude), class_="limit"))
+        drawn.append(tag("circle", cx=middle, cy=middle, r=_chart_distance(altitude), class_="limit"))
     drawn += [
         tag("line", x1=middle - CHART_RADIUS, x2=middle + CHART_RADIUS, y1=middle, y2=middle, class_="grid"),
         tag("line", x1=middle, x2=middle, y1=middle - CHART_RADIUS, y2=middle + CHART_RADIUS, class_="grid"),
@@ -193,41 +193,45 @@ def all_sky(points: list[TrackPoint], night: Night) -> str:
     for azimuth, letter in ((0, "N"), (90, "E"), (180, "S"), (270, "W")):
         x, y = _point(azimuth, 0.0, CHART_RADIUS + 14)
         drawn.append(text(letter, x, y + 5, "compass"))
-    for piece in pieces(points):
-        drawn.append(path((_point(place.az, place.alt) for place in piece), _kind(piece)))
-    drawn += _times(points)
+    for piece in split_track(points):
+        drawn.append(path((_point(place.az, place.alt) for place in piece), _track_class(piece)))
+    drawn += _draw_time_labels(points)
     return picture(CHART_SIZE, CHART_SIZE, "".join(drawn), "Where the telescope pointed, over the whole sky")
 
 
-def _reach(altitude: float) -> float:
+def _chart_distance(altitude: float) -> float:
     return CHART_RADIUS * math.tan(math.radians(90.0 - max(altitude, -5.0)) / 2)
 
 
 def _point(azimuth: float, altitude: float, radius: float | None = None) -> Point:
-    reach = _reach(altitude) if radius is None else radius
+    reach = _chart_distance(altitude) if radius is None else radius
     turn = math.radians(azimuth)
     return CHART_SIZE / 2 - reach * math.sin(turn), CHART_SIZE / 2 - reach * math.cos(turn)
 
 
-def _kind(piece: list[TrackPoint]) -> str:
+def _track_class(piece: list[TrackPoint]) -> str:
     return "slew" if piece[-1].slewing else "track"
 
 
-def _times(points: Iterable[TrackPoint]) -> list[str]:
+def _draw_time_labels(points: Iterable[TrackPoint]) -> list[str]:
     """Draw dots with the time along the track, where the tube does not slew, as far as there is room."""
     drawn: list[str] = []
     taken: list[Point] = []
     for place in points:
         x, y = _point(place.az, place.alt)
-        if place.slewing or not place.continues_track or any(abs(x - a) < WIDE and abs(y - b) < HIGH for a, b in taken):
+        if (
+            place.slewing
+            or not place.continues_track
+            or any(abs(x - a) < WIDTH and abs(y - b) < HIGH for a, b in taken)
+        ):
             continue
         drawn.append(tag("circle", cx=x, cy=y, r=3.5, class_="dot"))
-        drawn.append(text(clock(place.time), x + 7, y + 4, "time", "start"))
+        drawn.append(text(format_time_of_day(place.time), x + 7, y + 4, "time", "start"))
         taken.append((x, y))
     return drawn
 
 
-def altitude(points: list[TrackPoint], lights: list[Light], night: Night) -> str:
+def plot_altitude(points: list[TrackPoint], lights: list[LightInterval], night: Night) -> str:
     """Plot altitude over time, with day and twilight as background, the limits, and problems at the bottom."""
     frame = PlotFrame(night.began, night.ended, 0.0, 90.0)
     drawn = [frame.band(part.began, part.ended, part.kind) for part in lights]
@@ -235,8 +239,8 @@ def altitude(points: list[TrackPoint], lights: list[Light], night: Night) -> str
     for limit in {night.lowest_alt, night.highest_alt} - {0.0, 90.0}:
         y = frame.y(limit)
         drawn.append(tag("line", x1=frame.x(night.began), x2=frame.x(night.ended), y1=y, y2=y, class_="limit"))
-    for piece in pieces(points):
-        drawn.append(path(((frame.x(place.time), frame.y(place.alt)) for place in piece), _kind(piece)))
+    for piece in split_track(points):
+        drawn.append(path(((frame.x(place.time), frame.y(place.alt)) for place in piece), _track_class(piece)))
     for remark in night.refusals:
         x = frame.x(remark.time)
         drawn.append(path(((x, frame.foot), (x - 4, frame.foot + 7), (x + 4, frame.foot + 7)), "refusal", closed=True))

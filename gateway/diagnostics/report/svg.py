@@ -44,7 +44,7 @@ def picture(width: float, height: float, content: str, label: str) -> str:
     return tag("svg", content, viewBox=f"0 0 {width:g} {height:g}", role="img", aria_label=label)
 
 
-def clock(unix: float, seconds: bool = False) -> str:
+def format_time_of_day(unix: float, seconds: bool = False) -> str:
     """Format Unix seconds as the time of day, UTC."""
     return datetime.fromtimestamp(unix, UTC).strftime("%H:%M:%S" if seconds else "%H:%M")
 
@@ -55,8 +55,8 @@ class PlotFrame:
 
     began: float
     ended: float
-    lowest: float
-    highest: float
+    min_value: float
+    max_value: float
     width: float = 900.0
     height: float = 250.0
 
@@ -65,7 +65,7 @@ class PlotFrame:
         return LEFT + (time - self.began) / span * (self.width - LEFT - RIGHT)
 
     def y(self, value: float) -> float:
-        part = (value - self.lowest) / (self.highest - self.lowest)
+        part = (value - self.min_value) / (self.max_value - self.min_value)
         return self.height - BOTTOM - min(1.0, max(0.0, part)) * (self.height - TOP - BOTTOM)
 
     @property
@@ -86,12 +86,12 @@ class PlotFrame:
             + text(label, LEFT - 8, self.y(value) + 4, "tick", "end")
             for value, label in values
         ]
-        for time in self.times():
+        for time in self.tick_times():
             drawn.append(tag("line", x1=self.x(time), x2=self.x(time), y1=TOP, y2=self.foot, class_="grid"))
-            drawn.append(text(clock(time, brief), self.x(time), self.height - 8, "tick"))
+            drawn.append(text(format_time_of_day(time, brief), self.x(time), self.height - 8, "tick"))
         return "".join(drawn)
 
-    def times(self) -> list[float]:
+    def tick_times(self) -> list[float]:
         """Return the times of the ticks, Unix seconds."""
         step = next((length for length in STEPS if (self.ended - self.began) / length <= MAX_TICKS), STEPS[-1])
         first = -(-self.began // step) * step

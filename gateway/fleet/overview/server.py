@@ -16,14 +16,14 @@ import msgspec
 from aiohttp import web
 from msgspec import Struct
 
-from gateway.app.pages import Pages, application, for_own_page, same_token
+from gateway.app.pages import Pages, application, require_own_page, same_token
 from gateway.fleet.client import BrokerAccess, Connect
 from gateway.fleet.link import BrokerLink
-from gateway.fleet.topics import ONLINE, MqttMessage, Received, Topics
+from gateway.fleet.topics import ONLINE, MqttMessage, ReceivedMessage, Topics
 from gateway.transport.web_server import WebServer
 
 #: The ID of a gateway, and the name of one of its mounts.
-_Name = tuple[str, str]
+_MountKey = tuple[str, str]
 #: The maximum number of mounts; the maximum length of a text that is shown.
 MAX_MOUNTS, MAX_TEXT_LENGTH = 5000, 200
 #: Kinds of events that report the result of an order.
@@ -62,9 +62,9 @@ class Roster:
 
     def __init__(self, prefix: str, clock: Callable[[], float]) -> None:
         self._topics, self._clock = Topics(prefix, "+"), clock
-        self._available: dict[str, bool] = {}
-        self._states: dict[_Name, tuple[ShownState, float]] = {}
-        self._results: dict[_Name, tuple[ShownEvent, float]] = {}
+        self._is_online: dict[str, bool] = {}
+        self._states: dict[_MountKey, tuple[ShownState, float]] = {}
+        self._results: dict[_MountKey, tuple[ShownEvent, float]] = {}
 
     @property
     def subscriptions(self) -> list[str]:
@@ -72,17 +72,19 @@ class Roster:
         topics = self._topics
         return [topics.availability, topics.of("+", "state"), topics.of("+", "event")]
 
-    def receive(self, received: Received) -> None:
+    def receive(self, received: ReceivedMessage) -> None:
         """Store a message from the broker, if it has an expected topic and form."""
-        match self._topics.parts(received.topic):
-            case [gateway, "availability"] if gateway in self._available or len(self._available) < MAX_MOUNTS:
-                self._available[gateway] = received.payload == ONLINE
+        match self._topics.levels_of(received.topic):
+            case [gateway, "availability"] if gateway in self._is_online or len(self._is_online) < MAX_MOUNTS:
+                self._is_online[gateway] = received.payload == ONLINE
             case [gateway, mount, "state"]:
                 self._put(self._states, (gateway, mount), received, ShownState)
             case [gateway, mount, "event"] if not received.retained:
                 self._put(self._results, (gateway, mount), received, ShownEvent)
 
-    def _put(self, table: dict[_Name, tuple[Any, float]], key: _Name, received: Received, kind: Any) -> None:
+    def _put(
+        self, table: dict[_MountKey, tuple[Any, float]], key: _MountKey, received: ReceivedMessage, kind: Any
+    ) -> None:
         if not received.payload:
             table.pop(key, None)  # an empty payload deletes a retained message
             return
@@ -103,7 +105,7 @@ class Roster:
             event, result_time = self._results.get((gateway, mount), (None, 0.0))
             mounts.append({
                 "gateway": gateway[:MAX_TEXT_LENGTH], "mount": mount[:MAX_TEXT_LENGTH],
-                "available": self._available.get(gateway, False), "online": state.online,
+                "available": self._is_online.get(gateway, False), "online": state.online,
                 "does": state.does[:MAX_TEXT_LENGTH], "moving": state.moving, "held": state.held,
                 "ra": state.ra_hours, "dec": state.dec_degrees, "alt": state.altitude_degrees,
                 "az": state.azimuth_degrees, "model": (state.model or "")[:MAX_TEXT_LENGTH], "programs": state.programs,
@@ -145,31 +147,32 @@ class Overview:
         on_connection: Callable[[bool, str], None],
         connect: Connect | None = None,
     ) -> None:
-        self._roster, self._prefix, self._on_change = Roster(prefix, clock), prefix, on_connection
-        self._commands = [Topics(prefix, "+").of("+", "command"), Topics(prefix, "+").everyone]
-        subscriptions = [*self._roster.subscriptions, *self._commands]
+        self._roster, self._prefix, self._notify_connection = Roster(prefix, clock), prefix, on_connection
+        self._command_topics = [Topics(prefix, "+").of("+", "command"), Topics(prefix, "+").all_mounts]
+        subscriptions = [*self._roster.subscriptions, *self._command_topics]
         self._link = BrokerLink(
-            access, subscriptions, self._on_message, self._on_connection, connect=connect, max_flood=MAX_MESSAGE_RATE
+            access, subscriptions, self._on_message, self._on_connection, connect=connect, max_rate=MAX_MESSAGE_RATE
         )
         self._token = secrets.token_urlsafe(24)
         files = {path.name: path for path in PAGE_FOLDER.iterdir()}
         self._files = Pages(files | {name: style_folder / name for name in CONSOLE_FILES})
         self._is_connected, self._disconnect_reason = False, "the broker has not answered yet"
         self._waiting_for_echo: dict[str, asyncio.Event] = {}
-        self._server = WebServer(self._load)
+        self._server = WebServer(self._make_application)
         self.address = ""
 
     async def open(self, port: int) -> None:
         """Listen on a port of this computer only. Raises UserError."""
-        self.address = (await self._server.listen(f"tcp://127.0.0.1:{port}")).where.replace("tcp", "http") + "/"
+        self.address = (await self._server.listen(f"tcp://127.0.0.1:{port}")).address.replace("tcp", "http") + "/"
         self._link.start()
 
-    async def _load(self) -> web.Application:
+    async def _make_application(self) -> web.Application:
         app = application()
         app.add_routes([
-            web.get("/", for_own_page(self._index)), web.get("/fleet.json", for_own_page(self._mounts, self._refused)),
-            web.post("/stop", for_own_page(self._stop, self._refused)),
-            web.get("/{path:.+}", for_own_page(self._files.file)),
+            web.get("/", require_own_page(self._index)),
+            web.get("/fleet.json", require_own_page(self._mounts, self._refusal_reason)),
+            web.post("/stop", require_own_page(self._stop, self._refusal_reason)),
+            web.get("/{path:.+}", require_own_page(self._files.file)),
         ])  # fmt: skip
         return app
 
@@ -182,9 +185,9 @@ class Overview:
 
     def _on_connection(self, connected: bool, reason: str) -> None:
         self._is_connected, self._disconnect_reason = connected, reason
-        self._on_change(connected, reason)
+        self._notify_connection(connected, reason)
 
-    def _on_message(self, message: Received) -> None:
+    def _on_message(self, message: ReceivedMessage) -> None:
         if message.topic in self._waiting_for_echo and not message.retained:
             self._waiting_for_echo[message.topic].set()
         else:
@@ -193,7 +196,7 @@ class Overview:
     async def send_stop(self, stop: StopForm) -> str:
         """Send a stop to one mount or all; return why it was not sent, or an empty text."""
         topics = Topics(self._prefix, stop.gateway)
-        topic = topics.of(stop.mount, "command") if stop.mount else topics.everyone
+        topic = topics.of(stop.mount, "command") if stop.mount else topics.all_mounts
         if not self._is_connected:
             return f"the broker cannot be reached ({self._disconnect_reason})"
         heard = self._waiting_for_echo.setdefault(topic, asyncio.Event())
@@ -210,7 +213,7 @@ class Overview:
 
     # --- what is served ---------------------------------------------------------------------------------------------
 
-    def _refused(self, request: web.Request) -> str:
+    def _refusal_reason(self, request: web.Request) -> str:
         """Return why a request is refused; an empty text if it has the token of the page."""
         known = same_token(request.headers.get("X-Token"), self._token)
         return "" if known else "Only the page of this overview may ask for this."

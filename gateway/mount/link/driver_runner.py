@@ -22,7 +22,7 @@ from gateway.core.operations import Operation, Read, Values
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.line import MountLink
-from gateway.mount.link.queue import MAX_START_DELAY, MOTION, POSITION, STARTED_TOO_LATE, STOP
+from gateway.mount.link.queue import MAX_START_DELAY, MOTION, POSITION, START_TOO_LATE_MESSAGE, STOP
 from gateway.mount.link.transaction import COPY_GAP
 from gateway.protocols.base.driver import Remark, Schedule, Send, Step, Wait
 
@@ -40,7 +40,7 @@ SLOW_AFTER, SLOW_TRIES = 0.5, 3
 MAX_TRIES, GARBLED_TRIES = 9, 3
 #: How many replies in a row must agree on a position that no motor can have reached: on a line whose round trips take
 #: at most QUICK_REPLY_TIME seconds, and on a slower line.
-UNREACHABLE_TRIES, QUICK_REPLY_TIME, SLOW_LINE_TRIES = 5, 0.25, 3
+JUMP_REPLIES, QUICK_REPLY_TIME, SLOW_LINE_JUMP_REPLIES = 5, 0.25, 3
 #: Shortest sleep in seconds: timers may fire this much too early.
 MIN_SLEEP = 0.001
 #: Seconds that a command waits at most until replies to older commands like it can no longer arrive.
@@ -69,7 +69,7 @@ class ReceivedReply(Struct):
 
     values: Values
     fault: Fault | None
-    asked: float
+    requested_at: float
     arrived_at: float
 
 
@@ -84,13 +84,13 @@ class ReplyVerifier:
 
     async def exchange(self, command: Send, priority: int) -> tuple[ReceivedReply, int]:
         """Return a verified reply, and how many exchanges that took. Raises Fault."""
-        kind = self._line.reply_rules.expected(command).answer_kind
+        kind = self._line.reply_rules.expected_reply(command).answer_kind
         if kind is None:
             asked = self._clock()
             return ReceivedReply(await self._send_order(command, priority), None, asked, self._clock()), 1
         key = (
             command.command,
-            command.raw,
+            command.include_raw,
             *sorted((name, value) for name, value in command.values.items() if name != "low"),
         )
         agreeing: list[ReceivedReply] = []
@@ -101,11 +101,11 @@ class ReplyVerifier:
             late_count = max(late_count, self._late_replies.count(command, self._clock()))
             reply = await self._ask(command, priority)
             mute = isinstance(reply.fault, Silence)  # which always takes its whole timeout
-            if mute and not command.raw:
+            if mute and not command.include_raw:
                 break  # the driver asked for this answer by ``patience``
             if command.unverified_ok(reply.values) if callable(command.unverified_ok) else command.unverified_ok:
                 break
-            took = reply.arrived_at - reply.asked
+            took = reply.arrived_at - reply.requested_at
             if slow < SLOW_TRIES and not mute and took > SLOW_AFTER and took > 2.5 * self._line.times.typical_rtt:
                 slow += 1
                 continue
@@ -118,7 +118,7 @@ class ReplyVerifier:
                 break
         else:
             moves = kind == "position" and longest == 1 and needed <= 2  # only a position may change so fast
-            if len(agreeing) < (2 if needed < UNREACHABLE_TRIES else SLOW_LINE_TRIES) and not moves:
+            if len(agreeing) < (2 if needed < JUMP_REPLIES else SLOW_LINE_JUMP_REPLIES) and not moves:
                 raise Garbled
         self._remember(key, reply)
         self._latitudes |= {name: reply.values[name] for name in _LATITUDE_OF.values() if name in reply.values}
@@ -141,7 +141,7 @@ class ReplyVerifier:
         if priority != STOP:
             try:
                 async with asyncio.timeout(MAX_START_DELAY if command.at_once_or_never else LATE_REPLY_WAIT):
-                    while (left := self._late_replies.until(command, self._clock()) - self._clock()) > 0:
+                    while (left := self._late_replies.unambiguous_from(command, self._clock()) - self._clock()) > 0:
                         await asyncio.sleep(max(left, MIN_SLEEP))
             except TimeoutError:  # commands like it keep timing out: do not make the client wait for the end of that
                 raise NoAnswer from None
@@ -160,7 +160,7 @@ class ReplyVerifier:
             values: Values = {}
             fault: Fault | None = None
             try:
-                values, took = await self._line.timed(command, priority)
+                values, took = await self._line.timed_exchange(command, priority)
             except Garbled:
                 if attempt == GARBLED_TRIES - 1:
                     raise
@@ -168,44 +168,44 @@ class ReplyVerifier:
             except (NoAnswer, Busy):  # neither is an answer to the request
                 raise
             except Fault as fault_reply:
-                fault, took = fault_reply.with_traceback(None), fault_reply.took
+                fault, took = fault_reply.with_traceback(None), fault_reply.reply_seconds
             came = self._clock()
             return ReceivedReply(values, fault, came - took, came)
         raise NoAnswer
 
-    def _replies_needed(self, kind: str, known: ReceivedReply | None, reply: ReceivedReply, late_count: int) -> int:
+    def _replies_needed(self, kind: str, previous: ReceivedReply | None, reply: ReceivedReply, late_count: int) -> int:
         """Return how many replies in a row must agree, including this reply, for it to be accepted."""
         least = min(late_count, MAX_LATE_REPLIES) + 1
-        if known is None:
+        if previous is None:
             return max(2, least)
         if kind != "position":
-            return least if self._agree(kind, known, reply) else max(3, least)
-        if known.values.get("length") != reply.values.get("length"):  # the precision was switched
+            return least if self._agree(kind, previous, reply) else max(3, least)
+        if previous.values.get("length") != reply.values.get("length"):  # the precision was switched
             return max(2, least)
-        moved = self._distance(known, reply)
+        moved = self._distance(previous, reply)
         if moved <= NEAR_DEGREES:
             return least
-        if moved <= self._possible_motion(known, reply):
+        if moved <= self._possible_motion(previous, reply):
             return max(2, least)
-        return max(UNREACHABLE_TRIES if self._line.times.typical_rtt <= QUICK_REPLY_TIME else SLOW_LINE_TRIES, least)
+        return max(JUMP_REPLIES if self._line.times.typical_rtt <= QUICK_REPLY_TIME else SLOW_LINE_JUMP_REPLIES, least)
 
-    def _agree(self, kind: str, before: ReceivedReply, after: ReceivedReply) -> bool:
+    def _agree(self, answer_kind: str, before: ReceivedReply, after: ReceivedReply) -> bool:
         """Whether both replies can be correct."""
         if before.fault is not None or after.fault is not None:
             return type(before.fault) is type(after.fault)
-        if kind == "position":
+        if answer_kind == "position":
             possible = self._possible_motion(before, after)
             return self._distance(before, after, min(MAX_LATITUDE_STEP, possible)) <= possible
-        if kind == "clock":
+        if answer_kind == "clock":
             return _clock_agrees(before, after)
         return before.values == after.values
 
     def _possible_motion(self, before: ReceivedReply, after: ReceivedReply) -> float:
         """Return the degrees that the mount can have moved between two replies and while the first one arrived."""
-        took = min(before.arrived_at - before.asked, 2.5 * self._line.times.typical_rtt)
+        took = min(before.arrived_at - before.requested_at, 2.5 * self._line.times.typical_rtt)
         return NEAR_DEGREES + self._max_speed * (after.arrived_at - before.arrived_at + took)
 
-    def _distance(self, before: ReceivedReply, after: ReceivedReply, poleward: float = 0.0) -> float:
+    def _distance(self, before: ReceivedReply, after: ReceivedReply, latitude_growth: float = 0.0) -> float:
         """Return the degrees between two replies; infinite if they differ in form.
 
         A reply may hold a longitude only. The last latitude is then assumed to be up to ``latitude_growth`` degrees
@@ -223,13 +223,13 @@ class ReplyVerifier:
             if name in _LATITUDE_OF:
                 latitude = after.values.get(_LATITUDE_OF[name])
                 if latitude is None:
-                    latitude = min(90.0, abs(self._latitudes.get(_LATITUDE_OF[name], 0.0)) + poleward)
+                    latitude = min(90.0, abs(self._latitudes.get(_LATITUDE_OF[name], 0.0)) + latitude_growth)
                 apart *= math.cos(math.radians(latitude))
             total += apart * apart
         return math.sqrt(total)
 
 
-def _seconds(values: Values) -> float:
+def _time_of_day(values: Values) -> float:
     """Return the time of day in a reply, seconds; replies give sidereal time in degrees."""
     if "time" in values:
         return float(values["time"])
@@ -240,9 +240,9 @@ def _seconds(values: Values) -> float:
 
 def _clock_agrees(before: ReceivedReply, after: ReceivedReply) -> bool:
     """Whether two readings of a clock fit together; its date may change at midnight only."""
-    then, now = _seconds(before.values), _seconds(after.values)
+    then, now = _time_of_day(before.values), _time_of_day(after.values)
     drift = (now - then - (after.arrived_at - before.arrived_at) + DAY_SECONDS / 2) % DAY_SECONDS - DAY_SECONDS / 2
-    slack = CLOCK_TOLERANCE + (before.arrived_at - before.asked) + (after.arrived_at - after.asked)
+    slack = CLOCK_TOLERANCE + (before.arrived_at - before.requested_at) + (after.arrived_at - after.requested_at)
     others = [name for name in after.values if name not in (*_TIME_FIELDS, *_FORM_FIELDS)]
     return abs(drift) <= slack and (now < then or all(before.values.get(n) == after.values[n] for n in others))
 
@@ -257,35 +257,35 @@ class HibernationGate:
 
     def __init__(self, context: Context) -> None:
         self._driver, self._clock, self._wanted = context.driver, context.now, context.wanted
-        self._next_try = 0.0
+        self._next_read_at = 0.0
 
     def hibernation_began(self) -> None:
         """Note that the mount was sent to hibernate: its position is not read for ``RETRY_PERIOD`` seconds."""
-        self._next_try = self._clock() + RETRY_PERIOD
+        self._next_read_at = self._clock() + RETRY_PERIOD
 
-    def try_next_read(self) -> None:
+    def allow_next_read(self) -> None:
         """Allow the next read of the position: the line was lost, and the mount may have been switched off and on."""
-        self._next_try = 0.0
+        self._next_read_at = 0.0
 
     @property
-    def closed(self) -> bool:
+    def refuses_reads(self) -> bool:
         """Whether a read would be refused now."""
-        return self._driver.asleep and self._clock() < self._next_try and not self._wanted.waking
+        return self._driver.asleep and self._clock() < self._next_read_at and not self._wanted.wake_up_pending
 
     def admit(self, command: Send, priority: int) -> None:
         """Check that a command may be sent to the hibernating mount now. Raises Asleep if not."""
-        if priority == STOP or self._answered_asleep(command) or self._wanted.waking:
+        if priority == STOP or self._answers_while_asleep(command) or self._wanted.wake_up_pending:
             return
-        if self.closed or priority != POSITION:
+        if self.refuses_reads or priority != POSITION:
             raise Asleep
-        self._next_try = self._clock() + RETRY_PERIOD
+        self._next_read_at = self._clock() + RETRY_PERIOD
 
-    def _answered_asleep(self, command: Send) -> bool:
-        return bool(self._driver.protocol.commands[command.command].while_asleep)
+    def _answers_while_asleep(self, command: Send) -> bool:
+        return bool(self._driver.protocol.commands[command.command].allowed_while_asleep)
 
-    def answered(self, command: Send) -> None:
+    def note_reply(self, command: Send) -> None:
         """Note a reply of a mount that was thought to hibernate; most replies show that it is awake."""
-        if not self._answered_asleep(command):
+        if not self._answers_while_asleep(command):
             self._driver.asleep = False
 
 
@@ -300,25 +300,25 @@ class DriverRunner:
         self._context, self._verifier, self._gate = context, verifier, gate
         self.may_move: Signal[None] = Signal()
         self.scheduled: Signal[Schedule] = Signal()
-        self.broken: Signal[None] = Signal()
+        self.driver_failed: Signal[None] = Signal()
         #: The number of exchanges of the last operation; if it read a position, the loop time of the first request for
         #: that position, which cannot be older.
-        self.exchanges, self.asked_at = 0, 0.0
+        self.exchange_count, self.requested_at = 0, 0.0
         #: The loop time at which the last operation's first command was written.
-        self.began_at = 0.0
+        self.first_sent_at = 0.0
 
     async def perform(self, operation: Operation[_T], priority: int) -> _T:
         """Have the driver carry out an operation and return its answer. Raises Fault."""
         steps = self._context.driver.perform(operation)
-        return await self.drive(steps, priority, changes=not isinstance(operation, Read))
+        return await self.drive(steps, priority, changes_mount=not isinstance(operation, Read))
 
     async def drive(
         self,
         steps: Generator[Step, Any, _T],
         priority: int,
-        since: float | None = None,
-        may_begin: Callable[[], None] = lambda: None,
-        changes: bool = True,
+        ordered_at: float | None = None,
+        check_start: Callable[[], None] = lambda: None,
+        changes_mount: bool = True,
     ) -> _T:
         """Run a generator of the driver and return its value. Raises Fault: Busy if it starts later than
         ``MAX_START_DELAY`` seconds after ``ordered_at`` (loop time), or if the line delayed a motion by hand as long.
@@ -326,46 +326,46 @@ class DriverRunner:
         operation outdates the readings before it, and those that arrive meanwhile.
         """
         now, driver, line = self._context.now, self._context.driver, self._context.link.transaction
-        self.exchanges = exchanges = 0
-        self._context.cache.orders += changes
+        self.exchange_count = exchanges = 0
+        self._context.cache.order_count += changes_mount
         asked, sent = list[float](), list[float]()
-        late = since is not None and now() - since > MAX_START_DELAY
+        late = ordered_at is not None and now() - ordered_at > MAX_START_DELAY
         if priority == MOTION:
             self.may_move.emit(None)
 
         async def exchange(command: Send) -> Values:
             nonlocal exchanges, late
             if late and (command.at_once_or_never or not exchanges):
-                raise Busy(STARTED_TOO_LATE)
+                raise Busy(START_TOO_LATE_MESSAGE)
             if command.at_once_or_never:
-                may_begin()
+                check_start()
             began = now()
             if driver.asleep:
                 self._gate.admit(command, priority)
             reply, times = await self._verifier.exchange(command, priority)
-            driver.sent_at, driver.next_at = line.wrote, line.heard + COPY_GAP
+            driver.sent_at, driver.next_send_at = line.written_at, line.heard_at + COPY_GAP
             sent.append(driver.sent_at)
             late = late or now() - began > MAX_START_DELAY
             if driver.asleep:
-                self._gate.answered(command)
+                self._gate.note_reply(command)
             exchanges += times
-            asked.append(reply.asked)
+            asked.append(reply.requested_at)
             return reply.values
 
         try:
             value = await run_driver(steps, exchange, self.scheduled.emit, self._context.remark)
-            self.exchanges, self.asked_at = exchanges, min(asked[-driver.position_reads :], default=math.inf)
-            self.began_at = sent[0] if sent else now()
+            self.exchange_count, self.requested_at = exchanges, min(asked[-driver.position_reads :], default=math.inf)
+            self.first_sent_at = sent[0] if sent else now()
             return value
         except (Fault, asyncio.CancelledError):
             raise
         except Exception as error:  # a defect in a driver may fail an operation, but never the gateway
             self._context.note(f"internal error, please report it: {error!r}")
             if priority != STOP:  # a failed stop is retried anyway
-                self.broken.emit(None)
+                self.driver_failed.emit(None)
             raise Refused(f"Internal error: {error!r}") from error
         finally:
-            self._context.cache.orders += changes
+            self._context.cache.order_count += changes_mount
 
 
 async def run_driver(

@@ -15,7 +15,7 @@ from gateway.core.operations import Values
 from gateway.core.signals import Signal
 from gateway.core.wire_log import WireLog
 from gateway.mount.link.queue import READ, STOP, RequestQueue
-from gateway.mount.link.transaction import QUIET_TIME, GaveWay, Transaction
+from gateway.mount.link.transaction import QUIET_TIME, GaveWayToStop, Transaction
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.transport.wires import Transport
@@ -30,7 +30,7 @@ REOPEN_SILENCE = 20.0
 OVERDUE_TIME = 2.0
 #: Seconds before each further attempt to open the port; the last pause repeats.
 REOPEN_DELAYS = (0.5, 1.0, 2.0, 5.0)
-#: The beginning of ``MountLink.down_reason`` if the port cannot be opened.
+#: The beginning of ``MountLink.down_cause`` if the port cannot be opened.
 CANNOT_OPEN_MESSAGE = "cannot open"
 #: How often the gateway checks whether the line is in step before it counts as down, and the factor by which the quiet
 #: time before each check grows.
@@ -48,7 +48,7 @@ class MountLink:
         self.queue = RequestQueue() if queue is None else queue  # `or` would replace an empty queue
         self.transaction = Transaction(wire, self.queue, reply_rules, wire_log)
         #: Emitted when the port is lost, perhaps in the middle of an exchange.
-        self.lost = self.transaction.wire_lost
+        self.port_lost = self.transaction.wire_lost
         #: How long the mount takes to reply, and how often it has replied.
         self.times = self.transaction.times
         self._state = "opening"
@@ -57,11 +57,11 @@ class MountLink:
         #: Emitted when the port is open again.
         self.reopened: Signal[None] = Signal()
         #: Emitted when a stop is written without waiting for replies: a listener adds the commands of an owed stop.
-        self.stopping: Signal[list[bytes]] = Signal()
-        self.reason = ""
+        self.writing_stop: Signal[list[bytes]] = Signal()
+        self.down_cause = ""
         self._clock = asyncio.get_running_loop().time
-        self._used_by_others = False
-        self._checks = 0
+        self._wire_used_by_others = False
+        self._check_count = 0
         #: Loop time of the first request since the last reply; None if every request was answered.
         self._silent_since: float | None = None
         self._task: asyncio.Task[None] | None = None
@@ -84,18 +84,18 @@ class MountLink:
         return "busy" if self._state == "up" and self.transaction.busy else self._state
 
     @property
-    def served(self) -> bool:
+    def is_running(self) -> bool:
         """Whether the worker task runs: exchanges are carried out only after the start and before its end."""
         return self._task is not None and not self._task.done()
 
     @property
     def usable(self) -> bool:
-        return self.state == "up" and self.served
+        return self.state == "up" and self.is_running
 
     @property
-    def unopened(self) -> str:
+    def open_error(self) -> str:
         """Why the port cannot be opened; empty unless the last attempt has failed."""
-        return self.reason if self.reason.startswith(CANNOT_OPEN_MESSAGE) else ""
+        return self.down_cause if self.down_cause.startswith(CANNOT_OPEN_MESSAGE) else ""
 
     @property
     def occupied(self) -> bool:
@@ -103,13 +103,13 @@ class MountLink:
         return self.state == "busy" or self.transaction.long
 
     @property
-    def overdue(self) -> bool:
+    def reply_is_overdue(self) -> bool:
         """Whether a reply is missing for so long that the mount may not be listening."""
         if self._silent_since is None or self.occupied:
             return False
         return self._clock() - self._silent_since > max(OVERDUE_TIME, 2.5 * self.times.typical_rtt)
 
-    def worked_after(self, time: float) -> bool:
+    def was_busy_after(self, time: float) -> bool:
         """Whether the mount has worked on a long operation since this loop time."""
         return self.occupied or self.transaction.long_until >= time
 
@@ -122,29 +122,29 @@ class MountLink:
         self._state = "down"
         self.queue.fail_all()
 
-    def check_again(self) -> None:
+    def check_line_again(self) -> None:
         """Check that the line is in step before the next exchange: another process has written to the wire."""
-        self._used_by_others = True
+        self._wire_used_by_others = True
         self.queue.wake()
 
     async def exchange(self, command: Send, priority: int = READ) -> Values:
         """Send a command when its turn comes and return the reply's fields. Raises Fault."""
-        return (await self.timed(command, priority))[0]
+        return (await self.timed_exchange(command, priority))[0]
 
-    async def timed(self, command: Send, priority: int) -> tuple[Values, float]:
+    async def timed_exchange(self, command: Send, priority: int) -> tuple[Values, float]:
         """Like `exchange`, but also return the seconds that the reply took. Raises Fault with ``took`` set."""
         if self.state == "down":
-            self._hurry(priority)
+            self._hurry_stop(priority)
             unheard = NoAnswer()
             unheard.sent = False
             raise unheard
         if self.state == "busy" and priority != STOP:
             raise Busy
         outcome = self.queue.add(command, priority)
-        self._hurry(priority)
+        self._hurry_stop(priority)
         return await outcome
 
-    def _hurry(self, priority: int) -> None:
+    def _hurry_stop(self, priority: int) -> None:
         """Have a queued stop written soon, unless it was; during a long operation, have all new requests examined."""
         stop = priority == STOP and not (self.transaction.written and self.transaction.written.issuperset(self._stop()))
         if stop or self.transaction.long:
@@ -153,8 +153,8 @@ class MountLink:
     def _stop(self) -> list[bytes]:
         """Return the commands of the stop that the mount has not acknowledged, else those of the queued stops."""
         commands: list[bytes] = []
-        self.stopping.emit(commands)
-        return commands or self.queue.stops(self.reply_rules.encode)
+        self.writing_stop.emit(commands)
+        return commands or self.queue.encoded_stops(self.reply_rules.encode)
 
     # --- the worker -----------------------------------------------------------------------------------------------
 
@@ -166,50 +166,50 @@ class MountLink:
             except Exception as error:  # pyserial raises more than OSError
                 reason = str(getattr(error, "strerror", None) or error)
                 self.wire_log.put("mount", "v", note=reason)
-                self._down(f"{CANNOT_OPEN_MESSAGE} {self.wire.name}: {reason}")
+                self._mark_down(f"{CANNOT_OPEN_MESSAGE} {self.wire.name}: {reason}")
                 await asyncio.sleep(REOPEN_DELAYS[min(failures, len(REOPEN_DELAYS) - 1)])
                 failures += 1
                 continue
             failures = 0
             self.wire_log.put("mount", "^")
             self.transaction.discard("came before the line was lost")
-            if self.transaction.wrote > 0:  # a request was sent before the loss: its reply may still arrive
-                await self._reopened()
+            if self.transaction.written_at > 0:  # a request was sent before the loss: its reply may still arrive
+                await self._resync_reopened_line()
             else:
-                self._up()
+                self._mark_up()
             try:
-                await self._serve()
+                await self._serve_requests()
             except Exception as error:  # a defect here must not end the worker, and with it the line
                 self.wire_log.note("mount", f"internal error, please report it: {error!r}")
-                self._down("internal error")
+                self._mark_down("internal error")
                 await asyncio.sleep(REOPEN_DELAYS[0])
             await self.wire.close()
 
-    async def _reopened(self) -> None:
+    async def _resync_reopened_line(self) -> None:
         """Bring a reopened line into step. If half a command was sent before, first wait until the mount drops it."""
         self.reopened.emit(None)
         half, self.transaction.half = self.transaction.half, False
         stopped = await self._write_stop()
         if half and not stopped:
-            await self.transaction.idle(self.transaction.wrote + HALF_COMMAND_SILENCE - self._clock())
+            await self.transaction.idle(self.transaction.written_at + HALF_COMMAND_SILENCE - self._clock())
         await self._recover()
 
     async def _write_stop(self) -> bool:
         """Write the commands of `_stop_commands` without waiting for replies; return whether there were any."""
-        commands, before = self._stop(), self.reply_rules.closing
-        self.transaction.stop_written(commands)
+        commands, before = self._stop(), self.reply_rules.half_command_end
+        self.transaction.note_stop_written(commands)
         for command in commands:
             if not self.transaction.send(before + command):
                 break
             before = b""
-            await self.transaction.any_reply(BLIND_GAP)
+            await self.transaction.wait_for_any_byte(BLIND_GAP)
         return bool(commands)
 
-    async def _serve(self) -> None:
+    async def _serve_requests(self) -> None:
         answered = False
         while not self.transaction.lost:
-            if self._used_by_others:
-                self._used_by_others = False
+            if self._wire_used_by_others:
+                self._wire_used_by_others = False
                 await self._recover()
             request = await self.queue.next(self.times.typical_rtt, self.transaction.quiet_needed, answered)
             answered = False
@@ -226,27 +226,27 @@ class MountLink:
                 self._silent_since = None
             if not request.future.done():
                 if isinstance(outcome, Fault):
-                    outcome.took = self.times.last_rtt
+                    outcome.reply_seconds = self.times.last_rtt
                     request.future.set_exception(outcome)
                 else:
                     request.future.set_result((outcome, self.times.last_rtt))
                 answered = True
-            if isinstance(outcome, Silence) and self.reply_rules.expected(request.command).leaves_open:
-                self.transaction.send(self.reply_rules.closing)
+            if isinstance(outcome, Silence) and self.reply_rules.expected_reply(request.command).needs_close:
+                self.transaction.send(self.reply_rules.half_command_end)
                 await self.transaction.drain(max(QUIET_TIME, 2.0 * self.times.typical_rtt))
-            if isinstance(outcome, NoAnswer | Silence) and not isinstance(outcome, GaveWay):
+            if isinstance(outcome, NoAnswer | Silence) and not isinstance(outcome, GaveWayToStop):
                 await self._write_stop()  # one that waits: the check of a slow mount takes seconds
                 await self._recover()
-        self._down(f"{self.wire.name} was lost")
+        self._mark_down(f"{self.wire.name} was lost")
 
     async def _recover(self) -> None:
         """Bring the line into step again, however long that takes; return early if the wire is lost."""
         began = self._clock()
         while not self.transaction.lost:
             if await self._resync():
-                self._up()
+                self._mark_up()
                 return
-            self._down("the mount does not answer")
+            self._mark_down("the mount does not answer")
             if self._clock() - began > REOPEN_SILENCE:
                 self.transaction.connection_lost("mute")
             else:
@@ -256,45 +256,45 @@ class MountLink:
         """Drain the wire, then check that the line is in step, several times if need be; return whether it is."""
         attempt = 0
         while attempt < MAX_CHECKS and not self.transaction.lost:
-            if self.transaction.stop_due:
+            if self.transaction.stop_is_due:
                 await self._write_stop()
             await self.transaction.drain(QUIET_TIME * QUIET_FACTOR**attempt)
-            if self.transaction.stop_due:
+            if self.transaction.stop_is_due:
                 continue
-            if await self.in_step():
+            if await self.is_in_step():
                 return True
-            if self.transaction.lost or self.transaction.stop_due:
+            if self.transaction.lost or self.transaction.stop_is_due:
                 continue  # a stop has cut off the check
             attempt += 1
             if self.state == "up":
-                self._down("the mount does not answer")
+                self._mark_down("the mount does not answer")
             await self._write_stop()  # a mount that is not heard may hear all the same
         return False
 
-    async def in_step(self) -> bool:
+    async def is_in_step(self) -> bool:
         """Whether every check command gets the right reply, and nothing follows the last reply."""
-        self._checks += 1
-        for command in self.reply_rules.resync_commands(self._checks):
+        self._check_count += 1
+        for command in self.reply_rules.resync_commands(self._check_count):
             await asyncio.sleep(self.transaction.quiet_needed(command))
-            outcome = await self.transaction.exchange(command, resync=True)
-            if isinstance(outcome, GaveWay):
+            outcome = await self.transaction.exchange(command, is_resync=True)
+            if isinstance(outcome, GaveWayToStop):
                 return True  # the reply to the stop will show whether it is
             if isinstance(outcome, Busy):
                 continue  # this is a reply as well
             if isinstance(outcome, Fault) or not self.reply_rules.is_resync_reply(command, outcome):
                 return False
-        return not await self.transaction.drain(QUIET_TIME) and not self.transaction.stop_due
+        return not await self.transaction.drain(QUIET_TIME) and not self.transaction.stop_is_due
 
-    def _up(self) -> None:
+    def _mark_up(self) -> None:
         """Note that the line is in step, and emit ``came_up`` if it was not up before."""
         self._silent_since = None
         if self.state != "up":
-            self._state, self.reason = "up", ""
+            self._state, self.down_cause = "up", ""
             self.came_up.emit(None)
 
-    def _down(self, reason: str) -> None:
+    def _mark_down(self, reason: str) -> None:
         """Fail all waiting requests; from now on every exchange fails at once."""
-        if (self.state, self.reason) != ("down", reason):
+        if (self.state, self.down_cause) != ("down", reason):
             self.wire_log.note("mount", reason)
-        self._state, self.reason = "down", reason
+        self._state, self.down_cause = "down", reason
         self.queue.fail_all()

@@ -24,7 +24,7 @@ READS = (POSITION, READ)
 #: or pressed another.
 MAX_START_DELAY = 2.0
 #: The message if the start of a motion by hand is refused as too late.
-STARTED_TOO_LATE = "The line to the mount was busy for too long: this motion was not started."
+START_TOO_LATE_MESSAGE = "The line to the mount was busy for too long: this motion was not started."
 #: Seconds after which the priority of a request rises. A read then goes before settings, so that clients that set
 #: values without pause do not hide the mount. The position always does: both coordinates must be of the same instant.
 AGING_TIMES: Mapping[int, float] = {POSITION: 0.25, READ: 0.6, SETTING: 2.0}
@@ -64,7 +64,7 @@ class RequestQueue:
         self._numbers = count()
         self._waiting: list[QueuedCommand] = []
         self._urgent_times: list[float] = []
-        self._motions = self._passed_over = 0
+        self._motions_in_a_row = self._since_last_setting = 0
         self._wake_event = TimedEvent()
 
     def __len__(self) -> int:
@@ -97,20 +97,20 @@ class RequestQueue:
         self._wake_event.clear()
         await self._wake_event.wait()
 
-    async def wait_within(self, seconds: float) -> bool:
+    async def wait_for_change_within(self, seconds: float) -> bool:
         """Like `wait_for_change`, but for so many seconds at most; return whether it happened."""
         self._wake_event.clear()
-        return await self._wake_event.within(seconds)
+        return await self._wake_event.wait_within(seconds)
 
     async def next(
-        self, typical_rtt: float, quiet_needed: Callable[[Send], float], answered: bool = False
+        self, typical_rtt: float, quiet_needed: Callable[[Send], float], client_answered: bool = False
     ) -> QueuedCommand | None:
         """Return the request whose turn it is, or None if this call only waited and must be repeated.
 
         ``typical_rtt`` is the average reply time, ``quiet_needed`` returns the quiet time needed before a command, both
         in seconds. ``client_answered``: a client got a reply just now, and may queue its next request first.
         """
-        if answered:
+        if client_answered:
             await self._let_clients_follow_up()
         now = self._loop.time()
         self._waiting = [request for request in self._waiting if not self._is_settled(request, now)]
@@ -120,26 +120,26 @@ class RequestQueue:
             return None
         while self._urgent_times and self._urgent_times[0] < now - 0.05:
             heapq.heappop(self._urgent_times)
-        first = self.by_turn()[0]
-        pause = held_back(first, now, self._urgent_times[0] if self._urgent_times else None, typical_rtt)
+        first = self.sorted_by_turn()[0]
+        pause = hold_back_time(first, now, self._urgent_times[0] if self._urgent_times else None, typical_rtt)
         if pause is not None:
-            if not await self.wait_within(pause):
+            if not await self.wait_for_change_within(pause):
                 heapq.heappop(self._urgent_times)
             return None
         quiet = 0.0 if first.priority == STOP else quiet_needed(first.command)
         if quiet > 0:
-            await self.wait_within(quiet)
+            await self.wait_for_change_within(quiet)
             return None
-        self.take(first)
+        self.dequeue(first)
         return first
 
-    def by_turn(self) -> list[QueuedCommand]:
-        return by_turn(self._waiting, self._loop.time(), self._motions, self._passed_over)
+    def sorted_by_turn(self) -> list[QueuedCommand]:
+        return sort_queue(self._waiting, self._loop.time(), self._motions_in_a_row, self._since_last_setting)
 
-    def take(self, first: QueuedCommand) -> None:
+    def dequeue(self, first: QueuedCommand) -> None:
         self._waiting.remove(first)
-        self._motions = self._motions + 1 if first.priority == MOTION else 0
-        self._passed_over = 0 if first.priority == SETTING else self._passed_over + 1
+        self._motions_in_a_row = self._motions_in_a_row + 1 if first.priority == MOTION else 0
+        self._since_last_setting = 0 if first.priority == SETTING else self._since_last_setting + 1
 
     @types.coroutine
     def _let_clients_follow_up(self) -> Iterator[None]:
@@ -149,7 +149,7 @@ class RequestQueue:
                 return
             yield  # one event loop iteration, cheaper than asyncio.sleep(0)
 
-    def during_long_operation(self, busy: bool, send: Callable[[Send], bool | None]) -> int:
+    def send_stops_while_busy(self, busy: bool, send: Callable[[Send], bool | None]) -> int:
         """During a long operation of the mount, send the stops that need no reply; return how many were sent.
 
         ``send`` returns whether a stop was sent, or None if it needs a reply. Once the mount counts as ``busy``, all
@@ -169,7 +169,7 @@ class RequestQueue:
                 self._waiting.append(request)
         return sent
 
-    def stops(self, encode: Callable[[Send], bytes]) -> list[bytes]:
+    def encoded_stops(self, encode: Callable[[Send], bytes]) -> list[bytes]:
         """Return the stops that wait, as bytes; they continue to wait for their acknowledgement."""
         return [encode(each.command) for each in self._waiting if each.priority == STOP and not each.future.done()]
 
@@ -182,32 +182,32 @@ class RequestQueue:
     def _is_settled(self, request: QueuedCommand, now: float) -> bool:
         """Whether the request needs no sending: it was cancelled, or has waited too long and is refused now."""
         if not request.future.done() and too_late(request, now):
-            request.future.set_exception(Busy(STARTED_TOO_LATE))
+            request.future.set_exception(Busy(START_TOO_LATE_MESSAGE))
         return request.future.done()
 
 
-def by_turn(waiting: Iterable[QueuedCommand], now: float, motions: int, passed_over: int) -> list[QueuedCommand]:
+def sort_queue(waiting: Iterable[QueuedCommand], now: float, motions: int, passed_over: int) -> list[QueuedCommand]:
     """Return the waiting requests in the order in which they will be sent.
 
-    ``motions_in_a_row``: how many of the last exchanges were motions; ``since_last_setting``: how many exchanges there
+    ``motions``: how many of the last exchanges were motions; ``passed_over``: how many exchanges there
     were since the last setting.
     """
     before_all = STOP + 0.5
     waited = before_all if motions >= MAX_MOTIONS_IN_A_ROW else AGED_READ
     risen = {POSITION: waited, READ: waited, SETTING: before_all if passed_over >= SETTING_PASSES else SETTING}
 
-    def turn(queued: QueuedCommand) -> tuple[float, int, int]:
+    def sort_key(queued: QueuedCommand) -> tuple[float, int, int]:
         aged = now - queued.queued_at > AGING_TIMES.get(queued.priority, 1e9)
         return min(queued.priority, risen[queued.priority]) if aged else queued.priority, queued.priority, queued.number
 
-    return sorted(waiting, key=turn)
+    return sorted(waiting, key=sort_key)
 
 
-def held_back(first: QueuedCommand, now: float, urgent: float | None, typical_rtt: float) -> float | None:
+def hold_back_time(first: QueuedCommand, now: float, urgent_at: float | None, typical_rtt: float) -> float | None:
     """Return the seconds that a read waits for a request due at loop time ``urgent_at``; None if it need not wait."""
-    if urgent is None or first.priority not in READS or urgent - now >= URGENT_FACTOR * typical_rtt:
+    if urgent_at is None or first.priority not in READS or urgent_at - now >= URGENT_FACTOR * typical_rtt:
         return None
-    return max(0.0, urgent - now) + URGENT_GRACE
+    return max(0.0, urgent_at - now) + URGENT_GRACE
 
 
 def too_late(command: QueuedCommand, now: float) -> bool:

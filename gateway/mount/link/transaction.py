@@ -19,7 +19,7 @@ from gateway.core.waiting import TimedEvent
 from gateway.core.wire_log import WireLog
 from gateway.mount.link.queue import RequestQueue
 from gateway.protocols.base.driver import Send
-from gateway.protocols.base.reply_rules import ALONE, Expected, ReplyRules
+from gateway.protocols.base.reply_rules import REPLY_END_GAP, ExpectedReply, ReplyRules
 from gateway.transport.wires import Transport
 
 #: Seconds of quiet that end a disturbance.
@@ -41,16 +41,16 @@ STOP_WAIT = 0.3
 STOP_RETRY_DELAYS = (0.5, 1.5, 2.5, 3.5)
 #: Seconds beyond the usual reply time that the first reply after a stop may take, if stops get no reply: that first
 #: reply shows whether the mount is listening.
-AFTER_STOP = 1.0
+AFTER_STOP_GRACE = 1.0
 #: Seconds that a long operation of the mount may take before the requests that wait behind it are refused.
 BUSY_DELAY = 1.0
 #: Seconds after its timeout within which the reply to a request may still arrive.
 LATE_REPLY_TIME = 2.5
 #: The timeout of a position read is POSITION_FACTOR times the typical reply time, at least SHORTEST_TIMEOUT seconds.
 #: The protocol's timeout applies until MIN_REPLY_COUNT replies have come.
-POSITION_FACTOR, SHORTEST_TIMEOUT, ENOUGH_REPLIES = 8.0, 1.2, 20
+POSITION_FACTOR, SHORTEST_TIMEOUT, MIN_REPLY_COUNT = 8.0, 1.2, 20
 #: A late reply raises the timeouts to LATE_FACTOR times its seconds, unless it took over MAX_COUNTED_LATE_TIME.
-LATE_FACTOR, LATEST_COUNTED = 1.5, 6.0
+LATE_FACTOR, MAX_COUNTED_LATE = 1.5, 6.0
 #: The first reply sets the typical time, up to this many seconds.
 MAX_FIRST_REPLY_TIME = 1.0
 #: Smoothing of the typical time: weight of the newest time, which is cut to MAX_GROWTH times the average plus a margin.
@@ -67,35 +67,35 @@ class ReplyTimes:
     """
 
     def __init__(self) -> None:
-        self.typical_rtt, self.last_rtt, self.answers = 0.02, 0.0, 0
+        self.typical_rtt, self.last_rtt, self.reply_count = 0.02, 0.0, 0
         #: Seconds that the last late reply took; 0 if there was none.
-        self._late_time = 0.0
+        self._last_late_time = 0.0
 
-    def answered(self, reply_time: float, elapsed: float, counts: bool) -> None:
+    def answered(self, reply_time: float, elapsed: float, in_average: bool) -> None:
         """Record a reply: the seconds until its last byte, and until it was accepted (``elapsed``).
 
         Replies to long operations and empty replies do not enter the average (``in_average``).
         """
         self.last_rtt = reply_time
-        self.answers += 1
-        if not counts:
+        self.reply_count += 1
+        if not in_average:
             return
         self.typical_rtt += SMOOTHING_WEIGHT * (min(elapsed, MAX_GROWTH * self.typical_rtt + MARGIN) - self.typical_rtt)
-        if self.answers == 1:
+        if self.reply_count == 1:
             self.typical_rtt = max(self.typical_rtt, min(elapsed, MAX_FIRST_REPLY_TIME))
 
-    def came_late(self, reply_time: float) -> None:
+    def record_late_reply(self, reply_time: float) -> None:
         """Record a reply that arrived after its timeout."""
-        self._late_time = reply_time if reply_time <= LATEST_COUNTED else self._late_time
+        self._last_late_time = reply_time if reply_time <= MAX_COUNTED_LATE else self._last_late_time
 
-    def timeout(self, longest: float, position: bool) -> float:
+    def timeout(self, protocol_timeout: float, is_position: bool) -> float:
         """Return the timeout of a reply in seconds: the protocol's, or longer after late replies. That of a position is
         shorter, because positions are polled: a lost reply is then noticed early and requested again.
         """
-        longest = max(longest, LATE_FACTOR * self._late_time)
-        if not position or self.answers < ENOUGH_REPLIES:
-            return longest
-        return min(longest, max(SHORTEST_TIMEOUT, POSITION_FACTOR * self.typical_rtt))
+        protocol_timeout = max(protocol_timeout, LATE_FACTOR * self._last_late_time)
+        if not is_position or self.reply_count < MIN_REPLY_COUNT:
+            return protocol_timeout
+        return min(protocol_timeout, max(SHORTEST_TIMEOUT, POSITION_FACTOR * self.typical_rtt))
 
 
 class LateReplies:
@@ -105,30 +105,30 @@ class LateReplies:
 
     def __init__(self, ambiguous_with: Callable[[Send, Send], bool]) -> None:
         self._ambiguous_with = ambiguous_with
-        self._expected: list[tuple[float, Send]] = []
+        self._open_requests: list[tuple[float, Send]] = []
 
     def add(self, command: Send, expires_at: float) -> None:
         """Expect the late reply to a request that timed out, until this loop time in seconds."""
-        self._expected.append((expires_at, command))
+        self._open_requests.append((expires_at, command))
 
-    def until(self, command: Send, now: float) -> float:
+    def unambiguous_from(self, command: Send, now: float) -> float:
         """Return the loop time from which no late reply can be mistaken for the reply to this command."""
-        return max([end for end, _ in self._like(command, now)], default=now)
+        return max([end for end, _ in self._ambiguous_requests(command, now)], default=now)
 
     def count(self, command: Send, now: float) -> int:
         """Return how many late replies could be mistaken for the reply to this command. After so many replies, the next
         reply must be the right one.
         """
-        return len(self._like(command, now))
+        return len(self._ambiguous_requests(command, now))
 
-    def _like(self, command: Send, now: float) -> list[tuple[float, Send]]:
-        if not self._expected:
+    def _ambiguous_requests(self, command: Send, now: float) -> list[tuple[float, Send]]:
+        if not self._open_requests:
             return []
-        self._expected = [(end, other) for end, other in self._expected if end > now]
-        return [(end, other) for end, other in self._expected if self._ambiguous_with(command, other)]
+        self._open_requests = [(end, other) for end, other in self._open_requests if end > now]
+        return [(end, other) for end, other in self._open_requests if self._ambiguous_with(command, other)]
 
 
-class GaveWay(NoAnswer):
+class GaveWayToStop(NoAnswer):
     """The gateway gave up waiting for a reply, because a stop is due; this wire then drops that reply."""
 
 
@@ -146,36 +146,36 @@ class Transaction:
         self.wire_lost: Signal[None] = Signal()
         #: Whether the line was lost during an exchange, so that the mount may have received half a command.
         self.half = False
-        self.request = b""
+        self.last_request = b""
         #: Whether a long operation is under way, whether it takes so long that other requests are refused, and the loop
         #: time at which the last one ended.
         self.long, self.busy, self.long_until = False, False, -1e9
         #: Loop time of the last write; long ago if there was none.
-        self.wrote = -1e9
+        self.written_at = -1e9
         self.times = ReplyTimes()
         self.late = LateReplies(reply_rules.ambiguous_with)
         self._clock = asyncio.get_running_loop().time
         #: Whether any byte ever arrived; the last request without a proper reply, and the bytes that came instead.
         self.ever_answered = False
-        self.trouble = b"", b""
+        self.last_failed_exchange = b"", b""
         self._buffer, self._bytes_event = b"", TimedEvent()
         #: Loop time of the last byte.
-        self.heard = self._stray = -1e9
+        self.heard_at = self._stray = -1e9
         self._last_command: Send | None = None
-        self._stop_count = 0
+        self._new_stops = 0
         #: Loop time of the last request whose reply is still missing.
         self._unanswered_since: float | None = None
-        self._settling = self._hurried = self._cut_short = False
+        self._awaiting_more_bytes = self._stop_is_waiting = self._pause_cut_short = False
         #: A stop that has no reply was written, and the mount has not replied to anything since.
         self._stop_unheard = False
         #: Loop time from which the exchange under way is cut off for a stop that is due.
-        self._gives_way = math.inf
+        self._gives_way_at = math.inf
         #: Loop time at which a stop is to be written, whatever else happens on the line.
-        self._stop_due = math.inf
+        self._stop_due_at = math.inf
         #: The stop commands that were written without waiting for replies, cleared by the next exchange (not by checks
         #: of the line); and the loop time at which the newest of them was first written.
         self.written: set[bytes] = set()
-        self._first_written = -1e9
+        self._stop_first_written_at = -1e9
         self._opening_count = 0
 
     def open_callbacks(self) -> tuple[Callable[[bytes], None], Callable[[str], None]]:
@@ -197,7 +197,7 @@ class Transaction:
         self.wire_log.put("mount", "raw", data)
         self._buffer = (self._buffer + data)[-4096:]
         self.ever_answered = True
-        self.heard = self._clock()
+        self.heard_at = self._clock()
         self._bytes_event.set()
 
     def connection_lost(self, reason: str) -> None:
@@ -211,35 +211,35 @@ class Transaction:
 
     def wake(self, stop: bool) -> None:
         """Wake the exchange under way: to give way to a ``stop``, or to examine new requests in a long operation."""
-        self._hurried |= stop
+        self._stop_is_waiting |= stop
         if stop:
-            self._stop_due = min(self._stop_due, self._clock())
+            self._stop_due_at = min(self._stop_due_at, self._clock())
         if self.long or stop:
             self._bytes_event.set()
 
     @property
-    def stop_due(self) -> bool:
+    def stop_is_due(self) -> bool:
         """Whether a stop is to be written now, without waiting for replies of the mount."""
-        return self._clock() >= self._stop_due and not self.lost
+        return self._clock() >= self._stop_due_at and not self.lost
 
-    def stop_written(self, commands: Collection[bytes]) -> None:
+    def note_stop_written(self, commands: Collection[bytes]) -> None:
         """Note that these commands of the due stop were written, and calculate when they must be written again."""
-        now, self._stop_due = self._clock(), math.inf
+        now, self._stop_due_at = self._clock(), math.inf
         if not self.written.issuperset(commands):
-            self._first_written = now
+            self._stop_first_written_at = now
         self.written.update(commands)
         if commands:
-            again = (self._first_written + after for after in STOP_RETRY_DELAYS)
-            self._stop_due = next((at for at in again if at > now), math.inf)
+            again = (self._stop_first_written_at + after for after in STOP_RETRY_DELAYS)
+            self._stop_due_at = next((at for at in again if at > now), math.inf)
 
     @property
-    def _stop_first(self) -> bool:
-        return self.stop_due and self._clock() >= self._gives_way
+    def _must_give_way(self) -> bool:
+        return self.stop_is_due and self._clock() >= self._gives_way_at
 
     def send(self, request: bytes) -> bool:
         """Write to the wire; return False if it was lost."""
         self.wire_log.put("mount", ">", request)
-        self.request = request
+        self.last_request = request
         try:
             self.wire.write(request)
         except Exception as error:  # the port was lost during the write; drivers raise various exceptions
@@ -252,28 +252,28 @@ class Transaction:
     def quiet_needed(self, command: Send) -> float:
         """Return the seconds of quiet needed before a command, so that no late bytes are taken for its reply."""
         now = self._clock()
-        left = self.heard + COPY_GAP - now
-        if left <= 1e-6 or now > self.wrote + BABBLE_TIME:
+        left = self.heard_at + COPY_GAP - now
+        if left <= 1e-6 or now > self.written_at + BABBLE_TIME:
             return 0.0
-        if not self._unexplained:
+        if not self._unknown_bytes:
             if self._last_command is None or not self.reply_rules.ambiguous_with(self._last_command, command):
                 return 0.0
-            if now > self._stray + UNRULY_TIME and not self.reply_rules.expected(command).unterminated:
+            if now > self._stray + UNRULY_TIME and not self.reply_rules.expected_reply(command).unterminated:
                 return 0.0
         return left
 
-    async def carry_out(self, command: Send, stop: bool) -> Answer:
+    async def carry_out(self, command: Send, is_stop: bool) -> Answer:
         """Carry out an exchange. If the previous pause was cut short, keep this one in full and send a stop twice."""
-        hurried, self._cut_short = self._cut_short, False
-        if not stop:
+        hurried, self._pause_cut_short = self._pause_cut_short, False
+        if not is_stop:
             self.written.clear()
         # A stop is cut off, too, so that all of it is written; but not when it is sent again after that.
-        self._stop_due = self._clock() if stop and not self.written else math.inf
+        self._stop_due_at = self._clock() if is_stop and not self.written else math.inf
         try:
-            outcome = await self.exchange(command, firm=hurried, stop=stop)
+            outcome = await self.exchange(command, firm=hurried, stop=is_stop)
             if not isinstance(outcome, NoAnswer):
                 self.written.clear()
-            if hurried and stop and self.reply_rules.expected(command).delay_after:
+            if hurried and is_stop and self.reply_rules.expected_reply(command).delay_after:
                 outcome = await self.exchange(
                     command, stop=True
                 )  # without the pause the mount may have missed the first
@@ -281,8 +281,8 @@ class Transaction:
         finally:
             self.busy = False
 
-    async def exchange(self, command: Send, firm: bool = False, resync: bool = False, stop: bool = False) -> Answer:
-        """Send a request and return the fields of its reply, or the Fault that came instead. ``keeps_pause``: a stop
+    async def exchange(self, command: Send, firm: bool = False, is_resync: bool = False, stop: bool = False) -> Answer:
+        """Send a request and return the fields of its reply, or the Fault that came instead. ``firm``: a stop
         does not cut short the pause after it. ``is_resync``: it gets the full timeout of the protocol. ``is_stop``: it
         does not wait until the line is quiet.
         """
@@ -290,167 +290,169 @@ class Transaction:
             request = self.reply_rules.encode(command)
         except Fault as fault:
             return fault
-        expected = self.reply_rules.expected(command)
+        expected = self.reply_rules.expected_reply(command)
         settle = (
             COPY_GAP if stop and self.quiet_needed(command) else SETTLE_TIME
         )  # a request that skipped the quiet must wait after the reply
         self.discard("unsolicited")
         self._bytes_event.clear()
         self._last_command = command
-        began = self.wrote = self._clock()
-        self.long, self._stop_count, self._hurried = command.long, 0, False
+        began = self.written_at = self._clock()
+        self.long, self._new_stops, self._stop_is_waiting = command.long, 0, False
         overtakes = getattr(self.wire, "newest_only", False)
-        waits = expected.gives_way if overtakes else self.times.typical_rtt + STOP_WAIT
-        self._gives_way = math.inf if command.long or (overtakes and stop) else began + waits
-        taken = await self._reply(command, expected, began, settle, resync) if self.send(request) else None
+        waits = expected.max_stop_wait if overtakes else self.times.typical_rtt + STOP_WAIT
+        self._gives_way_at = math.inf if command.long or (overtakes and stop) else began + waits
+        taken = await self._await_reply(command, expected, began, settle, is_resync) if self.send(request) else None
         self._stop_unheard = stop and expected.silent
         self.long, self.long_until = False, self._clock() if command.long else self.long_until
         if taken is None:
-            return GaveWay() if overtakes and self._stop_first else self._unanswered(command, expected, began)
+            return (
+                GaveWayToStop() if overtakes and self._must_give_way else self._silent_fault(command, expected, began)
+            )
         outcome, length = taken
-        if len(self._buffer) > length + self._stop_count:  # each stop sent meanwhile may have been refused with a byte
+        if len(self._buffer) > length + self._new_stops:  # each stop sent meanwhile may have been refused with a byte
             outcome = Garbled()
         if isinstance(outcome, Garbled):
-            self._distrust(command, expected, began)
+            self._expect_late_reply(command, expected, began)
             self.discard("garbled")
             return outcome
-        if command.raw and isinstance(outcome, dict):
+        if command.include_raw and isinstance(outcome, dict):
             outcome = {**outcome, "raw": self._buffer[:length].rstrip(self.reply_rules.padding)}
-        self._cut(length)
-        self.times.answered(self.heard - began, self._clock() - began, counts=bool(length) and not command.long)
+        self._consume(length)
+        self.times.answered(self.heard_at - began, self._clock() - began, in_average=bool(length) and not command.long)
         if expected.delay_after and await self._pause(expected.delay_after, firm):
             outcome = self._objection(command) or outcome
         return outcome
 
     def _send_unanswered(self, command: Send) -> bool | None:
         """Send a command if it needs no reply, and return whether it was sent; return None if it needs a reply."""
-        return self.send(self.reply_rules.encode(command)) if self.reply_rules.expected(command).silent else None
+        return self.send(self.reply_rules.encode(command)) if self.reply_rules.expected_reply(command).silent else None
 
     async def _pause(self, seconds: float, firm: bool) -> bool:
-        """Pause after a command without a reply. Return False if a stop cuts it short, unless ``keeps_pause``."""
+        """Pause after a command without a reply. Return False if a stop cuts it short, unless ``firm``."""
         until = self._clock() + seconds
         while not self.lost and (left := until - self._clock()) > 0:
             if not firm and self._queue.stop_waits:
-                self._cut_short = True
+                self._pause_cut_short = True
                 return False
-            await self._queue.wait_within(left)
+            await self._queue.wait_for_change_within(left)
         return True
 
-    async def _reply(
-        self, command: Send, expected: Expected, started_at: float, settle: float, resync: bool
+    async def _await_reply(
+        self, command: Send, expected: ExpectedReply, started_at: float, settle_time: float, is_resync: bool
     ) -> Taken | None:
         """Return the reply and its length when it is complete; None if it is late, or the wire was lost.
 
         A reply without a terminator is complete when nothing follows it for ``settle_time`` seconds.
         """
-        position = expected.answer_kind == "position" and not resync
-        longest = command.patience or self.times.timeout(expected.timeout, position)
-        if self._stop_unheard and command.patience is None:
-            longest = min(longest, self.times.typical_rtt + AFTER_STOP)
+        position = expected.answer_kind == "position" and not is_resync
+        longest = command.timeout or self.times.timeout(expected.timeout, position)
+        if self._stop_unheard and command.timeout is None:
+            longest = min(longest, self.times.typical_rtt + AFTER_STOP_GRACE)
         deadline, busy_at = started_at + longest, started_at + BUSY_DELAY
         while not self.lost:
             now = self._clock()
             self._bytes_event.clear()
             if command.long:
                 self.busy = self.busy or now >= busy_at
-                self._stop_count += self._queue.during_long_operation(self.busy, self._send_unanswered)
-            taken = self._take(command) if self._buffer or expected.silent else None
-            if taken is not None and self._stop_count and isinstance(taken[0], Busy):
-                self._stop_count -= 1  # the busy reply to a stop; nothing moves during a long operation
-                self._cut(taken[1], "busy: the mount refused the stop")
+                self._new_stops += self._queue.send_stops_while_busy(self.busy, self._send_unanswered)
+            taken = self._parsed_reply(command) if self._buffer or expected.silent else None
+            if taken is not None and self._new_stops and isinstance(taken[0], Busy):
+                self._new_stops -= 1  # the busy reply to a stop; nothing moves during a long operation
+                self._consume(taken[1], "busy: the mount refused the stop")
                 self._bytes_event.set()
             elif taken is not None:
-                if taken[1] and expected.unterminated and not self._hurried:
-                    self._settling = True
-                    alone = max(ALONE, 2.0 * self.times.typical_rtt)
-                    ambiguous = self._buffer[: taken[1]] in expected.beginnings
-                    if await self._bytes_event.within(max(settle, alone if ambiguous else 0.0)):
-                        taken = self._take(command)
-                    self._settling = False
+                if taken[1] and expected.unterminated and not self._stop_is_waiting:
+                    self._awaiting_more_bytes = True
+                    alone = max(REPLY_END_GAP, 2.0 * self.times.typical_rtt)
+                    ambiguous = self._buffer[: taken[1]] in expected.ambiguous
+                    if await self._bytes_event.wait_within(max(settle_time, alone if ambiguous else 0.0)):
+                        taken = self._parsed_reply(command)
+                    self._awaiting_more_bytes = False
                 if taken is not None:  # else it was the beginning of a longer reply
                     return taken
-            elif now >= deadline or self._stop_first:
+            elif now >= deadline or self._must_give_way:
                 return None
             nearer = [busy_at] if command.long else []
-            cut = max(self._gives_way, self._stop_due)
-            await self._bytes_event.within(min(at for at in (deadline, cut, *nearer) if at > now) - now)
+            cut = max(self._gives_way_at, self._stop_due_at)
+            await self._bytes_event.wait_within(min(at for at in (deadline, cut, *nearer) if at > now) - now)
         return None
 
-    def _unanswered(self, command: Send, expected: Expected, started_at: float) -> Fault:
+    def _silent_fault(self, command: Send, expected: ExpectedReply, started_at: float) -> Fault:
         self.times.last_rtt = self._clock() - started_at
         if self.lost:
             self.half = True
-        elif command.patience is not None and not command.long and not self._unexplained and not self._stop_first:
+        elif command.timeout is not None and not command.long and not self._unknown_bytes and not self._must_give_way:
             return Silence()
-        self._distrust(command, expected, started_at)
-        half = bool(self._unexplained)
+        self._expect_late_reply(command, expected, started_at)
+        half = bool(self._unknown_bytes)
         self.discard("no complete answer")
-        return Garbled() if half and command.patience is not None else NoAnswer()
+        return Garbled() if half and command.timeout is not None else NoAnswer()
 
-    def _distrust(self, command: Send, expected: Expected, started_at: float) -> None:
+    def _expect_late_reply(self, command: Send, expected: ExpectedReply, started_at: float) -> None:
         """Note that the reply to a request may still arrive."""
-        self.late.add(command, started_at + max(expected.timeout, command.patience or 0.0) + LATE_REPLY_TIME)
+        self.late.add(command, started_at + max(expected.timeout, command.timeout or 0.0) + LATE_REPLY_TIME)
         self._unanswered_since = started_at
-        self.trouble = self.request, self._buffer
+        self.last_failed_exchange = self.last_request, self._buffer
 
     def _objection(self, command: Send) -> Fault | None:
         """Return the Fault with which the mount objected to a command that has no reply; None if it did not."""
-        taken = self._take(command) if self._buffer else None
+        taken = self._parsed_reply(command) if self._buffer else None
         if taken is None or not isinstance(taken[0], Fault):
             return None
-        self._cut(taken[1])
+        self._consume(taken[1])
         return taken[0]
 
-    def _take(self, command: Send) -> Taken | None:
+    def _parsed_reply(self, command: Send) -> Taken | None:
         """Return the reply if it is complete. Bytes that the parser fails on are a garbled reply."""
         try:
-            return self.reply_rules.take(command, self._buffer)
+            return self.reply_rules.parse_reply(command, self._buffer)
         except Exception:  # a parser's defect must not end the line
             return Garbled(), len(self._buffer)
 
-    def _cut(self, length: int, note: str = "") -> None:
+    def _consume(self, length: int, note: str = "") -> None:
         self.wire_log.put("mount", "<", self._buffer[:length], note)
         self._buffer = self._buffer[length:]
 
     def discard(self, reason: str) -> None:
-        if self._unexplained:
+        if self._unknown_bytes:
             self._stray = self._clock()
-            self._cut(len(self._buffer), f"dropped: {reason}")
+            self._consume(len(self._buffer), f"dropped: {reason}")
         self._buffer = b""
 
     @property
-    def _unexplained(self) -> bytes:
+    def _unknown_bytes(self) -> bytes:
         """The received bytes that belong to no reply, without the padding that some mounts send around replies."""
         return self._buffer.strip(self.reply_rules.padding)
 
     async def idle(self, seconds: float) -> None:
         """Wait for some seconds, but not longer than until a stop is due."""
         until = self._clock() + seconds
-        while not self.lost and not self.stop_due and (left := until - self._clock()) > 1e-6:
+        while not self.lost and not self.stop_is_due and (left := until - self._clock()) > 1e-6:
             self._bytes_event.clear()
-            await self._bytes_event.within(min(left, self._stop_due - self._clock()))
+            await self._bytes_event.wait_within(min(left, self._stop_due_at - self._clock()))
 
-    async def any_reply(self, seconds: float) -> None:
+    async def wait_for_any_byte(self, seconds: float) -> None:
         """Wait until any byte arrives, but no longer than ``seconds``."""
-        heard, until = self.heard, self._clock() + seconds
-        while not self.lost and self.heard == heard and (left := until - self._clock()) > 1e-6:
+        heard, until = self.heard_at, self._clock() + seconds
+        while not self.lost and self.heard_at == heard and (left := until - self._clock()) > 1e-6:
             self._bytes_event.clear()
-            await self._bytes_event.within(left)
+            await self._bytes_event.wait_within(left)
 
     async def drain(self, quiet_time: float) -> bool:
         """Wait until the wire has been quiet for ``quiet_time`` seconds, or a stop is due; drop the received bytes, and
         return whether there were any.
         """
         give_up = self._clock() + DRAIN_TIMEOUT
-        while not self.lost and not self.stop_due and self._clock() < give_up:
-            left = max(self.heard, self.wrote) + quiet_time - self._clock()
+        while not self.lost and not self.stop_is_due and self._clock() < give_up:
+            left = max(self.heard_at, self.written_at) + quiet_time - self._clock()
             self._bytes_event.clear()
             if left <= 1e-6:
                 break
-            await self._bytes_event.within(min(left, self._stop_due - self._clock()))
-        anything = bool(self._unexplained)
+            await self._bytes_event.wait_within(min(left, self._stop_due_at - self._clock()))
+        anything = bool(self._unknown_bytes)
         if anything and self._unanswered_since is not None:
-            self.times.came_late(self.heard - self._unanswered_since)
+            self.times.record_late_reply(self.heard_at - self._unanswered_since)
         self._unanswered_since = None
         self.discard("drained")
         return anything

@@ -22,22 +22,22 @@ from gateway.core.motion_kinds import (
     MOVERS,
     RESUMABLE_ORDERS,
     axis_moved,
-    ends_focus,
+    stops_focuser,
     survives_abort,
 )
-from gateway.mount.motion.taps import begin, ended, released, without_presses
+from gateway.mount.motion.taps import begin_tap, end_tap, released, without_waiting_arrows
 from gateway.mount.motion.wanted import (
     FIRST_RANK,
     RESUMED_RANK,
     URGENT_REPEAT_WINDOW,
     USUAL_RANK,
     AxisMotion,
-    ByHand,
+    DoneHalt,
     FocusMotion,
     GuidePulse,
     Halt,
-    Halted,
-    NotOrdered,
+    HandMove,
+    NoOrderedMove,
     Order,
     PressedArrow,
     Slew,
@@ -49,14 +49,14 @@ from gateway.protocols.base.driver import Schedule
 MAX_WAITING_PULSES = 8
 
 
-def apply(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
+def apply_order(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """Return the new ``Wanted`` after an order. ``slewing``: the mount reports a goto under way. Raises Refused."""
-    if wanted.short and order.by is not None:  # of a client
-        wanted = replace(wanted, short="")
-    return _ROWS.get(type(order.operation), _append)(wanted, order, now, slewing)
+    if wanted.failure and order.client is not None:  # of a client
+        wanted = replace(wanted, failure="")
+    return _APPLY_BY_OPERATION.get(type(order.operation), _append_order)(wanted, order, now, slewing)
 
 
-def stopped(wanted: Wanted, reason: str | None = None) -> Wanted:
+def after_stop(wanted: Wanted, reason: str | None = None) -> Wanted:
     """Return the new ``Wanted`` after a stop: no motion, and the stop command is owed to the mount.
 
     ``reason`` is the reason if the gateway itself stops the mount, empty if a client does, None for a repeated stop.
@@ -66,10 +66,12 @@ def stopped(wanted: Wanted, reason: str | None = None) -> Wanted:
         for order in wanted.pending
         if survives_abort(order.operation) or (order.urgent and order.number == wanted.active)
     )
-    short = f"the goto ended before its goal: {reason}" if reason and isinstance(wanted.motion, Slew) else wanted.short
+    short = (
+        f"the goto ended before its goal: {reason}" if reason and isinstance(wanted.motion, Slew) else wanted.failure
+    )
     return replace(
-        wanted, pending=pending, pulses=(), pressed=(), taps=(), owed=True, stops=wanted.stops + 1,
-        short="" if reason == "" else short,
+        wanted, pending=pending, pulses=(), arrows=(), taps=(), stop_owed=True, n_stops=wanted.n_stops + 1,
+        failure="" if reason == "" else short,
     )  # fmt: skip
 
 
@@ -82,23 +84,23 @@ def equal_pending_halt(wanted: Wanted, operation: op.Operation) -> Halt | None:
         return None
     overtakes = not wanted.waiting_gotos
     for other in wanted.pending:
-        if not isinstance(other, Halt) or other.operation != operation or other.unless:
+        if not isinstance(other, Halt) or other.operation != operation or other.void_by:
             continue
         if other.overtakes is overtakes and (overtakes or other.order_count == wanted.order_count):
             return other
     return None
 
 
-def planned(wanted: Wanted, later: Schedule, number: int, now: float) -> Wanted:
+def add_follow_up(wanted: Wanted, schedule: Schedule, number: int, now: float) -> Wanted:
     """Add a follow-up of the driver as order ``number``; it replaces an equal pending follow-up."""
     order = Order(
         number,
-        later.operation,
-        rank=FIRST_RANK if later.urgent else USUAL_RANK,
-        at=now + later.seconds,
+        schedule.operation,
+        rank=FIRST_RANK if schedule.urgent else USUAL_RANK,
+        at=now + schedule.seconds,
         follow_up=True,
-        urgent=later.urgent,
-        not_while_busy=later.not_while_busy,
+        urgent=schedule.urgent,
+        not_while_busy=schedule.not_while_busy,
     )
     others = tuple(
         other
@@ -108,18 +110,18 @@ def planned(wanted: Wanted, later: Schedule, number: int, now: float) -> Wanted:
     return replace(wanted, pending=(*others, order))
 
 
-def too_late(wanted: Wanted, operation: op.Operation, stop_count: int | None) -> bool:
+def stopped_since(wanted: Wanted, operation: op.Operation, stop_count: int | None) -> bool:
     """Whether the mount was stopped after the client's request, which makes the operation void. ``stop_count`` was the
     number of stops at the time of the request.
     """
-    if stop_count is None or stop_count == wanted.stops:
+    if stop_count is None or stop_count == wanted.n_stops:
         return False
     return not (isinstance(operation, op.StopAxis) or survives_abort(operation))
 
 
 def without_superseded(wanted: Wanted, operation: op.Operation) -> Wanted:
     """Remove the pending orders that a halt, the end of gotos or a newer rate ends before they have begun."""
-    pending = tuple(order for order in wanted.pending if not _ends(operation, order, order.number == wanted.active))
+    pending = tuple(order for order in wanted.pending if not _cancels(operation, order, order.number == wanted.active))
     return wanted if len(pending) == len(wanted.pending) else replace(wanted, pending=pending)
 
 
@@ -136,7 +138,7 @@ def interrupted(wanted: Wanted, halt: Halt) -> Wanted:
     return replace(wanted, pending=pending, active=0)
 
 
-def _ends(operation: op.Operation, order: Order, active: bool) -> bool:
+def _cancels(operation: op.Operation, order: Order, is_active: bool) -> bool:
     other = order.operation
     match operation:
         case op.StopAxis(axis=axis):
@@ -144,7 +146,7 @@ def _ends(operation: op.Operation, order: Order, active: bool) -> bool:
         case op.AbortSlew():
             return isinstance(other, GOTOS)
         case op.Move() | op.MoveAxis() | op.TrackRate():
-            held = not active and order.held is None
+            held = not is_active and order.held is None
             return held and (axis_moved(other), type(other)) == (axis_moved(operation), type(operation))
     return False
 
@@ -152,29 +154,29 @@ def _ends(operation: op.Operation, order: Order, active: bool) -> bool:
 # --- the rows -------------------------------------------------------------------------------------------------------
 
 
-def _append(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
+def _append_order(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """Append the order, after removing what it supersedes."""
     wanted = without_superseded(wanted, order.operation)
     return replace(wanted, pending=(*wanted.pending, order), order_count=wanted.order_count + 1)
 
 
-def _by_hand(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
+def _apply_arrow(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """Append the motion of an arrow key. It cancels postponed gotos: its user wants to move the mount himself."""
     axis = axis_moved(order.operation)
     pending = tuple(other for other in wanted.pending if other.number == wanted.active or not _is_postponed(other))
     wanted = wanted if len(pending) == len(wanted.pending) else replace(wanted, pending=pending)
-    if order.by is not None and axis is not None:
-        others = tuple(press for press in wanted.pressed if (press.who, press.axis) != (order.by.who, axis))
-        wanted = replace(wanted, pressed=(*others, PressedArrow(order.by.who, axis, wanted.gotos)))
-    return _append(wanted, order, now, slewing)
+    if order.client is not None and axis is not None:
+        others = tuple(press for press in wanted.arrows if (press.host, press.axis) != (order.client.host, axis))
+        wanted = replace(wanted, arrows=(*others, PressedArrow(order.client.host, axis, wanted.n_gotos)))
+    return _append_order(wanted, order, now, slewing)
 
 
-def _goto(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
+def _apply_goto(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """Append the goto in place of postponed gotos, arrows and pulses. Count it, to recognise arrows pressed before."""
     if any(isinstance(other.operation, op.Move | op.MoveAxis) for other in wanted.pending):
-        wanted = without_presses(wanted)
+        wanted = without_waiting_arrows(wanted)
     pending = tuple(other for other in wanted.pending if other.number == wanted.active or not _replaced_by_goto(other))
-    return _append(replace(wanted, gotos=wanted.gotos + 1, pending=pending), order, now, slewing)
+    return _append_order(replace(wanted, n_gotos=wanted.n_gotos + 1, pending=pending), order, now, slewing)
 
 
 def _is_postponed(order: Order) -> bool:
@@ -189,120 +191,120 @@ def _replaced_by_goto(order: Order) -> bool:
     return order.pulse_axis is not None and not order.follow_up
 
 
-def _pulse(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
+def _apply_pulse(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     if sum(isinstance(other.operation, op.Pulse | op.PulseAxis) for other in wanted.pending) >= MAX_WAITING_PULSES:
         raise Refused(f"{MAX_WAITING_PULSES} guide pulses wait already: this one is dropped.")
-    return _append(wanted, order, now, slewing)
+    return _append_order(wanted, order, now, slewing)
 
 
-def _halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
+def _apply_halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """Apply the halt of an axis, which may end a whole goto, or release an arrow whose motion has not begun."""
     assert isinstance(order, Halt)
     if order.ends_tap:
-        return ended(wanted, order)
+        return end_tap(wanted, order)
     if not wanted.waiting_gotos and (wanted.by_hand or not slewing) and (tapped := released(wanted, order)) is not None:
         return tapped
-    axis = axis_ended(order.operation)
-    presser = None if order.by is None else (order.by.who, axis)
-    press = next((arrow for arrow in wanted.pressed if (arrow.who, arrow.axis) == presser), None)
-    others = (arrow for arrow in wanted.pressed if arrow is not press)
-    wanted = replace(wanted, pressed=tuple(arrow for arrow in others if order.by is not None or arrow.axis != axis))
+    axis = halted_axis(order.operation)
+    presser = None if order.client is None else (order.client.host, axis)
+    press = next((arrow for arrow in wanted.arrows if (arrow.host, arrow.axis) == presser), None)
+    others = (arrow for arrow in wanted.arrows if arrow is not press)
+    wanted = replace(wanted, arrows=tuple(arrow for arrow in others if order.client is not None or arrow.axis != axis))
     gotos = wanted.waiting_gotos
     if not gotos and (wanted.by_hand or not slewing):  # motion by hand means that the goto has ended
-        return _end(wanted, order, now, slewing)
-    if press is None or press.gotos >= wanted.gotos:
-        return stopped(wanted)
-    return replace(wanted, pending=(*wanted.pending, replace(order, unless=gotos[-1].number))) if gotos else wanted
+        return _apply_end(wanted, order, now, slewing)
+    if press is None or press.gotos_before >= wanted.n_gotos:
+        return after_stop(wanted)
+    return replace(wanted, pending=(*wanted.pending, replace(order, void_by=gotos[-1].number))) if gotos else wanted
 
 
-def _end(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
+def _apply_end(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """Queue a halt first, but behind a goto that it may have to end, and last if a client keeps repeating it."""
     assert isinstance(order, Halt)
-    axis = axis_ended(order.operation)
+    axis = halted_axis(order.operation)
     wanted = without_superseded(
         replace(wanted, pulses=tuple(pulse for pulse in wanted.pulses if pulse.axis != axis)), order.operation
     )
     same = equal_pending_halt(wanted, order.operation)
     if same is not None:
         return interrupted(wanted, same)
-    before = next((halt for halt in wanted.halted if halt.operation == order.operation), None)
+    before = next((halt for halt in wanted.halts if halt.operation == order.operation), None)
     again = before is not None and before.order_count == wanted.order_count and now - before.at <= URGENT_REPEAT_WINDOW
     order = replace(
         order,
         overtakes=not wanted.waiting_gotos,
         order_count=wanted.order_count,
-        repeats=before.repeats + 1 if before is not None and again else 0,
+        repeat_number=before.repeat_number + 1 if before is not None and again else 0,
     )
     order = replace(order, rank=FIRST_RANK if order.overtakes and not order.keeps_repeating else USUAL_RANK)
     return interrupted(replace(wanted, pending=(*wanted.pending, order)), order)
 
 
-def axis_ended(operation: op.Operation) -> int | None:
+def halted_axis(operation: op.Operation) -> int | None:
     return operation.axis if isinstance(operation, op.StopAxis) else None
 
 
-def _focus(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
+def _apply_focus(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """Replace the retry of a focuser halt: the newest order for the focuser counts."""
     pending = tuple(
         other
         for other in wanted.pending
-        if not (other.follow_up and ends_focus(other.operation) and other.number != wanted.active)
+        if not (other.follow_up and stops_focuser(other.operation) and other.number != wanted.active)
     )
-    return _append(replace(wanted, pending=pending), order, now, slewing)
+    return _append_order(replace(wanted, pending=pending), order, now, slewing)
 
 
-def _sleep(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
+def _apply_hibernate(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """Forget the pressed arrows: a hibernating mount does not move."""
-    return _append(replace(wanted, pressed=()), order, now, slewing)
+    return _append_order(replace(wanted, arrows=()), order, now, slewing)
 
 
-_ROWS: dict[type[op.Operation], Callable[[Wanted, Order, float, bool], Wanted]] = {
-    **dict.fromkeys(GOTOS, _goto),
-    op.Move: _by_hand,
-    op.MoveAxis: _by_hand,
-    op.Pulse: _pulse,
-    op.PulseAxis: _pulse,
-    op.StopAxis: _halt,
-    op.AbortSlew: _end,
-    op.Focus: _focus,
-    op.Hibernate: _sleep,
+_APPLY_BY_OPERATION: dict[type[op.Operation], Callable[[Wanted, Order, float, bool], Wanted]] = {
+    **dict.fromkeys(GOTOS, _apply_goto),
+    op.Move: _apply_arrow,
+    op.MoveAxis: _apply_arrow,
+    op.Pulse: _apply_pulse,
+    op.PulseAxis: _apply_pulse,
+    op.StopAxis: _apply_halt,
+    op.AbortSlew: _apply_end,
+    op.Focus: _apply_focus,
+    op.Hibernate: _apply_hibernate,
 }
 
 
 # --- outcomes -------------------------------------------------------------------------------------------------------
 
 
-def removed(wanted: Wanted, order: Order) -> Wanted:
+def remove_order(wanted: Wanted, order: Order) -> Wanted:
     """Remove an order that has ended in any way."""
     pending = tuple(other for other in wanted.pending if other.number != order.number)
     return replace(wanted, pending=pending, active=0 if wanted.active == order.number else wanted.active)
 
 
-def carried_out(wanted: Wanted, order: Order, now: float) -> Wanted:
+def after_success(wanted: Wanted, order: Order, now: float) -> Wanted:
     """Remove an order that the mount has carried out; note the time if it was a halt."""
-    wanted = removed(wanted, order)
+    wanted = remove_order(wanted, order)
     if not isinstance(order, Halt):
         return wanted
-    others = tuple(halt for halt in wanted.halted if halt.operation != order.operation)
-    return replace(wanted, halted=(*others, Halted(order.operation, now, order.order_count, order.repeats)))
+    others = tuple(halt for halt in wanted.halts if halt.operation != order.operation)
+    return replace(wanted, halts=(*others, DoneHalt(order.operation, now, order.order_count, order.repeat_number)))
 
 
-def failed(wanted: Wanted, order: Order) -> Wanted:
+def after_failure(wanted: Wanted, order: Order) -> Wanted:
     """Remove an order that failed. If it was a goto, releases of arrows that waited for it take effect after all."""
-    wanted = removed(wanted, order)
+    wanted = remove_order(wanted, order)
     if isinstance(order.operation, END_ORDERS):
-        wanted = replace(wanted, halted=tuple(halt for halt in wanted.halted if halt.operation != order.operation))
+        wanted = replace(wanted, halts=tuple(halt for halt in wanted.halts if halt.operation != order.operation))
     pending = tuple(
-        replace(other, unless=0, rank=FIRST_RANK) if _waits_for(other, order) else other
+        replace(other, void_by=0, rank=FIRST_RANK) if _is_void_after(other, order) else other
         for other in wanted.pending
-        if not _waits_for(other, order) or getattr(other.operation, "axis", 0) in wanted.by_hand
+        if not _is_void_after(other, order) or getattr(other.operation, "axis", 0) in wanted.by_hand
     )
     return replace(wanted, pending=pending)
 
 
-def _waits_for(halt: Order, goto: Order) -> bool:
+def _is_void_after(halt: Order, goto: Order) -> bool:
     """Whether this is a halt that becomes void once the goto has begun."""
-    return isinstance(halt, Halt) and halt.unless == goto.number
+    return isinstance(halt, Halt) and halt.void_by == goto.number
 
 
 def may_have_begun(order: Order, error: BaseException) -> bool:
@@ -311,8 +313,8 @@ def may_have_begun(order: Order, error: BaseException) -> bool:
     return order.arrow.then_stop or unheard or (order.rank == RESUMED_RANK and isinstance(order.operation, MOVERS))
 
 
-def acknowledged(
-    wanted: Wanted, order: Order, operation: op.Operation, now: float, speed: float, sent: float = 0.0
+def after_ack(
+    wanted: Wanted, order: Order, operation: op.Operation, now: float, speed: float, sent_at: float = 0.0
 ) -> Wanted:
     """Return the new ``Wanted`` after the mount has acknowledged an operation, in the form in which it was sent.
 
@@ -320,53 +322,53 @@ def acknowledged(
     """
     match operation:
         case op.Goto() | op.GotoHorizontal() | op.GotoAxes() | op.Park() | op.Home():
-            void = {other.number for other in wanted.pending if _waits_for(other, order) or other.pulse_axis}
+            void = {other.number for other in wanted.pending if _is_void_after(other, order) or other.pulse_axis}
             pending = tuple(other for other in wanted.pending if other.number not in void)
-            slew, homed = Slew(operation, order.by, now), isinstance(operation, op.Home)
+            slew, homed = Slew(operation, order.client, now), isinstance(operation, op.Home)
             moved = replace(wanted, motion=slew, homed=homed, gotos_begun=wanted.gotos_begun + 1, pulses=(), taps=())
-            return replace(moved, pending=pending, motions_begun=_begun(wanted, 1, 2))
+            return replace(moved, pending=pending, motions_begun=_add_begun(wanted, 1, 2))
         case op.Move() | op.MoveAxis():
             wanted = replace(
-                _without_pulses(wanted, operation.axis), homed=False, motions_begun=_begun(wanted, operation.axis)
+                _without_pulses(wanted, operation.axis), homed=False, motions_begun=_add_begun(wanted, operation.axis)
             )
-            motion = AxisMotion(operation, order.by, now, speed, order.since, max(sent, order.since))
-            moved = _with(wanted, operation.axis, motion)
-            return moved if order.held is None else begin(moved, motion, operation.axis, order.held)
+            motion = AxisMotion(operation, order.client, now, speed, order.came_at, max(sent_at, order.came_at))
+            moved = _with_axis_motion(wanted, operation.axis, motion)
+            return moved if order.held is None else begin_tap(moved, motion, operation.axis, order.held)
         case op.StopAxis() if order.follow_up:
             return wanted
         case op.StopAxis():
-            return _with(wanted, operation.axis, None)
+            return _with_axis_motion(wanted, operation.axis, None)
         case op.AbortMotion():
-            return at_rest(wanted)
+            return after_acknowledged_stop(wanted)
         case op.AbortSlew():
-            return replace(wanted, motion=NotOrdered()) if isinstance(wanted.motion, Slew) else wanted
+            return replace(wanted, motion=NoOrderedMove()) if isinstance(wanted.motion, Slew) else wanted
         case op.Hibernate():
-            return replace(wanted, motion=NotOrdered())
+            return replace(wanted, motion=NoOrderedMove())
         case op.Focus(direction=direction):
-            return replace(wanted, focus=FocusMotion(order.by, now) if direction else None)
+            return replace(wanted, focus_motion=FocusMotion(order.client, now) if direction else None)
     return wanted
 
 
-def without_earlier(wanted: Wanted) -> Wanted:
+def refuse_earlier_orders(wanted: Wanted) -> Wanted:
     """Refuse the pending orders of clients, and the commands that still wait in a connection."""
-    return replace(wanted, stops=wanted.stops + 1)
+    return replace(wanted, n_stops=wanted.n_stops + 1)
 
 
-def at_rest(wanted: Wanted) -> Wanted:
-    return replace(wanted, motion=NotOrdered(), owed=False)
+def after_acknowledged_stop(wanted: Wanted) -> Wanted:
+    return replace(wanted, motion=NoOrderedMove(), stop_owed=False)
 
 
-def arrived(wanted: Wanted) -> Wanted:
+def after_goto_end(wanted: Wanted) -> Wanted:
     """Note that the goto under way has ended, at its goal or elsewhere."""
-    return replace(wanted, motion=NotOrdered()) if isinstance(wanted.motion, Slew) else wanted
+    return replace(wanted, motion=NoOrderedMove()) if isinstance(wanted.motion, Slew) else wanted
 
 
-def ended_short(wanted: Wanted, reason: str) -> Wanted:
+def after_goto_failure(wanted: Wanted, reason: str) -> Wanted:
     """Note that the mount ended a goto elsewhere than at its goal; not if a stop has ended it."""
-    return wanted if wanted.owed or wanted.short else replace(wanted, short=reason)
+    return wanted if wanted.stop_owed or wanted.failure else replace(wanted, failure=reason)
 
 
-def pulsed(wanted: Wanted, order: Order, pulse: op.Pulsed, number: int, now: float) -> Wanted:
+def after_pulse_start(wanted: Wanted, order: Order, pulse: op.Pulsed, number: int, now: float) -> Wanted:
     """Note a guide pulse that began, and add order ``number`` for its end or its remainder."""
     if isinstance(order.operation, op.Move):  # a tap at guide rate
         order = replace(order, operation=op.Pulse(order.operation.direction, order.operation.ms or 0))
@@ -384,20 +386,20 @@ def pulsed(wanted: Wanted, order: Order, pulse: op.Pulsed, number: int, now: flo
     return wanted
 
 
-def _begun(wanted: Wanted, *axes: int) -> tuple[int, int]:
+def _add_begun(wanted: Wanted, *axes: int) -> tuple[int, int]:
     """Return ``motions_begun``, increased by one motion of each of these axes."""
     first, second = wanted.motions_begun
     return first + (1 in axes), second + (2 in axes)
 
 
-def _with(wanted: Wanted, axis: int, motion: AxisMotion | None) -> Wanted:
+def _with_axis_motion(wanted: Wanted, axis: int, motion: AxisMotion | None) -> Wanted:
     """Replace the motion by hand of an axis; None if it has ended."""
-    by_hand = wanted.motion if isinstance(wanted.motion, ByHand) else ByHand()
+    by_hand = wanted.motion if isinstance(wanted.motion, HandMove) else HandMove()
     by_hand = replace(by_hand, first=motion) if axis == 1 else replace(by_hand, second=motion)
     if isinstance(wanted.motion, Slew) and motion is None:
         return wanted
     wanted = replace(wanted, taps=tuple(tap for tap in wanted.taps if tap.axis != axis))
-    return replace(wanted, motion=by_hand if by_hand.first or by_hand.second else NotOrdered())
+    return replace(wanted, motion=by_hand if by_hand.first or by_hand.second else NoOrderedMove())
 
 
 def _without_pulses(wanted: Wanted, axis: int) -> Wanted:

@@ -19,7 +19,7 @@ MIN_LOGGED_EXCESS = 0.1
 
 class Consequences:
     """Updates the cache and the watches. ``on_acknowledged`` is called before an acknowledged operation enters
-    ``Wanted``, ``after_wanted_updated`` after that.
+    ``Wanted``, ``on_ack`` after that.
     """
 
     def __init__(
@@ -28,90 +28,90 @@ class Consequences:
         self._context, self._clock, self._cache = context, context.now, context.cache
         self._gate, self._reader, self._watch, self._end_watch = gate, reader, watch, end_watch
 
-    def stop_sent(self, _: None = None) -> None:
-        self._end_watch.sent((1, 2), self._watch.fastest)
+    def on_stop_sent(self, _: None = None) -> None:
+        self._end_watch.watch_end((1, 2), self._watch.max_commanded_speed)
 
-    def at_rest(self) -> None:
+    def on_stop_acknowledged(self) -> None:
         """Handle a stop that the mount has acknowledged: the motors may run on."""
         slewing, by_others = self._context.movement.slewing, self._watch.moved_by_others
-        self._context.run_on.ended(goto=slewing, by_others=by_others)
-        self._reader.ordered(op.AbortMotion(), by_others)
+        self._context.run_on.on_end(after_goto=slewing, moved_by_others=by_others)
+        self._reader.note_acknowledged(op.AbortMotion(), by_others)
         self._watch.motion_ended()
         self._cache.put(op.Slewing, False, self._clock())
 
-    def begins(self, operation: op.Operation) -> None:
-        self._reader.ordered(operation, isinstance(operation, END_ORDERS) and self._watch.moved_by_others)
+    def on_acknowledged(self, operation: op.Operation) -> None:
+        self._reader.note_acknowledged(operation, isinstance(operation, END_ORDERS) and self._watch.moved_by_others)
         if isinstance(operation, (*GOTOS, op.Move, op.MoveAxis, op.Sync)):
-            self._watch.began(operation)
+            self._watch.motion_began(operation)
 
-    def done(self, operation: op.Operation, before: Wanted) -> None:
+    def on_ack(self, operation: op.Operation, wanted_before: Wanted) -> None:
         """Handle an acknowledged operation; ``wanted_before`` is the ``Wanted`` before its acknowledgement."""
         cache, run_on = self._cache, self._context.run_on
-        if run_on.value is not None and isinstance(operation, (*GOTOS, op.Move, op.MoveAxis)):
+        if run_on.current is not None and isinstance(operation, (*GOTOS, op.Move, op.MoveAxis)):
             run_on.forget()
         if isinstance(operation, GOTOS):
-            self._note_replaced(before.motion, self._context.wanted.value.motion)
+            self._log_replaced_goto(wanted_before.motion, self._context.wanted.value.motion)
             cache.put(op.Slewing, True, self._clock())
             cache.forget(op.PierSide)  # the tube may change sides on its way
         elif isinstance(operation, op.Move | op.MoveAxis):
-            if isinstance(before.motion, Slew):
+            if isinstance(wanted_before.motion, Slew):
                 self._context.note("the goto was stopped before its goal by an arrow")
-            cache.look_again(op.Position)  # no new position, but it must be polled more often from now on
+            cache.mark_changed(op.Position)  # no new position, but it must be polled more often from now on
         elif isinstance(operation, op.StopAxis):
-            self._halted(operation.axis, before.by_hand.get(operation.axis))
+            self._on_axis_halted(operation.axis, wanted_before.by_hand.get(operation.axis))
         elif isinstance(operation, op.AbortMotion):  # of an arrow that was stopped at once
-            self.stop_sent()
-            self.at_rest()
+            self.on_stop_sent()
+            self.on_stop_acknowledged()
         elif isinstance(operation, op.AbortSlew):
             if self._context.movement.slewing:
-                self._context.run_on.ended(goto=True)
+                self._context.run_on.on_end(after_goto=True)
             cache.put(op.Slewing, False, self._clock())
         elif isinstance(operation, op.Sync):
-            self._has_synced()
+            self._on_sync()
         elif isinstance(operation, op.SetTracking | op.Unpark | op.Hibernate | op.Wake):
             cache.forget(op.GetStatus)
             if isinstance(operation, op.Hibernate):
-                self.at_rest()
+                self.on_stop_acknowledged()
                 self._context.run_on.forget()
                 self._gate.hibernation_began()
 
-    def followed(self, operation: op.Operation) -> None:
+    def on_follow_up_done(self, operation: op.Operation) -> None:
         """Handle a follow-up of the driver. The last step of a park has turned tracking off, so no read is needed."""
-        status: op.Status | None = self._cache.last(op.GetStatus)
+        status: op.Status | None = self._cache.last_or_forgotten(op.GetStatus)
         if status is not None and self._context.driver.parked and getattr(operation, "then", "") == "park":
             self._cache.correct(op.GetStatus, replace(status, tracking=op.Tracking.OFF))
 
-    def pulse_ended(self, axis: int, ordered_at: float, started_at: float) -> None:
+    def log_pulse_excess(self, axis: int, ordered_at: float, started_at: float) -> None:
         """Log by how much a guide pulse was too long, if that matters. ``ordered_at`` and ``started_at`` are the loop
         times at which the reconciler began with its end, and at which the command for that was sent.
         """
         pulse = next((sent for sent in self._context.wanted.value.pulses if sent.axis == axis), None)
-        late = 0.0 if pulse is None else started_at - pulse.until
+        late = 0.0 if pulse is None else started_at - pulse.ends_at
         if pulse is not None and pulse.operation is not None and late > MIN_LOGGED_EXCESS * pulse.operation.ms / 1000.0:
-            asleep = max(0.0, ordered_at - pulse.until)
+            asleep = max(0.0, ordered_at - pulse.ends_at)
             computer = f"this computer did not run the gateway for {asleep:.2f} s"
             self._context.note(
                 f"a guide pulse of {pulse.operation.ms / 1000.0:g} s was {late:.2f} s too long: "
                 f"{computer if asleep > late / 2 else 'the line was busy'}"
             )
 
-    def _note_replaced(self, before: object, after: object) -> None:
+    def _log_replaced_goto(self, old_motion: object, new_motion: object) -> None:
         """Log that a goto replaces another program's: the last goto wins, and the other program gets no message."""
-        old, new = (motion.by if isinstance(motion, Slew) else None for motion in (before, after))
+        old, new = (motion.client if isinstance(motion, Slew) else None for motion in (old_motion, new_motion))
         if old is not None and new is not None and old.program != new.program:
-            self._context.note(f"the goto of {new.who} replaces the goto of {old.who}")
+            self._context.note(f"the goto of {new.host} replaces the goto of {old.host}")
 
-    def _halted(self, axis: int, moved: op.Move | op.MoveAxis | None) -> None:
-        if moved is not None:
-            self._end_watch.sent((axis,), self._context.driver.speed(moved.rate))
-            self._context.run_on.ended(goto=False)
+    def _on_axis_halted(self, axis: int, ended_motion: op.Move | op.MoveAxis | None) -> None:
+        if ended_motion is not None:
+            self._end_watch.watch_end((axis,), self._context.driver.speed(ended_motion.rate))
+            self._context.run_on.on_end(after_goto=False)
         self._watch.axis_stopped()
         if not self._context.wanted.by_hand:
             self._watch.motion_ended()
 
-    def _has_synced(self) -> None:
+    def _on_sync(self) -> None:
         """Add the sync to the sum of all syncs, and forget the cached positions, which a sync changes."""
-        self._context.synced.carried_out()
+        self._context.synced.note_acknowledged()
         status = self._cache.value(op.GetStatus)
         aligns = (op.GetStatus,) if status is not None and not status.aligned else ()
         self._cache.forget(op.Position, op.HorizontalPosition, op.AxisPosition, *aligns)

@@ -1,6 +1,6 @@
 """Repeats the command that ends a motion until positions show the end: some mounts do not acknowledge it.
 
-A motion has ended when its speed has fallen below ``MIN_SPEED_FRACTION`` of the ordered speed. Until then the command
+A motion has ended when its speed has fallen below ``MIN_RATIO`` of the ordered speed. Until then the command
 is repeated at growing intervals. After ``TRIES_BEFORE_WARNING`` attempts the log warns the user. After ``MAX_TRIES``
 the gateway gives up, because a person at the hand control may be moving the mount. Pure functions over frozen values
 decide; angles are degrees, times seconds of a monotonic clock.
@@ -30,20 +30,20 @@ MAX_TRIES = TRIES_BEFORE_WARNING + 3
 #: A speed is measured over at least this many units of the position's resolution.
 MIN_UNITS = 3
 #: The fraction of the ordered speed that still counts as motion: some mounts reach only half of the ordered speed.
-MIN_PART = 0.4
+MIN_RATIO = 0.4
 #: Degrees a second below which positions cannot distinguish motion by hand from tracking.
-SLOW = 0.05
+MIN_VISIBLE_SPEED = 0.05
 
 
 class AxisSample(Struct, frozen=True):
     """The readings of both axes at a time: right ascension and declination, or azimuth and altitude, degrees."""
 
-    at: float
+    time: float
     axes: tuple[float, float]
     resolution: float = 1.0 / 3600.0
 
 
-class Ending(Struct, frozen=True):
+class MotionEnd(Struct, frozen=True):
     """A motion that was ended: its axes (1, 2), its speed in degrees a second, and the times at which the command to
     end it was sent.
 
@@ -56,52 +56,52 @@ class Ending(Struct, frozen=True):
     sent_at: tuple[float, ...]
     motions_begun: tuple[int, int] = (0, 0)
 
-    def again(self, now: float) -> Ending:
+    def with_retry(self, now: float) -> MotionEnd:
         return replace(self, sent_at=(*self.sent_at, now))
 
 
-class Step(Enum):
+class EndStep(Enum):
     """What to do next so that a motion ends: nothing more, read the position again, send the command that ends it once
     more, or send that and warn the user.
     """
 
     DONE = auto()
-    LOOK = auto()
-    SEND = auto()
-    ALARM = auto()
+    READ_POSITION = auto()
+    SEND_AGAIN = auto()
+    SEND_AND_WARN = auto()
 
 
-def visible(ending: Ending) -> bool:
+def is_visible(ending: MotionEnd) -> bool:
     """Whether the motion is fast enough for positions to show that it has not ended."""
-    return ending.speed >= 2.0 * SLOW
+    return ending.speed >= 2.0 * MIN_VISIBLE_SPEED
 
 
-def speed(ending: Ending, samples: Sequence[AxisSample]) -> float | None:
+def speed_since_end(ending: MotionEnd, samples: Sequence[AxisSample]) -> float | None:
     """Return the speed since the motion was ended, degrees a second; None if the samples do not show it yet.
 
     Only the last two samples that are far enough apart count, to leave out the run-on before them.
     """
-    since = [sample for sample in samples if sample.at >= ending.sent_at[-1]]
+    since = [sample for sample in samples if sample.time >= ending.sent_at[-1]]
     for before, after in reversed(list(pairwise(since))):
-        elapsed = after.at - before.at
+        elapsed = after.time - before.time
         if elapsed * ending.speed / 2.0 >= MIN_UNITS * max(before.resolution, after.resolution):
             turned = (abs(wrap180(after.axes[axis - 1] - before.axes[axis - 1])) for axis in ending.axes)
             return max(turned, default=0.0) / elapsed
     return None
 
 
-def next_step(ending: Ending, samples: Sequence[AxisSample], now: float) -> Step:
+def next_step(ending: MotionEnd, samples: Sequence[AxisSample], now: float) -> EndStep:
     """Return what to do now so that a motion ends."""
-    if not visible(ending):
-        return Step.DONE
-    measured = speed(ending, samples)
-    if measured is not None and measured < max(SLOW, ending.speed * MIN_PART):
-        return Step.DONE
+    if not is_visible(ending):
+        return EndStep.DONE
+    measured = speed_since_end(ending, samples)
+    if measured is not None and measured < max(MIN_VISIBLE_SPEED, ending.speed * MIN_RATIO):
+        return EndStep.DONE
     times = len(ending.sent_at)
     pause = RETRY_DELAYS[times - 1] if times <= len(RETRY_DELAYS) else LATER_RETRY_PERIOD
     if measured is None or now - ending.sent_at[-1] < pause:
-        return Step.LOOK
-    return Step.SEND if times < TRIES_BEFORE_WARNING else Step.ALARM
+        return EndStep.READ_POSITION
+    return EndStep.SEND_AGAIN if times < TRIES_BEFORE_WARNING else EndStep.SEND_AND_WARN
 
 
 class EndWatch:
@@ -112,12 +112,12 @@ class EndWatch:
 
     def __init__(self, clock: Callable[[], float], warn: Callable[[str], None], wanted: WantedState) -> None:
         self._clock, self._warn, self._wanted = clock, warn, wanted
-        self.again: Signal[frozenset[int]] = Signal()
+        self.resend_needed: Signal[frozenset[int]] = Signal()
         self.samples: list[AxisSample] = []
-        self._ending: Ending | None = None
+        self._ending: MotionEnd | None = None
 
     @property
-    def ending(self) -> Ending | None:
+    def ending(self) -> MotionEnd | None:
         """The ended motion that positions do not confirm yet, without axes that were set moving again since."""
         ending, begun = self._ending, self._wanted.value.motions_begun
         if ending is not None and ending.motions_begun != begun:
@@ -130,30 +130,30 @@ class EndWatch:
         """Whether positions are needed, because they have not shown yet that a motion has ended."""
         return self.ending is not None
 
-    def sent(self, axes: Iterable[int], speed: float) -> None:
+    def watch_end(self, axes: Iterable[int], speed: float) -> None:
         """Watch axes for which a stop was sent, and which moved at up to this speed until then, degrees a second."""
         both, before, begun = frozenset(axes), self.ending, self._wanted.value.motions_begun
         if before is not None and before.axes == both:
-            self._ending = Ending(both, max(speed, before.speed), (*before.sent_at[:-1], self._clock()), begun)
+            self._ending = MotionEnd(both, max(speed, before.speed), (*before.sent_at[:-1], self._clock()), begun)
         elif speed > 0.0:
             rest = (before.axes, before.speed) if before is not None else (frozenset[int](), 0.0)
-            self._ending = Ending(both | rest[0], max(speed, rest[1]), (self._clock(),), begun)
+            self._ending = MotionEnd(both | rest[0], max(speed, rest[1]), (self._clock(),), begun)
 
-    def look(self, sample: AxisSample) -> None:
+    def add_sample(self, sample: AxisSample) -> None:
         """Take the readings of a position, and emit ``resend_needed`` if the axes must be stopped once more."""
         self.samples = [*self.samples[1 - MAX_SAMPLES :], sample]
         ending = self.ending
         if ending is None:
             return
         step = next_step(ending, self.samples, self._clock())
-        if step is Step.DONE:
+        if step is EndStep.DONE:
             self._ending = None
-        elif step is not Step.LOOK:
-            again = ending.again(self._clock())
+        elif step is not EndStep.READ_POSITION:
+            again = ending.with_retry(self._clock())
             self._ending = again if len(again.sent_at) < MAX_TRIES else None
             self._warn(
                 f"WARNING: the mount keeps moving after {TRIES_BEFORE_WARNING} stop commands: switch it off"
-                if step is Step.ALARM
+                if step is EndStep.SEND_AND_WARN
                 else "the mount has not stopped: the stop is sent again"
             )
-            self.again.emit(ending.axes)
+            self.resend_needed.emit(ending.axes)

@@ -15,18 +15,18 @@ from gateway.astro.axes import Pair
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.motion_kinds import MOVERS
-from gateway.mount.motion.ends import MIN_PART, SLOW, AxisSample
+from gateway.mount.motion.ends import MIN_RATIO, MIN_VISIBLE_SPEED, AxisSample
 from gateway.mount.motion.wanted import Slew, Wanted
 
 #: Age of the marker in seconds up to which the mount is stopped without reading its position.
-MAX_AGE = 10.0
+MAX_MARK_AGE = 10.0
 #: Seconds between the two positions that are compared, and within which both must arrive.
 SAMPLE_GAP, SAMPLES_TIMEOUT = 0.7, 1.5
 #: How many times faster than recorded an axis may turn and still be taken for the recorded motion.
-FASTER = 2.5
+TOO_FAST = 2.5
 
 
-class LeftMotion(Struct, frozen=True, omit_defaults=True):
+class Leftover(Struct, frozen=True, omit_defaults=True):
     """The motion that a marker records: ``speeds`` of motions by hand, by axis, degrees a second; or a ``goto``.
 
     ``direction``: whether the reading of the first axis grew (1) or fell (-1), 0 if positions have not shown it. It is
@@ -38,7 +38,7 @@ class LeftMotion(Struct, frozen=True, omit_defaults=True):
     goto: bool = False
 
 
-def left_motion(wanted: Wanted, speed: Callable[[op.Rate], float], samples: list[AxisSample]) -> LeftMotion | None:
+def find_leftover(wanted: Wanted, speed: Callable[[op.Rate], float], samples: list[AxisSample]) -> Leftover | None:
     """Return the motion that the gateway has begun; None if positions could not show later whether it goes on."""
     begun = [
         *wanted.by_hand.values(),
@@ -49,29 +49,31 @@ def left_motion(wanted: Wanted, speed: Callable[[op.Rate], float], samples: list
     if not begun:
         return None
     if isinstance(begun[-1], op.Goto):
-        return LeftMotion(goto=True)
+        return Leftover(goto=True)
     speeds: dict[int, float] = {}
     for operation in begun:
-        if not isinstance(operation, op.Move | op.MoveAxis) or speed(operation.rate) < 2.0 * SLOW:
+        if not isinstance(operation, op.Move | op.MoveAxis) or speed(operation.rate) < 2.0 * MIN_VISIBLE_SPEED:
             return None
         speeds[operation.axis] = speed(operation.rate)
-    rate = turning(samples[-2], samples[-1])[0] if 1 in speeds and len(samples) > 1 else 0.0
-    shown = abs(rate) >= MIN_PART * speeds.get(1, 0.0)
-    return LeftMotion(speeds, (rate > 0.0) - (rate < 0.0) if shown else 0)
+    rate = axis_speeds(samples[-2], samples[-1])[0] if 1 in speeds and len(samples) > 1 else 0.0
+    shown = abs(rate) >= MIN_RATIO * speeds.get(1, 0.0)
+    return Leftover(speeds, (rate > 0.0) - (rate < 0.0) if shown else 0)
 
 
-def turning(before: AxisSample, after: AxisSample) -> Pair:
+def axis_speeds(before: AxisSample, after: AxisSample) -> Pair:
     """Return the speeds of both axes between two samples, degrees a second."""
-    elapsed = max(after.at - before.at, 1e-6)
+    elapsed = max(after.time - before.time, 1e-6)
     return wrap180(after.axes[0] - before.axes[0]) / elapsed, wrap180(after.axes[1] - before.axes[1]) / elapsed
 
 
-def still_left(left: LeftMotion, rates: Pair) -> frozenset[int]:
+def axes_still_moving(left: Leftover, rates: Pair) -> frozenset[int]:
     """Return the axes that still turn as recorded. ``axis_rates``: the present speeds, degrees a second."""
-    axes = {axis for axis, speed in left.speeds.items() if MIN_PART * speed <= abs(rates[axis - 1]) <= FASTER * speed}
+    axes = {
+        axis for axis, speed in left.speeds.items() if MIN_RATIO * speed <= abs(rates[axis - 1]) <= TOO_FAST * speed
+    }
     return frozenset(axes - ({1} if rates[0] * left.direction < 0.0 else set()))
 
 
-def rests(rates: Pair) -> bool:
+def is_at_rest(axis_rates: Pair) -> bool:
     """Whether the mount rests or only tracks. ``axis_rates``: the speeds of both axes, degrees a second."""
-    return max(map(abs, rates)) < SLOW
+    return max(map(abs, axis_rates)) < MIN_VISIBLE_SPEED

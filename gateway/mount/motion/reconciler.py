@@ -1,6 +1,6 @@
 """Makes the mount do what is wanted: the only part that sends motion commands, one order after the other.
 
-An order changes ``Wanted`` when it arrives (``take_order``). The loop then carries out one due order after the other:
+An order changes ``Wanted`` when it arrives (``accept``). The loop then carries out one due order after the other:
 it has the rules admit the order, announces a motion before its first byte, has the driver carry it out, and adds the
 outcome to ``Wanted``. An order that is no longer wanted is cancelled between two exchanges; an order that a
 halt has interrupted begins again after it. A stop is no order (``stopping.py``): it does not queue, cancels the motions
@@ -22,7 +22,7 @@ from msgspec.structs import replace
 from gateway.core import operations as op
 from gateway.core import waiting
 from gateway.core.errors import Busy, Fault, NoAnswer
-from gateway.core.motion_kinds import END_ORDERS, GOTOS, MOVERS, ends_focus, survives_abort
+from gateway.core.motion_kinds import END_ORDERS, GOTOS, MOVERS, stops_focuser, survives_abort
 from gateway.core.signals import Signal
 from gateway.core.waiting import Outcome, result_of
 from gateway.mount.context import Context
@@ -31,7 +31,7 @@ from gateway.mount.link.queue import MAX_START_DELAY, MOTION, SETTING, STOP
 from gateway.mount.motion import changes, taps
 from gateway.mount.motion.consequences import Consequences
 from gateway.mount.motion.stopping import StopSender
-from gateway.mount.motion.wanted import FIRST_RANK, USUAL_RANK, Arrow, Halt, NotOrdered, Order, Tap, Wanted
+from gateway.mount.motion.wanted import FIRST_RANK, USUAL_RANK, Arrow, Halt, NoOrderedMove, Order, Tap, Wanted
 from gateway.mount.presence import HostActivity
 from gateway.mount.safety.admission.motions import MotionAdmission
 from gateway.protocols.base.driver import FollowUps, Schedule
@@ -39,7 +39,7 @@ from gateway.protocols.base.driver import FollowUps, Schedule
 #: An asynchronous callback before a motion begins.
 Announce = Callable[[], Awaitable[None]]
 #: Seconds between two attempts to halt a focuser whose mount does not reply.
-FOCUS_AGAIN = 1.0
+FOCUS_RETRY = 1.0
 
 
 class Reconciler:
@@ -60,46 +60,46 @@ class Reconciler:
         announcers: Sequence[Announce],
     ) -> None:
         self._context, self._driver, self._link = context, context.driver, context.link
-        self._state, self._movement = context.wanted, context.movement
+        self._wanted_state, self._movement = context.wanted, context.movement
         self._follow_ups, self._runner, self._announcers = follow_ups, runner, announcers
         self._admission, self._consequences = admission, consequences
         self._loop = asyncio.get_running_loop()
-        self.begins: Signal[op.Operation] = Signal()
-        self.unattended: Signal[None] = Signal()
-        self.lasting: Signal[None] = Signal()
-        self._numbers = count(1)
+        self.acknowledged: Signal[op.Operation] = Signal()
+        self.needs_client: Signal[None] = Signal()
+        self.saved_state_changed: Signal[None] = Signal()
+        self._order_ids = count(1)
         #: By order number, the future that the client of the order may wait for.
         self._outcomes: dict[int, Outcome] = {}
         #: The task of the loop while it runs, and whether it has begun: before that it could not catch a cancellation.
         self._loop_task: asyncio.Task[None] | None = None
-        self._has_begun = False
+        self._loop_has_begun = False
         #: The number of the order that is being carried out, and whether it was cancelled.
-        self._active, self._given_up = 0, False
+        self._active_number, self._active_cancelled = 0, False
         #: The number of the last order that was admitted, and when the last command of an order was sent.
-        self._admitted, self._last_sent_at = 0, 0.0
+        self._last_admitted, self._last_sent_at = 0, 0.0
         self._stopping = StopSender(context, runner)
-        self.at_rest = self._stopping.at_rest
-        self._stopping.sent.connect(consequences.stop_sent)
-        self.at_rest.connect(self._comes_to_rest)
-        self._stopping.ended.connect(lambda _: self._start_next())
+        self.stop_acknowledged = self._stopping.acknowledged
+        self._stopping.commands_sent.connect(consequences.on_stop_sent)
+        self.stop_acknowledged.connect(self._on_stop_acknowledged)
+        self._stopping.attempt_ended.connect(lambda _: self._start_next())
         runner.scheduled.connect(self.plan)
-        runner.broken.connect(self.after_defect)
+        runner.driver_failed.connect(self.stop_after_defect)
         self._timer: asyncio.TimerHandle | None = None
         self.closed = False
 
     @property
     def wanted(self) -> Wanted:
-        return self._state.value
+        return self._wanted_state.value
 
     @property
     def busy(self) -> bool:
         """Whether an ordered motion is under way or pending, a stop is not acknowledged, or tracking is suspended."""
         coming = any(not survives_abort(order.operation) for order in self.wanted.pending)
-        return self.wanted.owed or coming or self._movement.ordered or self._driver.tracking_suspended
+        return self.wanted.stop_owed or coming or self._movement.ordered_by_client or self._driver.tracking_suspended
 
     # --- orders -----------------------------------------------------------------------------------------------------
 
-    def take(
+    def accept(
         self,
         operation: op.Operation,
         stop_count: int | None,
@@ -111,81 +111,81 @@ class Reconciler:
         client waits for the outcome for ``max_delay`` seconds: a goto is not begun after that.
         """
         now, wanted = self._loop.time(), self.wanted
-        if self.closed or changes.too_late(wanted, operation, stop_count):
-            return waiting.cancelled()
+        if self.closed or changes.stopped_since(wanted, operation, stop_count):
+            return waiting.cancelled_outcome()
         releases = isinstance(operation, op.StopAxis) and operation.axis in wanted.by_hand
         if releases and self._link.occupied and not wanted.waiting_gotos:  # the mount would ignore it for seconds
             self._context.note(
                 "the mount is busy calculating and accepts nothing but a full stop: both axes are stopped"
             )
             return self.begin_stop()
-        guides = isinstance(operation, op.Move) and taps.at_guide_rate(operation)
+        guides = isinstance(operation, op.Move) and taps.is_at_guide_rate(operation)
         exchange = self._link.times.typical_rtt if guides else 0.0
         wakes = isinstance(operation, op.Wake) and self._driver.asleep  # earlier orders would get no reply
         kind = Halt if isinstance(operation, END_ORDERS) else Order
         order = kind(
-            next(self._numbers),
+            next(self._order_ids),
             operation,
             activity,
             rank=FIRST_RANK if wakes else USUAL_RANK,
             at=now + exchange if guides else 0.0,
-            arrow=Arrow(shortest=exchange / taps.MAX_TAP_FACTOR if guides and not self._driver.times_pulses else 0.0),
-            since=now if arrived_at is None else arrived_at,
-            until=now + max_delay if isinstance(operation, (*GOTOS, op.Sync)) else inf,
+            arrow=Arrow(min_time=exchange / taps.MAX_TAP_FACTOR if guides and not self._driver.times_pulses else 0.0),
+            came_at=now if arrived_at is None else arrived_at,
+            deadline=now + max_delay if isinstance(operation, (*GOTOS, op.Sync)) else inf,
         )
         try:
             return self._accept(order)
         except Fault as fault:
-            return waiting.failed(fault)
+            return waiting.failed_outcome(fault)
 
     def _accept(self, order: Order) -> Outcome:
         """Return the outcome of an order, or that of an equal pending halt. Raises Fault if it is refused."""
-        after = changes.apply(self.wanted, order, self._loop.time(), self._movement.slewing)
-        late = taps.dropped(self.wanted, after, order) if isinstance(order.operation, op.StopAxis) else None
+        after = changes.apply_order(self.wanted, order, self._loop.time(), self._movement.slewing)
+        late = taps.dropped_press(self.wanted, after, order) if isinstance(order.operation, op.StopAxis) else None
         if late is not None and (outcome := self._outcomes.pop(late.number, None)) is not None:
             outcome.set_exception(taps.TapDropped())
-        if after.stops != self.wanted.stops:
+        if after.n_stops != self.wanted.n_stops:
             return self.begin_stop()
         asked = any(other.number == order.number for other in after.pending)
         if asked:
             self._outcomes[order.number] = waiting.new_outcome()
-        self._want(after)
+        self._update(after)
         same = order if asked else changes.equal_pending_halt(after, order.operation)
         outcome = self._outcomes.get(same.number) if same is not None else None
         self._start_next()
-        return outcome if outcome is not None else waiting.finished()
+        return outcome if outcome is not None else waiting.finished_outcome()
 
-    def halt_is_pending(self, operation: op.Operation) -> bool:
+    def merge_halt(self, operation: op.Operation) -> bool:
         """Remove the pending orders that a halt ends; return whether an equal halt is pending and suffices."""
         begins = any(isinstance(order.operation, (*GOTOS, op.Move, op.MoveAxis)) for order in self.wanted.pending)
         if begins or self._movement.slewing:
             return False
         wanted = changes.without_superseded(self.wanted, operation)
         same = changes.equal_pending_halt(wanted, operation)
-        self.want(wanted if same is None else changes.interrupted(wanted, same))
+        self.update(wanted if same is None else changes.interrupted(wanted, same))
         return same is not None
 
-    def releases_arrow(self, activity: HostActivity) -> bool:
+    def treat_as_release(self, activity: HostActivity) -> bool:
         """Treat a full stop that only releases an arrow as the end of a tap; return False if the stop must be sent at
         once.
         """
-        after = None if self._movement.slewing else taps.stopped_at_once(self.wanted, activity, self._loop.time())
+        after = None if self._movement.slewing else taps.after_stop_as_release(self.wanted, activity, self._loop.time())
         if after is not None:
-            self.want(after)
+            self.update(after)
         return after is not None
 
     def outcomes_of(self, kind: type[op.Operation]) -> list[Outcome]:
         numbers = (order.number for order in self.wanted.pending if isinstance(order.operation, kind))
         return [outcome for number in numbers if (outcome := self._outcomes.get(number)) is not None]
 
-    def want(self, wanted: Wanted) -> None:
+    def update(self, wanted: Wanted) -> None:
         """Replace the ``Wanted`` without an order, because of an observation by another part."""
-        self._want(wanted)
+        self._update(wanted)
         self._start_next()
 
-    def plan(self, later: Schedule) -> None:
+    def plan(self, schedule: Schedule) -> None:
         """Carry out a follow-up after some seconds; it replaces an equal pending follow-up."""
-        self.want(changes.planned(self.wanted, later, next(self._numbers), self._loop.time()))
+        self.update(changes.add_follow_up(self.wanted, schedule, next(self._order_ids), self._loop.time()))
 
     # --- stops ------------------------------------------------------------------------------------------------------
 
@@ -194,40 +194,40 @@ class Reconciler:
 
         It is repeated until the mount has acknowledged it, even after a lost line. ``reason``: see ``after_stop``.
         """
-        self._want(changes.stopped(self.wanted, reason))
-        return self._stopping.send(self._loop_task if self._given_up else None)
+        self._update(changes.after_stop(self.wanted, reason))
+        return self._stopping.send(self._loop_task if self._active_cancelled else None)
 
     async def stop(self, reason: str | None = None) -> None:
         """End every motion, and wait until the mount has acknowledged it. Raises Fault."""
         await result_of(self.begin_stop(reason))
 
-    def send_again(self, axes: frozenset[int]) -> None:
+    def resend_end(self, axes: frozenset[int]) -> None:
         """Stop these axes once more, because positions show that they still move. Other orders continue."""
         if len(axes) > 1:
             self._stopping.send(None)
         else:
-            self._context.tasks.spawn(self._stopping.halt_again(*axes))
+            self._context.tasks.spawn(self._stopping.resend_halt(*axes))
 
-    def after_defect(self, _: None = None) -> None:
+    def stop_after_defect(self, _: None = None) -> None:
         """Stop the mount: it is unknown what moves now, and what failed may have been the end of a motion."""
         if self.busy:
             self.begin_stop()
 
-    def _comes_to_rest(self, _: None) -> None:
+    def _on_stop_acknowledged(self, _: None) -> None:
         """Note that the mount has acknowledged a stop."""
-        self._want(changes.at_rest(self.wanted))
-        self._consequences.at_rest()
+        self._update(changes.after_acknowledged_stop(self.wanted))
+        self._consequences.on_stop_acknowledged()
 
     # --- what is wanted ---------------------------------------------------------------------------------------------
 
-    def _put(self, wanted: Wanted) -> None:
-        self._state.value = wanted
-        self._state.changed.emit(wanted)
+    def _store_wanted(self, wanted: Wanted) -> None:
+        self._wanted_state.value = wanted
+        self._wanted_state.changed.emit(wanted)
 
-    def _want(self, wanted: Wanted) -> None:
+    def _update(self, wanted: Wanted) -> None:
         """Replace the ``Wanted``, settle the outcomes of orders that have left it, and cancel the work on them."""
         before = self.wanted
-        self._put(wanted)
+        self._store_wanted(wanted)
         for tap in wanted.taps:
             if tap not in before.taps:
                 self._loop.call_at(tap.until, self._end_tap, tap)
@@ -236,39 +236,39 @@ class Reconciler:
             left = {order.number for order in wanted.pending}
             for order in before.pending:
                 if order.number not in left and (outcome := self._outcomes.pop(order.number, None)) is not None:
-                    outcome.set_result(None) if taps.serves_as_well(order, wanted) else outcome.cancel()
-            over = wanted.active != self._active or self._active not in left
-            if self._active and over and not self._given_up:
-                self._given_up = True
-                if self._loop_task is not None and self._has_begun:
+                    outcome.set_result(None) if taps.was_fulfilled_otherwise(order, wanted) else outcome.cancel()
+            over = wanted.active != self._active_number or self._active_number not in left
+            if self._active_number and over and not self._active_cancelled:
+                self._active_cancelled = True
+                if self._loop_task is not None and self._loop_has_begun:
                     self._loop_task.cancel()
 
     def _end_tap(self, tap: Tap) -> None:
         """End the motion of an arrow that was released a while ago, unless something else has ended it."""
         if tap in self.wanted.taps and not self.closed:
-            self._accept(Halt(next(self._numbers), op.StopAxis(tap.axis), tap.by, since=tap.until, ends_tap=True))
+            self._accept(Halt(next(self._order_ids), op.StopAxis(tap.axis), tap.by, came_at=tap.until, ends_tap=True))
 
     # --- the loop ---------------------------------------------------------------------------------------------------
 
     def _start_next(self) -> None:
         """Start the loop if it does not run and an order is due."""
-        if self._loop_task is None and (order := self._next()) is not None:
-            self._has_begun, self._loop_task = False, self._loop.create_task(self._carry_out_all(order))
+        if self._loop_task is None and (order := self._take_next()) is not None:
+            self._loop_has_begun, self._loop_task = False, self._loop.create_task(self._carry_out_all(order))
 
-    def _next(self) -> Order | None:
+    def _take_next(self) -> Order | None:
         """Take the order that is due, unless a stop is being sent; if none is due, set a timer."""
         if self.closed or self._stopping.task is not None:
             return None
         order = self.wanted.next_order(self._loop.time()) if self.wanted.pending else None
-        while order is not None and self._must_wait(order):
+        while order is not None and self._postpone_if_needed(order):
             order = self.wanted.next_order(self._loop.time())
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
         if order is not None:
-            self._put(replace(self.wanted, active=order.number))
-            self._active, self._given_up = order.number, False
-        elif self.wanted.pending and (moment := self.wanted.next_moment()) is not None:
+            self._store_wanted(replace(self.wanted, active=order.number))
+            self._active_number, self._active_cancelled = order.number, False
+        elif self.wanted.pending and (moment := self.wanted.next_due_time()) is not None:
             self._timer = self._loop.call_at(moment, self._start_next)
         return order
 
@@ -277,15 +277,15 @@ class Reconciler:
         order: Order | None = first
         task = asyncio.current_task()
         assert task is not None
-        self._has_begun = True
+        self._loop_has_begun = True
         try:
             while order is not None:
                 operation, value, error = order.operation, None, None
                 try:
-                    if not self._given_up:
+                    if not self._active_cancelled:
                         operation, value = await self._carry_out(order)
                 except asyncio.CancelledError:
-                    if not self._given_up:
+                    if not self._active_cancelled:
                         raise
                     task.uncancel()  # the order was cancelled, not the loop
                 except Exception as fault:
@@ -294,52 +294,52 @@ class Reconciler:
                     with contextlib.suppress(asyncio.CancelledError):
                         await asyncio.sleep(0)
                     task.uncancel()
-                given_up, self._active, self._given_up = self._given_up, 0, False
+                given_up, self._active_number, self._active_cancelled = self._active_cancelled, 0, False
                 pending = next((other for other in self.wanted.pending if other.number == order.number), None)
                 order = pending or order
                 if error is None and not given_up:
-                    self._has_succeeded(order, operation, value)
+                    self._on_success(order, operation, value)
                 elif error is not None and not given_up:
-                    self._has_failed(order, error)
+                    self._on_failure(order, error)
                 elif pending is not None and not self.closed and isinstance(order.operation, op.Move | op.MoveAxis):
-                    self._takes_effect(order, order.operation)  # it was interrupted, and may have begun already
-                order = self._next()
+                    self._on_acknowledged(order, order.operation)  # it was interrupted, and may have begun already
+                order = self._take_next()
         finally:
             self._loop_task = None
 
-    def _must_wait(self, order: Order) -> bool:
+    def _postpone_if_needed(self, order: Order) -> bool:
         """Postpone an order that the mount cannot be given now; refuse it if it has waited too long."""
         now = self._loop.time()
         wait = order.why_wait(now, self._link.occupied, self._context.incoming)
-        if wait is not None and order.may_wait(now, wait.longest) and not order.client_disconnected:
-            self._want(self.wanted.postponed(order, now))
+        if wait is not None and order.may_wait(now, wait.max_wait) and not order.client_disconnected:
+            self._update(self.wanted.postpone(order, now))
         elif wait is not None:
             if not order.client_disconnected and (outcome := self._outcomes.pop(order.number, None)) is not None:
                 outcome.set_exception(wait.refusal or Busy())
-            self._want(changes.failed(self.wanted, order))
+            self._update(changes.after_failure(self.wanted, order))
         return wait is not None
 
     async def _carry_out(self, order: Order) -> tuple[op.Operation, Any]:
         """Admit, announce and drive an order; return the operation as admitted, and its answer. Raises Fault."""
         if order.follow_up:
-            return order.operation, await self._follow_up(order)
+            return order.operation, await self._carry_out_follow_up(order)
         arrow = isinstance(order.operation, op.Move | op.MoveAxis) and order.rank == USUAL_RANK
         self._check_tap(order.number, taps.MAX_WAIT)
         try:
-            async with asyncio.timeout_at(order.until if order.until < inf else None):
-                operation = await self._admission.admit(order.operation, order.by)
+            async with asyncio.timeout_at(order.deadline if order.deadline < inf else None):
+                operation = await self._admission.admit(order.operation, order.client)
         except TimeoutError:  # the client has stopped waiting
             raise Busy from None
-        self._admitted = order.number
+        self._last_admitted = order.number
         if isinstance(operation, MOVERS):
             for announce in self._announcers:
                 await announce()
-        elif isinstance(operation, op.Hibernate) and (self._movement.anything or self._driver.tracking_suspended):
+        elif isinstance(operation, op.Hibernate) and (self._movement.any_motion or self._driver.tracking_suspended):
             await self.stop()
         priority = MOTION if not isinstance(order, Halt) else SETTING if order.keeps_repeating else STOP
         check = partial(self._check_tap, order.number, MAX_START_DELAY)
         steps = self._driver.perform(operation)
-        answer = await self._runner.drive(steps, priority, order.since if arrow else None, check)
+        answer = await self._runner.drive(steps, priority, order.came_at if arrow else None, check)
         self._last_sent_at = self._driver.sent_at
         if any(other.number == order.number and other.arrow.then_stop for other in self.wanted.pending):
             await self._runner.perform(op.AbortMotion(), STOP)
@@ -348,78 +348,78 @@ class Reconciler:
             return op.Pulse(operation.direction, operation.ms or 0), answer
         return operation, answer
 
-    def _check_tap(self, number: int, longest: float) -> None:
+    def _check_tap(self, number: int, max_age: float) -> None:
         """Raises TapDropped if the order is an arrow that was pressed over ``max_age`` seconds ago and is released."""
         for order in self.wanted.pending:
-            if order.number == number and order.held is not None and self._loop.time() - order.since > longest:
+            if order.number == number and order.held is not None and self._loop.time() - order.came_at > max_age:
                 raise taps.TapDropped
 
-    async def _follow_up(self, order: Order) -> Any:
+    async def _carry_out_follow_up(self, order: Order) -> Any:
         """Carry out an order of the gateway itself, which needs no admission. Raises Fault."""
         operation, began = order.operation, self._loop.time()
         special = self._follow_ups.get(type(operation))
         steps = special(self._driver, operation) if special else self._driver.perform(operation)
         answer = await self._runner.drive(steps, STOP if order.urgent else MOTION)
         if isinstance(operation, op.StopAxis):
-            self._consequences.pulse_ended(operation.axis, began, self._runner.began_at)
+            self._consequences.log_pulse_excess(operation.axis, began, self._runner.first_sent_at)
         return answer
 
     # --- outcomes ---------------------------------------------------------------------------------------------------
 
-    def _has_failed(self, order: Order, error: Exception) -> None:
+    def _on_failure(self, order: Order, error: Exception) -> None:
         now, busy = self._loop.time(), isinstance(error, Busy) and order.can_be_postponed
-        if busy and order.may_wait(now) and self._link.worked_after(order.since):
-            self._want(self.wanted.postponed(order, now))  # the mount began a long operation during the preparation
+        if busy and order.may_wait(now) and self._link.was_busy_after(order.came_at):
+            self._update(self.wanted.postpone(order, now))  # the mount began a long operation during the preparation
             return
         if (outcome := self._outcomes.pop(order.number, None)) is not None:
             outcome.set_exception(error)
-        self._want(changes.failed(self.wanted, order))
-        sent = isinstance(order.operation, GOTOS) and self._admitted == order.number
+        self._update(changes.after_failure(self.wanted, order))
+        sent = isinstance(order.operation, GOTOS) and self._last_admitted == order.number
         # It may have ended the motion before it, or left tracking suspended.
         interrupts = sent and (bool(self.wanted.by_hand) or self._driver.tracking_suspended)
         half_begun = changes.may_have_begun(order, error) or interrupts
         not_ended = isinstance(order.operation, END_ORDERS) and not (self._driver.asleep and not order.follow_up)
-        if ends_focus(order.operation) and isinstance(error, NoAnswer | Busy) and not self._driver.asleep:
+        if stops_focuser(order.operation) and isinstance(error, NoAnswer | Busy) and not self._driver.asleep:
             if not any(isinstance(other.operation, op.Focus) for other in self.wanted.pending):
-                self.plan(Schedule(FOCUS_AGAIN, order.operation))  # no position shows it, no stop of the mount does it
+                self.plan(Schedule(FOCUS_RETRY, order.operation))  # no position shows it, no stop of the mount does it
         elif order.follow_up:
             self._context.note(f"{order.operation.title()}: {error}")
         if (not_ended or half_begun) and isinstance(error, Fault):  # something may move that should not
             self.begin_stop()
 
-    def _has_succeeded(self, order: Order, operation: op.Operation, value: Any) -> None:
+    def _on_success(self, order: Order, operation: op.Operation, value: Any) -> None:
         now = self._loop.time()
         if (outcome := self._outcomes.pop(order.number, None)) is not None:
             outcome.set_result(value)
-        self._want(changes.carried_out(self.wanted, order, now))
+        self._update(changes.after_success(self.wanted, order, now))
         if isinstance(value, op.Pulsed):
-            self._want(changes.pulsed(self.wanted, order, value, next(self._numbers), now))
+            self._update(changes.after_pulse_start(self.wanted, order, value, next(self._order_ids), now))
             if not value.ends:
                 self._link.queue.expect_urgent((now if value.since is None else value.since) + value.seconds)
-        if order.follow_up and not ends_focus(operation):
-            self._consequences.followed(operation)
-            self.lasting.emit(None)
+        if order.follow_up and not stops_focuser(operation):
+            self._consequences.on_follow_up_done(operation)
+            self.saved_state_changed.emit(None)
         else:
-            self._takes_effect(order, operation)
+            self._on_acknowledged(order, operation)
 
-    def _takes_effect(self, order: Order, operation: op.Operation) -> None:
+    def _on_acknowledged(self, order: Order, operation: op.Operation) -> None:
         """Add the acknowledged operation to ``Wanted``, and handle its consequences."""
         before, by_hand = self.wanted, isinstance(operation, op.Move | op.MoveAxis)
-        self._consequences.begins(operation)
+        self._consequences.on_acknowledged(operation)
         speed = self._driver.speed(operation.rate) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
-        self._want(changes.acknowledged(before, order, operation, self._loop.time(), speed, self._last_sent_at))
-        self.begins.emit(operation)
-        self._consequences.done(operation, before)
+        self._update(changes.after_ack(before, order, operation, self._loop.time(), speed, self._last_sent_at))
+        self.acknowledged.emit(operation)
+        self._consequences.on_ack(operation, before)
         if by_hand or isinstance(operation, op.Focus):
-            self.unattended.emit(None)
+            self.needs_client.emit(None)
         elif isinstance(operation, op.StopAxis) and self.wanted.by_hand:
             self._context.tasks.spawn(self._check_other_axis())
-        self.lasting.emit(None)
+        self.saved_state_changed.emit(None)
 
     async def _check_other_axis(self) -> None:
         """After one axis was halted, check that the other axis may continue alone; if not, stop the mount."""
         try:
-            await self._admission.still_allowed()
+            await self._admission.check_motion_under_way()
         except Fault as fault:
             self._context.note(f"stopped: {fault}")
             self.begin_stop()
@@ -430,4 +430,4 @@ class Reconciler:
         self._stopping.close()
         if self._timer is not None:
             self._timer.cancel()
-        self._want(replace(self.wanted, pending=(), active=0, motion=NotOrdered()))
+        self._update(replace(self.wanted, pending=(), active=0, motion=NoOrderedMove()))

@@ -17,14 +17,14 @@ from msgspec.structs import replace
 from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.core.signals import Signal
-from gateway.mount.motion.wanted import ByHand, Slew, Wanted
+from gateway.mount.motion.wanted import HandMove, Slew, Wanted
 
 ARCSECOND = 1.0 / 3600.0
 #: Degrees a second: the motion of the sky, and the greatest difference between the sidereal and other tracking rates.
-SKY, DRIVES = 15.041 * ARCSECOND, 3.0 * ARCSECOND
+SKY, DRIVE_DIFF = 15.041 * ARCSECOND, 3.0 * ARCSECOND
 #: Seconds: the least time between two positions that are compared; the age up to which a position from before the end
 #: of a goto counts; and the time without a position after which the motion is unknown.
-MIN_POSITION_GAP, MAX_POSITION_GAP, MAX_SILENCE = 0.25, 1.5, 3.0
+MIN_POSITION_GAP, MAX_EARLY_POSITION_AGE, MAX_SILENCE = 0.25, 1.5, 3.0
 #: Seconds that a guide pulse waits for rest at most.
 MAX_PULSE_WAIT = 1.5
 #: Two positions agree if they differ by no more than this many units of the position's resolution.
@@ -36,7 +36,7 @@ class TimedPosition(Struct, frozen=True):
 
     at: float
     asked: float
-    sky: op.Equatorial
+    position: op.Equatorial
 
 
 class RunOn(Struct, frozen=True):
@@ -44,7 +44,7 @@ class RunOn(Struct, frozen=True):
     can show rest; ``last_position_at`` is when the mount last reported any position.
     """
 
-    since: float
+    ended_at: float
     goto: bool
     last_position_at: float
     positions: tuple[TimedPosition, ...] = ()
@@ -58,48 +58,48 @@ def unexplained_motion(before: op.Equatorial, after: op.Equatorial, elapsed: flo
     distance = separation(before.ra, before.dec, after.ra, after.dec)
     passed = separation(before.ra + SKY * elapsed, before.dec, after.ra, after.dec)
     turned = wrap180(after.ra - before.ra) * equatorial
-    return max(min(distance, passed), min(abs(turned), abs(turned - SKY * elapsed))) - DRIVES * elapsed
+    return max(min(distance, passed), min(abs(turned), abs(turned - SKY * elapsed))) - DRIVE_DIFF * elapsed
 
 
 def after_position(run_on: RunOn, position: TimedPosition, equatorial: bool, resolution: float) -> RunOn | None:
     """Return the run-on after a position; None if the mount is at rest. ``resolution`` is that of the position,
     degrees.
     """
-    if position.asked < run_on.since:
+    if position.asked < run_on.ended_at:
         return replace(run_on, last_position_at=position.at)
     older = [place for place in run_on.positions if position.at - place.at >= MIN_POSITION_GAP]
     if older:
         before, elapsed = older[-1], position.at - older[-1].at
-        if unexplained_motion(before.sky, position.sky, elapsed, equatorial) <= REST_UNITS * resolution:
+        if unexplained_motion(before.position, position.position, elapsed, equatorial) <= REST_UNITS * resolution:
             return None
     places = (*older[-1:], *run_on.positions[len(older) :], position)
     return replace(run_on, last_position_at=position.at, positions=places)
 
 
 class RunOnWatch:
-    """Holds the ``current`` run-on, None at rest. ``pulse_wait_changed``: the loop time until which pulses wait."""
+    """Holds the ``current`` run-on, None at rest. ``changed``: the loop time until which pulses wait."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
         #: Emitted with each command that may set the mount moving; and its count when the mount was last seen at rest.
         self.sent: Signal[None] = Signal()
-        self._rested_at = 0
+        self._commands_at_rest = 0
         #: When the mount was last seen at rest after the end of a motion.
-        self.rested = -inf
-        self.value: RunOn | None = None
+        self.rested_at = -inf
+        self.current: RunOn | None = None
         self.changed: Signal[float] = Signal()
 
     @property
-    def of_goto(self) -> bool:
+    def is_after_goto(self) -> bool:
         """Whether the mount runs on after a goto, park or home."""
-        return self.value is not None and self.value.goto
+        return self.current is not None and self.current.goto
 
     @property
-    def unknown(self) -> bool:
+    def motion_unknown(self) -> bool:
         """Whether the mount has not reported its position for so long that nothing is known of its motion."""
-        return self.value is not None and self._clock() - self.value.last_position_at > MAX_SILENCE
+        return self.current is not None and self._clock() - self.current.last_position_at > MAX_SILENCE
 
-    def activity(self, wanted: Wanted, parked: bool, heard: float) -> op.Activity:
+    def activity(self, wanted: Wanted, parked: bool, reply_age: float) -> op.Activity:
         """Return the motion by orders of this gateway, including the run-on. ``reply_age``: seconds since the mount's
         last reply.
         """
@@ -107,42 +107,42 @@ class RunOnWatch:
         # The last step of a park: the tube has arrived, and tracking is not off yet.
         parks = any(getattr(order.operation, "then", "") == "park" for order in wanted.pending if order.follow_up)
         return op.Activity(
-            goto=slews or bool(wanted.waiting_gotos) or (parks and not parked) or self.of_goto,
-            by_hand=isinstance(wanted.motion, ByHand)
+            goto=slews or bool(wanted.waiting_gotos) or (parks and not parked) or self.is_after_goto,
+            by_hand=isinstance(wanted.motion, HandMove)
             or any(isinstance(order.operation, op.Move | op.MoveAxis) for order in waiting),
-            ends=wanted.owed or self.value is not None,
-            unknown=self.unknown or (wanted.owed and heard > MAX_SILENCE),
-            pulse=any(pulse.until > self._clock() for pulse in wanted.pulses)
+            ends=wanted.stop_owed or self.current is not None,
+            unknown=self.motion_unknown or (wanted.stop_owed and reply_age > MAX_SILENCE),
+            pulse=any(pulse.ends_at > self._clock() for pulse in wanted.pulses)
             or any(isinstance(order.operation, op.Pulse | op.PulseAxis) for order in wanted.pending),
             parked=parked,
             homed=wanted.homed and not slews,
-            short=wanted.short,
+            short=wanted.failure,
         )
 
-    def may_move(self) -> None:
+    def note_may_move(self) -> None:
         """Note that the mount may be moving by a command of an earlier run of the gateway."""
-        self._rested_at = -1
+        self._commands_at_rest = -1
 
-    def ended(self, goto: bool, latest: TimedPosition | None = None, by_others: bool = False) -> None:
+    def on_end(self, after_goto: bool, latest: TimedPosition | None = None, moved_by_others: bool = False) -> None:
         """Note that the mount has acknowledged the end of a motion, or that a goto has ended by itself; the ``latest``
         position may already show rest. It changes nothing if the mount was at rest, unless somebody else moved it.
         """
         now = self._clock()
-        if self.value is not None or not (self.sent.count != self._rested_at or by_others):
-            self.value = None if self.value is None else replace(self.value, goto=goto or self.value.goto)
+        if self.current is not None or not (self.sent.count != self._commands_at_rest or moved_by_others):
+            self.current = None if self.current is None else replace(self.current, goto=after_goto or self.current.goto)
             return
-        counts = latest is not None and now - latest.asked < MAX_POSITION_GAP
-        self.value = RunOn(now, goto, now, (latest,) if counts and latest is not None else ())
+        counts = latest is not None and now - latest.asked < MAX_EARLY_POSITION_AGE
+        self.current = RunOn(now, after_goto, now, (latest,) if counts and latest is not None else ())
         self.changed.emit(now + MAX_PULSE_WAIT)
 
     def forget(self) -> None:
         """End the run-on, because a motion has begun or the mount hibernates. Pulses wait as before."""
-        self.value = None
+        self.current = None
 
-    def position(self, position: TimedPosition, equatorial: bool, resolution: float) -> None:
+    def add_position(self, position: TimedPosition, equatorial: bool, resolution: float) -> None:
         """Take a position that the mount has reported."""
-        if self.value is not None:
-            self.value = after_position(self.value, position, equatorial, resolution)
-            if self.value is None:
-                self._rested_at, self.rested = self.sent.count, position.at
+        if self.current is not None:
+            self.current = after_position(self.current, position, equatorial, resolution)
+            if self.current is None:
+                self._commands_at_rest, self.rested_at = self.sent.count, position.at
                 self.changed.emit(0.0)

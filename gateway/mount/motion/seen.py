@@ -22,7 +22,7 @@ POSITION_RESOLUTION, COARSE_RESOLUTION = 0.006, 0.025
 MIN_DIRECTION_STEP, NEAR_POLE = 0.2, 85.0
 #: When the tube passes the pole or the zenith, the first axis seems to turn by half a circle: the degrees that count as
 #: such, and the declination or altitude above which they do.
-POLE_PASSAGE_TURN, PASSES = 90.0, 60.0
+POLE_PASSAGE_TURN, POLE_LAT = 90.0, 60.0
 NEVER = -1e9
 
 
@@ -31,47 +31,47 @@ class PositionSample(Struct, frozen=True):
     for each source of site and time.
 
     ``other_altitudes`` are those by other sources of site and time, or if the syncs were wrong. The first
-    ``own_altitude_count`` of all altitudes are by the mount's own site and clock. ``second_axis_motion`` is the motion
+    ``own_altitude_count`` of all altitudes are by the mount's own site and clock. ``lifting`` is the motion
     by hand of the second axis at that time. Samples with equal ``comparison_key`` can be compared.
     """
 
-    at: float
-    place: op.Equatorial
+    time: float
+    position: op.Equatorial
     altitude: float | None = None
     hour_angle: float | None = None
     suns: tuple[float, ...] = ()
     lifting: op.Move | op.MoveAxis | None = None
-    era: object = 0
-    further: tuple[float, ...] = ()
-    own: int = 1
+    comparison_key: object = 0
+    other_altitudes: tuple[float, ...] = ()
+    own_altitude_count: int = 1
 
     @property
     def altitudes(self) -> tuple[float, ...]:
         """Every altitude that the limits judge; none without a site."""
-        return () if self.altitude is None else (self.altitude, *self.further)
+        return () if self.altitude is None else (self.altitude, *self.other_altitudes)
 
 
-class Changes(Struct, frozen=True):
+class Rates(Struct, frozen=True):
     """How fast these values changed between two positions, degrees a second, never negative."""
 
     altitudes: tuple[float, ...] = ()
-    suns: tuple[float, ...] = ()
+    sun_distances: tuple[float, ...] = ()
 
 
-class Observed(Struct, frozen=True):
-    """The last two positions, the ``rates`` of change between them, and the ``earlier_rates`` before them.
+class ObservedMotion(Struct, frozen=True):
+    """The last two positions, the ``rates`` of change between them, and the ``earlier`` before them.
 
-    ``began_at`` is when the last motion began, ``ordered_speed`` its speed if known, ``sky_speed`` the speed on the
+    ``began_at`` is when the last motion began, ``ordered_speed`` its speed if known, ``across`` the speed on the
     sky. ``farthest_from_suns``: for each possible position of the Sun, the greatest distance since the tube came near.
     ``upright`` becomes False when the tube passes the pole or the zenith, or moves against the ordered direction, and
     True again when it has returned or the next goto has ended.
     """
 
-    before: PositionSample | None = None
+    previous: PositionSample | None = None
     last: PositionSample | None = None
-    changes: Changes = Changes()
-    earlier: Changes = Changes()
-    began: float = NEVER
+    rates: Rates = Rates()
+    earlier: Rates = Rates()
+    began_at: float = NEVER
     ordered_speed: float = 0.0
     across: float = 0.0
     farthest_from_suns: tuple[float, ...] = ()
@@ -80,41 +80,41 @@ class Observed(Struct, frozen=True):
     @property
     def elapsed(self) -> float:
         """Seconds between the last two positions; 0 if there are not two."""
-        return self.last.at - self.before.at if self.last is not None and self.before is not None else 0.0
+        return self.last.time - self.previous.time if self.last is not None and self.previous is not None else 0.0
 
 
-def begin_motion(observed: Observed, now: float, ordered_speed: float, at_rest: bool) -> Observed:
+def begin_motion(observed: ObservedMotion, now: float, ordered_speed: float, at_rest: bool) -> ObservedMotion:
     """Note that a motion has begun: at the last position, if the mount was at rest."""
-    last = replace(observed.last, at=now) if observed.last is not None and at_rest else observed.last
-    return replace(observed, last=last, changes=Changes(), earlier=Changes(), began=now, ordered_speed=ordered_speed)
+    last = replace(observed.last, time=now) if observed.last is not None and at_rest else observed.last
+    return replace(observed, last=last, rates=Rates(), earlier=Rates(), began_at=now, ordered_speed=ordered_speed)
 
 
-def add_first_position(observed: Observed, sample: PositionSample) -> Observed:
+def add_first_position(observed: ObservedMotion, sample: PositionSample) -> ObservedMotion:
     """Add a position that cannot be compared with the last position."""
-    return replace(observed, before=None, last=sample, farthest_from_suns=sample.suns)
+    return replace(observed, previous=None, last=sample, farthest_from_suns=sample.suns)
 
 
-def add_position(observed: Observed, sample: PositionSample) -> Observed:
+def add_position(observed: ObservedMotion, sample: PositionSample) -> ObservedMotion:
     """Add a position that can be compared with the last position, and calculate the speeds."""
     before = observed.last
     assert before is not None
-    elapsed = sample.at - before.at
-    across = separation(before.place.ra, before.place.dec, sample.place.ra, sample.place.dec) / elapsed
-    changes = Changes(
+    elapsed = sample.time - before.time
+    across = separation(before.position.ra, before.position.dec, sample.position.ra, sample.position.dec) / elapsed
+    changes = Rates(
         tuple(abs(now - then) / elapsed for then, now in zip(before.altitudes, sample.altitudes, strict=False)),
         tuple(abs(now - then) / elapsed for then, now in zip(before.suns, sample.suns, strict=True)),
     )
-    return replace(observed, before=before, last=sample, changes=changes, earlier=observed.changes, across=across)
+    return replace(observed, previous=before, last=sample, rates=changes, earlier=observed.rates, across=across)
 
 
-def lifted(observed: Observed, equatorial: bool, speed: float) -> Observed:
+def apply_lift(observed: ObservedMotion, equatorial: bool, speed: float) -> ObservedMotion:
     """Update ``upright``: False if the tube moves against the ordered direction of the second axis, so that it must be
     beyond the pole or the zenith. ``speed`` is the motor's, degrees a second.
     """
-    before, last = observed.before, observed.last
+    before, last = observed.previous, observed.last
     if before is None or last is None or last.lifting is None or last.lifting is not before.lifting:
         return observed
-    was, now = (sample.place.dec if equatorial else sample.altitude or 0.0 for sample in (before, last))
+    was, now = (sample.position.dec if equatorial else sample.altitude or 0.0 for sample in (before, last))
     if max(abs(was), abs(now)) > NEAR_POLE:
         return observed
     rose = now - was
@@ -124,37 +124,37 @@ def lifted(observed: Observed, equatorial: bool, speed: float) -> Observed:
     return observed
 
 
-def passed(
-    observed: Observed,
+def update_upright_by_passage(
+    observed: ObservedMotion,
     last: PositionSample | None,
     sample: PositionSample,
     astrometry: SiteAstrometry,
     status: op.Status | None,
-) -> Observed:
+) -> ObservedMotion:
     """Update ``upright`` if the tube has passed the pole or the zenith between two positions, except by a goto."""
     if last is None or status is None:
         return observed
-    before, after = (axis_sample(astrometry, status, False, each.at, each.place).axes for each in (last, sample))
-    passes = abs(wrap180(after[0] - before[0])) > POLE_PASSAGE_TURN and min(abs(before[1]), abs(after[1])) > PASSES
+    before, after = (axis_sample(astrometry, status, False, each.time, each.position).axes for each in (last, sample))
+    passes = abs(wrap180(after[0] - before[0])) > POLE_PASSAGE_TURN and min(abs(before[1]), abs(after[1])) > POLE_LAT
     return replace(observed, upright=not observed.upright) if passes else observed
 
 
-def at_one_time(now: float, place: op.Equatorial, before: PositionSample, lag: float) -> op.Equatorial:
+def simultaneous(now: float, position: op.Equatorial, before: PositionSample, lag: float) -> op.Equatorial:
     """Return a position with its right ascension, which was read ``lag`` seconds earlier, extrapolated to the time of
     its declination.
     """
-    turned = wrap180(place.ra - before.place.ra)
+    turned = wrap180(position.ra - before.position.ra)
     if not lag or abs(turned) > JUMP_DEGREES:
-        return place
-    return replace(place, ra=(place.ra + turned / (now - before.at) * lag) % 360.0)
+        return position
+    return replace(position, ra=(position.ra + turned / (now - before.time) * lag) % 360.0)
 
 
 def axis_sample(
-    astrometry: SiteAstrometry, status: op.Status | None, coarse: bool, now: float, place: op.Equatorial
+    astrometry: SiteAstrometry, status: op.Status | None, low_precision: bool, now: float, position: op.Equatorial
 ) -> AxisSample:
     """Return a position as readings of the two axes: right ascension and declination, or azimuth and altitude."""
-    resolution = COARSE_RESOLUTION if coarse else POSITION_RESOLUTION
+    resolution = COARSE_RESOLUTION if low_precision else POSITION_RESOLUTION
     if status is None or status.equatorial or astrometry.site_clock.site() is None:
-        return AxisSample(now, (place.ra, place.dec), resolution)
-    horizon = astrometry.horizon(place)
+        return AxisSample(now, (position.ra, position.dec), resolution)
+    horizon = astrometry.horizontal(position)
     return AxisSample(now, (horizon.az, horizon.alt), resolution)

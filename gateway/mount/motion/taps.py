@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from gateway.core import operations as op
 from gateway.core.errors import Busy
 from gateway.core.motion_kinds import END_ORDERS, axis_moved
-from gateway.mount.motion.wanted import FIRST_RANK, Arrow, AxisMotion, ByHand, Halt, NotOrdered, Order, Tap, Wanted
+from gateway.mount.motion.wanted import FIRST_RANK, Arrow, AxisMotion, Halt, HandMove, NoOrderedMove, Order, Tap, Wanted
 from gateway.mount.presence import HostActivity
 
 #: A press that has waited longer than this for its turn is dropped with its release, and so is a press that was held
@@ -40,79 +40,79 @@ def released(wanted: Wanted, release: Order) -> Wanted | None:
     None if the release ends something at once.
     """
     axis = axis_of(release)
-    waiting = unbegun(wanted, release)
+    waiting = waiting_arrows(wanted, release)
     if waiting:
         return (
-            _held_until(wanted, waiting, release)
-            if over(wanted, axis) and not _waited_too_long(waiting[-1], release)
+            _release_waiting(wanted, waiting, release)
+            if is_free_or_ending(wanted, axis) and not _waited_too_long(waiting[-1], release)
             else None
         )
-    if any(order.held is not None and _arrow_of(release, order) for order in wanted.pending):
+    if any(order.held is not None and _same_arrow(release, order) for order in wanted.pending):
         return wanted  # a program that releases an arrow twice
     begun = motion_of(wanted, axis)
-    if begun is None or over(wanted, axis) or not _same(begun.by, release.by):
+    if begun is None or is_free_or_ending(wanted, axis) or not _paired(begun.client, release.client):
         return None
-    held = release.since - begun.asked
+    held = release.came_at - begun.requested_at
     if held > MAX_TAP_TIME:
         return None
     # A release may have waited since it was read: then its motion had not begun. At guide rate the length counts.
-    whole = release.since < begun.since or at_guide_rate(begun.operation)
+    whole = release.came_at < begun.began_at or is_at_guide_rate(begun.operation)
     least = held if whole else max(min(held, SHORT_TAP_TIME), held * MIN_TAP_FRACTION)
-    return begin(wanted, begun, axis, least) if begun.sent + least > release.since else None
+    return begin_tap(wanted, begun, axis, least) if begun.sent_at + least > release.came_at else None
 
 
-def _held_until(wanted: Wanted, orders: list[Order], release: Order) -> Wanted:
+def _release_waiting(wanted: Wanted, orders: list[Order], release: Order) -> Wanted:
     """Return the new ``Wanted`` after the release of an arrow that waits: how long it was held is known now."""
     newest = orders[-1]
     first = orders[0] if orders[0].number == wanted.active else newest
     spans = [(first, release)] if first.operation == newest.operation else [(first, newest), (newest, release)]
-    taps = {order.number: _with_holding_time(order, max(0.0, end.since - order.since)) for order, end in spans}
+    taps = {order.number: _with_holding_time(order, max(0.0, end.came_at - order.came_at)) for order, end in spans}
     remaining = (order for order in wanted.pending if order not in orders or order.number in taps)
     wanted = replace(wanted, pending=tuple(taps.get(order.number, order) for order in remaining))
     last = taps[spans[-1][0].number]
-    if at_guide_rate(last.operation) and last.number != wanted.active:
-        return _as_pulse(wanted, last)
-    return _joined(wanted, last)
+    if is_at_guide_rate(last.operation) and last.number != wanted.active:
+        return _tap_to_pulse(wanted, last)
+    return _join_taps(wanted, last)
 
 
-def _as_pulse(wanted: Wanted, tap: Order) -> Wanted:
+def _tap_to_pulse(wanted: Wanted, tap: Order) -> Wanted:
     """Turn a tap at guide rate into a guide pulse; if it is too short for the mount, add its time to the next tap."""
     before = sum(other.held or 0.0 for other in wanted.short_taps if other.operation == tap.operation)
     others_kept = tuple(other for other in wanted.short_taps if axis_of(other) != axis_of(tap))
     tap = replace(_with_holding_time(tap, before + (tap.held or 0.0)), at=0.0)
     others = tuple(other for other in wanted.pending if other.number != tap.number)
-    if (tap.held or 0.0) < tap.arrow.shortest:
+    if (tap.held or 0.0) < tap.arrow.min_time:
         return replace(wanted, pending=others, short_taps=(*others_kept, tap))
     pulse = replace(tap, operation=replace(tap.operation, ms=round((tap.held or 0.0) * 1000.0)))
     return replace(wanted, pending=(*others, pulse), short_taps=others_kept)
 
 
-def at_guide_rate(operation: op.Operation) -> bool:
+def is_at_guide_rate(operation: op.Operation) -> bool:
     """Whether an operation is an arrow at the guide rate."""
     return isinstance(operation, op.Move) and operation.rate.name == "guide"
 
 
-def _joined(wanted: Wanted, tap: Order) -> Wanted:
+def _join_taps(wanted: Wanted, tap: Order) -> Wanted:
     """Join a tap with an equal tap before it that has not ended, so that a slow line carries out both in time."""
     axis, begun = axis_of(tap), motion_of(wanted, axis_of(tap))
     others = tuple(other for other in wanted.pending if other is not tap)
-    before = next((other for other in reversed(others) if _arrow_of(tap, other) and other.number < tap.number), None)
+    before = next((other for other in reversed(others) if _same_arrow(tap, other) and other.number < tap.number), None)
     if before is not None:
         held = (before.held or 0.0) + (tap.held or 0.0)
         if before.operation == tap.operation and tap.number != wanted.active and held <= MAX_TAP_TIME:
-            joined = replace(_with_holding_time(before, held), since=tap.since)
+            joined = replace(_with_holding_time(before, held), came_at=tap.came_at)
             return replace(wanted, pending=tuple(joined if other is before else other for other in others))
     elif (
         begun is not None and begun.operation == tap.operation and waits_for(wanted, axis) and not _halted(wanted, axis)
     ):
         longer = [replace(other, until=other.until + (tap.held or 0.0)) for other in wanted.taps if other.axis == axis]
-        if _same(begun.by, tap.by) and longer[0].until - begun.sent <= MAX_TAP_TIME:
+        if _paired(begun.client, tap.client) and longer[0].until - begun.sent_at <= MAX_TAP_TIME:
             taps = (*(other for other in wanted.taps if other.axis != axis), *longer)
             return replace(wanted, pending=others, taps=taps)
     return wanted
 
 
-def serves_as_well(order: Order, wanted: Wanted) -> bool:
+def was_fulfilled_otherwise(order: Order, wanted: Wanted) -> bool:
     """Whether an order that is no longer pending was fulfilled in another way.
 
     This is so for a halt, because whatever removes it ends the motion, too; and for an arrow that was replaced by, or
@@ -122,86 +122,88 @@ def serves_as_well(order: Order, wanted: Wanted) -> bool:
         return True
     axis = axis_moved(order.operation)
     begun = motion_of(wanted, axis or 0)
-    joined = waits_for(wanted, axis) and begun is not None and _same(begun.by, order.by)
+    joined = waits_for(wanted, axis) and begun is not None and _paired(begun.client, order.client)
     return axis is not None and (
-        joined or any(_arrow_of(order, waiting_order) for waiting_order in (*wanted.pending, *wanted.short_taps))
+        joined or any(_same_arrow(order, waiting_order) for waiting_order in (*wanted.pending, *wanted.short_taps))
     )
 
 
-def begin(wanted: Wanted, motion: AxisMotion, axis: int, held: float) -> Wanted:
+def begin_tap(wanted: Wanted, motion: AxisMotion, axis: int, held_seconds: float) -> Wanted:
     """Note that the mount has acknowledged the motion of an arrow that was released after ``held_seconds``."""
     others = tuple(tap for tap in wanted.taps if tap.axis != axis)
-    return replace(wanted, taps=(*others, Tap(axis, motion.by, motion.sent + held)))
+    return replace(wanted, taps=(*others, Tap(axis, motion.client, motion.sent_at + held_seconds)))
 
 
-def stopped_at_once(wanted: Wanted, activity: HostActivity, now: float) -> Wanted | None:
+def after_stop_as_release(wanted: Wanted, activity: HostActivity, now: float) -> Wanted | None:
     """Return the new ``Wanted`` after a full stop by which a program releases an arrow: a short motion, then the stop.
 
     None if the stop must be sent at once: the motion has begun, the press is too old, or other motions are ordered.
     """
     waiting = [other for other in wanted.pending if not other.follow_up]
-    moving = not isinstance(wanted.motion, NotOrdered) or wanted.owed or wanted.pulses or wanted.taps
+    moving = not isinstance(wanted.motion, NoOrderedMove) or wanted.stop_owed or wanted.pulses or wanted.taps
     if moving or len(waiting) != 1:
         return None
     [press] = waiting
-    if axis_moved(press.operation) is None or press.held is not None or not _same(press.by, activity):
+    if axis_moved(press.operation) is None or press.held is not None or not _paired(press.client, activity):
         return None
-    if now - press.since > RECENT_PRESS_AGE:
+    if now - press.came_at > RECENT_PRESS_AGE:
         return None
-    tap = replace(press, arrow=Arrow(held=0.0, then_stop=True))
+    tap = replace(press, arrow=Arrow(held_seconds=0.0, then_stop=True))
     pending = tuple(tap if other is press else other for other in wanted.pending)
-    return replace(wanted, pending=pending, pressed=(), stops=wanted.stops + 1)
+    return replace(wanted, pending=pending, arrows=(), n_stops=wanted.n_stops + 1)
 
 
-def ended(wanted: Wanted, end: Halt) -> Wanted:
+def end_tap(wanted: Wanted, end: Halt) -> Wanted:
     """Add the halt that ends a tap. It cancels no later order, and is void once a goto under way has begun."""
     gotos = [other.number for other in wanted.waiting_gotos if other.number == wanted.active]
-    end = replace(end, rank=FIRST_RANK, overtakes=True, order_count=wanted.order_count, unless=gotos[0] if gotos else 0)
+    end = replace(
+        end, rank=FIRST_RANK, overtakes=True, order_count=wanted.order_count, void_by=gotos[0] if gotos else 0
+    )
     return replace(wanted, pending=(*wanted.pending, end))
 
 
-def dropped(wanted: Wanted, after: Wanted, release: Order) -> Order | None:
+def dropped_press(wanted: Wanted, wanted_after: Wanted, release: Order) -> Order | None:
     """Return the press that its release has dropped, because it has waited or was held too long; None if it dropped
     none.
     """
-    waiting = unbegun(wanted, release)
-    if not waiting or not over(wanted, axis_of(release)) or not _waited_too_long(waiting[-1], release):
+    waiting = waiting_arrows(wanted, release)
+    if not waiting or not is_free_or_ending(wanted, axis_of(release)) or not _waited_too_long(waiting[-1], release):
         return None
-    return None if any(other.number == waiting[-1].number for other in after.pending) else waiting[-1]
+    return None if any(other.number == waiting[-1].number for other in wanted_after.pending) else waiting[-1]
 
 
-def without_presses(wanted: Wanted) -> Wanted:
+def without_waiting_arrows(wanted: Wanted) -> Wanted:
     """Remove the arrows that wait for their turn; an arrow that is being carried out stays."""
     waiting = [order for order in wanted.pending if axis_moved(order.operation) and order.number != wanted.active]
     tapped = {
-        (order.by.who, axis_moved(order.operation))
+        (order.client.host, axis_moved(order.operation))
         for order in waiting
-        if order.by is not None and order.held is not None
+        if order.client is not None and order.held is not None
     }
     return replace(
         wanted,
         pending=tuple(order for order in wanted.pending if order not in waiting),
-        pressed=tuple(order for order in wanted.pressed if (order.who, order.axis) not in tapped),
+        arrows=tuple(order for order in wanted.arrows if (order.host, order.axis) not in tapped),
     )
 
 
-def unbegun(wanted: Wanted, release: Order) -> list[Order]:
+def waiting_arrows(wanted: Wanted, release: Order) -> list[Order]:
     """Return the arrows of an axis that this client holds and whose motion has not begun, in their order."""
-    return [order for order in wanted.pending if order.held is None and _arrow_of(release, order)]
+    return [order for order in wanted.pending if order.held is None and _same_arrow(release, order)]
 
 
-def holder(wanted: Wanted, axis: int) -> HostActivity | None:
+def arrow_holder(wanted: Wanted, axis: int) -> HostActivity | None:
     """Return the client that has pressed the newest arrow of an axis and has not released it."""
     for order in reversed(wanted.pending):
         if axis_moved(order.operation) == axis and order.held is None:
-            return order.by
+            return order.client
     begun = motion_of(wanted, axis)
-    return None if begun is None or over(wanted, axis) else begun.by
+    return None if begun is None or is_free_or_ending(wanted, axis) else begun.client
 
 
-def over(wanted: Wanted, axis: int) -> bool:
+def is_free_or_ending(wanted: Wanted, axis: int) -> bool:
     """Whether no motion by hand turns the axis, or that motion is ending: it is a tap, or a halt is pending."""
-    return motion_of(wanted, axis) is None or _halted(wanted, axis) or wanted.owed or waits_for(wanted, axis)
+    return motion_of(wanted, axis) is None or _halted(wanted, axis) or wanted.stop_owed or waits_for(wanted, axis)
 
 
 def _halted(wanted: Wanted, axis: int) -> bool:
@@ -216,7 +218,7 @@ def waits_for(wanted: Wanted, axis: int | None) -> bool:
 def motion_of(wanted: Wanted, axis: int) -> AxisMotion | None:
     """Return the motion by hand of an axis that the mount has acknowledged."""
     motion = wanted.motion
-    return None if not isinstance(motion, ByHand) else motion.first if axis == 1 else motion.second
+    return None if not isinstance(motion, HandMove) else motion.first if axis == 1 else motion.second
 
 
 def axis_of(order: Order) -> int:
@@ -226,18 +228,18 @@ def axis_of(order: Order) -> int:
 
 def _with_holding_time(press: Order, seconds: float) -> Order:
     """Return an arrow that was released after these seconds."""
-    return replace(press, arrow=replace(press.arrow, held=seconds))
+    return replace(press, arrow=replace(press.arrow, held_seconds=seconds))
 
 
 def _waited_too_long(press: Order, release: Order) -> bool:
-    return release.since - press.since > MAX_TAP_TIME
+    return release.came_at - press.came_at > MAX_TAP_TIME
 
 
-def _arrow_of(order: Order, other: Order) -> bool:
+def _same_arrow(order: Order, other: Order) -> bool:
     """Whether ``other`` is an arrow of the axis and the client of another arrow, or of a release."""
-    return axis_moved(other.operation) == axis_of(order) and _same(other.by, order.by)
+    return axis_moved(other.operation) == axis_of(order) and _paired(other.client, order.client)
 
 
-def _same(press: HostActivity | None, release: HostActivity | None) -> bool:
+def _paired(press: HostActivity | None, release: HostActivity | None) -> bool:
     """Whether a press and a release are of the same host: some programs open a connection for every command."""
-    return press is not None and release is not None and press.who == release.who
+    return press is not None and release is not None and press.host == release.host

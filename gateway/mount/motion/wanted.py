@@ -1,7 +1,7 @@
 """What the gateway wants of a mount: one frozen value, which also decides which pending order is carried out next.
 
 ``Wanted.pending`` holds the orders that are not carried out yet, ``Wanted.motion`` the ordered motion that the mount
-has acknowledged (``changes.py``). If there is none (``NoOrderedMotion``), a person at the hand control may be moving
+has acknowledged (``changes.py``). If there is none (``NoOrderedMove``), a person at the hand control may be moving
 the mount. ``Movement`` reports which motions are under way.
 """
 
@@ -37,36 +37,36 @@ class Postponement(NamedTuple):
     None.
     """
 
-    longest: float
+    max_wait: float
     refusal: Fault | None
 
 
 class Arrow(Struct, frozen=True):
     """An arrow key whose motion has not begun. ``held_seconds``: how long it was held; None if it is still held.
 
-    ``followed_by_stop``: a full stop follows at once. A tap below ``min_seconds`` is added to the next tap.
+    ``then_stop``: a full stop follows at once. A tap below ``min_time`` is added to the next tap.
     """
 
-    held: float | None = None
+    held_seconds: float | None = None
     then_stop: bool = False
-    shortest: float = 0.0
+    min_time: float = 0.0
 
 
 class Order(Struct, frozen=True):
     """An operation that a client or the gateway has ordered and that is not done.
 
     ``number`` is its sequence number, ``client`` the client's connection. Loop times: ``arrived_at`` of its arrival,
-    ``due_from`` from which it is due, ``client_timeout_at`` until which its client waits. A ``follow_up`` is the
+    ``at`` from which it is due, ``deadline`` until which its client waits. A ``follow_up`` is the
     gateway's own, ``urgent`` if it ends a motion, ``not_while_busy`` if it waits until the mount accepts commands.
     """
 
     number: int
     operation: op.Operation
-    by: HostActivity | None = None
+    client: HostActivity | None = None
     rank: int = USUAL_RANK
-    since: float = 0.0
+    came_at: float = 0.0
     at: float = 0.0
-    until: float = inf
+    deadline: float = inf
     follow_up: bool = False
     urgent: bool = False
     not_while_busy: bool = False
@@ -75,7 +75,7 @@ class Order(Struct, frozen=True):
     @property
     def held(self) -> float | None:
         """For how many seconds an arrow was held, if it was released before its motion has begun; else None."""
-        return self.arrow.held
+        return self.arrow.held_seconds
 
     @property
     def pulse_axis(self) -> int | None:
@@ -104,25 +104,25 @@ class Order(Struct, frozen=True):
     @property
     def client_disconnected(self) -> bool:
         """Whether the order is a goto whose client has disconnected: it is not begun any more."""
-        return isinstance(self.operation, GOTOS) and self.by is not None and self.by.closed is not None
+        return isinstance(self.operation, GOTOS) and self.client is not None and self.client.closed_at is not None
 
-    def may_wait(self, now: float, longest: float = MAX_POSTPONEMENT) -> bool:
+    def may_wait(self, now: float, max_wait: float = MAX_POSTPONEMENT) -> bool:
         """Whether the order may wait longer; if not, it fails before its client stops waiting for the outcome."""
-        return self.not_while_busy or now < min(self.since + longest, self.until)
+        return self.not_while_busy or now < min(self.came_at + max_wait, self.deadline)
 
     def why_wait(self, now: float, occupied: bool, incoming: IncomingSettings) -> Postponement | None:
         """Return how long the order has to wait although it is due; None if it need not.
 
         The limits for a goto depend on site and clock, so it waits for those that clients have set before it.
         """
-        if isinstance(self.operation, GOTOS) and not self.follow_up and (incoming.pending or incoming.unfinished):
-            refusal = incoming.holds_up(now, occupied)
+        if isinstance(self.operation, GOTOS) and not self.follow_up and (incoming.pending or incoming.deadlines):
+            refusal = incoming.goto_refusal(now, occupied)
             if refusal is not None:
                 return Postponement(MAX_SETTINGS_WAIT, refusal)
         if occupied and self.can_be_postponed:
             return Postponement(MAX_POSTPONEMENT, Busy())
         arrow = isinstance(self.operation, op.Move | op.MoveAxis)
-        if arrow and incoming.sending and now < self.since + MAX_EXCHANGE_WAIT:
+        if arrow and incoming.type_being_sent and now < self.came_at + MAX_EXCHANGE_WAIT:
             return Postponement(MAX_EXCHANGE_WAIT, None)
         return None
 
@@ -130,21 +130,21 @@ class Order(Struct, frozen=True):
 class Halt(Order, frozen=True):
     """The order of a client, or of the gateway for it, to end the motion of an axis, or all gotos.
 
-    ``overtakes_pending``: it goes before pending orders. ``repeat_number``: how many equal halts came before it.
+    ``overtakes``: it goes before pending orders. ``repeat_number``: how many equal halts came before it.
     ``order_count`` is ``Wanted.order_count`` at its arrival. ``ends_tap``: it ends a motion whose arrow was released
-    earlier. Once the goto with the number ``void_after_goto`` has begun, this halt is void.
+    earlier. Once the goto with the number ``void_by`` has begun, this halt is void.
     """
 
     overtakes: bool = False
-    repeats: int = 0
+    repeat_number: int = 0
     order_count: int = 0
     ends_tap: bool = False
-    unless: int = 0
+    void_by: int = 0
 
     @property
     def keeps_repeating(self) -> bool:
         """Whether a client keeps repeating this halt: then it can wait for its turn."""
-        return self.repeats > URGENT_REPEATS
+        return self.repeat_number > URGENT_REPEATS
 
 
 class AxisMotion(Struct, frozen=True):
@@ -153,14 +153,14 @@ class AxisMotion(Struct, frozen=True):
     """
 
     operation: op.Move | op.MoveAxis
-    by: HostActivity | None
-    since: float
+    client: HostActivity | None
+    began_at: float
     speed: float
-    asked: float = 0.0
-    sent: float = 0.0
+    requested_at: float = 0.0
+    sent_at: float = 0.0
 
 
-class ByHand(Struct, frozen=True):
+class HandMove(Struct, frozen=True):
     """Motion by hand on one axis or both."""
 
     first: AxisMotion | None = None
@@ -174,26 +174,26 @@ class Slew(Struct, frozen=True):
     """A goto of both axes: its operation as it was sent, the client's connection, and the loop time of its start."""
 
     operation: op.Goto | op.GotoHorizontal | op.GotoAxes | op.Park | op.Home
-    by: HostActivity | None
-    since: float
+    client: HostActivity | None
+    began_at: float
 
 
-class NotOrdered(Struct, frozen=True):
+class NoOrderedMove(Struct, frozen=True):
     """No motion by the gateway's orders: the mount tracks, rests, or is moved at its hand control."""
 
 
 class FocusMotion(Struct, frozen=True):
     """A motion of the focuser; a stop of the mount leaves it alone."""
 
-    by: HostActivity | None
-    since: float
+    client: HostActivity | None
+    began_at: float
 
 
 class GuidePulse(Struct, frozen=True):
     """A guide pulse on an axis that is under way until the loop time ``ends_at``."""
 
     axis: int
-    until: float
+    ends_at: float
     operation: op.Pulse | op.PulseAxis | None = None
 
 
@@ -210,12 +210,12 @@ class Tap(Struct, frozen=True):
 class PressedArrow(Struct, frozen=True):
     """An arrow of an axis that a host has pressed, and how many gotos had been ordered by then."""
 
-    who: str
+    host: str
     axis: int
-    gotos: int
+    gotos_before: int
 
 
-class Halted(Struct, frozen=True):
+class DoneHalt(Struct, frozen=True):
     """A halt that is done: its loop time, ``Wanted.order_count`` at its arrival, and how many equal halts
     it repeated.
     """
@@ -223,44 +223,44 @@ class Halted(Struct, frozen=True):
     operation: op.Operation
     at: float
     order_count: int
-    repeats: int
+    repeat_number: int
 
 
 class Wanted(Struct, frozen=True):
-    """All that the gateway wants of a mount now. ``active_number``: the order that is being carried out, 0 for none.
+    """All that the gateway wants of a mount now. ``active``: the order that is being carried out, 0 for none.
 
     ``short_taps`` are taps that are too short for this mount, and are added to the next ones. ``stop_count`` and
     ``goto_count`` count the orders of these kinds so far, ``gotos_begun`` the gotos that the mount has acknowledged,
     ``motions_begun`` the acknowledged motions of each axis, ``order_count`` all orders except halts. ``stop_owed``: the
     mount has not acknowledged a stop yet. ``homed``: the mount was sent home, and no order has moved it since.
-    ``goto_failure`` is why the last goto ended before its goal, until the next order. Guide pulses wait until the mount
-    is at rest, but not beyond the loop time ``pulses_wait_until``.
+    ``failure`` is why the last goto ended before its goal, until the next order. Guide pulses wait until the mount
+    is at rest, but not beyond the loop time ``at_rest_by``.
     """
 
-    motion: NotOrdered | Slew | ByHand = NotOrdered()
-    focus: FocusMotion | None = None
+    motion: NoOrderedMove | Slew | HandMove = NoOrderedMove()
+    focus_motion: FocusMotion | None = None
     pending: tuple[Order, ...] = ()
     pulses: tuple[GuidePulse, ...] = ()
-    pressed: tuple[PressedArrow, ...] = ()
+    arrows: tuple[PressedArrow, ...] = ()
     taps: tuple[Tap, ...] = ()
     short_taps: tuple[Order, ...] = ()
-    halted: tuple[Halted, ...] = ()
-    owed: bool = False
+    halts: tuple[DoneHalt, ...] = ()
+    stop_owed: bool = False
     homed: bool = False
-    rests_by: float = 0.0
+    at_rest_by: float = 0.0
     active: int = 0
-    stops: int = 0
-    gotos: int = 0
+    n_stops: int = 0
+    n_gotos: int = 0
     gotos_begun: int = 0
     motions_begun: tuple[int, int] = (0, 0)
     order_count: int = 0
-    short: str = ""
+    failure: str = ""
 
     @property
     def by_hand(self) -> dict[int, op.Move | op.MoveAxis]:
         """The motions by hand, by axis."""
         motion, motions = self.motion, {}
-        if isinstance(motion, ByHand):  # without a loop, because every position calls this a dozen times
+        if isinstance(motion, HandMove):  # without a loop, because every position calls this a dozen times
             if motion.first is not None:
                 motions[1] = motion.first.operation
             if motion.second is not None:
@@ -288,7 +288,7 @@ class Wanted(Struct, frozen=True):
         due = [order for order in self.pending if self.due_at(order) <= now]
         return min(due, key=lambda order: (order.rank, order.number), default=None)
 
-    def next_moment(self) -> float | None:
+    def next_due_time(self) -> float | None:
         """Return the loop time at which the next order is due; None if every pending order waits for another."""
         moment = min((self.due_at(order) for order in self.pending), default=inf)
         return moment if moment < inf else None
@@ -300,9 +300,9 @@ class Wanted(Struct, frozen=True):
         axis = None if order.follow_up else order.pulse_axis
         if axis is None:
             return order.at
-        return max((order.at, self.rests_by, *(pulse.until for pulse in self.pulses if pulse.axis == axis)))
+        return max((order.at, self.at_rest_by, *(pulse.ends_at for pulse in self.pulses if pulse.axis == axis)))
 
-    def postponed(self, order: Order, now: float) -> Wanted:
+    def postpone(self, order: Order, now: float) -> Wanted:
         pending = tuple(
             replace(other, at=now + RECHECK_PERIOD) if other.number == order.number else other for other in self.pending
         )
@@ -324,36 +324,36 @@ class WantedState:
         return self.value.by_hand
 
     @property
-    def axes(self) -> set[int]:
+    def axes_moved_by_hand(self) -> set[int]:
         return set(self.value.by_hand)
 
     @property
-    def gotos(self) -> int:
+    def goto_event_count(self) -> int:
         """A number that grows whenever a goto is ordered, and when the mount has acknowledged it."""
-        return self.value.gotos + self.value.gotos_begun
+        return self.value.n_gotos + self.value.gotos_begun
 
     @property
-    def owed(self) -> bool:
+    def stop_owed(self) -> bool:
         """Whether the mount has not acknowledged a stop yet."""
-        return self.value.owed
+        return self.value.stop_owed
 
     @property
     def ending(self) -> bool:
         """Whether a stop or a halt is not done yet."""
-        return self.value.owed or any(isinstance(order.operation, END_ORDERS) for order in self.value.pending)
+        return self.value.stop_owed or any(isinstance(order.operation, END_ORDERS) for order in self.value.pending)
 
     @property
-    def goto_waits(self) -> bool:
+    def goto_pending(self) -> bool:
         """Whether a goto was ordered that the mount has not acknowledged yet."""
         return bool(self.value.waiting_gotos)
 
     @property
-    def waking(self) -> bool:
+    def wake_up_pending(self) -> bool:
         """Whether a wake-up was ordered that the mount has not acknowledged yet."""
         return any(isinstance(order.operation, op.Wake) for order in self.value.pending)
 
 
-class Moving(Struct, frozen=True):
+class MotionState(Struct, frozen=True):
     """The motions under way. ``slewing``: the mount reports a goto. ``by_hand``: the motions by hand, by axis.
     ``end_pending``: a stop or a halt is not acknowledged yet. ``ordered_by_client``: they do not come from the hand
     control.
@@ -361,18 +361,18 @@ class Moving(Struct, frozen=True):
 
     slewing: bool
     by_hand: Mapping[int, op.Move | op.MoveAxis]
-    ending: bool = False
-    ordered: bool = True
+    end_pending: bool = False
+    ordered_by_client: bool = True
 
     @property
     def slews_by_itself(self) -> bool:
         """Whether the mount does a goto that no client ordered: from its hand control, or a meridian flip
         of its own.
         """
-        return self.slewing and not self.ordered
+        return self.slewing and not self.ordered_by_client
 
     @property
-    def anything(self) -> bool:
+    def any_motion(self) -> bool:
         """Whether a motion is under way that a stop should end."""
         return self.slewing or bool(self.by_hand)
 
@@ -384,26 +384,26 @@ class Movement:
         self._wanted, self._ordered_by_client = wanted, False
         #: Whether the mount reports a goto.
         self.slewing = False
-        cache.slews.connect(self._note_slewing)
+        cache.slewing_changed.connect(self._note_slewing)
         #: Loop time until which the mount counts as moved at its hand control or by itself; ``LimitWatch`` sets it.
-        self.by_others_until = -1e9
+        self.moved_by_others_until = -1e9
 
     @property
-    def anything(self) -> bool:
+    def any_motion(self) -> bool:
         """Whether a motion is under way that a stop should end."""
         return bool(self._wanted.value.by_hand) or self.slewing
 
     def _note_slewing(self, slewing: bool) -> None:
         self.slewing = slewing
-        self._ordered_by_client = self.ordered
+        self._ordered_by_client = self.ordered_by_client
 
     @property
-    def ordered(self) -> bool:
+    def ordered_by_client(self) -> bool:
         """Whether a motion ordered by a client is under way.
 
         A goto counts until the reading that shows its end is stored, because its last position is read before that.
         """
-        return not isinstance(self._wanted.value.motion, NotOrdered) or (self._ordered_by_client and self.slewing)
+        return not isinstance(self._wanted.value.motion, NoOrderedMove) or (self._ordered_by_client and self.slewing)
 
-    def now(self) -> Moving:
-        return Moving(self.slewing, self._wanted.value.by_hand, self._wanted.ending, self.ordered)
+    def snapshot(self) -> MotionState:
+        return MotionState(self.slewing, self._wanted.value.by_hand, self._wanted.ending, self.ordered_by_client)

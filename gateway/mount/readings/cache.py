@@ -2,7 +2,7 @@
 
 An answer is checked when it is requested: by its age, and by the loop time of its request, because positions from
 before the last motion order are outdated for clients. Replies in the mount's own bytes are shared only until the next
-order or setting (``orders`` counts them).
+order or setting (``order_count`` counts them).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ POLL_PERIOD: dict[Kind, float] = {
     op.Position: 0.4, op.HorizontalPosition: 0.45, op.AxisPosition: 0.45, op.Slewing: 0.5, op.GetStatus: 2.5,
 }  # fmt: skip
 #: From a kind of reading to the kinds whose next poll is scheduled again when such a reading arrives.
-POLLS_WOKEN_BY: dict[Kind, tuple[Kind, ...]] = {
+POLLS_RESCHEDULED_BY: dict[Kind, tuple[Kind, ...]] = {
     **{kind: (kind,) for kind in POLL_PERIOD},
     op.Slewing: (op.Slewing, op.Position),
     op.Position: (op.Position, op.AxisPosition),
@@ -53,7 +53,7 @@ POLLS_WOKEN_BY: dict[Kind, tuple[Kind, ...]] = {
 #: A reading counts as polled if a client asked for it within this many seconds.
 POLLING_INTEREST_TIME = 3.0
 #: A reading is fresh for at least this many times the mount's typical reply time.
-REPLY_TIMES = 2.5
+FRESH_FACTOR = 2.5
 #: The age in seconds up to which clients get the last position if the line is down or the mount does not reply.
 LAST_POSITION = 10.0
 
@@ -61,16 +61,16 @@ LAST_POSITION = 10.0
 class Reading(Struct, frozen=True):
     """Two angles that the mount reported (a position or two axis readings), degrees, and the loop time of each."""
 
-    place: Pair
-    at: Pair
+    angles: Pair
+    times: Pair
 
     @property
-    def complete(self) -> float:
+    def completed_at(self) -> float:
         """The later of the two times: from then on both angles are known."""
-        return max(self.at)
+        return max(self.times)
 
 
-def angles(value: op.Equatorial | op.Horizontal) -> Pair:
+def angles_of(value: op.Equatorial | op.Horizontal) -> Pair:
     """Return the two angles of a position: azimuth and altitude, or right ascension and declination."""
     return (value.az, value.alt) if isinstance(value, op.Horizontal) else (value.ra, value.dec)
 
@@ -79,20 +79,20 @@ class CachedAnswer(Struct):
     """An answer of the mount (or the Fault instead), the loop time at which it arrived, and for how many seconds it is
     fresh.
 
-    ``asked``: loop time of the request. ``orders``: orders and settings sent before it. A reported position has a
-    ``reading``, its ``before`` entry, and a ``course`` once calculated. ``source``: the kind from which a
+    ``asked``: loop time of the request. ``order_count``: orders and settings sent before it. A reported position has a
+    ``reading``, its ``prior`` entry, and a ``course`` once calculated. ``from_kind``: the kind from which a
     position was calculated. A ``forgotten`` answer is for clients of a mount that does not reply.
     """
 
     value: Any
-    at: float = 0.0
+    arrived_at: float = 0.0
     fresh_for: float = 0.0
     asked: float = 0.0
-    orders: int = 0
+    order_count: int = 0
     reading: Reading | None = None
-    before: CachedAnswer | None = None
+    prior: CachedAnswer | None = None
     course: Any = None
-    source: Kind | None = None
+    from_kind: Kind | None = None
     forgotten: bool = False
 
 
@@ -103,13 +103,13 @@ class ReadingsCache:
         self._link = link
         self.entries: dict[Kind, CachedAnswer] = {}
         self._native_replies: dict[op.NativeRequest, CachedAnswer] = {}
-        self._last_interest: dict[Kind, float] = {}
-        #: ``version`` grows whenever an answer may have changed; ``orders`` counts the orders and settings sent.
-        self.version = self.orders = 0
+        self._last_polled_at: dict[Kind, float] = {}
+        #: ``version`` grows whenever an answer may have changed; ``order_count`` counts the orders and settings sent.
+        self.version = self.order_count = 0
         #: Positions that were requested before this loop time are outdated for clients.
-        self.outdated_at = -1e9
+        self.outdated_before = -1e9
         #: Emitted whenever the answer to Slewing may have changed, with that answer (False if there is none).
-        self.slews: Signal[bool] = Signal()
+        self.slewing_changed: Signal[bool] = Signal()
         #: By kind of read: set when its next read may be due earlier than planned, which wakes the poller.
         self.due_events: defaultdict[Kind, TimedEvent] = defaultdict(TimedEvent)
 
@@ -119,43 +119,43 @@ class ReadingsCache:
 
     def store(self, kind: Kind, entry: CachedAnswer, now: float) -> None:
         """Store an answer that has just arrived."""
-        entry.at, entry.fresh_for = now, MAX_AGE.get(kind, 0.0)
+        entry.arrived_at, entry.fresh_for = now, MAX_AGE.get(kind, 0.0)
         self.entries[kind] = entry
-        self.look_again(kind)
+        self.mark_changed(kind)
 
     def correct(self, kind: Kind, value: Any) -> None:
         """Replace the last value by the effect of an order; this does not delay the next read."""
         self.entries[kind].value = value
-        self.look_again(kind)
+        self.mark_changed(kind)
 
     def forget(self, *kinds: Kind) -> None:
         """Mark the last answers of these kinds as forgotten, because they are no longer true."""
         for kind in kinds:
             if kind in self.entries:
                 self.entries[kind].forgotten = True
-            self.look_again(kind)
+            self.mark_changed(kind)
 
     def clear(self) -> None:
         """Forget everything: after a reconnect it may be another mount."""
         self.forget(*self.entries)
         self._native_replies.clear()
 
-    def look_again(self, kind: Kind) -> None:
+    def mark_changed(self, kind: Kind) -> None:
         """Note that the answer may have changed: replies to clients are outdated, and the poller reads again soon."""
         self.version += 1
-        for woken in POLLS_WOKEN_BY.get(kind, ()):
+        for woken in POLLS_RESCHEDULED_BY.get(kind, ()):
             self.due_events[woken].set()
         if kind is op.Slewing:
-            self.slews.emit(bool(self.value(kind)))
+            self.slewing_changed.emit(bool(self.value(kind)))
 
     def outdate(self, now: float) -> None:
         """Treat positions that were requested before ``now`` as outdated for clients."""
-        self.outdated_at = now
+        self.outdated_before = now
         self.version += 1
 
-    def touch(self, kinds: Iterable[Kind], now: float) -> None:
+    def note_polled(self, kinds: Iterable[Kind], now: float) -> None:
         for kind in kinds:
-            self._last_interest[kind] = now
+            self._last_polled_at[kind] = now
 
     def value(self, kind: Kind) -> Any:
         """Return the last answer, however old; None if there is none or it is forgotten."""
@@ -166,52 +166,52 @@ class ReadingsCache:
         """Return the answer for a client if it is fresh, else NOT_CACHED, and note that a client polls this kind.
         Answers stay fresh for longer while the line is slow or not up.
         """
-        self._last_interest[kind] = now
+        self._last_polled_at[kind] = now
         entry = self.entries.get(kind)
         if entry is None or entry.forgotten:
             return NOT_CACHED
-        age, link = now - entry.at, self._link
+        age, link = now - entry.arrived_at, self._link
         if age <= min(entry.fresh_for, LAST_POSITION):  # whatever the line
             return entry.value
-        fresh_for = max(entry.fresh_for, REPLY_TIMES * link.times.typical_rtt) if link.state == "up" else LAST_POSITION
+        fresh_for = max(entry.fresh_for, FRESH_FACTOR * link.times.typical_rtt) if link.state == "up" else LAST_POSITION
         return entry.value if age <= fresh_for else NOT_CACHED
 
-    def last(self, kind: Kind) -> Any:
+    def last_or_forgotten(self, kind: Kind) -> Any:
         """Return the last answer, even if it is forgotten; None before the first."""
         entry = self.entries.get(kind)
         return None if entry is None else entry.value
 
-    def until(self, kinds: list[Kind]) -> float:
+    def fresh_until(self, kinds: list[Kind]) -> float:
         """Return the loop time until which the readings of these kinds are fresh."""
         entries = [self.entries.get(kind) for kind in kinds]
-        return min(0.0 if entry is None or entry.forgotten else entry.at + entry.fresh_for for entry in entries)
+        return min(0.0 if entry is None or entry.forgotten else entry.arrived_at + entry.fresh_for for entry in entries)
 
     def age(self, kind: Kind, now: float) -> float:
         """Return the seconds since the last answer; 1e9 if there is none."""
         entry = self.entries.get(kind)
-        return 1e9 if entry is None or entry.forgotten else now - entry.at
+        return 1e9 if entry is None or entry.forgotten else now - entry.arrived_at
 
-    def polled(self, kind: Kind, now: float) -> bool:
-        return now - self._last_interest.get(kind, -1e9) <= POLLING_INTEREST_TIME
+    def is_polled(self, kind: Kind, now: float) -> bool:
+        return now - self._last_polled_at.get(kind, -1e9) <= POLLING_INTEREST_TIME
 
     # --- replies in the mount's own protocol -------------------------------------------------------------------------
 
     def native_reply(self, operation: op.NativeRequest, now: float) -> Any:
         """Return the mount's reply to a request, or the Fault that came instead, if fresh, else NOT_CACHED."""
         entry = self._native_replies.get(operation)
-        if entry is None or now - entry.at >= entry.fresh_for:
+        if entry is None or now - entry.arrived_at >= entry.fresh_for:
             return NOT_CACHED
-        return entry.value if entry.orders == self.orders or isinf(entry.fresh_for) else NOT_CACHED
+        return entry.value if entry.order_count == self.order_count or isinf(entry.fresh_for) else NOT_CACHED
 
-    def keep_native_reply(
-        self, operation: op.NativeRequest, answer: bytes | Fault, fresh_for: float, orders: int, now: float
+    def store_native_reply(
+        self, operation: op.NativeRequest, answer: bytes | Fault, fresh_for: float, order_count: int, now: float
     ) -> None:
-        """Store the reply to a request; ``orders``: how many orders were sent before it. If there are too many
+        """Store the reply to a request; ``order_count``: how many orders were sent before it. If there are too many
         replies, drop the oldest.
         """
         self._native_replies.pop(operation, None)
         if fresh_for:
-            self._native_replies[operation] = CachedAnswer(answer, now, fresh_for, orders=orders)
+            self._native_replies[operation] = CachedAnswer(answer, now, fresh_for, order_count=order_count)
         if len(self._native_replies) > MAX_NATIVE_REPLIES:
             del self._native_replies[next(iter(self._native_replies))]
 

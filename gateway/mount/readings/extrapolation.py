@@ -18,18 +18,18 @@ from gateway.core.errors import Unsupported
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import MAX_SPEED
 from gateway.mount.motion.wanted import Slew
-from gateway.mount.readings.cache import CachedAnswer, Kind, Pair, Reading, angles
+from gateway.mount.readings.cache import CachedAnswer, Kind, Pair, Reading, angles_of
 
 #: Seconds after the last reading for which the position is extrapolated.
 MAX_EXTRAPOLATION = 1.0
 #: Seconds before the last reading for which it is calculated, because replies may refer to a moment ago.
-MAX_BACKWARD = 0.05
+MAX_BACKWARD_TIME = 0.05
 #: The shortest and longest time between two readings that give a rate, seconds: rounding, and outdated readings.
-SOONEST, MAX_READING_GAP = 0.1, 3.0
+MIN_GAP, MAX_READING_GAP = 0.1, 3.0
 #: Degrees: no extrapolation beyond this latitude, or if the first angle has changed by more between two readings.
 POLE_LATITUDE, MAX_TURN = 85.0, 30.0
 #: An angle must change by this many units of its resolution between two readings: less is rounding.
-MIN_UNITS = 3.0
+MIN_CHANGE_UNITS = 3.0
 #: The largest part of the distance to the goal that is extrapolated, because motors slow down near the goal.
 MAX_GOAL_FRACTION = 0.5
 
@@ -39,77 +39,77 @@ class Extrapolation(Struct, frozen=True):
     degrees at most, and for how many seconds after the reading.
     """
 
-    begins: Reading
+    start: Reading
     rates: Pair = (0.0, 0.0)
-    rooms: Pair = (inf, inf)
+    max_changes: Pair = (inf, inf)
     duration: float = 0.0
 
 
-def course(
-    before: Reading | None,
+def extrapolate(
+    previous: Reading | None,
     last: Reading,
     *,
-    fastest: float,
+    max_speed: float,
     resolution: float = 0.0,
     goal: Pair | None = None,
-    polar: bool = True,
+    on_sphere: bool = True,
 ) -> Extrapolation:
-    """Return the extrapolation from the reading ``last``. ``before``: an earlier reading of the same motion, or None.
+    """Return the extrapolation from the reading ``last``. ``previous``: an earlier reading of the same motion, or None.
 
-    ``fastest``: highest speed of the motors, degrees a second. ``resolution``: of readings, degrees. ``polar``: the
-    angles are a position on a sphere; otherwise they are the readings of two axes.
+    ``max_speed``: highest speed of the motors, degrees a second. ``resolution``: of readings, degrees. ``on_sphere``:
+    the angles are a position on a sphere; otherwise they are the readings of two axes.
     """
-    rates = None if before is None else _rates(before, last, fastest, resolution, polar)
-    if before is None or rates is None:
+    rates = None if previous is None else _rates(previous, last, max_speed, resolution, on_sphere)
+    if previous is None or rates is None:
         return Extrapolation(last)
-    rooms = (inf, inf) if goal is None else (_room(before, last, goal, 0), _room(before, last, goal, 1))
+    rooms = (inf, inf) if goal is None else (_max_change(previous, last, goal, 0), _max_change(previous, last, goal, 1))
     duration = MAX_EXTRAPOLATION
-    if polar:
-        to_pole = POLE_LATITUDE - last.place[1] if rates[1] > 0.0 else POLE_LATITUDE + last.place[1]
-        ends = last.at[0] + _until(rates[0], MAX_TURN), last.at[1] + _until(rates[1], to_pole)
-        duration = min(duration, min(ends) - last.complete)
+    if on_sphere:
+        to_pole = POLE_LATITUDE - last.angles[1] if rates[1] > 0.0 else POLE_LATITUDE + last.angles[1]
+        ends = last.times[0] + _time_to(rates[0], MAX_TURN), last.times[1] + _time_to(rates[1], to_pole)
+        duration = min(duration, min(ends) - last.completed_at)
         if duration < 0.0:
             return Extrapolation(last)
     return Extrapolation(last, rates, rooms, duration)
 
 
-def place(course: Extrapolation, now: float) -> Pair:
+def predict(extrapolation: Extrapolation, now: float) -> Pair:
     """Return both angles at the loop time ``now``: the first in [0, 360), the second in [-180, 180)."""
-    begins = course.begins
-    if course.rates == (0.0, 0.0):
-        return begins.place
-    then = begins.complete + max(-MAX_BACKWARD, min(now - begins.complete, course.duration))
+    begins = extrapolation.start
+    if extrapolation.rates == (0.0, 0.0):
+        return begins.angles
+    then = begins.completed_at + max(-MAX_BACKWARD_TIME, min(now - begins.completed_at, extrapolation.duration))
     first, second = (
         max(-room, min(room, rate * (then - at)))
-        for rate, room, at in zip(course.rates, course.rooms, begins.at, strict=True)
+        for rate, room, at in zip(extrapolation.rates, extrapolation.max_changes, begins.times, strict=True)
     )
-    return wrap360(begins.place[0] + first), wrap180(begins.place[1] + second)
+    return wrap360(begins.angles[0] + first), wrap180(begins.angles[1] + second)
 
 
-def _until(rate: float, degrees: float) -> float:
+def _time_to(rate: float, degrees: float) -> float:
     return degrees / abs(rate) if rate else inf
 
 
-def _rates(before: Reading, last: Reading, fastest: float, resolution: float, polar: bool) -> Pair | None:
+def _rates(previous: Reading, last: Reading, max_speed: float, resolution: float, on_sphere: bool) -> Pair | None:
     """Return the rates of both angles in degrees a second; None if the readings do not show them."""
-    elapsed = last.at[0] - before.at[0], last.at[1] - before.at[1]
-    if min(elapsed) < SOONEST or max(elapsed) > MAX_READING_GAP:
+    elapsed = last.times[0] - previous.times[0], last.times[1] - previous.times[1]
+    if min(elapsed) < MIN_GAP or max(elapsed) > MAX_READING_GAP:
         return None
-    turned = wrap180(last.place[0] - before.place[0]), wrap180(last.place[1] - before.place[1])
-    if polar:
-        if max(abs(before.place[1]), abs(last.place[1])) >= POLE_LATITUDE or abs(turned[0]) > MAX_TURN:
+    turned = wrap180(last.angles[0] - previous.angles[0]), wrap180(last.angles[1] - previous.angles[1])
+    if on_sphere:
+        if max(abs(previous.angles[1]), abs(last.angles[1])) >= POLE_LATITUDE or abs(turned[0]) > MAX_TURN:
             return None
-        if separation(*before.place, *last.place) > fastest * max(elapsed):
+        if separation(*previous.angles, *last.angles) > max_speed * max(elapsed):
             return None
-    elif max(abs(turned[0]) / elapsed[0], abs(turned[1]) / elapsed[1]) > fastest:
+    elif max(abs(turned[0]) / elapsed[0], abs(turned[1]) / elapsed[1]) > max_speed:
         return None
-    first, second = (turned[n] / elapsed[n] if abs(turned[n]) >= MIN_UNITS * resolution else 0.0 for n in (0, 1))
+    first, second = (turned[n] / elapsed[n] if abs(turned[n]) >= MIN_CHANGE_UNITS * resolution else 0.0 for n in (0, 1))
     return first, second
 
 
-def _room(before: Reading, last: Reading, goal: Pair, angle_index: int) -> float:
+def _max_change(previous: Reading, last: Reading, goal: Pair, angle_index: int) -> float:
     """Return by how many degrees to extrapolate an angle at most; infinite while it moves away from the goal."""
-    was, left = (wrap180(goal[angle_index] - reading.place[angle_index]) for reading in (before, last))
+    was, left = (wrap180(goal[angle_index] - reading.angles[angle_index]) for reading in (previous, last))
     if was * left <= 0.0:
         return 0.0  # it has arrived
     return MAX_GOAL_FRACTION * abs(left) if abs(left) <= abs(was) else inf
@@ -118,49 +118,49 @@ def _room(before: Reading, last: Reading, goal: Pair, angle_index: int) -> float
 # --- the extrapolation for a mount, and its goal ----------------------------------------------------------------------
 
 
-def course_of(context: Context, kind: Kind, entry: CachedAnswer) -> Extrapolation:
+def extrapolation_of(context: Context, kind: Kind, entry: CachedAnswer) -> Extrapolation:
     """Return the extrapolation from a cached position; it is calculated once for each entry."""
     if entry.course is None:
         assert entry.reading is not None
-        before = entry.before if entry.before is not None and entry.before.asked >= context.cache.outdated_at else None
-        entry.course = course(
+        before = entry.prior if entry.prior is not None and entry.prior.asked >= context.cache.outdated_before else None
+        entry.course = extrapolate(
             None if before is None else before.reading,
             entry.reading,
-            fastest=MAX_SPEED * context.driver.speed_factor,
+            max_speed=MAX_SPEED * context.driver.speed_factor,
             resolution=context.driver.resolution,
-            goal=_goal(context, kind),
-            polar=kind is not op.AxisPosition,
+            goal=_goal_angles(context, kind),
+            on_sphere=kind is not op.AxisPosition,
         )
     result: Extrapolation = entry.course
     return result
 
 
-def equatorial(context: Context) -> bool:
+def is_equatorial(context: Context) -> bool:
     """Whether the mount has reported that it is equatorial."""
     status = context.cache.value(op.GetStatus)
     return status is not None and bool(status.equatorial)
 
 
-def _goal(context: Context, kind: Kind) -> Pair | None:
+def _goal_angles(context: Context, kind: Kind) -> Pair | None:
     """Return the goal of the current goto, in the coordinates of this kind of position read; None if unknown."""
     motion, astrometry, driver = context.wanted.value.motion, context.astrometry, context.driver
     if not isinstance(motion, Slew):
         return None
-    goto, polar = motion.operation, equatorial(context)
+    goto, polar = motion.operation, is_equatorial(context)
     axes = goto if isinstance(goto, op.GotoAxes) else driver.destination(goto)
     try:
         if isinstance(goto, op.Goto):
-            sky = astrometry.from_mount(op.Equatorial(goto.ra, goto.dec))
+            sky = astrometry.from_mount_equinox(op.Equatorial(goto.ra, goto.dec))
         elif axes is None:
             return None
         elif kind is op.AxisPosition or (kind is op.HorizontalPosition and not polar):
             return axes.az, axes.alt
         elif polar:
-            sky = astrometry.from_axes(axes, wedge=not driver.german)
+            sky = astrometry.from_axes(axes, on_wedge=not driver.german)
         else:
-            sky = astrometry.equatorial(axes)
+            sky = astrometry.equatorial_of(axes)
         if kind is op.AxisPosition and polar:
             return None
-        return angles(sky if kind is op.Position else astrometry.horizon(sky))
+        return angles_of(sky if kind is op.Position else astrometry.horizontal(sky))
     except Unsupported:
         return None

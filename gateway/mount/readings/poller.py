@@ -19,21 +19,21 @@ from gateway.mount.motion.ends import EndWatch
 from gateway.mount.readings.cache import POLL_PERIOD, Kind
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.watch import LimitWatch
-from gateway.mount.site.settings import SiteAndClock
+from gateway.mount.site.settings import SiteClockOperations
 
 #: The longest time in seconds between two position reads while no client polls the position.
 POSITION_PERIOD = 5.0
 #: The settings that a person may change at the hand control, and the seconds between two reads of each: while clients
 #: poll, and while none does. The limits depend on them even without a client.
-SETTINGS: tuple[Kind, ...] = (op.GetSite, op.GetClock)
-SETTING_AGE, SETTING_AGE_ALONE = 50.0, 200.0
+SETTING_READS: tuple[Kind, ...] = (op.GetSite, op.GetClock)
+SETTING_PERIOD, SETTING_PERIOD_ALONE = 50.0, 200.0
 #: Seconds between two reads of the site of a mount that accepts none while aligned. They are short, so that a site that
 #: a person sets at the mount soon counts for gotos.
 SITE_PERIOD = 5.0
 #: Seconds to wait after an error, and until the next check if the site or clock cannot be read now.
 RETRY_DELAY = 1.0
 #: Seconds until the axes are read again after the mount failed to report them, unless a client polls them.
-AXES_AGAIN = 10.0
+AXES_RETRY = 10.0
 #: Seconds between two reads of the status while no client polls it, and from the end of a motion to the next read: by
 #: then a parked mount no longer tracks.
 STATUS_PERIOD_ALONE, STATUS_DELAY_AFTER_MOTION = 12.0, 5.0
@@ -57,7 +57,7 @@ class Poller:
         context: Context,
         gate: HibernationGate,
         reader: Reader,
-        settings: SiteAndClock,
+        settings: SiteClockOperations,
         watch: LimitWatch,
         end_watch: EndWatch,
     ) -> None:
@@ -66,17 +66,17 @@ class Poller:
         #: By kind of read, the loop time of the last failure.
         self._failed_at = dict.fromkeys(POLL_PERIOD, -1e9)
         #: The loop time at which the status is read, however fresh it is.
-        self._status_due = inf
+        self._status_due_at = inf
         #: The loop times of the last requests for site and clock.
-        self._requested = dict.fromkeys(SETTINGS, context.now())
-        reader.goto_over.connect(self._goto_ended)
+        self._requested_at = dict.fromkeys(SETTING_READS, context.now())
+        reader.goto_over.connect(self._on_goto_ended)
 
     def start(self) -> None:
-        for kind in (*POLL_PERIOD, *SETTINGS):
+        for kind in (*POLL_PERIOD, *SETTING_READS):
             self._context.tasks.spawn(self._run(kind))
 
     async def _run(self, kind: Kind) -> None:
-        await self._context.known.wait()
+        await self._context.identified.wait()
         while True:
             try:
                 await self._keep_fresh(kind)
@@ -86,7 +86,7 @@ class Poller:
 
     async def _keep_fresh(self, kind: Kind) -> None:
         while True:
-            if self._link.state != "up" or self._gate.closed:
+            if self._link.state != "up" or self._gate.refuses_reads:
                 await asyncio.sleep(0.2)
                 continue
             pause = self._pause(kind, self._context.now())
@@ -94,70 +94,70 @@ class Poller:
                 await self.renew(kind)
                 pause = self._pause(kind, self._context.now())
             self._cache.due_events[kind].clear()
-            await self._cache.due_events[kind].within(max(0.005, pause))
+            await self._cache.due_events[kind].wait_within(max(0.005, pause))
 
-    def _needed(self, kind: Kind, now: float) -> bool:
+    def _is_needed(self, kind: Kind, now: float) -> bool:
         """Whether a client polls this kind of read, or the gateway itself needs it."""
-        if kind is op.Position and self._watched:
+        if kind is op.Position and self._is_moving:
             return True
-        if kind is op.AxisPosition and now - self._failed_at[kind] > AXES_AGAIN and self._watch.hour_angle.interval:
+        if kind is op.AxisPosition and now - self._failed_at[kind] > AXES_RETRY and self._watch.hour_angle.interval:
             return True
         if kind is op.Slewing and (self._context.movement.slewing or self._context.driver.moved_by_others):
             return True
-        return self._cache.polled(kind, now)
+        return self._cache.is_polled(kind, now)
 
     @property
-    def _watched(self) -> bool:
+    def _is_moving(self) -> bool:
         """Whether the mount moves for any reason; then other reads leave the line to positions."""
-        runs_on = self._context.run_on.value is not None
-        return self._context.movement.anything or self._watch.moved_by_others or self._ends.pending or runs_on
+        runs_on = self._context.run_on.current is not None
+        return self._context.movement.any_motion or self._watch.moved_by_others or self._ends.pending or runs_on
 
-    def _goto_ended(self, _: None) -> None:
-        self._status_due = self._context.now() + STATUS_DELAY_AFTER_MOTION
+    def _on_goto_ended(self, _: None) -> None:
+        self._status_due_at = self._context.now() + STATUS_DELAY_AFTER_MOTION
         self._cache.due_events[op.GetStatus].set()
 
     def _pause(self, kind: Kind, now: float) -> float:
         """Return the seconds until the next request, so that its reply arrives when the last reading becomes stale."""
-        if kind in SETTINGS:
+        if kind in SETTING_READS:
             return self._setting_pause(kind, now)
-        if kind is op.Position and not self._needed(kind, now):
-            heartbeat = max(POLL_PERIOD[kind], min(POSITION_PERIOD, self._watch.look_within))
+        if kind is op.Position and not self._is_needed(kind, now):
+            heartbeat = max(POLL_PERIOD[kind], min(POSITION_PERIOD, self._watch.position_needed_within))
             return heartbeat - self._cache.age(kind, now)
-        if not self._needed(kind, now):
+        if not self._is_needed(kind, now):
             return self._status_pause(now) if kind is op.GetStatus else IDLE_SLEEP
-        ahead = (self._reader.exchanges.get(kind, 1) + LINE_WAIT_FRACTION) * self._link.times.typical_rtt
+        ahead = (self._reader.exchange_counts.get(kind, 1) + LINE_WAIT_FRACTION) * self._link.times.typical_rtt
         every = POLL_PERIOD[kind]
-        if kind is op.Position and self._watch.found_moving:
+        if kind is op.Position and self._watch.others_just_began:
             every = MOVED_BY_OTHERS_PERIOD
-        if kind is op.AxisPosition and not self._cache.polled(kind, now):
+        if kind is op.AxisPosition and not self._cache.is_polled(kind, now):
             every = self._watch.hour_angle.interval or every
         return max(every - ahead, SHORTEST_PAUSE) - self._cache.age(kind, now)
 
     def _status_pause(self, now: float) -> float:
         """Return the seconds until the next status read while no client polls it; in motion, positions go first."""
-        if self._watched:
+        if self._is_moving:
             return STATUS_PERIOD_ALONE
         old = min(self._cache.age(op.GetStatus, now), now - self._failed_at[op.GetStatus])
         rests = now - self._watch.at_rest_since
-        return max(min(STATUS_PERIOD_ALONE - old, self._status_due - now), STATUS_DELAY_AFTER_MOTION - rests)
+        return max(min(STATUS_PERIOD_ALONE - old, self._status_due_at - now), STATUS_DELAY_AFTER_MOTION - rests)
 
     def _setting_pause(self, kind: Kind, now: float) -> float:
         """Return the seconds until the mount's own site or clock is read; in motion, positions go first."""
         known = self._context.site_clock
-        busy = self._watched or self._context.wanted.value.pending
+        busy = self._is_moving or self._context.wanted.value.pending
         if busy or (known.mount_site if kind is op.GetSite else known.mount_clock) is None:
             return RETRY_DELAY
-        every = SETTING_AGE if self._needed(op.Position, now) else SETTING_AGE_ALONE
+        every = SETTING_PERIOD if self._is_needed(op.Position, now) else SETTING_PERIOD_ALONE
         if kind is op.GetSite and not self._context.driver.takes_site_aligned:
             every = SITE_PERIOD
-        return every - (now - self._requested[kind])
+        return every - (now - self._requested_at[kind])
 
     async def renew(self, kind: Kind) -> None:
         """Ask the mount for this reading; log a fault, and do not raise it."""
         if kind is op.GetStatus:
-            self._status_due = inf
+            self._status_due_at = inf
         if kind is op.GetSite or kind is op.GetClock:
-            self._requested[kind] = self._context.now()
+            self._requested_at[kind] = self._context.now()
             await self._settings.renew(kind)
             return
         try:

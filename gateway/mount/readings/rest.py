@@ -26,8 +26,8 @@ MIN_COMPARED_GAP, SAMPLE_GAP = 0.7, 0.2
 #: Degrees a second: the slowest motion that the check must notice.
 MIN_NOTICED_SPEED = 30.0 * ARCSECOND
 #: The speed of an azimuth axis that counts as tracking, degrees a second: at least the first number; near the zenith,
-#: ZENITH_DISTANCE times the rate at which tracking turns it there, but at most FASTEST.
-MIN_TRACKING_SPEED, ZENITH_DISTANCE, FASTEST = 0.1, 3.0, 2.5
+#: ZENITH_SPEED_FACTOR times the rate at which tracking turns it there, but at most MAX_SPEED.
+MIN_TRACKING_SPEED, ZENITH_SPEED_FACTOR, MAX_SPEED = 0.1, 3.0, 2.5
 
 
 class RestSample(NamedTuple):
@@ -35,51 +35,51 @@ class RestSample(NamedTuple):
     as tracking; degrees, degrees a second.
     """
 
-    at: float
+    sampled_at: float
     position: op.Equatorial
     azimuth: float | None = None
     tracking_speed: float = 0.0
 
 
-async def come_to_rest(context: Context, reader: Reader, seconds: float = TIME_TO_REST) -> None:
+async def wait_for_rest(context: Context, reader: Reader, timeout: float = TIME_TO_REST) -> None:
     """Sample the position until the mount is at rest. Raises Fault if it still moves, or if that cannot be determined.
 
     A mount that hibernates is at rest and is not asked.
     """
     samples: deque[RestSample] = deque()
-    rate, trouble, begun = None, Fault("the mount has not reported its position"), _begun(context)
+    rate, trouble, begun = None, Fault("the mount has not reported its position"), _motions_begun(context)
     apart = max(MIN_COMPARED_GAP, context.driver.resolution / MIN_NOTICED_SPEED)
     try:
-        async with asyncio.timeout(seconds):
+        async with asyncio.timeout(timeout):
             while True:
                 try:
-                    samples.append(await _sample(context, reader))
+                    samples.append(await _take_sample(context, reader))
                 except Asleep:
                     return
                 except Fault as fault:
                     trouble = fault
-                while len(samples) > 1 and samples[-1].at - samples[1].at >= apart:
+                while len(samples) > 1 and samples[-1].sampled_at - samples[1].sampled_at >= apart:
                     samples.popleft()
-                if len(samples) > 1 and samples[-1].at - samples[0].at >= apart:
-                    rate = _unexplained(samples[0], samples[-1], 1.25 * context.driver.resolution)
-                    if rate == 0.0 and not context.movement.anything:
+                if len(samples) > 1 and samples[-1].sampled_at - samples[0].sampled_at >= apart:
+                    rate = _unexplained_speed(samples[0], samples[-1], 1.25 * context.driver.resolution)
+                    if rate == 0.0 and not context.movement.any_motion:
                         return
                 await asyncio.sleep(SAMPLE_GAP)
     except TimeoutError:
         pass
-    if context.movement.anything or _begun(context) != begun:
+    if context.movement.any_motion or _motions_begun(context) != begun:
         raise Fault("a program has set the mount moving again; prevent that with: mount-gateway stop --hold")
     if rate is None:
         raise Fault(f"the stop was sent, but the gateway cannot see whether the mount is at rest: {trouble}")
-    raise Fault(f"the stop was acknowledged, but the mount still moves after {seconds:.0f} s: {rate:.3f} degrees/s")
+    raise Fault(f"the stop was acknowledged, but the mount still moves after {timeout:.0f} s: {rate:.3f} degrees/s")
 
 
-def _begun(context: Context) -> tuple[int, tuple[int, int]]:
+def _motions_begun(context: Context) -> tuple[int, tuple[int, int]]:
     """Return how many gotos, and how many other motions of each axis, the mount has begun so far."""
     return context.wanted.value.gotos_begun, context.wanted.value.motions_begun
 
 
-async def _sample(context: Context, reader: Reader) -> RestSample:
+async def _take_sample(context: Context, reader: Reader) -> RestSample:
     """Ask the mount for its position now and return it as a sample. Raises Fault."""
     status: op.Status = await reader.read(op.GetStatus())
     position: op.Equatorial = await reader.read_now(op.Position())
@@ -90,16 +90,16 @@ async def _sample(context: Context, reader: Reader) -> RestSample:
     tracking_speed = MIN_TRACKING_SPEED
     if status.tracking is not op.Tracking.OFF:
         tracking_speed = min(
-            FASTEST, max(MIN_TRACKING_SPEED, ZENITH_DISTANCE * SKY / max(abs(cos(radians(reading.alt))), 1e-6))
+            MAX_SPEED, max(MIN_TRACKING_SPEED, ZENITH_SPEED_FACTOR * SKY / max(abs(cos(radians(reading.alt))), 1e-6))
         )
     return RestSample(at, position, reading.az, tracking_speed)
 
 
-def _unexplained(before: RestSample, after: RestSample, fine: float) -> float:
-    """Return the speed that tracking does not explain, degrees a second; 0 below ``fine`` degrees."""
-    elapsed, equatorial = after.at - before.at, after.azimuth is None
+def _unexplained_speed(before: RestSample, after: RestSample, min_motion: float) -> float:
+    """Return the speed that tracking does not explain, degrees a second; 0 below ``min_motion`` degrees."""
+    elapsed, equatorial = after.sampled_at - before.sampled_at, after.azimuth is None
     moved = unexplained_motion(before.position, after.position, elapsed, equatorial)
     if before.azimuth is not None and after.azimuth is not None:
         tracking = max(before.tracking_speed, after.tracking_speed) * elapsed
         moved = max(moved, abs(wrap180(after.azimuth - before.azimuth)) - tracking)
-    return moved / elapsed if moved > fine else 0.0
+    return moved / elapsed if moved > min_motion else 0.0

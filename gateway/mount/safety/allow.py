@@ -19,8 +19,8 @@ from msgspec import Struct
 from gateway.astro.axes import Pair
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
-from gateway.mount.motion.seen import Observed, PositionSample
-from gateway.mount.motion.wanted import Moving
+from gateway.mount.motion.seen import ObservedMotion, PositionSample
+from gateway.mount.motion.wanted import MotionState
 from gateway.mount.policy import Limits
 
 #: Positions closer together than this, in seconds, give no reliable rate.
@@ -31,7 +31,7 @@ STOP_EXCHANGES = 3
 #: second's way. Mounts do not report how they slow down; owners see about a second from full speed, and less below it.
 RUN_ON = 0.5
 #: Exchanges between the stops of the two axes: meanwhile the second axis moves the tube alone.
-BETWEEN_AXES = 2.0
+AXIS_STOP_GAP = 2.0
 #: Seconds until motors have reached their speed; the rate that is measured earlier is too low.
 RUN_UP_SECONDS = 1.0
 #: The part of the commanded speed above which a rate shows an approach; a slower change means moving along the limit.
@@ -42,7 +42,7 @@ MAX_TRACKING_SPEED = 0.1
 BRAKING_DEGREES = 0.75
 #: Degrees by which positions may show a goto beyond a limit, plus the seconds at its speed: the tube moves between the
 #: reads of the two coordinates.
-MAX_OVERSHOOT, READ_DISTANCE = 0.1, 0.2
+MAX_OVERSHOOT, READ_TIME_ALLOWANCE = 0.1, 0.2
 #: Degrees below the lowest point of its paths at which a goto is stopped as astray, if that is below the horizon.
 LOST_GOTO_DEGREES = 10.0
 #: Degrees by which the Sun must have come nearer before it counts as an approach; less is jitter.
@@ -50,79 +50,79 @@ SUN_JITTER_DEGREES = 0.05
 
 
 class StopTiming(Struct, frozen=True):
-    """Timing of a mount in seconds: of one exchange (``reads_per_position`` of them read a position), between two reads
+    """Timing of a mount in seconds: of one exchange (``n_reads`` of them read a position), between two reads
     of a position, and the ``run_on`` after a stop, as a time at full speed.
     """
 
-    exchange: float
-    reads: int
-    period: float
+    round_trip: float
+    n_reads: int
+    position_period: float
     run_on: float = RUN_ON
 
     @property
     def lag(self) -> float:
         """By how many seconds the first coordinate of a position is older than the second."""
-        return 2.0 * (self.reads - 1) * self.exchange
+        return 2.0 * (self.n_reads - 1) * self.round_trip
 
     @property
-    def interval(self) -> float:
+    def position_interval(self) -> float:
         """Seconds between two positions. While the mount moves, each coordinate is read twice."""
-        return max(self.period, 2.0 * self.reads * self.exchange)
+        return max(self.position_period, 2.0 * self.n_reads * self.round_trip)
 
     @property
-    def to_stop(self) -> float:
+    def stop_time(self) -> float:
         """Seconds from the time of a position until a stop because of this position has ended the motion."""
-        return (STOP_EXCHANGES + self.reads - 1) * self.exchange + self.run_on
+        return (STOP_EXCHANGES + self.n_reads - 1) * self.round_trip + self.run_on
 
     @property
     def reaction(self) -> float:
         """Seconds from the time of a position until a stop because of the next position has ended the motion."""
-        return self.interval + self.to_stop
+        return self.position_interval + self.stop_time
 
-    def overdue(self, elapsed: float) -> float:
-        """Like ``reaction_time``, if the next position comes as late as the last, which took ``elapsed`` seconds."""
-        return max(self.reaction, elapsed + STOP_EXCHANGES * self.exchange + self.run_on)
+    def reaction_time_after(self, elapsed: float) -> float:
+        """Like ``reaction``, if the next position comes as late as the last, which took ``elapsed`` seconds."""
+        return max(self.reaction, elapsed + STOP_EXCHANGES * self.round_trip + self.run_on)
 
 
-def ahead(rate: float, earlier: float | None, commanded: float, first: float, last: float) -> float:
+def max_rate(rate: float, earlier_rate: float | None, commanded_speed: float, first: float, last: float) -> float:
     """Return how fast the mount may approach a limit from now on, degrees a second.
 
     ``rate`` was measured between the last two positions, ``earlier_rate`` before them in the same motion. The two
     ``elapsed`` are the seconds from the beginning of the motion to these positions. ``commanded_speed``: 0 if unknown.
     """
-    grown = max(0.0, rate - earlier) if earlier is not None else 0.0
-    if first < RUN_UP_SECONDS and rate > MIN_APPROACH_PART * commanded * _run_up(first, last):
-        return max(rate + grown, commanded)
+    grown = max(0.0, rate - earlier_rate) if earlier_rate is not None else 0.0
+    if first < RUN_UP_SECONDS and rate > MIN_APPROACH_PART * commanded_speed * _mean_speed(first, last):
+        return max(rate + grown, commanded_speed)
     return rate + grown
 
 
-def _run_up(first: float, last: float) -> float:
+def _mean_speed(first_elapsed: float, last_elapsed: float) -> float:
     """Return the mean speed of a motor between two times (seconds after its start), as a fraction of full speed."""
-    if last >= RUN_UP_SECONDS or last <= max(0.0, first):
+    if last_elapsed >= RUN_UP_SECONDS or last_elapsed <= max(0.0, first_elapsed):
         return 1.0
-    return (max(0.0, first) + last) / 2.0 / RUN_UP_SECONDS
+    return (max(0.0, first_elapsed) + last_elapsed) / 2.0 / RUN_UP_SECONDS
 
 
-class PastNow(Struct, frozen=True):
+class PastMeridianState(Struct, frozen=True):
     """How many degrees the tube is past the meridian, towards the pier; negative on the free side. ``rate``: how fast
     that changes, degrees a second; ``earlier_rate``: the rate before, None if unknown.
     """
 
     degrees: float
     rate: float
-    earlier: float | None = None
+    earlier_rate: float | None = None
 
 
 class Verdict(Struct, frozen=True):
     """``reason`` says why the motion must end; empty if it may continue.
 
-    It may continue for ``seconds_allowed`` (None: without limit). If no new position arrives in that time, it must
+    It may continue for ``stop_in`` (None: without limit). If no new position arrives in that time, it must
     stop, because it may have reached the limit with the name ``limit_name``.
     """
 
     reason: str = ""
-    within: float | None = None
-    limit: str = ""
+    stop_in: float | None = None
+    limit_name: str = ""
 
 
 ALLOWED_VERDICT = Verdict()
@@ -133,27 +133,27 @@ class CheckedPath(Struct):
 
     ``points`` are the readings of the axes along its possible paths within the limits: empty if it must be watched like
     a motion by hand, None if they are not known. Below ``min_altitude``, degrees, it is astray and must stop.
-    ``within_limits``: all its paths keep all limits.
+    ``allowed``: all its paths keep all limits.
     """
 
-    ways: list[Pair] | None = None
-    floor: float = -90.0
-    clear: bool = False
+    points: list[Pair] | None = None
+    min_altitude: float = -90.0
+    allowed: bool = False
 
     def forget(self) -> None:
         """Forget the last goto: nothing is known of the next one."""
-        self.ways, self.floor, self.clear = None, -90.0, False
+        self.points, self.min_altitude, self.allowed = None, -90.0, False
 
-    def take(self, ways: list[Pair], zenith: Pair, clear: bool, lost: float) -> None:
-        """Take the readings along the paths, and at the zenith. Not ``within_limits``: the tube may be on other paths.
+    def set_points(self, points: list[Pair], zenith: Pair, allowed: bool, lost_margin: float) -> None:
+        """Take the readings along the paths, and at the zenith. Not ``allowed``: the tube may be on other paths.
 
         ``lost_margin``: degrees below all these readings at which the goto counts as astray.
         """
-        self.ways, self.clear = ways if clear else [], clear
-        self.floor = min(0.0, 90.0 - max(separation(*direction, *zenith) for direction in ways) - lost)
+        self.points, self.allowed = points if allowed else [], allowed
+        self.min_altitude = min(0.0, 90.0 - max(separation(*direction, *zenith) for direction in points) - lost_margin)
 
 
-class View(Struct, frozen=True):
+class JudgedState(Struct, frozen=True):
     """The state of a mount that the rules judge.
 
     ``sun_limit`` is the least allowed distance from the Sun, degrees. The first ``own_sun_count`` of the Sun's possible
@@ -162,16 +162,16 @@ class View(Struct, frozen=True):
     Below ``min_altitude`` a goto must stop.
     """
 
-    observed: Observed
+    observed: ObservedMotion
     limits: Limits
     timing: StopTiming
-    moving: Moving
-    sun: float = 0.0
+    moving: MotionState
+    sun_limit: float = 0.0
     status: op.Status | None = None
-    past: PastNow | None = None
-    astray: bool = False
-    own_suns: int = 1
-    floor: float = -90.0
+    past_meridian: PastMeridianState | None = None
+    is_astray: bool = False
+    own_sun_count: int = 1
+    min_altitude: float = -90.0
 
     @property
     def on_checked_path(self) -> bool:
@@ -180,54 +180,54 @@ class View(Struct, frozen=True):
 
         A goto off its paths does not count: it is watched like a motion by hand.
         """
-        return self.moving.slewing and self.moving.ordered and not self.moving.by_hand and not self.astray
+        return self.moving.slewing and self.moving.ordered_by_client and not self.moving.by_hand and not self.is_astray
 
     @property
-    def _second_axis_alone(self) -> float:
+    def _second_axis_run_on(self) -> float:
         """How far the second axis moves the tube after the first was stopped, degrees; 0 unless both move by hand."""
-        return self.observed.across * (BETWEEN_AXES * self.timing.exchange if len(self.moving.by_hand) > 1 else 0.0)
+        return self.observed.across * (AXIS_STOP_GAP * self.timing.round_trip if len(self.moving.by_hand) > 1 else 0.0)
 
-    def ahead(self, rate: float, earlier: float | None) -> float:
+    def max_rate(self, rate: float, earlier_rate: float | None) -> float:
         """Return how fast the mount may approach a limit from now on, by its last two rates of approach."""
         observed = self.observed
         if self.moving.slews_by_itself:
             return rate
-        assert observed.before is not None
+        assert observed.previous is not None
         assert observed.last is not None
-        return ahead(
+        return max_rate(
             rate,
-            earlier,
+            earlier_rate,
             observed.ordered_speed,
-            observed.before.at - observed.began,
-            observed.last.at - observed.began,
+            observed.previous.time - observed.began_at,
+            observed.last.time - observed.began_at,
         )
 
-    def margin(self, rate: float) -> float:
+    def stop_margin(self, rate: float) -> float:
         """Return how far a motion gets until a stop at the next position ends it, degrees; 0 for a goto: it brakes."""
         if self.on_checked_path or self.moving.slews_by_itself:
             return 0.0
-        return rate * self.timing.overdue(self.observed.elapsed) + self._second_axis_alone
+        return rate * self.timing.reaction_time_after(self.observed.elapsed) + self._second_axis_run_on
 
-    def rates(self, changes: tuple[float, ...], earlier: tuple[float, ...]) -> list[float]:
+    def approach_rates(self, last_rates: tuple[float, ...], earlier: tuple[float, ...]) -> list[float]:
         """Return how fast the mount may approach each limit from now on, by its last two rates of approach."""
-        known = len(earlier) == len(changes)
-        return [self.ahead(rate, earlier[number] if known else None) for number, rate in enumerate(changes)]
+        known = len(earlier) == len(last_rates)
+        return [self.max_rate(rate, earlier[number] if known else None) for number, rate in enumerate(last_rates)]
 
     def judge(self, room: Room) -> Verdict:
         """Forbid a motion that a stop at the next position could not end before the limit; or allow it for a while.
 
         A goto from the hand control may brake and end just before the limit, so it is stopped only at the limit.
         """
-        left, rate = room.left, room.rate
-        if left >= room.before:
+        left, rate = room.remaining, room.rate
+        if left >= room.remaining_before:
             return ALLOWED_VERDICT
-        if left < self.margin(rate) - room.beyond:
+        if left < self.stop_margin(rate) - room.tolerance:
             return Verdict(room.reason)
         if rate <= MAX_TRACKING_SPEED or self.on_checked_path:
             return ALLOWED_VERDICT
         if self.moving.slews_by_itself:
-            return Verdict(within=(left + BRAKING_DEGREES) / rate - self.timing.exchange, limit=room.limit)
-        return Verdict(within=(left - self._second_axis_alone) / rate - self.timing.to_stop, limit=room.limit)
+            return Verdict(stop_in=(left + BRAKING_DEGREES) / rate - self.timing.round_trip, limit_name=room.limit)
+        return Verdict(stop_in=(left - self._second_axis_run_on) / rate - self.timing.stop_time, limit_name=room.limit)
 
 
 class Room(NamedTuple):
@@ -235,28 +235,28 @@ class Room(NamedTuple):
     degrees a second. A motion that would go beyond the limit by more than ``tolerance`` must end, for this ``reason``.
     """
 
-    left: float
-    before: float
+    remaining: float
+    remaining_before: float
     rate: float
     reason: str
     limit: str
-    beyond: float = 0.0
+    tolerance: float = 0.0
 
 
-def allow(view: View) -> Verdict:
+def judge_motion(view: JudgedState) -> Verdict:
     """Return the verdict that forbids the motion, else the verdict with the earliest deadline for the next position."""
     soonest = ALLOWED_VERDICT
-    for rule in (altitude, near_sun, meridian):
+    for rule in (altitude_rooms, sun_rooms, meridian_rooms):
         for room in rule(view):
             verdict = view.judge(room)
             if verdict.reason:
                 return verdict
-            if verdict.within is not None and (soonest.within is None or verdict.within < soonest.within):
+            if verdict.stop_in is not None and (soonest.stop_in is None or verdict.stop_in < soonest.stop_in):
                 soonest = verdict
     return soonest
 
 
-def first_stretch(view: View, now: float, speed: float) -> Verdict:
+def first_position_deadline(view: JudgedState, now: float, speed: float) -> Verdict:
     """Return a verdict with the deadline for the first position after a motion by hand begins, in any direction.
 
     The mount must have reported a position before it can reach any limit. ``speed`` is the sum over the moving axes,
@@ -265,18 +265,18 @@ def first_stretch(view: View, now: float, speed: float) -> Verdict:
     last, timing = view.observed.last, view.timing
     if last is None or view.status is None or not view.status.aligned or speed <= MAX_TRACKING_SPEED:
         return Verdict()
-    nearest = min(room for room in rooms_around(last, view.limits, view.sun) if room > 0.0)
-    seconds = nearest / speed - timing.to_stop - (now - last.at)
-    return Verdict(within=max(seconds, timing.interval + MIN_POSITION_GAP), limit="a limit")
+    nearest = min(room for room in degrees_to_limits(last, view.limits, view.sun_limit) if room > 0.0)
+    seconds = nearest / speed - timing.stop_time - (now - last.time)
+    return Verdict(stop_in=max(seconds, timing.position_interval + MIN_POSITION_GAP), limit_name="a limit")
 
 
-def rooms_around(last: PositionSample, limits: Limits, sun: float) -> list[float]:
+def degrees_to_limits(last: PositionSample, limits: Limits, sun_limit: float) -> list[float]:
     """Return the degrees from a position to each altitude limit, and to the allowed distance from the Sun."""
-    rooms = [room for altitude in last.altitudes for room in inside(limits, altitude)]
-    return [180.0, *rooms, *(distance - sun for distance in last.suns)]
+    rooms = [room for altitude in last.altitudes for room in degrees_inside(limits, altitude)]
+    return [180.0, *rooms, *(distance - sun_limit for distance in last.suns)]
 
 
-def inside(limits: Limits, altitude: float) -> Pair:
+def degrees_inside(limits: Limits, altitude: float) -> Pair:
     """Return how far an altitude is above the lowest and below the highest one, degrees.
 
     Limits of -90 and 90 degrees are off, because nothing lies beyond them.
@@ -287,38 +287,38 @@ def inside(limits: Limits, altitude: float) -> Pair:
     )
 
 
-def leaving(limits: Limits, before: float, after: float) -> bool:
+def is_moving_out(limits: Limits, before: float, after: float) -> bool:
     """Whether an altitude is outside the limits, and changes away from them."""
-    rooms = zip(inside(limits, before), inside(limits, after), strict=True)
+    rooms = zip(degrees_inside(limits, before), degrees_inside(limits, after), strict=True)
     return any(now < min(0.0, then) for then, now in rooms)
 
 
-def altitude(view: View) -> Iterator[Room]:
+def altitude_rooms(view: JudgedState) -> Iterator[Room]:
     """Yield the room up to the altitude limits, by the mount's coordinates and as if its syncs were wrong.
 
     If the syncs were wrong, and by other sources of site and time (for motion by arrow keys of programs), only limits
     that somebody has set count (`Limits.written`). A goto may pass below the horizon if nobody has set a limit, but
     never below its ``min_altitude``.
     """
-    observed, before, last = view.observed, view.observed.before, view.observed.last
+    observed, before, last = view.observed, view.observed.previous, view.observed.last
     if before is None or last is None:
         return
-    goes = view.moving.slewing and view.moving.ordered and not view.moving.by_hand
-    beyond = (MAX_OVERSHOOT + READ_DISTANCE * observed.across) * view.on_checked_path
-    own, count = last.own, None if view.moving.by_hand else last.own
-    rates = view.rates(observed.changes.altitudes, observed.earlier.altitudes)[:count]
+    goes = view.moving.slewing and view.moving.ordered_by_client and not view.moving.by_hand
+    beyond = (MAX_OVERSHOOT + READ_TIME_ALLOWANCE * observed.across) * view.on_checked_path
+    own, count = last.own_altitude_count, None if view.moving.by_hand else last.own_altitude_count
+    rates = view.approach_rates(observed.rates.altitudes, observed.earlier.altitudes)[:count]
     for number, (then, now, rate) in enumerate(zip(before.altitudes, last.altitudes, rates, strict=False)):
-        limits = view.limits.written() if goes or number else view.limits
+        limits = view.limits.without_default_altitudes() if goes or number else view.limits
         if goes:
             reason = f"the altitude limit ({now:.1f} degrees, far below its way)"
-            yield Room(now - view.floor, then - view.floor, 0.0, reason, "")
+            yield Room(now - view.min_altitude, then - view.min_altitude, 0.0, reason, "")
         by = ", by another site or clock" if number >= own else ", if the syncs were wrong" if number else ""
         reason = f"the altitude limit ({now:.1f} degrees{by})"
-        for were, left in zip(inside(limits, then), inside(limits, now), strict=True):
+        for were, left in zip(degrees_inside(limits, then), degrees_inside(limits, now), strict=True):
             yield Room(left, were, rate, reason, "the altitude limit", beyond)
 
 
-def near_sun(view: View) -> Iterator[Room]:
+def sun_rooms(view: JudgedState) -> Iterator[Room]:
     """Yield the room up to the allowed distance from the Sun, for each of its possible positions. An approach counts
     from the greatest distance so far (``farthest_from_suns``), however slow it is.
 
@@ -326,34 +326,34 @@ def near_sun(view: View) -> Iterator[Room]:
     source must not end a correct motion.
     """
     observed, last = view.observed, view.observed.last
-    if observed.before is None or last is None:
+    if observed.previous is None or last is None:
         return
-    count = None if view.moving.by_hand else view.own_suns
-    rates = view.rates(observed.changes.suns, observed.earlier.suns)[:count]
+    count = None if view.moving.by_hand else view.own_sun_count
+    rates = view.approach_rates(observed.rates.sun_distances, observed.earlier.sun_distances)[:count]
     for now, far, rate in zip(last.suns, observed.farthest_from_suns, rates, strict=False):
         reason = f"the Sun ({now:.0f} degrees from it)"
-        yield Room(now - view.sun, far - SUN_JITTER_DEGREES - view.sun, rate, reason, "the Sun")
+        yield Room(now - view.sun_limit, far - SUN_JITTER_DEGREES - view.sun_limit, rate, reason, "the Sun")
 
 
-def farthest(view: View) -> tuple[float, ...]:
+def farthest_from_suns(view: JudgedState) -> tuple[float, ...]:
     """Return, for each possible position of the Sun, the greatest distance since the tube came near it; or the present
     distance if it is not near.
     """
     observed = view.observed
     if observed.last is None:
         return ()
-    rates = view.rates(observed.changes.suns, observed.earlier.suns)
+    rates = view.approach_rates(observed.rates.sun_distances, observed.earlier.sun_distances)
     return tuple(
-        now if now >= view.sun + view.margin(rate) or now < before - SUN_JITTER_DEGREES else max(now, before)
+        now if now >= view.sun_limit + view.stop_margin(rate) or now < before - SUN_JITTER_DEGREES else max(now, before)
         for now, before, rate in zip(observed.last.suns, observed.farthest_from_suns, rates, strict=True)
     )
 
 
-def meridian(view: View) -> Iterator[Room]:
+def meridian_rooms(view: JudgedState) -> Iterator[Room]:
     """Yield the room up to the hour angle limit. Gotos are exempt, because they may change the pier side."""
-    limit, past = view.limits.hour_angle, view.past
-    if limit is None or past is None or past.rate <= 0.0 or view.observed.before is None or view.moving.slewing:
+    limit, past = view.limits.hour_angle, view.past_meridian
+    if limit is None or past is None or past.rate <= 0.0 or view.observed.previous is None or view.moving.slewing:
         return
     reason = f"the hour angle limit ({past.degrees / 15.0:.2f} hours past the meridian)"
-    rate = view.ahead(past.rate, past.earlier)
+    rate = view.max_rate(past.rate, past.earlier_rate)
     yield Room(limit - past.degrees, inf, rate, reason, "the hour angle limit")

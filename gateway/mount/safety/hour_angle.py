@@ -17,16 +17,16 @@ from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.errors import PastMeridian
 from gateway.mount.context import Context
-from gateway.mount.motion.seen import Observed, PositionSample
+from gateway.mount.motion.seen import ObservedMotion, PositionSample
 from gateway.mount.policy import LIMIT_TOLERANCE, Limits
-from gateway.mount.safety.allow import PastNow
+from gateway.mount.safety.allow import PastMeridianState
 
 #: Degrees from the middle at which the counterweight shaft of a German mount is horizontal.
 LEVEL_SHAFT_ANGLE = 90.0
 #: Degrees that the first axis turns at most between two positions, so that one angle continues the other.
 MAX_CONTINUATION = 45.0
 #: Seconds between two readings of the axes, also at rest: the next motion may begin at the hand control.
-INTERVAL = 0.45
+AXIS_READ_INTERVAL = 0.45
 #: Seconds for which a pier side is trusted at rest.
 MAX_SIDE_AGE = 5.0
 #: The message to the user if nothing shows how far the tube is past the meridian.
@@ -41,10 +41,10 @@ def reports_axes(mount: Context) -> bool:
 def can_enforce_hour_angle(mount: Context) -> bool:
     """Whether an hour angle limit can be enforced: on forks, and on German mounts that report axes or pier side."""
     german = mount.driver.german
-    return reports_axes(mount) or german is False or (german is True and mount.driver.tells_side)
+    return reports_axes(mount) or german is False or (german is True and mount.driver.reports_pier_side)
 
 
-def turned_by_axes(mount: Context, axes: op.Horizontal | op.GotoAxes) -> float | None:
+def angle_from_axes(mount: Context, axes: op.Horizontal | op.GotoAxes) -> float | None:
     """Return how far the first axis is turned from its middle by these readings; None if the hemisphere is unknown.
 
     On a German mount the reading is 90 with the counterweight shaft down; on a fork on its wedge it counts from north.
@@ -55,10 +55,10 @@ def turned_by_axes(mount: Context, axes: op.Horizontal | op.GotoAxes) -> float |
     if site is None:
         return None
     geometry = Geometry(Build.WEDGE, site.latitude)
-    return geometry.pole * wrap180(axes.az - geometry.axes(0.0, 0.0, False)[0])
+    return geometry.ns_sign * wrap180(axes.az - geometry.axes(0.0, 0.0, False)[0])
 
 
-def turned_by_side(hour_angle: float, side: str | None) -> float:
+def angle_from_pier_side(hour_angle: float, side: str | None) -> float:
     """Return how far the first axis is turned from its middle, with the tube on this ``side`` of the pier (E, W).
 
     From the east side the tube looks west, from the west side east. Without a side the mount is a fork.
@@ -66,17 +66,17 @@ def turned_by_side(hour_angle: float, side: str | None) -> float:
     return wrap180(hour_angle - {"E": LEVEL_SHAFT_ANGLE, "W": -LEVEL_SHAFT_ANGLE, None: 0.0}[side])
 
 
-def past_meridian(turned: float, german: bool | None) -> float:
+def past_meridian(axis_angle: float, german: bool | None) -> float:
     """Return the angle of the tube past the meridian, degrees; negative on the free side.
 
     On a German mount the counterweight shaft is then above horizontal. On a fork it is the hour angle, east or west.
     """
-    return abs(wrap180(turned)) - (LEVEL_SHAFT_ANGLE if german else 0.0)
+    return abs(wrap180(axis_angle)) - (LEVEL_SHAFT_ANGLE if german else 0.0)
 
 
-def check_past(limits: Limits, turned: float, german: bool | None) -> None:
+def check_past_meridian(limits: Limits, axis_angle: float, german: bool | None) -> None:
     """Raises PastMeridian if the first axis of a mount would be turned too far from its middle."""
-    if limits.hour_angle is not None and past_meridian(turned, german) > limits.hour_angle + LIMIT_TOLERANCE:
+    if limits.hour_angle is not None and past_meridian(axis_angle, german) > limits.hour_angle + LIMIT_TOLERANCE:
         raise PastMeridian
 
 
@@ -86,12 +86,12 @@ class HourAngleWatch:
     def __init__(self, mount: Context, tube_side: Callable[[], Coroutine[None, None, str | None]]) -> None:
         self._mount, self._read_side = mount, tube_side
         #: The last three samples since the last goto: the loop time, and how far the tube was past the meridian.
-        self._readings: tuple[Pair, ...] = ()
+        self._past_samples: tuple[Pair, ...] = ()
         #: How far the axis was turned at the last position of a mount that does not report its axes; None if unknown.
-        self._turned: float | None = None
+        self._axis_angle: float | None = None
 
     @property
-    def watched(self) -> bool:
+    def has_limit(self) -> bool:
         """Whether a limit is set that can be enforced on this mount."""
         mount = self._mount
         status = mount.cache.value(op.GetStatus)
@@ -101,23 +101,23 @@ class HourAngleWatch:
     @property
     def interval(self) -> float | None:
         """How often to read the axes, seconds; None if that is not needed."""
-        needed = self.watched and reports_axes(self._mount) and not self._mount.movement.slewing
-        return INTERVAL if needed else None
+        needed = self.has_limit and reports_axes(self._mount) and not self._mount.movement.slewing
+        return AXIS_READ_INTERVAL if needed else None
 
     def forget(self) -> None:
         """Forget the angle of the axis: positions before and after now cannot be compared."""
-        self._readings, self._turned = (), None
+        self._past_samples, self._axis_angle = (), None
 
     def take_reading(self, axes: op.Horizontal) -> None:
         """Take an axis reading."""
-        turned = turned_by_axes(self._mount, axes) if self.watched and reports_axes(self._mount) else None
+        turned = angle_from_axes(self._mount, axes) if self.has_limit and reports_axes(self._mount) else None
         if turned is not None and not self._mount.movement.slewing:
-            self._add(self._mount.now(), turned)
+            self._add_sample(self._mount.now(), turned)
 
-    def look(self, observed: Observed) -> PastNow | None:
+    def past_meridian_now(self, observed: ObservedMotion) -> PastMeridianState | None:
         """Return how far the tube is past the meridian at the last position; None if unknown or during a goto."""
         mount = self._mount
-        if not self.watched:
+        if not self.has_limit:
             return None
         if mount.movement.slewing:
             self.forget()
@@ -125,30 +125,30 @@ class HourAngleWatch:
                 mount.cache.forget(op.PierSide)  # it is that of the goal
             return None
         if not reports_axes(mount) and observed.last is not None:
-            self._follow(observed.last)
-        return _by_readings(self._readings, mount.now())
+            self._follow_position(observed.last)
+        return _extrapolate(self._past_samples, mount.now())
 
-    def turned(self, hour_angle: float, side: str | None) -> float | None:
+    def axis_angle(self, hour_angle: float, side: str | None) -> float | None:
         """Return how far the axis is turned at this hour angle: near its last known angle, else by the pier side."""
-        german, before = self._mount.driver.german, self._turned
+        german, before = self._mount.driver.german, self._axis_angle
         if before is not None:
-            first = turned_by_side(hour_angle, "E" if german else None)
+            first = angle_from_pier_side(hour_angle, "E" if german else None)
             nearest = min((first, wrap180(first + 180.0)), key=lambda way: abs(wrap180(way - before)))
             if abs(wrap180(nearest - before)) <= MAX_CONTINUATION:
                 return nearest
-        return None if german and side is None else turned_by_side(hour_angle, side if german else None)
+        return None if german and side is None else angle_from_pier_side(hour_angle, side if german else None)
 
-    def _follow(self, last: PositionSample) -> None:
+    def _follow_position(self, last: PositionSample) -> None:
         """Update the angle of the axis by the last position, unless that was done."""
-        if last.hour_angle is not None and not (self._readings and last.at <= self._readings[-1][0]):
-            self._turned = self.turned(last.hour_angle, self._side())
-            if self._turned is not None:
-                self._add(last.at, self._turned)
+        if last.hour_angle is not None and not (self._past_samples and last.time <= self._past_samples[-1][0]):
+            self._axis_angle = self.axis_angle(last.hour_angle, self._pier_side())
+            if self._axis_angle is not None:
+                self._add_sample(last.time, self._axis_angle)
 
-    def _add(self, at: float, turned: float) -> None:
-        self._readings = (*self._readings[-2:], (at, past_meridian(turned, self._mount.driver.german)))
+    def _add_sample(self, at: float, axis_angle: float) -> None:
+        self._past_samples = (*self._past_samples[-2:], (at, past_meridian(axis_angle, self._mount.driver.german)))
 
-    def _side(self) -> str | None:
+    def _pier_side(self) -> str | None:
         """Return the last reported pier side of a German mount, and start a new read if the report is old."""
         mount = self._mount
         if not mount.driver.german:
@@ -158,10 +158,10 @@ class HourAngleWatch:
         return mount.driver.tube_side(mount.cache.value(op.PierSide) or "")
 
 
-def _by_readings(readings: tuple[Pair, ...], now: float) -> PastNow | None:
+def _extrapolate(readings: tuple[Pair, ...], now: float) -> PastMeridianState | None:
     """Return how far the tube is past the meridian now, extrapolated from the last samples; None without a rate."""
     rates = [(past - before) / (at - then) for (then, before), (at, past) in pairwise(readings) if at > then]
     if not rates:
         return None
     at, past = readings[-1]
-    return PastNow(past + rates[-1] * (now - at), rates[-1], abs(rates[0]) if len(rates) > 1 else None)
+    return PastMeridianState(past + rates[-1] * (now - at), rates[-1], abs(rates[0]) if len(rates) > 1 else None)

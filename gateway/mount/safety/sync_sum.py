@@ -43,28 +43,28 @@ class SyncSum(Struct, frozen=True, omit_defaults=True):
         return hypot(self.east, self.north)
 
     @property
-    def axes(self) -> tuple[Pair, ...]:
+    def axis_turns(self) -> tuple[Pair, ...]:
         """By how many degrees syncs may have turned the two axes since the alignment: one pair, or two."""
         return (self.turned,) if self.around is None else (self.turned, self.around)
 
-    def added(self, present: Equatorial, target: Equatorial, turns: Sequence[Pair]) -> SyncSum:
+    def with_sync(self, present: Equatorial, target: Equatorial, turns: Sequence[Pair]) -> SyncSum:
         """Return the sum after another sync from ``present`` to ``target``. ``turns``: by how much it turns the axes,
         and a second pair if the mount may believe from then on that it points in the other way.
         """
         middle = cos(radians((present.dec + target.dec) / 2.0))
         around = None
         if self.around is not None:  # the mount has taken it for the other way, so the second axis turns that way
-            around = _plus(self.around, (turns[0][0], turns[0][1] * (-1.0 if len(turns) > 1 else 1.0)))
+            around = _add_turns(self.around, (turns[0][0], turns[0][1] * (-1.0 if len(turns) > 1 else 1.0)))
         elif len(turns) > 1:
-            around = _plus(self.turned, turns[1])
+            around = _add_turns(self.turned, turns[1])
         east = self.east + wrap180(target.ra - present.ra) * middle
-        return SyncSum(east, self.north + target.dec - present.dec, _plus(self.turned, turns[0]), around)
+        return SyncSum(east, self.north + target.dec - present.dec, _add_turns(self.turned, turns[0]), around)
 
 
 NO_SYNC = SyncSum()
 
 
-def _plus(pair: Pair, turn: Pair) -> Pair:
+def _add_turns(pair: Pair, turn: Pair) -> Pair:
     return wrap180(pair[0] + turn[0]), wrap180(pair[1] + turn[1])
 
 
@@ -75,16 +75,16 @@ class SyncTotal:
     """
 
     def __init__(self) -> None:
-        self.value = self.coming = SyncSum()
-        self.doubt = ""
+        self.value = self.pending = SyncSum()
+        self.resync_reason = ""
 
-    def carried_out(self) -> None:
+    def note_acknowledged(self) -> None:
         """Note that the mount has acknowledged the pending sync."""
-        self.value, self.doubt = self.coming, ""
+        self.value, self.resync_reason = self.pending, ""
 
-    def forget(self, reason: str = "") -> None:
+    def reset(self, reason: str = "") -> None:
         """Reset the sum: the mount was aligned again, is not aligned, or may not be (``reason``)."""
-        self.value, self.doubt = SyncSum(), reason
+        self.value, self.resync_reason = SyncSum(), reason
 
 
 def check_sync(
@@ -94,9 +94,9 @@ def check_sync(
 
     A sync that makes the sum of an axis smaller, and none larger, is accepted at any distance.
     """
-    then = so_far.added(present, target, turns)
+    then = so_far.with_sync(present, target, turns)
     sums = so_far.turned, so_far.around or so_far.turned
-    if all(corrects(limit, before, after) for before, after in zip(sums, then.axes, strict=False)):
+    if all(is_correction(limit, before, after) for before, after in zip(sums, then.axis_turns, strict=False)):
         return then
     distance = separation(present.ra, present.dec, target.ra, target.dec)
     ways_out = "Centre the object, align the mount again, or set another sync-limit."
@@ -107,7 +107,7 @@ def check_sync(
     return then
 
 
-def corrects(limit: float, before: Pair, after: Pair) -> bool:
+def is_correction(limit: float, before: Pair, after: Pair) -> bool:
     """Whether a sync makes the sum of one axis smaller, and that of no axis larger (except by rounding, within the
     limit). ``before`` and ``after`` are the sums of the two axes.
     """

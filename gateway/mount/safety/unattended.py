@@ -20,12 +20,12 @@ from gateway.core.errors import Fault, Unsupported
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.motion.seen import NEVER
-from gateway.mount.motion.wanted import ByHand, Wanted
-from gateway.mount.presence import HostActivity, Presence
+from gateway.mount.motion.wanted import HandMove, Wanted
+from gateway.mount.presence import ClientPresence, HostActivity
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.watch import MAX_STATUS_AGE, LimitWatch
 from gateway.mount.site.astrometry import Sun
-from gateway.mount.site.site_clock import MOUNT
+from gateway.mount.site.site_clock import MOUNT_SOURCE
 
 #: Degrees a second; a motion by hand up to this speed counts as tracking by the client.
 MAX_TRACKING_SPEED = 60.0 / 3600.0
@@ -41,88 +41,88 @@ SWITCHED_OFF_MESSAGE = "tracking was switched off at"
 WAY_OUT_ADVICE = "cover the tube, or move it away."
 
 
-class Supervised(Struct, frozen=True):
+class SupervisedMotion(Struct, frozen=True):
     """A motion that needs an active client: the operation that ends it, the client, and when it began."""
 
-    ends: op.Operation
-    by: HostActivity
-    since: float
+    end_operation: op.Operation
+    client: HostActivity
+    began_at: float
 
 
 class Supervisor:
     """Ends the motions of clients that went silent. ``perform`` carries out the operation that ends a motion."""
 
     def __init__(
-        self, context: Context, presence: Presence, perform: Callable[[op.Operation], Awaitable[object]]
+        self, context: Context, presence: ClientPresence, perform: Callable[[op.Operation], Awaitable[object]]
     ) -> None:
-        self._context, self._state, self._presence, self._perform = context, context.wanted, presence, perform
+        self._context, self._wanted_state, self._presence, self._perform = context, context.wanted, presence, perform
         self._loop = asyncio.get_running_loop()
-        self._watching: asyncio.TimerHandle | None = None
-        self._ended_motions: set[Supervised] = set()
+        self._timer: asyncio.TimerHandle | None = None
+        self._ended_motions: set[SupervisedMotion] = set()
 
     def start_watching(self, _: object = None) -> None:
         """Start the timer of the checks, if there is a motion to supervise and the timer is not running."""
-        if self._watching is None and supervised(self._state.value):
-            self._watching = self._loop.call_later(CHECK_PERIOD, self._check)
+        if self._timer is None and supervised_motions(self._wanted_state.value):
+            self._timer = self._loop.call_later(CHECK_PERIOD, self._check_clients)
 
     def close(self) -> None:
-        if self._watching is not None:
-            self._watching.cancel()
+        if self._timer is not None:
+            self._timer.cancel()
 
-    def _check(self) -> None:
-        self._watching = None
-        motions, policy = supervised(self._state.value), self._context.policy
-        for motion, why in abandoned(
+    def _check_clients(self) -> None:
+        self._timer = None
+        motions, policy = supervised_motions(self._wanted_state.value), self._context.policy
+        for motion, why in abandoned_motions(
             motions, self._presence, self._loop.time(), policy.dead_man, policy.dead_man_closed
         ):
             if motion not in self._ended_motions:
                 self._ended_motions.add(motion)
-                what = "the focuser" if isinstance(motion.ends, op.Focus) else "its motion"
-                self._context.note(f"{motion.by.who} {why}: {what} is stopped")
-                self._context.tasks.spawn(self._end(motion.ends))
+                what = "the focuser" if isinstance(motion.end_operation, op.Focus) else "its motion"
+                self._context.note(f"{motion.client.host} {why}: {what} is stopped")
+                self._context.tasks.spawn(self._end_motion(motion.end_operation))
         self._ended_motions.intersection_update(motions)
         self.start_watching()
 
-    async def _end(self, operation: op.Operation) -> None:
+    async def _end_motion(self, operation: op.Operation) -> None:
         try:
             await self._perform(operation)
         except Fault as fault:
             self._context.note(f"the motion could not be stopped: {fault}")
 
 
-def supervised(wanted: Wanted) -> list[Supervised]:
+def supervised_motions(wanted: Wanted) -> list[SupervisedMotion]:
     """Return the motions that need an active client."""
     moments = []
-    if isinstance(wanted.motion, ByHand):
+    if isinstance(wanted.motion, HandMove):
         moments += [
-            Supervised(op.StopAxis(axis), motion.by, motion.since)
+            SupervisedMotion(op.StopAxis(axis), motion.client, motion.began_at)
             for axis, motion in wanted.motion
-            if motion.by is not None and motion.speed > MAX_TRACKING_SPEED
+            if motion.client is not None and motion.speed > MAX_TRACKING_SPEED
         ]
-    if wanted.focus is not None and wanted.focus.by is not None:
-        moments.append(Supervised(op.Focus(0), wanted.focus.by, wanted.focus.since))
+    if wanted.focus_motion is not None and wanted.focus_motion.client is not None:
+        moments.append(SupervisedMotion(op.Focus(0), wanted.focus_motion.client, wanted.focus_motion.began_at))
     return moments
 
 
-def abandoned(
-    motions: Iterable[Supervised], presence: Presence, now: float, silence: float, closed: float
-) -> list[tuple[Supervised, str]]:
+def abandoned_motions(
+    motions: Iterable[SupervisedMotion], presence: ClientPresence, now: float, max_silence: float, max_away: float
+) -> list[tuple[SupervisedMotion, str]]:
     """Return the motions whose client has disconnected or has been silent for too long, each with the reason as text.
 
-    ``max_silence`` and ``max_disconnected_time`` are the seconds allowed on an open connection, and after the last one
+    ``max_silence`` and ``max_away`` are the seconds allowed on an open connection, and after the last one
     was closed.
     """
     moments = []
     for motion in motions:
-        activities = presence.connections_for(motion.by)
+        activities = presence.connections_for(motion.client)
         for activity in activities:
             if activity.sent_data:
                 activity.sent_data, activity.last_active_at = False, now
-        left = [activity.closed for activity in activities if activity.closed is not None]
-        if len(left) == len(activities) and now - max(motion.since, *left) >= closed:
+        left = [activity.closed_at for activity in activities if activity.closed_at is not None]
+        if len(left) == len(activities) and now - max(motion.began_at, *left) >= max_away:
             moments.append((motion, "has disconnected"))
-        elif now - max(motion.since, *(activity.last_active_at for activity in activities)) >= silence:
-            moments.append((motion, f"has sent nothing for {silence:g} s"))
+        elif now - max(motion.began_at, *(activity.last_active_at for activity in activities)) >= max_silence:
+            moments.append((motion, f"has sent nothing for {max_silence:g} s"))
     return moments
 
 
@@ -146,10 +146,10 @@ class TrackingAtLimit:
         watch.carried_to_limit.connect(self.switch_off)
 
     def switch_off(self, reason: str) -> None:
-        began, tracked, now = self._watch.observed.began, self._watch.tracked_at, self._context.now()
+        began, tracked, now = self._watch.observed.began_at, self._watch.tracked_at, self._context.now()
         drifts = self._drifts_since > max(began, tracked)
         if drifts and self._context.cache.age(op.GetStatus, now) > MAX_STATUS_AGE:
-            self._reader.shared(op.GetStatus())
+            self._reader.shared_task(op.GetStatus())
         elif not (self._switching or drifts or self._refused_at > began):
             self._switching = True
             self._context.tasks.spawn(self._switch_off(reason))
@@ -170,7 +170,7 @@ class TrackingAtLimit:
         except Unsupported:
             self._refused_at = context.now()
             # at rest: the mount has not reached it by tracking
-            sky_changed = self._watch.sky.changed_at > self._watch.observed.began
+            sky_changed = self._watch.sky.changed_at > self._watch.observed.began_at
             context.note(f"{'WARNING: the mount is' if sky_changed else 'stopped'} at {reason}")
             context.note_once("this mount's tracking cannot be switched off at a limit")
             if not sky_changed:
@@ -181,7 +181,7 @@ class TrackingAtLimit:
             self._switching = False
 
 
-class SunAhead:
+class SunApproachWatch:
     """Warns if the Sun will come near a tube at rest, or will rise near a tube that tracks.
 
     ``warning`` says when, and by which source of site and time; empty if it will not. Call ``check`` with every
@@ -200,22 +200,22 @@ class SunAhead:
             return
         self._next_check = now + RECHECK_PERIOD
         before, self.warning = self.warning, ""
-        if mount.movement.anything or self._watch.moved_by_others or not mount.sources.sites():
+        if mount.movement.any_motion or self._watch.moved_by_others or not mount.sources.sites():
             return
         status = mount.cache.value(op.GetStatus)
         if status is None or not status.aligned:
             self._next_check = now + FIRST_RECHECK_DELAY
             return
-        self.warning = self._find(position, tracks=status.tracking is not op.Tracking.OFF)
+        self.warning = self._find_warning(position, tracks=status.tracking is not op.Tracking.OFF)
         if self.warning and not before:
             mount.note(f"WARNING: {self.warning}")
 
-    def _find(self, position: op.Equatorial, tracks: bool) -> str:
+    def _find_warning(self, position: op.Equatorial, tracks: bool) -> str:
         """Return the warning for the earliest approach of the Sun, by any source; empty if there is none."""
         suns = self._mount.suns
-        up = {(sun.sync_shift, sun.confirmed) for sun in suns.to_avoid()}
+        up = {(sun.sync_shift, sun.confirmed) for sun in suns.suns_to_avoid()}
         for minute in range(round(LOOK_AHEAD_TIME / LOOK_AHEAD_STEP) + 1):
-            for sun in suns.suns(self._mount.frame(), minute * LOOK_AHEAD_STEP):
+            for sun in suns.calculate_suns(self._mount.frame(), minute * LOOK_AHEAD_STEP):
                 distance = self._distance(position, sun, 0.0 if tracks else minute * LOOK_AHEAD_STEP)
                 if distance < suns.limit:
                     return self._warning_for(sun, distance, minute, (sun.sync_shift, sun.confirmed) not in up, tracks)
@@ -227,7 +227,7 @@ class SunAhead:
         return separation(tube.ra + SIDEREAL_RATE * seconds, tube.dec, sun.ra, sun.dec)
 
     def _warning_for(self, sun: Sun, distance: float, minute: int, rises: bool, tracks: bool) -> str:
-        source = sun.time.source if sun.site is None or sun.time.source != MOUNT else sun.site.source
+        source = sun.time.source if sun.site is None or sun.time.source != MOUNT_SOURCE else sun.site.source
         by = "" if sun.confirmed else f" by {source}"
         tube = f"the {'tracking' if tracks else 'resting'} tube"
         when = "" if minute == 0 else f" in {minute} minute{'s' * (minute != 1)}"

@@ -21,21 +21,21 @@ from gateway.core.signals import Signal
 from gateway.mount.context import FASTEST_RATE, Context
 from gateway.mount.motion import seen as fold
 from gateway.mount.motion.ends import MIN_UNITS, AxisSample, EndWatch
-from gateway.mount.motion.seen import NEVER, Observed, PositionSample
-from gateway.mount.motion.wanted import Moving, Slew
+from gateway.mount.motion.seen import NEVER, ObservedMotion, PositionSample
+from gateway.mount.motion.wanted import MotionState, Slew
 from gateway.mount.readings.reader import Reader
-from gateway.mount.safety.admission.altitudes import by_others, by_syncs
-from gateway.mount.safety.admission.slew_paths import POINT_SPACING, sun_reading
+from gateway.mount.safety.admission.altitudes import contradicting_sources, unsynced_sources
+from gateway.mount.safety.admission.slew_paths import POINT_SPACING, axis_readings_at
 from gateway.mount.safety.allow import (
     MAX_TRACKING_SPEED,
     MIN_POSITION_GAP,
     CheckedPath,
+    JudgedState,
     Verdict,
-    View,
-    allow,
-    farthest,
-    first_stretch,
-    rooms_around,
+    degrees_to_limits,
+    farthest_from_suns,
+    first_position_deadline,
+    judge_motion,
 )
 from gateway.mount.safety.hour_angle import HourAngleWatch
 from gateway.mount.site.pending_settings import SKY
@@ -59,7 +59,7 @@ ASTRAY_DEGREES = 3.0 + POINT_SPACING / 2.0
 #: Degrees a second on the sky: guide pulses move the tube more slowly, even where right ascension changes fast.
 MAX_GUIDE_SPEED = 0.01
 #: The speed at which two axes together move the tube, as a multiple of that of one.
-BOTH_AXES = 1.42
+AXES_FACTOR = 1.42
 #: Seconds after a goto in which the mount may still settle.
 SETTLE_TIME = 2.0
 #: Seconds: if the clock is set by more than this, positions before and after cannot be compared.
@@ -80,30 +80,30 @@ class LimitWatch:
         self.must_stop: Signal[str] = Signal()
         self.carried_to_limit: Signal[str] = Signal()
         self._deadline, self._stalls = StopDeadline(asyncio.get_running_loop(), self._deadline_passed), StallWatch()
-        self.observed = Observed()
+        self.observed = ObservedMotion()
         self._limits = mount.policy.limits
-        self.others, self._coasts_until, self._stopped_at = OthersWatch(), NEVER, NEVER
+        self.others_watch, self._coasts_until, self._blind_stop_at = OthersWatch(), NEVER, NEVER
         #: Whether the mount was sent to a park position without altitude limits, and whether it has rested there.
-        self._at_own_park = self._parked = False
-        self._astray = False
+        self._at_own_park = self._rested_at_park = False
+        self._goto_is_astray = False
         self.sky = SkyChange(mount)
         #: Loop time of the last position while the mount may have been tracking.
         self.tracked_at = NEVER
         self.hour_angle = HourAngleWatch(mount, reader.tube_side)
         #: Loop times at which the last motion by hand and the last goto ended.
         self.at_rest_since = self._goto_ended_at = NEVER
-        self.path = CheckedPath()
+        self.next_path = CheckedPath()
         #: What was known of the last motion when it began.
-        self._checked_path = CheckedPath()
+        self._current_path = CheckedPath()
 
     @property
     def moved_by_others(self) -> bool:
         """Whether the mount moves without an order of a client."""
-        return self._mount.now() < self.others.until
+        return self._mount.now() < self.others_watch.watch_closely_until
 
     @property
-    def _moves(self) -> bool:
-        return self._mount.movement.anything or self.moved_by_others
+    def _is_moving(self) -> bool:
+        return self._mount.movement.any_motion or self.moved_by_others
 
     def others_move(self, axis: int) -> bool:
         """Whether the last two positions show that somebody else moves this axis faster than any tracking.
@@ -111,14 +111,14 @@ class LimitWatch:
         Motion soon after a goto belongs to it. On an alt-azimuth mount, motion of either axis counts: both follow the
         sky.
         """
-        mount, before, last, now = self._mount, self.observed.before, self.observed.last, self._mount.now()
-        if mount.movement.anything or mount.run_on.value is not None or now - self._goto_ended_at < SETTLE_TIME:
+        mount, before, last, now = self._mount, self.observed.previous, self.observed.last, self._mount.now()
+        if mount.movement.any_motion or mount.run_on.current is not None or now - self._goto_ended_at < SETTLE_TIME:
             return False
-        if before is None or last is None or now - last.at > CLOSE_WATCH_TIME:
+        if before is None or last is None or now - last.time > CLOSE_WATCH_TIME:
             return False
         if self.observed.across < MAX_GUIDE_SPEED:
             return False
-        then, at_then = (self._axes(sample.at, sample.place) for sample in (before, last))
+        then, at_then = (self._axis_sample(sample.time, sample.position) for sample in (before, last))
         least = max(MAX_TRACKING_SPEED * self.observed.elapsed, MIN_UNITS * at_then.resolution)
         status = mount.cache.value(op.GetStatus)
         axes = (axis,) if status is None or status.equatorial else (1, 2)
@@ -126,25 +126,25 @@ class LimitWatch:
         return any(min(way, 180.0 - way) > least for way in turned)  # a pulse over the pole is no half turn
 
     @property
-    def found_moving(self) -> bool:
+    def others_just_began(self) -> bool:
         """Whether the last position was the first to show motion by somebody else."""
-        return self.others.begins
+        return self.others_watch.just_began
 
     @property
-    def look_within(self) -> float:
+    def position_needed_within(self) -> float:
         """Seconds within which the next position is needed, so that motion at the hand control, which may begin at any
         time, is noticed before it can reach a limit that applies to it.
         """
         mount, last = self._mount, self.observed.last
-        if last is None or self.hour_angle.watched:
+        if last is None or self.hour_angle.has_limit:
             return 0.0
-        nearest = min(rooms_around(last, mount.policy.limits.for_keys(), mount.suns.limit))
-        return nearest / (BOTH_AXES * mount.driver.speed(FASTEST_RATE)) - mount.timing.reaction
+        nearest = min(degrees_to_limits(last, mount.policy.limits.for_keys(), mount.suns.limit))
+        return nearest / (AXES_FACTOR * mount.driver.speed(FASTEST_RATE)) - mount.stop_timing.reaction
 
     @property
-    def fastest(self) -> float:
+    def max_commanded_speed(self) -> float:
         """The highest speed of the commanded motions under way, degrees a second; 0 if there are none."""
-        moving = self._mount.movement.now()
+        moving = self._mount.movement.snapshot()
         if moving.slewing:
             return self.observed.across or self._mount.driver.speed(FASTEST_RATE)
         return max((self._mount.driver.speed(motion.rate) for motion in moving.by_hand.values()), default=0.0)
@@ -154,48 +154,48 @@ class LimitWatch:
         """Whether the only motion is a goto on a path within the limits, and nothing else was ordered."""
         wanted = self._mount.wanted
         ordered = any(isinstance(order.operation, MOVERS) for order in wanted.value.pending)
-        return self._checked_path.clear and isinstance(wanted.value.motion, Slew) and not (wanted.ending or ordered)
+        return self._current_path.allowed and isinstance(wanted.value.motion, Slew) and not (wanted.ending or ordered)
 
-    def narrow(self, lowest: float, highest: float, past: float | None) -> None:
+    def narrow_limits(self, lowest: float, highest: float, hour_angle: float | None) -> None:
         """Apply tighter limits to the motion under way, too; wider ones apply to the next."""
-        self._limits = self._limits if self._at_own_park else self._limits.narrowed(lowest, highest, None, past)
+        self._limits = self._limits if self._at_own_park else self._limits.narrowed(lowest, highest, None, hour_angle)
 
     # --- events -----------------------------------------------------------------------------------------------------
 
-    def began(self, operation: op.Operation) -> None:
+    def motion_began(self, operation: op.Operation) -> None:
         """Note that a motion has begun: it starts from the last position, unless the mount was moving already."""
-        mount, moving = self._mount, self._mount.movement.now()
+        mount, moving = self._mount, self._mount.movement.snapshot()
         limits, self._at_own_park = mount.policy.limits, False
         if isinstance(operation, op.Goto | op.GotoHorizontal | op.Move):
             limits = limits.narrowed(operation.lowest, operation.highest)
         elif isinstance(operation, op.Park) and (mount.policy.own_park or mount.driver.destination(operation) is None):
-            limits, self._at_own_park = limits.at_any_altitude(), True
-        self._limits, self._coasts_until, self._astray = limits, NEVER, self.path.ways == []
-        self._checked_path = replace(self.path) if isinstance(operation, GOTOS) else CheckedPath()
-        self._parked = False
+            limits, self._at_own_park = limits.without_altitudes(), True
+        self._limits, self._coasts_until, self._goto_is_astray = limits, NEVER, self.next_path.points == []
+        self._current_path = replace(self.next_path) if isinstance(operation, GOTOS) else CheckedPath()
+        self._rested_at_park = False
         ordered_speed = mount.driver.speed(operation.rate) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
         if isinstance(operation, op.Sync):
-            self.observed = replace(self.observed, before=None, last=None, farthest_from_suns=())
+            self.observed = replace(self.observed, previous=None, last=None, farthest_from_suns=())
             self.hour_angle.forget()
-        self.observed = fold.begin_motion(self.observed, mount.now(), ordered_speed, at_rest=not self._moves)
+        self.observed = fold.begin_motion(self.observed, mount.now(), ordered_speed, at_rest=not self._is_moving)
         if not isinstance(operation, op.Move | op.MoveAxis):
             self._deadline.disarm()
         elif moving.by_hand.get(operation.axis) != operation:  # a repeated command is judged already
             speed = sum(
                 mount.driver.speed(motion.rate) for motion in {**moving.by_hand, operation.axis: operation}.values()
             )
-            self._apply(first_stretch(self._view(mount.now(), moving), mount.now(), speed))
+            self._apply_verdict(first_position_deadline(self._judged_state(mount.now(), moving), mount.now(), speed))
 
     def goto_ended(self, _: None = None) -> None:
         """Note the end of a goto. If it was stopped on its way, the tube may still be beyond the pole or the zenith."""
         self._goto_ended_at = self._mount.now()
-        moving = self._mount.movement.now()
-        if not (moving.ending or moving.by_hand):
+        moving = self._mount.movement.snapshot()
+        if not (moving.end_pending or moving.by_hand):
             self.observed = replace(self.observed, upright=True)
 
     def axis_stopped(self) -> None:
         """Note that one axis was stopped: a goto that continues on the other leaves the path that was checked."""
-        self._astray, self._checked_path.clear = True, False
+        self._goto_is_astray, self._current_path.allowed = True, False
 
     def motion_ended(self) -> None:
         """Note that one or all motions by hand have ended."""
@@ -206,147 +206,147 @@ class LimitWatch:
     def position_missing(self, _: None = None) -> None:
         """Note that the mount did not report its position; stop a motion by hand if that lasts too long."""
         mount, now = self._mount, self._mount.now()
-        reason = why_blind(mount.movement.now(), mount.cache.age(op.Position, now), now - self._stopped_at)
+        reason = blind_reason(mount.movement.snapshot(), mount.cache.age(op.Position, now), now - self._blind_stop_at)
         if reason:
-            self._stopped_at = now
+            self._blind_stop_at = now
             self._stop(f"stopped: {reason}")
 
     # --- positions --------------------------------------------------------------------------------------------------
 
-    def check_position(self, place: op.Equatorial) -> None:
+    def check_position(self, position: op.Equatorial) -> None:
         """Compare a position with the previous position, apply the rules, and act on the verdict."""
         now, last = self._mount.now(), self.observed.last
-        if last is not None and now - last.at < MIN_POSITION_GAP:
+        if last is not None and now - last.time < MIN_POSITION_GAP:
             return
         self._deadline.disarm()
-        self._check_axes(now, place)
+        self._check_axes(now, position)
         if self.sky.has_changed(now, self.moved_by_others):
             last = None
             self.hour_angle.forget()
         elif last is not None and last.altitude is None:  # the site may be known by now
-            last = self._sample(last.at, last.place)
+            last = self._sample(last.time, last.position)
             self.observed = fold.add_first_position(self.observed, last)
-        sample, status = self._sample(now, place, last), self._mount.cache.value(op.GetStatus)
-        near = max(abs(place.dec), sample.altitude or 0.0) > fold.PASSES
+        sample, status = self._sample(now, position, last), self._mount.cache.value(op.GetStatus)
+        near = max(abs(position.dec), sample.altitude or 0.0) > fold.POLE_LAT
         if near and not (self._mount.movement.slewing or self.moved_by_others):
-            self.observed = fold.passed(self.observed, last, sample, self._mount.astrometry, status)
-        if last is None or now < self._coasts_until or last.era != sample.era:
+            self.observed = fold.update_upright_by_passage(self.observed, last, sample, self._mount.astrometry, status)
+        if last is None or now < self._coasts_until or last.comparison_key != sample.comparison_key:
             self.observed = fold.add_first_position(self.observed, sample)
             return
         if status is not None and not status.aligned:
-            self.observed = replace(self.observed, before=None, last=sample)
+            self.observed = replace(self.observed, previous=None, last=sample)
             self._mount.note_once(NOT_ALIGNED_MESSAGE)
             if self._status_age > MAX_STATUS_AGE:
-                self._reader.shared(op.GetStatus())
+                self._reader.shared_task(op.GetStatus())
             return
-        self.observed, moving = fold.add_position(self.observed, sample), self._mount.movement.now()
+        self.observed, moving = fold.add_position(self.observed, sample), self._mount.movement.snapshot()
         self._update_state(now, status, moving)
-        self._astray = self._astray or (moving.slewing and self._off_its_ways(place))
-        view = self._view(now, moving)
-        self.observed = replace(self.observed, farthest_from_suns=farthest(view))
-        self._apply(allow(view))
+        self._goto_is_astray = self._goto_is_astray or (moving.slewing and self._is_off_paths(position))
+        view = self._judged_state(now, moving)
+        self.observed = replace(self.observed, farthest_from_suns=farthest_from_suns(view))
+        self._apply_verdict(judge_motion(view))
 
-    def _sample(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
+    def _sample(self, now: float, reported: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
         """Return a position that was read at ``now`` with its altitude, hour angle and distances from the Sun."""
         mount, frame = self._mount, self._mount.frame()
-        position = place if before is None else fold.at_one_time(now, place, before, mount.timing.lag)
-        altitude, hour_angle = mount.astrometry.overhead(position)
-        shifted = tuple(by_syncs(mount, frame))
-        others = () if altitude is None else (*shifted, *by_others(mount, self._limits))
+        position = reported if before is None else fold.simultaneous(now, reported, before, mount.stop_timing.lag)
+        altitude, hour_angle = mount.astrometry.alt_and_ha(position)
+        shifted = tuple(unsynced_sources(mount, frame))
+        others = () if altitude is None else (*shifted, *contradicting_sources(mount, self._limits))
         further = tuple(source.altitude(position) for source in others)
         suns, lifting = tuple(mount.suns.distances(position)), mount.wanted.by_hand.get(2)
         era = (mount.suns.era, frame, altitude is None, len(further))
-        return PositionSample(now, place, altitude, hour_angle, suns, lifting, era, further, 1 + len(shifted))
+        return PositionSample(now, reported, altitude, hour_angle, suns, lifting, era, further, 1 + len(shifted))
 
-    def _update_state(self, now: float, status: op.Status | None, moving: Moving) -> None:
+    def _update_state(self, now: float, status: op.Status | None, moving: MotionState) -> None:
         """Notice motion at the hand control, a new alignment, a tube beyond pole or zenith, and the end of parking."""
         mount, last = self._mount, self.observed.last
         self.tracked_at = now if status is None or status.tracking is not op.Tracking.OFF else self.tracked_at
-        self.others.see(now, self.observed.across > MAX_TRACKING_SPEED and not moving.ordered)
-        mount.movement.by_others_until = self.others.until
+        self.others_watch.record(now, self.observed.across > MAX_TRACKING_SPEED and not moving.ordered_by_client)
+        mount.movement.moved_by_others_until = self.others_watch.watch_closely_until
         mount.driver.moved_by_others = self.moved_by_others
-        if self.others.begins and mount.driver.moved_by_others:
-            mount.cache.look_again(op.Slewing)  # no new answer, but the mount must be asked whether it slews
+        if self.others_watch.just_began and mount.driver.moved_by_others:
+            mount.cache.mark_changed(op.Slewing)  # no new answer, but the mount must be asked whether it slews
         if self.observed.across > REALIGNED_FACTOR * mount.driver.speed(FASTEST_RATE):
-            mount.synced.forget()
+            mount.synced.reset()
         if status is not None and last is not None and last.lifting is not None:
-            self.observed = fold.lifted(self.observed, status.equatorial, mount.driver.speed(last.lifting.rate))
-        if not moving.ordered and (not self._at_own_park or self._left_park(status)):
+            self.observed = fold.apply_lift(self.observed, status.equatorial, mount.driver.speed(last.lifting.rate))
+        if not moving.ordered_by_client and (not self._at_own_park or self._has_left_park(status)):
             self._limits, self._at_own_park = mount.policy.limits, False
 
-    def _off_its_ways(self, place: op.Equatorial) -> bool:
+    def _is_off_paths(self, position: op.Equatorial) -> bool:
         """Whether this position of a goto is more than ``ASTRAY_DEGREES`` from the paths calculated for it."""
-        if not self._checked_path.ways:
+        if not self._current_path.points:
             return False
-        reading = sun_reading(self._mount.astrometry, place, self._mount.frame().polar)
-        return all(separation(*reading, *way) > ASTRAY_DEGREES for way in self._checked_path.ways)
+        reading = axis_readings_at(self._mount.astrometry, position, self._mount.frame().polar)
+        return all(separation(*reading, *way) > ASTRAY_DEGREES for way in self._current_path.points)
 
-    def _left_park(self, status: op.Status | None) -> bool:
+    def _has_left_park(self, status: op.Status | None) -> bool:
         """Whether the mount tracks again after the owner's park position; from then on the limits apply again."""
-        if status is None or not (self._parked or self._status_age <= MAX_STATUS_AGE):
-            self._reader.shared(op.GetStatus())
+        if status is None or not (self._rested_at_park or self._status_age <= MAX_STATUS_AGE):
+            self._reader.shared_task(op.GetStatus())
             return False
         tracks = status.tracking is not op.Tracking.OFF
-        self._parked = self._parked or not tracks
-        return self._parked and tracks
+        self._rested_at_park = self._rested_at_park or not tracks
+        return self._rested_at_park and tracks
 
     @property
     def _status_age(self) -> float:
         return self._mount.cache.age(op.GetStatus, self._mount.now())
 
-    def _view(self, now: float, moving: Moving) -> View:
+    def _judged_state(self, now: float, moving: MotionState) -> JudgedState:
         mount, limits = self._mount, self._limits
-        past = None if mount.policy.limits.hour_angle is None else self.hour_angle.look(self.observed)
-        if self.moved_by_others and not moving.ordered:
+        past = None if mount.policy.limits.hour_angle is None else self.hour_angle.past_meridian_now(self.observed)
+        if self.moved_by_others and not moving.ordered_by_client:
             limits = limits.for_keys()
-            if now - mount.cache.age(op.Slewing, now) < self.others.since:
+            if now - mount.cache.age(op.Slewing, now) < self.others_watch.began_at:
                 moving = replace(moving, slewing=True)  # perhaps: the mount will say so in the next exchange
         status = mount.cache.value(op.GetStatus)
         suns = mount.suns
-        return View(
-            self.observed, limits, mount.timing, moving, suns.limit, status, past, self._astray, suns.confirmed,
-            self._checked_path.floor,
+        return JudgedState(
+            self.observed, limits, mount.stop_timing, moving, suns.limit, status, past, self._goto_is_astray,
+            suns.confirmed, self._current_path.min_altitude,
         )  # fmt: skip
 
-    def _check_axes(self, now: float, place: op.Equatorial) -> None:
+    def _check_axes(self, now: float, position: op.Equatorial) -> None:
         """Check that stopped axes rest and that axes moved by hand do move."""
         mount, by_hand = self._mount, self._mount.wanted.by_hand
         if self._end_watch.ending is None and not by_hand:
             self._stalls.clear()
             return
-        status, axes = mount.cache.value(op.GetStatus), self._axes(now, place)
-        self._end_watch.look(axes)
+        status, axes = mount.cache.value(op.GetStatus), self._axis_sample(now, position)
+        self._end_watch.add_sample(axes)
         judged = status is not None and status.aligned and not mount.driver.moves_by_gotos
         ordered = {axis: mount.driver.speed(motion.rate) for axis, motion in by_hand.items()} if judged else {}
-        stalled = self._stalls.find_stalled(axes, ordered, mount.link.times.typical_rtt * mount.timing.reads)
+        stalled = self._stalls.find_stalled(axes, ordered, mount.link.times.typical_rtt * mount.stop_timing.n_reads)
         if stalled is not None:
             self._stop(
                 f"stopped: axis {stalled} should move, but its position does not change; check the "
                 "mount (a stalled motor, a cable?)"
             )
 
-    def _axes(self, now: float, place: op.Equatorial) -> AxisSample:
+    def _axis_sample(self, now: float, position: op.Equatorial) -> AxisSample:
         """Return a position as readings of the two axes."""
         mount = self._mount
         status = mount.cache.value(op.GetStatus)
-        return fold.axis_sample(mount.astrometry, status, getattr(mount.driver, "low", False), now, place)
+        return fold.axis_sample(mount.astrometry, status, getattr(mount.driver, "low", False), now, position)
 
     # --- acting -----------------------------------------------------------------------------------------------------
 
-    def _apply(self, verdict: Verdict) -> None:
+    def _apply_verdict(self, verdict: Verdict) -> None:
         if verdict.reason:
-            self._act(verdict.reason)
-        elif verdict.within is not None:
-            self._deadline.arm(verdict.within, verdict.limit)
+            self._end_motion(verdict.reason)
+        elif verdict.stop_in is not None:
+            self._deadline.arm(verdict.stop_in, verdict.limit_name)
 
-    def _deadline_passed(self, limit: str) -> None:
+    def _deadline_passed(self, limit_name: str) -> None:
         """End a motion that may have reached a limit by its last known speed: no position has arrived since."""
-        if self._moves:
-            self._act(f"{limit}, estimated from its speed")
+        if self._is_moving:
+            self._end_motion(f"{limit_name}, estimated from its speed")
 
-    def _act(self, reason: str) -> None:
+    def _end_motion(self, reason: str) -> None:
         """Stop the motion. If no client moves the mount, it is tracking, which is turned off instead."""
-        if self._moves:
+        if self._is_moving:
             self._stop(f"stopped at {reason}")
         else:
             self.carried_to_limit.emit(reason)
@@ -356,13 +356,13 @@ class LimitWatch:
         self.must_stop.emit(reason)
 
 
-def why_blind(moving: Moving, age: float, since_stop: float) -> str:
+def blind_reason(moving: MotionState, position_age: float, since_stop: float) -> str:
     """Return why a mount that moves by hand and reports no position must stop; empty if it need not.
 
     ``position_age`` and ``since_stop``: seconds since the last position and since the last such stop. An LX200GPS also
     reports nothing while it seeks home, but that is no motion by hand.
     """
-    if moving.by_hand and age > MAX_BLIND_TIME and since_stop > MAX_BLIND_TIME:
+    if moving.by_hand and position_age > MAX_BLIND_TIME and since_stop > MAX_BLIND_TIME:
         return "it moves but does not report its position"
     return ""
 
@@ -375,7 +375,7 @@ class AxisCourse(Struct, frozen=True):
     last: AxisSample
     moved: float = 0.0
 
-    def after(self, axis: int, sample: AxisSample) -> AxisCourse:
+    def updated(self, axis: int, sample: AxisSample) -> AxisCourse:
         """Add a position. The distance is summed step by step, because the reading turns back over a pole."""
         step = abs(wrap180(sample.axes[axis - 1] - self.last.axes[axis - 1]))
         return AxisCourse(self.speed, self.began, sample, self.moved + step)
@@ -395,18 +395,18 @@ class StallWatch:
         """Forget all motions: nothing moves by hand."""
         self._courses.clear()
 
-    def find_stalled(self, sample: AxisSample, ordered: Mapping[int, float], round_trip: float) -> int | None:
+    def find_stalled(self, sample: AxisSample, speeds: Mapping[int, float], round_trip: float) -> int | None:
         """Return an axis that moved too little at its commanded speed (degrees a second, by axis), or None."""
         courses: dict[int, AxisCourse] = {}
-        for axis, speed in ordered.items():
+        for axis, speed in speeds.items():
             if speed < STALL_MIN_SPEED:
                 continue
             before = self._courses.get(axis)
             same = before is not None and before.speed == speed
-            courses[axis] = before.after(axis, sample) if before and same else AxisCourse(speed, sample.at, sample)
+            courses[axis] = before.updated(axis, sample) if before and same else AxisCourse(speed, sample.time, sample)
         self._courses = courses
         for axis, course in courses.items():
-            elapsed = sample.at - course.began
+            elapsed = sample.time - course.began
             if elapsed >= max(STALL_TIME, 3.0 * round_trip) and course.moved < STALL_MIN_PART * course.speed * elapsed:
                 return axis
         return None
@@ -420,16 +420,16 @@ class OthersWatch:
     """
 
     def __init__(self) -> None:
-        self.since = self.seen_at = self.until = NEVER
-        self.begins = self.moves = False
+        self.began_at = self.last_seen_at = self.watch_closely_until = NEVER
+        self.just_began = self.is_moving = False
 
-    def see(self, now: float, is_moving: bool) -> None:
+    def record(self, now: float, is_moving: bool) -> None:
         """Record whether the last two positions show such a motion."""
-        self.begins, self.moves = is_moving and not self.moves, is_moving
-        if self.begins or not is_moving:
-            self.since = now
+        self.just_began, self.is_moving = is_moving and not self.is_moving, is_moving
+        if self.just_began or not is_moving:
+            self.began_at = now
         if is_moving:
-            self.seen_at, self.until = now, now + CLOSE_WATCH_TIME
+            self.last_seen_at, self.watch_closely_until = now, now + CLOSE_WATCH_TIME
 
 
 class SkyChange:
@@ -440,19 +440,19 @@ class SkyChange:
 
     def __init__(self, mount: Context) -> None:
         self._mount = mount
-        self._frame: tuple[op.Place | None, float] = None, 0.0
+        self._last_sky: tuple[op.Place | None, float] = None, 0.0
         self._settles_until = NEVER
         self.changed_at = NEVER
 
     def has_changed(self, now: float, moved_by_others: bool) -> bool:
         """Whether the present position cannot be compared with the last one, because site or clock was set."""
-        mount, (place, ahead) = self._mount, self._frame
+        mount, (place, ahead) = self._mount, self._last_sky
         site_clock = mount.astrometry.site_clock
-        self._frame = site_clock.site(), site_clock.unix() - now
-        changed = place is not None and (place != self._frame[0] or abs(ahead - self._frame[1]) > CLOCK_JUMP)
+        self._last_sky = site_clock.site(), site_clock.unix() - now
+        changed = place is not None and (place != self._last_sky[0] or abs(ahead - self._last_sky[1]) > CLOCK_JUMP)
         if changed or any(kind in SKY for kind, _ in mount.incoming.pending):
             self._settles_until = now + NEW_SKY_TIME
-        if now >= self._settles_until or mount.movement.anything:
+        if now >= self._settles_until or mount.movement.any_motion:
             return changed
         if changed:
             self.changed_at = now
@@ -466,13 +466,13 @@ class StopDeadline:
         self._loop, self._on_passed = loop, on_passed
         self._handle: asyncio.TimerHandle | None = None
 
-    def arm(self, seconds: float, limit: str) -> None:
+    def arm(self, seconds: float, limit_name: str) -> None:
         """Set the deadline to ``seconds`` from now, unless an earlier deadline is set."""
         at = self._loop.time() + max(0.0, seconds)
         if self._handle is not None and self._handle.when() <= at:
             return
         self.disarm()
-        self._handle = self._loop.call_at(at, self._fire, limit)
+        self._handle = self._loop.call_at(at, self._fire, limit_name)
 
     def disarm(self) -> None:
         """Cancel the deadline: no limit is near, or the next position has arrived."""
@@ -480,6 +480,6 @@ class StopDeadline:
             self._handle.cancel()
             self._handle = None
 
-    def _fire(self, limit: str) -> None:
+    def _fire(self, limit_name: str) -> None:
         self._handle = None
-        self._on_passed(limit)
+        self._on_passed(limit_name)

@@ -19,8 +19,8 @@ from gateway.core import operations as op
 from gateway.core.errors import Unsupported
 from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.safety.sync_sum import NO_SYNC, SyncTotal
-from gateway.mount.site.readers import ReadBy
-from gateway.mount.site.site_clock import COMPUTER, BestSources, Site, Time
+from gateway.mount.site.readers import SiteView
+from gateway.mount.site.site_clock import COMPUTER, SiteTimeSources, SourcedSite, SourcedTime
 from gateway.protocols.base.driver import Driver
 
 #: Seconds for which the direction of a single Sun is cached, and of several, because some move against the stars.
@@ -33,24 +33,24 @@ SUN_UP_ALTITUDE = -1.0
 OFF = 1.0
 
 
-class KnownSource(NamedTuple):
-    """The site and time (Unix ``seconds``) of one particular source, for a comparison with the others."""
+class FixedSiteTime(NamedTuple):
+    """The site and time (Unix ``unix_seconds``) of one particular source, for a comparison with the others."""
 
     place: op.Place
-    seconds: float
+    unix_seconds: float
 
     def site(self) -> op.Place:
         return self.place
 
     def unix(self) -> float:
         """The given time, Unix seconds."""
-        return self.seconds
+        return self.unix_seconds
 
 
 class SiteAstrometry:
     """Astronomy at the site of this mount and by its clock. ``equinox`` is that of the mount's coordinates."""
 
-    def __init__(self, sky: Sky, site_clock: BestSources | ReadBy | KnownSource, equinox: str) -> None:
+    def __init__(self, sky: Sky, site_clock: SiteTimeSources | SiteView | FixedSiteTime, equinox: str) -> None:
         self.sky, self.site_clock, self.equinox = sky, site_clock, equinox
 
     def place(self) -> op.Place:
@@ -64,7 +64,7 @@ class SiteAstrometry:
         """Local apparent sidereal time, degrees."""
         return self.sky.sidereal_time(self.site_clock.unix(), self.place().longitude)
 
-    def overhead(self, position: op.Equatorial) -> tuple[float, float] | tuple[None, None]:
+    def alt_and_ha(self, position: op.Equatorial) -> tuple[float, float] | tuple[None, None]:
         """Return the altitude and the hour angle of a position now, degrees; None for both if the site is unknown."""
         place = self.site_clock.site()
         if place is None:
@@ -73,46 +73,46 @@ class SiteAstrometry:
         altitude = self.sky.horizon(position.ra, position.dec, place.latitude, place.longitude, unix)[1]
         return altitude, self.sky.sidereal_time(unix, place.longitude) - position.ra
 
-    def horizon(self, position: op.Equatorial) -> op.Horizontal:
+    def horizontal(self, position: op.Equatorial) -> op.Horizontal:
         """Return the azimuth and altitude of a position (equinox of date) now."""
         place, unix = self.place(), self.site_clock.unix()
         return op.Horizontal(*self.sky.horizon(position.ra, position.dec, place.latitude, place.longitude, unix))
 
-    def equatorial(self, position: op.Horizontal | op.GotoHorizontal | op.GotoAxes) -> op.Equatorial:
+    def equatorial_of(self, position: op.Horizontal | op.GotoHorizontal | op.GotoAxes) -> op.Equatorial:
         """Return the position (equinox of date) that is at an azimuth and altitude now."""
         place, unix = self.place(), self.site_clock.unix()
-        return op.Equatorial(*self.sky.equatorial(position.az, position.alt, place.latitude, place.longitude, unix))
+        return op.Equatorial(*self.sky.to_ra_dec(position.az, position.alt, place.latitude, place.longitude, unix))
 
-    def axes(self, position: op.Equatorial, wedge: bool = False) -> op.Horizontal:
+    def axes_of(self, position: op.Equatorial, on_wedge: bool = False) -> op.Horizontal:
         """Return the axis readings of an equatorial mount for a position.
 
-        The first axis of a German mount reads 0 at hour angle 0, that of a fork on a ``wedge`` reads 0 in the north.
+        The first axis of a German mount reads 0 at hour angle 0, that of a fork on a ``on_wedge`` reads 0 in the north.
         """
-        geometry = Geometry(Build.WEDGE if wedge else Build.GERMAN, self.place().latitude)
+        geometry = Geometry(Build.WEDGE if on_wedge else Build.GERMAN, self.place().latitude)
         first, second = geometry.axes(self.sidereal_time() - position.ra, position.dec, False)
         return op.Horizontal(wrap360(first), second)
 
-    def from_axes(self, goto: op.GotoAxes, wedge: bool = False) -> op.Equatorial:
-        """Return the position for axis readings of an equatorial mount: the inverse of `axes`."""
-        build = Build.WEDGE if wedge else Build.GERMAN
-        hour_angle, dec = Geometry(build, self.place().latitude).sky(goto.az, goto.alt)
+    def from_axes(self, goto: op.GotoAxes, on_wedge: bool = False) -> op.Equatorial:
+        """Return the position for axis readings of an equatorial mount: the inverse of `axes_of`."""
+        build = Build.WEDGE if on_wedge else Build.GERMAN
+        hour_angle, dec = Geometry(build, self.place().latitude).ha_dec_of_axes(goto.az, goto.alt)
         return op.Equatorial(wrap360(self.sidereal_time() - hour_angle), dec)
 
-    def to_mount(self, operation: op.Goto | op.Sync | op.Choose) -> op.Goto | op.Sync | op.Choose:
+    def to_mount_equinox(self, operation: op.Goto | op.Sync | op.Choose) -> op.Goto | op.Sync | op.Choose:
         """Convert the target of an operation from the equinox of date to the mount's equinox."""
         if self.equinox != "j2000":
             return operation
         ra, dec = self.sky.to_j2000(operation.ra, operation.dec, self.site_clock.unix())
         return replace(operation, ra=ra, dec=dec)
 
-    def from_mount(self, position: op.Equatorial) -> op.Equatorial:
+    def from_mount_equinox(self, position: op.Equatorial) -> op.Equatorial:
         """Convert a position from the mount's equinox to the equinox of date."""
         if self.equinox != "j2000":
             return position
         return op.Equatorial(*self.sky.to_of_date(position.ra, position.dec, self.site_clock.unix()))
 
 
-class Shift(NamedTuple):
+class SyncShift(NamedTuple):
     """A pointing error of the tube that syncs may have caused: of the first and of the second axis, degrees.
 
     In azimuth and altitude, or if ``polar`` in hour angle and declination.
@@ -127,7 +127,7 @@ class PointingFrame(NamedTuple):
     """How the mount derives axes from coordinates (``polar`` or alt-az), and the possible pointing errors by syncs."""
 
     polar: bool = False
-    shifts: tuple[Shift, ...] = ()
+    shifts: tuple[SyncShift, ...] = ()
 
 
 _POLAR, _ALTAZ = PointingFrame(True), PointingFrame(False)
@@ -140,12 +140,12 @@ class TubeFrame:
     the zenith, and on the other side of the pier.
     """
 
-    def __init__(self, cache: ReadingsCache, driver: Driver, synced: SyncTotal, sources: BestSources) -> None:
-        self._cache, self._driver, self._synced, self._sources = cache, driver, synced, sources
+    def __init__(self, cache: ReadingsCache, driver: Driver, sync_total: SyncTotal, sources: SiteTimeSources) -> None:
+        self._cache, self._driver, self._sync_total, self._sources = cache, driver, sync_total, sources
         self._polar = False
 
     def __call__(self) -> PointingFrame:
-        status, total = self._cache.value(op.GetStatus), self._synced.value
+        status, total = self._cache.value(op.GetStatus), self._sync_total.value
         self._polar = self._polar if status is None else status.equatorial
         plain = _POLAR if self._polar else _ALTAZ
         if total == NO_SYNC:
@@ -153,7 +153,7 @@ class TubeFrame:
         polar = self._polar or self._driver.emulates_sync
         place = self._sources.site() if polar else None
         sense = 1.0 if place is not None and place.latitude < 0.0 else -1.0
-        candidates = [Shift(sense * first, sense * second, polar) for first, second in total.axes]
+        candidates = [SyncShift(sense * first, sense * second, polar) for first, second in total.axis_turns]
         candidates += [shift._replace(second=-shift.second) for shift in candidates if shift.second]
         shifts = tuple(dict.fromkeys(shift for shift in candidates if max(abs(shift.first), abs(shift.second)) > OFF))
         return PointingFrame(self._polar, shifts) if shifts else plain
@@ -169,13 +169,13 @@ class Sun(NamedTuple):
     ra: float
     dec: float
     confirmed: bool
-    time: Time
-    site: Site | None = None
-    sync_shift: Shift | None = None
+    time: SourcedTime
+    site: SourcedSite | None = None
+    sync_shift: SyncShift | None = None
 
 
 class SunAvoidance:
-    """The directions of the Sun to avoid while it is up. ``limit``: smallest allowed distance, degrees; 0: none.
+    """The directions of the Sun to avoid while it is up. ``min_distance``: smallest allowed distance, degrees; 0: none.
 
     A mount that is aligned on stars has the right coordinates even if its clock is wrong. So the Sun is avoided at its
     right ascension and declination. Another mount calculates its axis positions from coordinates by its site and clock,
@@ -185,56 +185,58 @@ class SunAvoidance:
 
     def __init__(
         self,
-        limit: float,
+        min_distance: float,
         astrometry: SiteAstrometry,
-        sources: BestSources,
+        sources: SiteTimeSources,
         clock: Callable[[], float],
-        frame: Callable[[], PointingFrame],
-        settled: asyncio.Event,
+        get_frame: Callable[[], PointingFrame],
+        site_read: asyncio.Event,
         note_once: Callable[[str], None],
     ) -> None:
-        self.limit, self._astrometry, self._sky, self._sources = limit, astrometry, astrometry.sky, sources
-        self._clock, self._frame_now, self._settled, self._note_once = clock, frame, settled, note_once
-        self.frame, self._frame_until = _ALTAZ, float("-inf")
+        self.limit, self._astrometry, self._sky, self._sources = min_distance, astrometry, astrometry.sky, sources
+        self._clock, self._get_frame, self._site_read, self._note_once = clock, get_frame, site_read, note_once
+        self.frame, self._suns_valid_until = _ALTAZ, float("-inf")
         self._risen_suns: list[Sun] = []
         #: The number of ``confirmed`` Suns; these come first in the list.
         self.confirmed = 0
         #: A number that grows when new distances cannot be compared with earlier ones: a clock jumped, or the Sun rose.
         self.era = 0
-        sources.changed.connect(self._outdated)
+        sources.changed.connect(self._on_sources_changed)
 
-    def _outdated(self, _: None) -> None:
-        self._frame_until = float("-inf")
+    def _on_sources_changed(self, _: None) -> None:
+        self._suns_valid_until = float("-inf")
 
-    def narrow(self, limit: float) -> None:
+    def set_min_distance(self, min_distance: float) -> None:
         """Set the smallest allowed distance, degrees. Start a new `era` of distances."""
-        self.limit = limit
+        self.limit = min_distance
         self.era += 1
 
-    def to_avoid(self) -> list[Sun]:
+    def suns_to_avoid(self) -> list[Sun]:
         """Return the Suns to avoid now, from a cache if possible; none if the limit is off."""
         if not self.limit:
             return []
-        now, frame = self._clock(), self._frame_now()
-        if now >= self._frame_until or frame != self.frame:
-            suns = self.suns(frame)
-            self._frame_until, self.frame = now + (SUN_CACHE_TIME if len(suns) < 2 else SUNS_CACHE_TIME), frame
-            if not _continues(self._risen_suns, suns):
+        now, frame = self._clock(), self._get_frame()
+        if now >= self._suns_valid_until or frame != self.frame:
+            suns = self.calculate_suns(frame)
+            self._suns_valid_until, self.frame = now + (SUN_CACHE_TIME if len(suns) < 2 else SUNS_CACHE_TIME), frame
+            if not _are_comparable(self._risen_suns, suns):
                 self.era += 1
             self._risen_suns, self.confirmed = suns, sum(sun.confirmed for sun in suns)
-            if self._settled.is_set() and self._sources.best_time().source == COMPUTER:  # before, it may still tell one
+            if (
+                self._site_read.is_set() and self._sources.best_time().source == COMPUTER
+            ):  # before, it may still tell one
                 self._note_once("WARNING: the mount has reported no date: this computer's is used to avoid the Sun")
         return self._risen_suns
 
-    def tube(self, position: op.Equatorial, shift: Shift | None) -> op.Equatorial:
+    def tube(self, position: op.Equatorial, shift: SyncShift | None) -> op.Equatorial:
         """Return where the tube points, in the mount's coordinates, if the mount reports ``position``."""
         if shift is None:
             return position
         if shift.polar:
             return op.Equatorial(*fold_declination(position.ra - shift.first, position.dec + shift.second))
-        horizon = self._astrometry.horizon(position)
+        horizon = self._astrometry.horizontal(position)
         shifted = fold_declination(horizon.az + shift.first, horizon.alt + shift.second)
-        return self._astrometry.equatorial(op.Horizontal(*shifted))
+        return self._astrometry.equatorial_of(op.Horizontal(*shifted))
 
     def distance(self, position: op.Equatorial, sun: Sun) -> float:
         """Return the distance of the tube from a Sun, degrees, if the mount reports ``position``."""
@@ -246,16 +248,16 @@ class SunAvoidance:
 
         Distances from confirmed Suns come first.
         """
-        return [self.distance(position, sun) for sun in self.to_avoid()]
+        return [self.distance(position, sun) for sun in self.suns_to_avoid()]
 
-    def suns(self, frame: PointingFrame, ahead: float = 0.0) -> list[Sun]:
-        """Return the Suns to avoid ``ahead`` seconds from now. Without a site they count as up."""
+    def calculate_suns(self, frame: PointingFrame, seconds_ahead: float = 0.0) -> list[Sun]:
+        """Return the Suns to avoid ``seconds_ahead`` seconds from now. Without a site they count as up."""
         sky, sites = self._sky, self._sources.sites_for_sun()
-        times = [time._replace(unix=time.unix + ahead) for time in self._sources.times()]
+        times = [time._replace(unix=time.unix + seconds_ahead) for time in self._sources.times()]
         places = [sky.sun(time.unix) for time in times]
         if not sites:
-            return _different([Sun(*place, time is times[0], time) for place, time in zip(places, times, strict=True)])
-        up = [risen for time, place in zip(times, places, strict=True) for risen in self._risen(sites, time, place)]
+            return _distinct([Sun(*place, time is times[0], time) for place, time in zip(places, times, strict=True)])
+        up = [risen for time, place in zip(times, places, strict=True) for risen in self._suns_up(sites, time, place)]
         if not up:
             return []
         known = up[0] if up[0].time is times[0] and up[0].site is sites[0] else None
@@ -264,39 +266,39 @@ class SunAvoidance:
             suns += [Sun(*place, False, time, risen.site) for risen in up if risen.time is time][:1]
         for risen in up:
             for shift in frame.shifts or ((None,) if risen is not known else ()):
-                direction = self._in_own_coordinates(risen, frame.polar, sites[0].place, times[0].unix)
+                direction = self._in_mount_coordinates(risen, frame.polar, sites[0].place, times[0].unix)
                 suns.append(Sun(*direction, risen is known, risen.time, risen.site, shift))
-        return _different(sorted(suns, key=lambda sun: not sun.confirmed))
+        return _distinct(sorted(suns, key=lambda sun: not sun.confirmed))
 
-    def _risen(self, sites: list[Site], time: Time, place: Pair) -> Iterator[_Risen]:
-        """Yield the Sun for each site where it is up at this time; ``place``: its RA and declination."""
+    def _suns_up(self, sites: list[SourcedSite], time: SourcedTime, place: Pair) -> Iterator[_RisenSun]:
+        """Yield the Sun for each site where it is up at this time; ``equatorial``: its RA and declination."""
         for site in sites:
             over = self._sky.horizon(*place, site.place.latitude, site.place.longitude, time.unix)
             if over[1] >= SUN_UP_ALTITUDE:
-                yield _Risen(time, site, place, over)
+                yield _RisenSun(time, site, place, over)
 
-    def _in_own_coordinates(self, risen: _Risen, polar: bool, place: op.Place, unix: float) -> Pair:
+    def _in_mount_coordinates(self, risen: _RisenSun, polar: bool, place: op.Place, unix: float) -> Pair:
         """Return the position that the mount would report if its axes pointed at the azimuth and altitude of this Sun
-        (or hour angle, if ``polar``). ``place`` and ``unix``: the mount's site and time.
+        (or hour angle, if ``polar``). ``equatorial`` and ``unix``: the mount's site and time.
         """
         if not polar:
-            return self._sky.equatorial(*risen.over, place.latitude, place.longitude, unix)
+            return self._sky.to_ra_dec(*risen.horizontal, place.latitude, place.longitude, unix)
         turned = self._sky.sidereal_time(risen.time.unix, risen.site.place.longitude)
-        return risen.place[0] + self._sky.sidereal_time(unix, place.longitude) - turned, risen.place[1]
+        return risen.equatorial[0] + self._sky.sidereal_time(unix, place.longitude) - turned, risen.equatorial[1]
 
 
-class _Risen(NamedTuple):
+class _RisenSun(NamedTuple):
     """The Sun by one source of time and one of site, for which it is up: its right ascension and declination, and its
     azimuth and altitude.
     """
 
-    time: Time
-    site: Site
-    place: Pair
-    over: Pair
+    time: SourcedTime
+    site: SourcedSite
+    equatorial: Pair
+    horizontal: Pair
 
 
-def _different(suns: list[Sun]) -> list[Sun]:
+def _distinct(suns: list[Sun]) -> list[Sun]:
     """Return the Suns without duplicates: those at the position of an earlier Sun in the list."""
     distinct: list[Sun] = []
     for sun in suns:
@@ -306,7 +308,7 @@ def _different(suns: list[Sun]) -> list[Sun]:
     return distinct
 
 
-def _continues(before: list[Sun], now: list[Sun]) -> bool:
+def _are_comparable(before: list[Sun], now: list[Sun]) -> bool:
     """Whether these are the same Suns as before, and none has jumped, so that distances can be compared."""
     return len(before) == len(now) and all(
         then.confirmed == sun.confirmed

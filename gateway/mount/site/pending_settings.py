@@ -25,7 +25,7 @@ RETRY_DELAYS = (2.0, 5.0)
 #: Seconds until the next check of a mount that is not reachable, and of a mount that has replied that it is busy.
 CHECK_DELAY, BUSY_DELAY = 0.5, 2.0
 #: Seconds: if a clock took only part of the new zone, time and date, its error is a multiple of this.
-ZONES = 1800.0
+TZ_STEP = 1800.0
 #: Seconds after which a refused program should try again: usually, and while a classic Meade calculates its planets.
 RETRY_HINT, CALCULATION_HINT = 2.0, 10.0
 #: Seconds by which a setting may be sent later than its timer is set.
@@ -40,20 +40,20 @@ class Setting(Struct, frozen=True):
     """
 
     value: Operation
-    since: float
+    requested_at: float
     tries_left: int = TRIES
     due_at: float = 0.0
     client_name: str = ""
 
     @property
-    def late(self) -> bool:
+    def was_delayed(self) -> bool:
         """Whether the setting could not be sent at once. Then the mount's value is read before the setting is sent."""
         return self.due_at > 0.0
 
     def value_now(self, now: float) -> Operation:
         """Return the value to send now; a clock gets the time added that has passed since the request."""
         if isinstance(self.value, SetClock):
-            return replace(self.value, unix=self.value.unix + now - self.since)
+            return replace(self.value, unix=self.value.unix + now - self.requested_at)
         return self.value
 
 
@@ -71,56 +71,56 @@ class IncomingSettings:
     """The settings that the gateway has accepted from programs and that the mount has not received. Gotos wait for the
     sites and clocks among them.
 
-    ``sending``: the type SetSite or SetClock while such a setting is being sent. ``unfinished``: for each program that
-    has sent only a part of its site or clock, the loop time until which the gateway expects the rest.
+    ``type_being_sent``: the type SetSite or SetClock while such a setting is being sent. ``deadlines``: for each
+    program that has sent only a part of its site or clock, the loop time until which the gateway expects the rest.
     """
 
     def __init__(self) -> None:
         self.pending: Pending = {}
-        self.sending: type[Operation] | None = None
-        self.unfinished: dict[ProgramId, float] = {}
+        self.type_being_sent: type[Operation] | None = None
+        self.deadlines: dict[ProgramId, float] = {}
 
-    def expect(self, program: ProgramId, expires_at: float) -> None:
+    def expect_rest(self, program: ProgramId, expires_at: float) -> None:
         """Expect the other commands for a site or clock of this program until this loop time."""
-        self.unfinished[program] = expires_at + TIMER_SLACK
+        self.deadlines[program] = expires_at + TIMER_SLACK
 
-    def complete(self, program: ProgramId) -> None:
+    def note_complete(self, program: ProgramId) -> None:
         """Note that a program has sent all commands for its site or clock, or has run out of time."""
-        self.unfinished.pop(program, None)
+        self.deadlines.pop(program, None)
 
-    def holds_up(self, now: float, calculating: bool = False) -> Busy | None:
+    def goto_refusal(self, now: float, calculating: bool = False) -> Busy | None:
         """Return the fault for a goto that has waited too long for a site or clock; None if none is pending."""
         coming = [setting for (kind, _), setting in self.pending.items() if kind in SKY]
-        self.unfinished = {program: until for program, until in self.unfinished.items() if until > now}
-        if not (coming or self.unfinished):
+        self.deadlines = {program: until for program, until in self.deadlines.items() if until > now}
+        if not (coming or self.deadlines):
             return None
         what = "site" if coming and all(isinstance(setting.value, SetSite) for setting in coming) else "clock"
-        wait = max([RETRY_HINT, *(CALCULATION_HINT,) * calculating, *(end - now for end in self.unfinished.values()),
+        wait = max([RETRY_HINT, *(CALCULATION_HINT,) * calculating, *(end - now for end in self.deadlines.values()),
                     *(setting.due_at - now for setting in coming)])  # fmt: skip
         return Busy(f"The mount is taking a new {what}. Try again in {ceil(wait)} seconds.")
 
 
-def added(pending: Pending, setting: Setting) -> Pending:
+def add(pending: Pending, setting: Setting) -> Pending:
     """Return the pending settings with this one added; it replaces an older setting of its kind."""
     return {**pending, kind_of(setting.value): setting}
 
 
-def without(pending: Pending, setting: Setting) -> Pending:
+def without_setting(pending: Pending, setting: Setting) -> Pending:
     """Return the pending settings without this one; a newer setting of its kind stays."""
     return {kind: other for kind, other in pending.items() if other is not setting}
 
 
-def postponed(pending: Pending, setting: Setting, due: float) -> Pending:
+def with_postponed(pending: Pending, setting: Setting, due: float) -> Pending:
     """Return the pending settings with this one due later: the mount was busy or not reachable."""
     return {kind: replace(other, due_at=due) if other is setting else other for kind, other in pending.items()}
 
 
-def tried(pending: Pending, setting: Setting, now: float) -> Pending:
+def after_attempt(pending: Pending, setting: Setting, now: float) -> Pending:
     """Return the pending settings after an attempt that the mount did not acknowledge: this one is due later, or
     dropped after the last attempt.
     """
     if setting.tries_left <= 1:
-        return without(pending, setting)
+        return without_setting(pending, setting)
     wait = RETRY_DELAYS[min(TRIES - setting.tries_left, len(RETRY_DELAYS) - 1)]
     again = replace(setting, tries_left=setting.tries_left - 1, due_at=now + wait)
     return {kind: again if other is setting else other for kind, other in pending.items()}
@@ -133,11 +133,11 @@ def next_setting(pending: Pending, now: float) -> Setting | float | None:
     """
     due = [setting for setting in pending.values() if setting.due_at <= now]
     if due:
-        return min(due, key=lambda setting: (isinstance(setting.value, SetClock), setting.since))
+        return min(due, key=lambda setting: (isinstance(setting.value, SetClock), setting.requested_at))
     return min((setting.due_at for setting in pending.values()), default=None)
 
 
-def site_is_ours(sent_settings: Sequence[Setting], before: Place | None, reported: Place) -> bool:
+def site_matches_sent(sent_settings: Sequence[Setting], previous: Place | None, reported: Place) -> bool:
     """Whether the site that the mount reports may come from the sites that the gateway has sent.
 
     Latitude and longitude may each be the old value or a sent value, because the mount may have received only one.
@@ -145,19 +145,19 @@ def site_is_ours(sent_settings: Sequence[Setting], before: Place | None, reporte
     values = [setting.value for setting in sent_settings if isinstance(setting.value, SetSite)]
     latitudes = [value.latitude for value in values if value.latitude is not None]
     longitudes = [value.longitude for value in values if value.longitude is not None]
-    if before is None or not values:
+    if previous is None or not values:
         return False
     return (
-        min(abs(reported.latitude - latitude) for latitude in (before.latitude, *latitudes)) <= SITE_TOLERANCE
-        and min(abs(wrap180(reported.longitude - longitude)) for longitude in (before.longitude, *longitudes))
+        min(abs(reported.latitude - latitude) for latitude in (previous.latitude, *latitudes)) <= SITE_TOLERANCE
+        and min(abs(wrap180(reported.longitude - longitude)) for longitude in (previous.longitude, *longitudes))
         <= SITE_TOLERANCE
     )
 
 
-def clock_is_ours(sent_settings: Sequence[Setting], before: Moment | None, reported: Moment, now: float) -> bool:
+def clock_matches_sent(sent_settings: Sequence[Setting], previous: Moment | None, reported: Moment, now: float) -> bool:
     """Whether the clock that the mount reports may come from clocks that were sent, even if received in part."""
     values = [value for setting in sent_settings if isinstance(value := setting.value_now(now), SetClock)]
-    if before is None or not values:
+    if previous is None or not values:
         return False
-    times = (before.unix, *(value.unix for value in values))
-    return min(abs((reported.unix - unix + ZONES / 2) % ZONES - ZONES / 2) for unix in times) <= CLOCK_TOLERANCE
+    times = (previous.unix, *(value.unix for value in values))
+    return min(abs((reported.unix - unix + TZ_STEP / 2) % TZ_STEP - TZ_STEP / 2) for unix in times) <= CLOCK_TOLERANCE

@@ -11,22 +11,22 @@ from gateway.core.errors import BelowHorizon, Invalid, Unsupported
 from gateway.mount.site.astrometry import SiteAstrometry
 
 
-def of_date(astrometry: SiteAstrometry, operation: op.ToEquinoxOfDate) -> op.Equatorial:
+def to_equinox_of_date(astrometry: SiteAstrometry, operation: op.ToEquinoxOfDate) -> op.Equatorial:
     """Convert a J2000 position to the equinox of date: precession and nutation."""
     return op.Equatorial(*astrometry.sky.to_of_date(operation.ra, operation.dec, astrometry.site_clock.unix()))
 
 
-def of_catalog(astrometry: SiteAstrometry, operation: op.ToJ2000) -> op.Equatorial:
+def to_j2000(astrometry: SiteAstrometry, operation: op.ToJ2000) -> op.Equatorial:
     """Convert a position of date to J2000."""
     return op.Equatorial(*astrometry.sky.to_j2000(operation.ra, operation.dec, astrometry.site_clock.unix()))
 
 
-def zenith(astrometry: SiteAstrometry, operation: op.Zenith) -> op.Equatorial:
+def zenith_position(astrometry: SiteAstrometry, operation: op.Zenith) -> op.Equatorial:
     """Return the zenith as a J2000 position."""
-    return of_catalog(astrometry, op.ToJ2000(astrometry.sidereal_time(), astrometry.place().latitude))
+    return to_j2000(astrometry, op.ToJ2000(astrometry.sidereal_time(), astrometry.place().latitude))
 
 
-def planet(astrometry: SiteAstrometry, operation: op.PlanetPlace) -> op.Equatorial:
+def planet_position(astrometry: SiteAstrometry, operation: op.PlanetPlace) -> op.Equatorial:
     """Return a planet's geocentric position: its parallax (at most 0.5', for Venus) is below the series' error."""
     name = operation.name.capitalize()
     if name not in PARTS[1:]:
@@ -37,7 +37,7 @@ def planet(astrometry: SiteAstrometry, operation: op.PlanetPlace) -> op.Equatori
     return op.Equatorial(*position)
 
 
-def on_moon(astrometry: SiteAstrometry, operation: op.MoonPlace) -> op.Equatorial:
+def moon_position(astrometry: SiteAstrometry, operation: op.MoonPlace) -> op.Equatorial:
     """Return the Moon, or a point on it. Raises BelowHorizon if the centre of the Moon is below the horizon."""
     site, unix = astrometry.place(), astrometry.site_clock.unix()
     ra, dec, _ = astrometry.sky.moon(unix, site.latitude, site.longitude)
@@ -48,7 +48,7 @@ def on_moon(astrometry: SiteAstrometry, operation: op.MoonPlace) -> op.Equatoria
     return op.Equatorial(ra, dec)
 
 
-PLACE_FUNCTIONS: dict[type[op.Operation], Callable[[SiteAstrometry, Any], op.Equatorial]] = {
-    op.ToEquinoxOfDate: of_date, op.ToJ2000: of_catalog, op.Zenith: zenith, op.PlanetPlace: planet,
-    op.MoonPlace: on_moon,
+POSITION_FUNCTIONS: dict[type[op.Operation], Callable[[SiteAstrometry, Any], op.Equatorial]] = {
+    op.ToEquinoxOfDate: to_equinox_of_date, op.ToJ2000: to_j2000, op.Zenith: zenith_position,
+    op.PlanetPlace: planet_position, op.MoonPlace: moon_position,
 }  # fmt: skip

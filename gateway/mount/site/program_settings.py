@@ -44,18 +44,18 @@ class SiteOfProgram(Struct, frozen=True):
         return f"a program ({', '.join(word for word in (self.host, self.date) if word)})"
 
 
-def said_by(program: ProgramId, place: Place, unix: float) -> SiteOfProgram:
+def make_site_of_program(program: ProgramId, place: Place, unix: float) -> SiteOfProgram:
     """Return a record of this program's site; ``unix``: this computer's time, Unix seconds."""
     return SiteOfProgram(place.latitude, place.longitude, program.host, f"{datetime.fromtimestamp(unix, UTC):%Y-%m-%d}")
 
 
 class SettingsOfProgram(Struct, frozen=True):
-    """The settings of a program: a complete site; a latitude or longitude without the other (``half``); a clock and
-    the loop time at which it was set; a zone that was set without a clock (hours, local time minus UTC).
+    """The settings of a program: a complete site; a latitude or longitude without the other (``half_site``); a clock
+    and the loop time at which it was set; a zone that was set without a clock (hours, local time minus UTC).
     """
 
     site: Place | None = None
-    half: SetSite | None = None
+    half_site: SetSite | None = None
     clock: Clock | None = None
     zone: float | None = None
 
@@ -72,7 +72,7 @@ class ProgramSettings:
         self._by_program: dict[ProgramId, SettingsOfProgram] = {}
         self.newest: SiteOfProgram | None = None
 
-    def of(self, program: ProgramId) -> SettingsOfProgram:
+    def settings_of(self, program: ProgramId) -> SettingsOfProgram:
         return self._by_program.get(program, NO_SETTINGS)
 
     def put(self, program: ProgramId, settings: SettingsOfProgram) -> None:
@@ -96,8 +96,8 @@ class ProgramSettings:
 
     def set_site(self, program: ProgramId, place: Place, unix: float) -> None:
         """Store a complete site of a program; ``unix``: this computer's time, Unix seconds."""
-        self.put(program, replace(self.of(program), site=place, half=None))
-        self.newest = said_by(program, place, unix)
+        self.put(program, replace(self.settings_of(program), site=place, half_site=None))
+        self.newest = make_site_of_program(program, place, unix)
 
     def forget(self, kind: Literal["site", "clock"], program: ProgramId | None = None) -> None:
         """Remove the site or clock of a program, or of all programs (None), so that they read the mount's."""

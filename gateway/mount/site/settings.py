@@ -21,9 +21,9 @@ from gateway.mount.link.queue import READ, SETTING
 from gateway.mount.presence import ProgramId
 from gateway.mount.readings.reader import FIRST_REPLY_WAIT
 from gateway.mount.site.pending_settings import Setting, kind_of
-from gateway.mount.site.readers import ReadBy
-from gateway.mount.site.settings_sync import SyncSettings
-from gateway.mount.site.site_clock import CONFIGURED, GPS_RETRY_TIME, GPS_SOURCE, MOUNT
+from gateway.mount.site.readers import SiteView
+from gateway.mount.site.settings_sync import SettingsSender
+from gateway.mount.site.site_clock import CONFIGURED, GPS_RETRY_TIME, GPS_SOURCE, MOUNT_SOURCE
 
 #: Seconds for which a latitude waits for a longitude from the same program, or the reverse.
 HALF_SITE_WAIT = 2.0
@@ -31,71 +31,71 @@ HALF_SITE_WAIT = 2.0
 REFUSAL_WAIT = 2.5
 
 
-class SiteAndClock:
+class SiteClockOperations:
     """Carries out the operations that read and set site and clock, and some settings of the motors."""
 
-    def __init__(self, context: Context, runner: DriverRunner, sync: SyncSettings) -> None:
-        self._context, self._runner, self.sync = context, runner, sync
+    def __init__(self, context: Context, runner: DriverRunner, settings_sender: SettingsSender) -> None:
+        self._context, self._runner, self.sync = context, runner, settings_sender
         self._site_clock = context.site_clock
         #: From the type of an operation to the method that carries it out for a program.
         self.handlers: dict[type[op.Operation], Callable[[Any, ProgramId], Any]] = {
             op.GetSite: self._get_site,
             op.GetClock: self._get_clock,
-            op.SiderealTime: self._sidereal_time,
+            op.SiderealTime: self._get_sidereal_time,
             op.SetSite: self._set_site,
             op.SetClock: self._set_clock,
             op.SetZone: self._set_zone,
             op.GetGps: self._get_gps,
-            op.ClockFromGps: self._clock_from_gps,
-            op.SetGuideRate: self._set_motor,
-            op.Backlash: self._set_motor,
-            op.PeriodicError: self._periodic_error,
+            op.ClockFromGps: self._set_clock_from_gps,
+            op.SetGuideRate: self._set_motor_parameter,
+            op.Backlash: self._set_motor_parameter,
+            op.PeriodicError: self._set_pec,
         }
-        self._reading_gps = asyncio.Lock()
-        self._asked_site = -GPS_RETRY_TIME
+        self._gps_lock = asyncio.Lock()
+        self._site_requested_at = -GPS_RETRY_TIME
 
-    def _read_by(self, program: ProgramId) -> ReadBy:
-        return ReadBy(self._site_clock, program)
+    def _site_view(self, program: ProgramId) -> SiteView:
+        return SiteView(self._site_clock, program)
 
-    async def _first_answers(self) -> None:
+    async def _wait_for_first_reads(self) -> None:
         try:
             async with asyncio.timeout(FIRST_REPLY_WAIT):
-                await self._context.settled.wait()
+                await self._context.site_read.wait()
         except TimeoutError:
             raise NoAnswer from None
 
     async def _get_site(self, _: op.GetSite, program: ProgramId) -> op.Place:
-        if self._read_by(program).site() is None:
-            await self._first_answers()
-        if self._read_by(program).site() is None:
+        if self._site_view(program).site() is None:
+            await self._wait_for_first_reads()
+        if self._site_view(program).site() is None:
             await self._ask_for_site()
         return self._context.astrometry_for(program).place()
 
     async def _ask_for_site(self) -> None:
         """Ask the mount again if it reported no site at the start: its GPS may have a fix by now."""
         now = self._context.now()
-        if now - self._asked_site < GPS_RETRY_TIME:
+        if now - self._site_requested_at < GPS_RETRY_TIME:
             return
-        self._asked_site = now
+        self._site_requested_at = now
         await self.renew(op.GetSite)
 
     async def _get_clock(self, _: op.GetClock, program: ProgramId) -> op.Moment:
-        if self._read_by(program).clock() is None:
-            await self._first_answers()
-        moment = self._read_by(program).clock()
+        if self._site_view(program).clock() is None:
+            await self._wait_for_first_reads()
+        moment = self._site_view(program).clock()
         if moment is None:
             self._context.note_once("the mount does not report the time: this computer's clock is used")
-            moment = op.Moment(self._read_by(program).unix(), self._read_by(program).settings.zone or 0.0)
+            moment = op.Moment(self._site_view(program).unix(), self._site_view(program).settings.zone or 0.0)
         return moment
 
-    async def _sidereal_time(self, _: op.SiderealTime, program: ProgramId) -> float:
+    async def _get_sidereal_time(self, _: op.SiderealTime, program: ProgramId) -> float:
         await self._get_site(op.GetSite(), program)
         await self._get_clock(op.GetClock(), program)
         return self._context.astrometry_for(program).sidereal_time()
 
     async def _get_gps(self, operation: op.GetGps, _: ProgramId) -> op.Gps:
-        await self._first_answers()
-        async with self._reading_gps:
+        await self._wait_for_first_reads()
+        async with self._gps_lock:
             gps = self._site_clock.gps()
             if gps is None:
                 reported: op.Gps = await self._runner.perform(operation, READ)
@@ -107,51 +107,51 @@ class SiteAndClock:
 
     async def _set_site(self, operation: op.SetSite, program: ProgramId) -> None:
         """Store a latitude, a longitude or both. The site is sent when both are set, or after HALF_SITE_WAIT."""
-        if operation.others is not None and await self._has_own_site(operation, operation.others):
-            self._read_by(program).forget_site()
+        if operation.others is not None and await self._mount_has_site(operation, operation.others):
+            self._site_view(program).forget_site()
             return
-        if self._read_by(program).set_half(operation):
-            self.complete(program)
+        if self._site_view(program).set_site_half(operation):
+            self.send_site(program)
             return
-        if self._read_by(program).site() is not None:  # otherwise it may never become a site: nothing waits for it
-            self._context.incoming.expect(program, self._context.now() + HALF_SITE_WAIT)
-        asyncio.get_running_loop().call_later(HALF_SITE_WAIT, self.complete, program)
+        if self._site_view(program).site() is not None:  # otherwise it may never become a site: nothing waits for it
+            self._context.incoming.expect_rest(program, self._context.now() + HALF_SITE_WAIT)
+        asyncio.get_running_loop().call_later(HALF_SITE_WAIT, self.send_site, program)
 
-    def holds_for(self) -> str:
+    def site_scope(self) -> str:
         """Return, as text for the page, who will use a site that a person sets there now; empty if unknown."""
         context, sites = self._context, self._context.sources.sites()
         status: op.Status | None = context.cache.value(op.GetStatus)
-        if status is None or not context.known.is_set():
+        if status is None or not context.identified.is_set():
             return ""
-        never = context.policy.site_time == "never" or context.driver.impossible(op.SetSite(0.0, 0.0)) is not None
-        if not never and self.sync.takes(status):
+        never = context.policy.site_time == "never" or context.driver.certain_fault(op.SetSite(0.0, 0.0)) is not None
+        if not never and self.sync.accepts_site_clock(status):
             return "everyone: this mount takes it"
-        if sites and sites[0].source in (MOUNT, GPS_SOURCE, CONFIGURED):
+        if sites and sites[0].source in (MOUNT_SOURCE, GPS_SOURCE, CONFIGURED):
             why = "takes no site" if never else "is aligned and takes no site"
             return f"nobody: this mount {why}, and the site from {sites[0].source} counts"
         return "everyone, as long as neither the mount nor the configuration has one"
 
-    async def _has_own_site(self, site: op.SetSite, others: Sequence[op.SetSite]) -> bool:
-        """Whether the mount has ``site`` and not one of ``others``, the sites that clients have selected since."""
+    async def _mount_has_site(self, site: op.SetSite, other_sites: Sequence[op.SetSite]) -> bool:
+        """Whether the mount has ``site`` and not one of ``other_sites``, the sites that clients have selected since."""
         if site.latitude is None or site.longitude is None:
             return True
         if self._context.link.state == "up" and not self._context.driver.asleep:
             await self.renew(op.GetSite)
         if self._site_clock.mount_site is None or kind_of(site) in self.sync.pending:
             return False
-        return self._site_clock.same_site(site) or not self._site_clock.has_one_of(others)
+        return self._site_clock.is_mount_site(site) or not self._site_clock.matches_any(other_sites)
 
-    def complete(self, program: ProgramId) -> None:
+    def send_site(self, program: ProgramId) -> None:
         """Queue this program's site for the mount; a half that it has not set comes from the site before."""
-        whole = self._read_by(program).take_site()
+        whole = self._site_view(program).take_completed_site()
         if whole is not None and not self._context.closed:
-            self._context.incoming.complete(program)
-            self._read_by(program).keep_site(whole)
+            self._context.incoming.note_complete(program)
+            self._site_view(program).store_site(whole)
             self.sync.queue(whole, by=program)
 
     async def _set_clock(self, operation: op.SetClock, program: ProgramId) -> None:
         """Store the client's clock and queue it for the mount. Raises Invalid for an impossible year, Refused."""
-        years = self._context.driver.years
+        years = self._context.driver.clock_years
         try:
             year = datetime.fromtimestamp(operation.unix + operation.offset * 3600.0, UTC).year
         except (OSError, OverflowError, ValueError):  # before the year 1, or after 9999
@@ -160,17 +160,17 @@ class SiteAndClock:
             raise Invalid(
                 f"The clock of this mount takes the years {years[0]} to {years[-1]}{f', not {year}' * bool(year)}."
             )
-        self._context.incoming.complete(program)
-        self._read_by(program).keep_clock(operation)
+        self._context.incoming.note_complete(program)
+        self._site_view(program).store_clock(operation)
         self.sync.queue(operation, by=program)
         if operation.heard:
-            await self._heard(operation)
+            await self._wait_for_refusal(operation)
 
     async def _set_zone(self, operation: op.SetZone, program: ProgramId) -> None:
-        self._context.incoming.complete(program)
-        self._read_by(program).keep_zone(operation.offset)
+        self._context.incoming.note_complete(program)
+        self._site_view(program).store_zone(operation.offset)
 
-    async def _heard(self, operation: op.SetClock) -> None:
+    async def _wait_for_refusal(self, operation: op.SetClock) -> None:
         """Wait a moment until this setting is no longer pending. Raises Refused if the mount refuses it."""
         ours, why = self.sync.pending.get(kind_of(operation)), ""
 
@@ -188,10 +188,10 @@ class SiteAndClock:
         if why:
             raise Refused(f"The mount refused it: {why}")
 
-    async def _clock_from_gps(self, operation: op.ClockFromGps, program: ProgramId) -> None:
+    async def _set_clock_from_gps(self, operation: op.ClockFromGps, program: ProgramId) -> None:
         """Set the mount's clock from its GPS, or if that is not allowed, this program's clock. Raises NoDevice."""
         try:
-            mount_too = await self.sync.may_set()
+            mount_too = await self.sync.may_set_site_clock()
         except Fault:
             mount_too = False
         if mount_too:
@@ -202,28 +202,28 @@ class SiteAndClock:
         gps = await self._get_gps(op.GetGps(), program)
         if not gps.linked or gps.unix is None:
             raise NoDevice("The GPS is not linked.")
-        present = self._read_by(program).clock()
-        self._read_by(program).keep_clock(
+        present = self._site_view(program).clock()
+        self._site_view(program).store_clock(
             op.SetClock(gps.unix, present.offset, present.dst) if present else op.SetClock(gps.unix, 0.0)
         )
         self._context.note_once("the clock that was set by the GPS is stored in the gateway")
 
-    async def _set_motor(self, operation: op.SetGuideRate | op.Backlash, _: ProgramId) -> None:
-        await self.sync.now_or_later(operation)
+    async def _set_motor_parameter(self, operation: op.SetGuideRate | op.Backlash, _: ProgramId) -> None:
+        await self.sync.send_now_or_later(operation)
 
-    async def _periodic_error(self, operation: op.PeriodicError, _: ProgramId) -> None:
+    async def _set_pec(self, operation: op.PeriodicError, _: ProgramId) -> None:
         """Switch PEC on or off, repeated if the mount does not reply; a toggle is sent only once. Raises Fault."""
         if operation.on is None:
             await self._runner.perform(operation, SETTING)
         else:
-            await self.sync.now_or_later(operation)
+            await self.sync.send_now_or_later(operation)
 
     async def renew(self, kind: type[op.GetSite | op.GetClock]) -> None:
         """Read the mount's site or clock again. If it was changed at the mount, the gateway uses the new value. The
         reading is ignored if an order or setting was sent meanwhile, because it may be half old and half new.
         """
-        sent = self._context.cache.orders
+        sent = self._context.cache.order_count
         with contextlib.suppress(Fault):
             value: op.Place | op.Moment = await self._runner.perform(kind(), READ)
-            if sent == self._context.cache.orders:
-                self.sync.take_value(value)
+            if sent == self._context.cache.order_count:
+                self.sync.take_reported_value(value)

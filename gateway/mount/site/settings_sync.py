@@ -43,7 +43,7 @@ def note(mount: Context, operation: op.Operation, text: str) -> None:
     mount.note(f"the {setting_name(operation)} that was set: {text}")
 
 
-def note_kept(mount: Context, setting: Setting, why: str) -> None:
+def note_not_sent(mount: Context, setting: Setting, why: str) -> None:
     """Log, once for each host, that its site or clock is not sent to the mount, and why."""
     mount.note_once(
         f"{why}: the {setting_name(setting.value)} that was set is stored in the gateway, "
@@ -51,27 +51,27 @@ def note_kept(mount: Context, setting: Setting, why: str) -> None:
     )
 
 
-def note_set(mount: Context, setting: Setting, ahead: float | None = None) -> None:
-    """Log who has set the mount's site, or its clock (``ahead``: by how many seconds), and contradictions."""
+def note_sent(mount: Context, setting: Setting, clock_advance: float | None = None) -> None:
+    """Log who has set the mount's site, or its clock (``clock_advance``: by how many seconds), and contradictions."""
     by, value = setting.client_name or "the gateway", setting.value
     if isinstance(value, op.SetSite) and value.latitude is not None and value.longitude is not None:
         mount.note(
             f"{by} has set the mount's site, for everyone: {site_text(op.Place(value.latitude, value.longitude))}"
         )
-    elif ahead is not None:
-        mount.note(f"{by} has set the mount's clock, for everyone: {ahead:+.0f} s")
+    elif clock_advance is not None:
+        mount.note(f"{by} has set the mount's clock, for everyone: {clock_advance:+.0f} s")
     note_contradictions(mount)
 
 
 #: The orders during which no site or clock is sent.
-_MOVES = (*GOTOS, op.Move, op.MoveAxis)
+_MOTION_ORDERS = (*GOTOS, op.Move, op.MoveAxis)
 #: Seconds by which the mount's clock may differ from the setting and still count as set.
 CLOCK_TOLERANCE = 2.0
 #: The number of sent settings of a kind that are stored, because the mount may still report parts of them.
 MAX_EARLIER_SETTINGS = 8
 
 
-class SyncSettings:
+class SettingsSender:
     """Sends settings that ``queue`` adds. Call ``pause`` when the line comes up, ``resume`` after identification."""
 
     def __init__(self, context: Context, runner: DriverRunner, reader: Reader) -> None:
@@ -83,8 +83,8 @@ class SyncSettings:
         #: By kind: the settings sent since the mount last reported its value. Next: the kind that is being sent.
         self._sent: dict[Kind, tuple[Setting, ...]] = {}
         self._sending: Kind | None = None
-        self._ready = False
-        self._mount: tuple[str, str] | None = None
+        self._is_ready = False
+        self._mount_identity: tuple[str, str] | None = None
         self._wake = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
         #: Emitted with a setting that the mount has refused, and the reason.
@@ -101,17 +101,17 @@ class SyncSettings:
 
     # --- pending settings -------------------------------------------------------------------------------------------
 
-    def queue(self, operation: op.Operation, left: int = TRIES, due: float = 0.0, by: ProgramId = NO_PROGRAM) -> None:
+    def queue(self, operation: op.Operation, tries: int = TRIES, due: float = 0.0, by: ProgramId = NO_PROGRAM) -> None:
         """Queue a setting of a program for the mount; it replaces an older setting of its kind."""
-        self.pending = pending_settings.added(self.pending, Setting(operation, self._now(), left, due, by.host))
+        self.pending = pending_settings.add(self.pending, Setting(operation, self._now(), tries, due, by.host))
         if self._link.state in ("down", "opening"):
             note(self._context, operation, "the mount is not connected now; it is sent later")
         self._start()
 
-    async def now_or_later(self, operation: op.Operation) -> None:
+    async def send_now_or_later(self, operation: op.Operation) -> None:
         """Send a setting at once. If the mount is not reachable, also send it later. Raises Fault."""
         self.pending = {kind: setting for kind, setting in self.pending.items() if kind != kind_of(operation)}
-        sent = self._reachable()
+        sent = self._is_reachable()
         try:
             await self._runner.perform(operation, SETTING)
         except (Busy, NoAnswer) as fault:
@@ -121,39 +121,39 @@ class SyncSettings:
 
     def pause(self) -> None:
         """Stop sending until ``resume``, because the mount is not identified yet."""
-        self._ready = False
+        self._is_ready = False
 
     def resume(self) -> None:
         """Start sending: the mount has been identified and has reported site and clock."""
         identity: op.Identity | None = self._context.cache.value(op.GetIdentity)
         now = (identity.product, identity.model) if identity is not None else None
-        if self._mount is not None and now is not None and now != self._mount:
+        if self._mount_identity is not None and now is not None and now != self._mount_identity:
             for setting in self.pending.values():
                 self._give_up(setting, "another mount is on the line")
-        self._mount = now or self._mount
-        self._ready = True
+        self._mount_identity = now or self._mount_identity
+        self._is_ready = True
         self._start()
 
-    def take_value(self, value: op.Place | op.Moment) -> bool:
+    def take_reported_value(self, value: op.Place | op.Moment) -> bool:
         """Store a reported site or clock. Return whether it was changed at the mount; then drop the pending one."""
         site_clock, clock = self._site_clock, isinstance(value, op.Moment)
         kind = kind_of(op.SetClock(0.0, 0.0) if clock else op.SetSite())
         unsent, sent = self.pending.get(kind), self._sent.get(kind, ())
         if isinstance(value, op.Moment):
-            ours = pending_settings.clock_is_ours(
+            ours = pending_settings.clock_matches_sent(
                 sent, site_clock.present_time(site_clock.mount_clock), value, self._now()
             )
             changed = site_clock.take_mount_clock(value, ours)
         else:
             changed = site_clock.take_mount_site(
-                value, pending_settings.site_is_ours(sent, site_clock.mount_site, value)
+                value, pending_settings.site_matches_sent(sent, site_clock.mount_site, value)
             )
         if kind != self._sending:
             self._sent.pop(kind, None)
         if changed:
             self._context.note(f"the {'clock' if clock else 'site'} was changed at the mount; the gateway uses it, too")
             if unsent is not None:
-                self.pending = pending_settings.without(self.pending, unsent)
+                self.pending = pending_settings.without_setting(self.pending, unsent)
         return changed
 
     # --- sending ----------------------------------------------------------------------------------------------------
@@ -163,27 +163,27 @@ class SyncSettings:
         if self.pending and (self._task is None or self._task.done()):
             self._task = self._context.tasks.spawn(self._run())
 
-    def _reachable(self) -> bool:
-        return self._ready and self._link.state == "up" and not self._driver.asleep
+    def _is_reachable(self) -> bool:
+        return self._is_ready and self._link.state == "up" and not self._driver.asleep
 
-    def _in_motion(self) -> bool:
+    def _is_in_motion(self) -> bool:
         """Whether the mount slews, is moved by hand, or is about to. Then no site or clock is sent."""
         active = self._context.wanted.value.active_order
-        begins = active is not None and isinstance(active.operation, _MOVES)
-        return begins or self._context.movement.anything or self.moved_by_others()
+        begins = active is not None and isinstance(active.operation, _MOTION_ORDERS)
+        return begins or self._context.movement.any_motion or self.moved_by_others()
 
     async def _run(self) -> None:
         """Send pending settings until there are none or the line is down; then ``resume`` starts it again."""
-        while self._ready and self._link.state not in ("down", "opening"):
+        while self._is_ready and self._link.state not in ("down", "opening"):
             self._wake.clear()
             now = self._now()
             pending: Pending = {kind: setting for kind, setting in self.pending.items() if kind[0] not in SKY}
-            held_back = len(pending) < len(self.pending) and self._in_motion()
+            held_back = len(pending) < len(self.pending) and self._is_in_motion()
             pending = pending if held_back else self.pending
             step = pending_settings.next_setting(pending, now)
             if step is None and not held_back:
                 return
-            if isinstance(step, Setting) and self._reachable():
+            if isinstance(step, Setting) and self._is_reachable():
                 await self._send(step)
                 continue
             pause = step - now if isinstance(step, float) and not held_back else CHECK_DELAY
@@ -197,25 +197,25 @@ class SyncSettings:
         tried = False
         try:
             if place and not await self._should_send(setting):
-                self.pending = pending_settings.without(self.pending, setting)
+                self.pending = pending_settings.without_setting(self.pending, setting)
                 return
-            if place and setting.late and await self._settled_by_reading(setting):
+            if place and setting.was_delayed and await self._needs_no_sending(setting):
                 return
-            if self.pending.get(kind_of(value)) is not setting or not self._reachable():
+            if self.pending.get(kind_of(value)) is not setting or not self._is_reachable():
                 return  # replaced by a newer setting, or the link is down
-            if place and self._in_motion():
+            if place and self._is_in_motion():
                 return  # a motion has begun meanwhile: later
             tried = True
-            self._sending, self._incoming.sending = kind_of(value), type(value) if place else None
+            self._sending, self._incoming.type_being_sent = kind_of(value), type(value) if place else None
             self._sent[self._sending] = (*self._sent.get(self._sending, ())[-MAX_EARLIER_SETTINGS:], setting)
             await self._runner.perform(setting.value_now(self._now()), SETTING)
         except Busy:
-            self.pending = pending_settings.postponed(self.pending, setting, self._now() + BUSY_DELAY)
+            self.pending = pending_settings.with_postponed(self.pending, setting, self._now() + BUSY_DELAY)
         except NoAnswer as fault:
             if not tried:
-                self.pending = pending_settings.postponed(self.pending, setting, self._now() + BUSY_DELAY)
+                self.pending = pending_settings.with_postponed(self.pending, setting, self._now() + BUSY_DELAY)
             elif setting.tries_left > 1:
-                self.pending = pending_settings.tried(self.pending, setting, self._now())
+                self.pending = pending_settings.after_attempt(self.pending, setting, self._now())
             else:
                 self._give_up(setting, str(fault))
         except Unsupported as fault:
@@ -223,17 +223,17 @@ class SyncSettings:
         except Fault as fault:
             self._give_up(setting, str(fault))
         else:
-            await self._acknowledged(setting)
+            await self._note_acknowledged(setting)
         finally:
-            self._sending = self._incoming.sending = None
+            self._sending = self._incoming.type_being_sent = None
 
-    async def may_set(self) -> bool:
+    async def may_set_site_clock(self) -> bool:
         """Whether policy and alignment allow setting the mount's site and clock. Raises Fault."""
         if self._context.policy.site_time == "never":
             return False
-        return self.takes(await self._reader.read(op.GetStatus()))
+        return self.accepts_site_clock(await self._reader.read(op.GetStatus()))
 
-    def takes(self, status: op.Status) -> bool:
+    def accepts_site_clock(self, status: op.Status) -> bool:
         """Whether this status of the mount allows sending a site and clock; the owner may still forbid it."""
         driver, policy = self._driver, self._context.policy.site_time
         return not status.aligned or driver.takes_site_aligned or (policy == "always" and not driver.loses_alignment)
@@ -241,72 +241,72 @@ class SyncSettings:
     async def _should_send(self, setting: Setting) -> bool:
         """Whether to send this setting; log it if policy or alignment forbid that. Raises Fault."""
         if self._context.policy.site_time == "never":
-            note_kept(self._context, setting, "site-time = never")
+            note_not_sent(self._context, setting, "site-time = never")
             return False
         status = await self._reader.read(op.GetStatus())
         if not status.aligned or self._driver.takes_site_aligned:
             return True
         if self._is_set(setting.value_now(self._now())):
             return False
-        if await self.may_set():
+        if await self.may_set_site_clock():
             return True
-        note_kept(self._context, setting, "the mount is aligned")
+        note_not_sent(self._context, setting, "the mount is aligned")
         return False
 
-    def _is_set(self, running: op.Operation) -> bool:
+    def _is_set(self, operation: op.Operation) -> bool:
         """Whether the mount has reported this site or clock already."""
-        if isinstance(running, op.SetClock):
-            return self._site_clock.same_clock(running, CLOCK_TOLERANCE)
-        return isinstance(running, op.SetSite) and self._site_clock.same_site(running)
+        if isinstance(operation, op.SetClock):
+            return self._site_clock.is_mount_clock(operation, CLOCK_TOLERANCE)
+        return isinstance(operation, op.SetSite) and self._site_clock.is_mount_site(operation)
 
-    async def _settled_by_reading(self, setting: Setting) -> bool:
+    async def _needs_no_sending(self, setting: Setting) -> bool:
         """Read the mount's value; return whether it makes sending needless: equal, or changed there. Raises Fault."""
         running = setting.value_now(self._now())
         if isinstance(running, op.SetClock):
-            changed = self.take_value(await self._runner.perform(op.GetClock(), READ))
+            changed = self.take_reported_value(await self._runner.perform(op.GetClock(), READ))
         else:
-            changed = self.take_value(await self._runner.perform(op.GetSite(), READ))
+            changed = self.take_reported_value(await self._runner.perform(op.GetSite(), READ))
         same = self._is_set(running)
         if same and not changed:
-            self._finish(setting)
+            self._drop_program_copies(setting)
         return same or changed
 
-    async def _acknowledged(self, setting: Setting) -> None:
+    async def _note_acknowledged(self, setting: Setting) -> None:
         """Note that the mount has acknowledged a setting. Read its clock back, because it counts whole seconds."""
         running = setting.value_now(self._now())
         news = not self._is_set(running)
         if isinstance(running, op.SetSite):
             assert running.latitude is not None and running.longitude is not None
             place = op.Place(running.latitude, running.longitude)
-            self._site_clock.take_mount_site(place, ours=True, by=setting.client_name)
+            self._site_clock.take_mount_site(place, sent_by_gateway=True, set_by=setting.client_name)
             if news:
-                note_set(self._context, setting)
+                note_sent(self._context, setting)
         elif isinstance(running, op.SetClock):
             before = self._site_clock.present_time(self._site_clock.mount_clock)
             self._site_clock.take_mount_clock(
-                op.Moment(running.unix, running.offset, running.dst), ours=True, by=setting.client_name
+                op.Moment(running.unix, running.offset, running.dst), sent_by_gateway=True, set_by=setting.client_name
             )
             if news:
-                note_set(self._context, setting, None if before is None else running.unix - before.unix)
-            self._finish(setting)
-            self._incoming.sending = None
+                note_sent(self._context, setting, None if before is None else running.unix - before.unix)
+            self._drop_program_copies(setting)
+            self._incoming.type_being_sent = None
             with contextlib.suppress(Fault):  # it is read again when needed
                 shown: op.Moment = await self._runner.perform(op.GetClock(), READ)
-                self._site_clock.take_mount_clock(shown, ours=True)
+                self._site_clock.take_mount_clock(shown, sent_by_gateway=True)
             return
-        self._finish(setting)
+        self._drop_program_copies(setting)
 
-    def _finish(self, setting: Setting) -> None:
+    def _drop_program_copies(self, setting: Setting) -> None:
         """Remove a setting that the mount has now from the pending ones, and the values that programs have set."""
         newest = self.pending.get(kind_of(setting.value)) is setting
-        self.pending = pending_settings.without(self.pending, setting)
+        self.pending = pending_settings.without_setting(self.pending, setting)
         self._sent.pop(kind_of(setting.value), None)
         if newest:
             self._site_clock.forget(setting.value)
 
     def _keep_in_gateway(self, setting: Setting, fault: Fault) -> None:
         """Stop sending a setting that the mount does not support; the gateway stores it."""
-        self.pending = pending_settings.without(self.pending, setting)
+        self.pending = pending_settings.without_setting(self.pending, setting)
         if isinstance(setting.value, op.SetSite | op.SetClock):
             self._context.note(f"{setting_name(setting.value)} stored in the gateway: {fault}")
         else:
@@ -316,8 +316,8 @@ class SyncSettings:
         """Stop sending a setting that failed: reads return the mount's own value from now on. Log the reason."""
         self.refused.emit((setting, reason))
         newest = self.pending.get(kind_of(setting.value)) is setting
-        self.pending = pending_settings.without(self.pending, setting)
-        if newest and self._site_clock.has_own(setting.value):
+        self.pending = pending_settings.without_setting(self.pending, setting)
+        if newest and self._site_clock.has_reported(setting.value):
             self._site_clock.forget(setting.value)
             note(self._context, setting.value, f"it is not in force: {reason} Clients get the mount's own again")
         else:

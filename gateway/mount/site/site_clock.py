@@ -13,7 +13,7 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from gateway.astro.spherical import separation, wrap180
-from gateway.core.about import RELEASE_TIME
+from gateway.core.about import EARLIEST_VALID_TIME
 from gateway.core.operations import Gps, Moment, Operation, Place, SetClock, SetSite
 from gateway.core.signals import Signal
 from gateway.mount.site.program_settings import ProgramSettings, SiteOfProgram
@@ -30,75 +30,75 @@ GPS_CACHE_TIME, GPS_RETRY_TIME = 300.0, 30.0
 
 
 #: Seconds: a doubtful clock of this computer is used if it differs by no more from the mount's or GPS time.
-CLOCK_AGREEMENT = 120.0
+MAX_CLOCK_DIFFERENCE = 120.0
 #: The sources of a site or time, as text for messages.
-MOUNT, GPS_SOURCE, CONFIGURED, COMPUTER, PROGRAM, FORMER = (
+MOUNT_SOURCE, GPS_SOURCE, CONFIGURED, COMPUTER, PROGRAM, FORMER_SITE_SOURCE = (
     "the mount", "its GPS", "the configuration", "this computer", "a program", "the site before")  # fmt: skip
 
 
-class Site(NamedTuple):
-    """A site and its source. ``by``: the host of the program that has set this site in the mount; empty if no
+class SourcedSite(NamedTuple):
+    """A site and its source. ``set_by``: the host of the program that has set this site in the mount; empty if no
     program has.
     """
 
     place: Place
     source: str
-    by: str = ""
+    set_by: str = ""
 
     @property
     def who(self) -> str:
         """The source, and the program that has set it, as text."""
-        return f"{self.source}, as {self.by} set it," if self.by else self.source
+        return f"{self.source}, as {self.set_by} set it," if self.set_by else self.source
 
 
-class Time(NamedTuple):
+class SourcedTime(NamedTuple):
     """The present time (UTC, Unix seconds), its source, and whether it may be wrong (a computer without a battery).
 
-    ``by``: the host of the program that has set the mount's clock; empty if no program has.
+    ``set_by``: the host of the program that has set the mount's clock; empty if no program has.
     """
 
     unix: float
     source: str
     doubtful: bool = False
-    by: str = ""
+    set_by: str = ""
 
     @property
-    def who(self) -> str:
+    def source_text(self) -> str:
         """The source, and the program that has set it, as text."""
-        return f"{self.source} (set by {self.by})" if self.by else self.source
+        return f"{self.source} (set by {self.set_by})" if self.set_by else self.source
 
 
 class SiteClock:
     """Stores every known site and clock of a mount.
 
-    ``now`` returns monotonic seconds, ``host`` this computer's time (Unix seconds). ``trust``: the owner's
-    setting for that time (auto, right, doubtful). ``kernel``: whether the kernel doubts it. ``changed`` is
-    emitted when the best site or clock, or that of a program, may have changed.
+    ``now`` returns monotonic seconds, ``computer_time`` this computer's time (Unix seconds). ``clock_trust``: the
+    owner's setting for that time (auto, right, doubtful). ``kernel_doubts_clock``: whether the kernel doubts it.
+    ``changed`` is emitted when the best site or clock, or that of a program, may have changed.
     """
 
     def __init__(
         self,
         now: Callable[[], float],
-        host: Callable[[], float],
-        site: Place | None,
-        trust: str = "auto",
-        kernel: Callable[[], bool] | None = None,
+        computer_time: Callable[[], float],
+        configured_site: Place | None,
+        clock_trust: str = "auto",
+        kernel_doubts_clock: Callable[[], bool] | None = None,
     ) -> None:
-        self.now, self.host = now, host
-        self._trust, self._kernel = trust, kernel
-        self.configured = site
+        self.now, self.computer_time = now, computer_time
+        self._clock_trust, self._kernel = clock_trust, kernel_doubts_clock
+        self.configured_site = configured_site
         self.mount_site: Place | None = None
         self.mount_clock: tuple[Moment, float] | None = None
         #: The hosts of the programs that have set the mount's site and clock; empty if they are the mount's own.
         self.site_set_by = self.clock_set_by = ""
         #: The mount's site before a program changed it, and the time of the change (``now``).
-        self._former: tuple[Place, float] | None = None
+        self._former_site: tuple[Place, float] | None = None
         #: The site that the owner has set on the page.
-        self.confirmed: Place | None = None
-        self.programs = ProgramSettings()
+        self.confirmed_site: Place | None = None
+        self.program_settings = ProgramSettings()
         #: The site that a program set in an earlier run. It is used once the mount was asked for its site.
-        self.stored: SiteOfProgram | None = None
-        self._asked = False
+        self.stored_site: SiteOfProgram | None = None
+        self._site_requested = False
         self.gps_site: Place | None = None
         self.gps_clock: tuple[Moment, float] | None = None
         self._gps: tuple[Gps, float] | None = None
@@ -112,16 +112,16 @@ class SiteClock:
         """Return the last site that a program has set, in this run or an earlier; None if the mount reports one."""
         if self.mount_site is not None:
             return None
-        return self.programs.newest or (self.stored if self._asked else None)
+        return self.program_settings.newest or (self.stored_site if self._site_requested else None)
 
-    def lasting_site(self) -> SiteOfProgram | None:
+    def site_to_store(self) -> SiteOfProgram | None:
         """Return the site to store for a restart: a program's, if neither mount nor GPS reports a site."""
         known = self.mount_site is not None or self.gps_site is not None
-        return None if known else self.programs.newest or self.stored
+        return None if known else self.program_settings.newest or self.stored_site
 
     def best_site(self) -> Place | None:
         """Return the site of the best source; None if none is known."""
-        place = self.mount_site or self.gps_site or self.configured
+        place = self.mount_site or self.gps_site or self.configured_site
         if place is None and (site := self.site_of_program()) is not None:
             place = site.place
         return place
@@ -130,61 +130,61 @@ class SiteClock:
         """Return the mount's site before programs changed it by more than 2 degrees, at once or in steps. None after
         12 h, and once the owner, GPS or the configuration confirms the new site.
         """
-        site, known = self.mount_site, self._former
+        site, known = self.mount_site, self._former_site
         if site is None or known is None or self.now() - known[1] >= FORMER_SITE_TIME or self._is_confirmed(site):
             return None
         return known[0] if earth_distance(site, known[0]) > MIN_SITE_CHANGE else None
 
     def _is_confirmed(self, site: Place) -> bool:
-        others = (self.gps_site, self.configured, self.confirmed)
+        others = (self.gps_site, self.configured_site, self.confirmed_site)
         return any(place is not None and earth_distance(site, place) <= CONFIRM_DISTANCE for place in others)
 
-    def present_time(self, held: tuple[Moment, float] | None) -> Moment | None:
-        """Return the present time by a clock that was read before; ``held``: its time, and ``now`` at that moment."""
-        if held is None:
+    def present_time(self, sample: tuple[Moment, float] | None) -> Moment | None:
+        """Return the present time by a clock that was read before; ``sample``: its time, and ``now`` at that moment."""
+        if sample is None:
             return None
-        moment, at = held
+        moment, at = sample
         return Moment(unix=moment.unix + self.now() - at, offset=moment.offset, dst=moment.dst)
 
-    def doubts(self, host: float) -> bool:
-        """Whether this computer's time ``host``, Unix seconds, may be wrong."""
-        if self._trust != "auto":
-            return self._trust == "doubtful"
-        return host < RELEASE_TIME or (self._kernel is not None and self._kernel())
+    def doubts_computer_time(self, computer_time: float) -> bool:
+        """Whether this computer's time ``computer_time``, Unix seconds, may be wrong."""
+        if self._clock_trust != "auto":
+            return self._clock_trust == "doubtful"
+        return computer_time < EARLIEST_VALID_TIME or (self._kernel is not None and self._kernel())
 
     # --- new values -------------------------------------------------------------------------------------------------
 
-    def take_mount_site(self, place: Place, ours: bool = False, by: str | None = None) -> bool:
+    def take_mount_site(self, place: Place, sent_by_gateway: bool = False, set_by: str | None = None) -> bool:
         """Store the site that the mount reports. Return whether somebody has changed it at the mount; if so, forget the
         sites of programs.
 
-        ``ours``: not changed there, the gateway has sent it for a program on the host ``by``.
+        ``sent_by_gateway``: not changed there, the gateway has sent it for a program on the host ``set_by``.
         """
         before = self.mount_site
         if before is None or not _same_place(before, place):  # some tell minutes of what was set to seconds
             self.mount_site = place
         if before is None:
-            self.stored = None
+            self.stored_site = None
             self.lasting.emit(None)
-        changed = not ours and before is not None and not _same_place(before, place)
+        changed = not sent_by_gateway and before is not None and not _same_place(before, place)
         if changed:
-            self.programs.forget("site")
-            self._former = None
+            self.program_settings.forget("site")
+            self._former_site = None
         elif before is not None and not _same_place(before, place):
-            counts = self._former is not None and self.now() - self._former[1] < FORMER_SITE_TIME
-            self._former = self._former if counts and not self._is_confirmed(before) else (before, self.now())
-        self.site_set_by = "" if changed else self.site_set_by if by is None else by
+            counts = self._former_site is not None and self.now() - self._former_site[1] < FORMER_SITE_TIME
+            self._former_site = self._former_site if counts and not self._is_confirmed(before) else (before, self.now())
+        self.site_set_by = "" if changed else self.site_set_by if set_by is None else set_by
         self.changed.emit(None)
         return changed
 
-    def take_mount_clock(self, moment: Moment, ours: bool = False, by: str | None = None) -> bool:
+    def take_mount_clock(self, moment: Moment, sent_by_gateway: bool = False, set_by: str | None = None) -> bool:
         """Store the mount's clock. Arguments and result: see ``take_mount_site``; a change is more than 30 s."""
         before = self.present_time(self.mount_clock)
         self.mount_clock = (moment, self.now())
-        changed = not ours and before is not None and abs(before.unix - moment.unix) > CLOCK_TOLERANCE
+        changed = not sent_by_gateway and before is not None and abs(before.unix - moment.unix) > CLOCK_TOLERANCE
         if changed:
-            self.programs.forget("clock")
-        self.clock_set_by = "" if changed else self.clock_set_by if by is None else by
+            self.program_settings.forget("clock")
+        self.clock_set_by = "" if changed else self.clock_set_by if set_by is None else set_by
         self.changed.emit(None)
         return changed
 
@@ -204,47 +204,47 @@ class SiteClock:
         age = self.now() - at
         return replace(gps, unix=gps.unix + age) if age < (GPS_CACHE_TIME if gps.linked else GPS_RETRY_TIME) else None
 
-    def mount_asked(self) -> None:
+    def note_site_requested(self) -> None:
         """Note that the mount was asked for its site. If it has none, the site of an earlier run is used now."""
-        if not self._asked:
-            self._asked = True
+        if not self._site_requested:
+            self._site_requested = True
             self.changed.emit(None)
 
-    def same_site(self, operation: SetSite) -> bool:
+    def is_mount_site(self, operation: SetSite) -> bool:
         """Whether the mount has this site already, within an arcminute."""
         place = self.mount_site
         if place is None or operation.latitude is None or operation.longitude is None:
             return False
         return _same_place(place, Place(operation.latitude, operation.longitude))
 
-    def same_clock(self, operation: SetClock, seconds: float) -> bool:
-        """Whether the mount's clock has this time already, in the same zone and within ``seconds``."""
+    def is_mount_clock(self, operation: SetClock, tolerance: float) -> bool:
+        """Whether the mount's clock has this time already, in the same zone and within ``tolerance``."""
         shown = self.present_time(self.mount_clock)
-        return shown is not None and shown.offset == operation.offset and abs(shown.unix - operation.unix) <= seconds
+        return shown is not None and shown.offset == operation.offset and abs(shown.unix - operation.unix) <= tolerance
 
-    def has_own(self, operation: Operation) -> bool:
+    def has_reported(self, operation: Operation) -> bool:
         """Whether the mount has reported a value of the kind that this operation sets: a site or a clock."""
         if isinstance(operation, SetClock):
             return self.mount_clock is not None
         return isinstance(operation, SetSite) and self.mount_site is not None
 
-    def has_one_of(self, places: Sequence[SetSite]) -> bool:
+    def matches_any(self, sites: Sequence[SetSite]) -> bool:
         """Whether the mount's site has the latitude or the longitude of any of these, within an arcminute."""
         site = self.mount_site
         return site is not None and any(
             (place.latitude is not None and abs(site.latitude - place.latitude) <= SITE_TOLERANCE)
             or (place.longitude is not None and abs(wrap180(site.longitude - place.longitude)) <= SITE_TOLERANCE)
-            for place in places
+            for place in sites
         )
 
     def forget(self, operation: Operation) -> None:
         """Forget what all programs have set of the operation's kind, site or clock: they read the mount's again."""
         if isinstance(operation, SetClock | SetSite):
-            self.programs.forget("clock" if isinstance(operation, SetClock) else "site")
+            self.program_settings.forget("clock" if isinstance(operation, SetClock) else "site")
         self.changed.emit(None)
 
 
-class BestSources:
+class SiteTimeSources:
     """The known sites and times, best source first: for the limits and for ``SiteAstrometry``.
 
     The mount's own site and clock are the best, because its coordinates are calculated from them. Then follow its GPS
@@ -257,28 +257,28 @@ class BestSources:
         #: Emitted when a site or time may have changed.
         self.changed = site_clock.changed
 
-    def sites(self) -> list[Site]:
+    def sites(self) -> list[SourcedSite]:
         """Return every known site, best first. A program's site is used only if there is no other."""
         known = self._site_clock
         sites = [
-            Site(place, source, by)
+            SourcedSite(place, source, by)
             for place, source, by in (
-                (known.mount_site, MOUNT, known.site_set_by), (known.gps_site, GPS_SOURCE, ""),
-                (known.configured, CONFIGURED, ""))
+                (known.mount_site, MOUNT_SOURCE, known.site_set_by), (known.gps_site, GPS_SOURCE, ""),
+                (known.configured_site, CONFIGURED, ""))
             if place is not None
         ]  # fmt: skip
         if sites or (site := known.site_of_program()) is None:
             return sites
-        return [Site(site.place, site.source)]
+        return [SourcedSite(site.place, site.source)]
 
-    def sites_for_sun(self) -> list[Site]:
+    def sites_for_sun(self) -> list[SourcedSite]:
         """Return every site at which the Sun is avoided if it is up. This includes the former site, if a program has
         moved the site far.
         """
         former = self._site_clock.former_site()
-        return [*self.sites(), *([Site(former, FORMER)] if former is not None else [])]
+        return [*self.sites(), *([SourcedSite(former, FORMER_SITE_SOURCE)] if former is not None else [])]
 
-    def times(self) -> list[Time]:
+    def times(self) -> list[SourcedTime]:
         """Return every usable time, best first.
 
         A doubtful clock of this computer is used only if neither the mount nor its GPS reports a time. A program's
@@ -286,29 +286,29 @@ class BestSources:
         """
         known = self._site_clock
         times = [
-            Time(moment.unix, source, by=known.clock_set_by if source is MOUNT else "")
+            SourcedTime(moment.unix, source, set_by=known.clock_set_by if source is MOUNT_SOURCE else "")
             for moment, source in (
-                (known.present_time(known.mount_clock), MOUNT),
+                (known.present_time(known.mount_clock), MOUNT_SOURCE),
                 (known.present_time(known.gps_clock), GPS_SOURCE),
             )
             if moment is not None
         ]
-        host = known.host()
-        if not known.doubts(host) or any(abs(time.unix - host) <= CLOCK_AGREEMENT for time in times):
-            return [*times, Time(host, COMPUTER)]
-        program = known.present_time(known.programs.newest_clock)
-        known_times = [Time(program.unix, PROGRAM)] if program is not None else []
-        return times or [*known_times, Time(host, COMPUTER, doubtful=True)]
+        host = known.computer_time()
+        if not known.doubts_computer_time(host) or any(abs(time.unix - host) <= MAX_CLOCK_DIFFERENCE for time in times):
+            return [*times, SourcedTime(host, COMPUTER)]
+        program = known.present_time(known.program_settings.newest_clock)
+        known_times = [SourcedTime(program.unix, PROGRAM)] if program is not None else []
+        return times or [*known_times, SourcedTime(host, COMPUTER, doubtful=True)]
 
     def site(self) -> Place | None:
         """Return the site of the best source, for the limits; None if no site is known."""
         return self._site_clock.best_site()
 
-    def best_time(self) -> Time:
+    def best_time(self) -> SourcedTime:
         """Return the time of the best source: the first of ``times``."""
         known = self._site_clock
         moment = known.present_time(known.mount_clock)
-        return self.times()[0] if moment is None else Time(moment.unix, MOUNT, by=known.clock_set_by)
+        return self.times()[0] if moment is None else SourcedTime(moment.unix, MOUNT_SOURCE, set_by=known.clock_set_by)
 
     def unix(self) -> float:
         """UTC by the best source, Unix seconds, for the limits."""

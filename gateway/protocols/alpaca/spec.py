@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from gateway.protocols.base.spec import DriverSettings, MadeDriver, MadeSurface, ProtocolSpec, SurfaceSettings, part
+from gateway.protocols.base.spec import DriverSettings, MadeDriver, MadeSurface, ProtocolSpec, SurfaceSettings, lazy
 from gateway.protocols.wireformat.command_set import functions, load, surface_functions
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
     driver = AlpacaDriver(now, settings, handlers)
     follow_ups: FollowUps = {
         pointing.KeepTracking: pointing.keep_tracking,
-        motion.PulseOn: motion.pulse_on,
+        motion.ContinuePulses: motion.continue_pulses,
         contradictions.CompareEquinox: contradictions.compare_equinox,
     }
     return MadeDriver(driver, follow_ups, AlpacaReplyRules())
@@ -56,26 +56,26 @@ def _hint(frame: bytes) -> str:
 
 SPEC = ProtocolSpec(
     name=NAME,
-    aligns=False,
+    has_alignment=False,
     title="ASCOM Alpaca",
-    a_program="an ASCOM Alpaca",
-    a_mount="a mount with ASCOM Alpaca",
-    preset="ASCOM Alpaca",
-    mounts="ASCOM Alpaca telescope",
+    program_phrase="an ASCOM Alpaca",
+    mount_phrase="a mount with ASCOM Alpaca",
+    menu_entry="ASCOM Alpaca",
+    mounts_phrase="ASCOM Alpaca telescope",
     default_model=DEFAULT_MODEL,
     usual_port=11111,
     guides_by="sky",
-    framing=part("alpaca.http.requests", "LineFramer"),
-    opening=rb"(?:(?:get|put) [^\n]*\n)*",
+    framing=lazy("alpaca.http.requests", "LineFramer"),
+    opening_pattern=rb"(?:(?:get|put) [^\n]*\n)*",
     make_surface=_make_surface,
     make_simulator=_make_simulator,
-    find_mounts=part("alpaca.http.finding", "find"),
-    web=part("alpaca.http.discovery", "AlpacaWeb"),
-    reply_rules=part("alpaca.driver.reply_rules", "AlpacaReplyRules"),
+    find_mounts=lazy("alpaca.http.finding", "find"),
+    web=lazy("alpaca.http.discovery", "AlpacaWeb"),
+    reply_rules=lazy("alpaca.driver.reply_rules", "AlpacaReplyRules"),
     make_driver=_make_driver,
-    over_http=part("alpaca.driver.telescope_http", "TelescopeHttp"),
+    make_http_dialect=lazy("alpaca.driver.telescope_http", "TelescopeHttp"),
     parks_itself=True,
-    slowest="a server with a mount on a slow line",
+    slowest_mount="a server with a mount on a slow line",
     required_requests=("put connected Connected=true\\x0a",),
     hint=_hint,
     recognises=lambda sent: 1.0 if re.match(rb"(?:get|put) [a-z]+[ \n]", sent) else 0.0,

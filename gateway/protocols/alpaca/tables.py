@@ -17,7 +17,7 @@ from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import load
 
 #: The range of ASCOM's error numbers.
-NUMBERS = range(0x400, 0x1000)
+ERROR_NUMBERS = range(0x400, 0x1000)
 
 
 class NotConnected(Fault):
@@ -32,35 +32,35 @@ class Parked(Fault):
     default_text = "The mount is parked: unpark it first."
 
 
-class Untold(Unsupported):
+class UnreadableMember(Unsupported):
     """The server lacks this member, or could not read it now; its answer does not show which."""
 
 
 @cache
-def numbers() -> dict[str, int]:
+def number_by_fault() -> dict[str, int]:
     """Return class name of a fault -> ASCOM's error number. Raises MappingError."""
     by_name = {}
-    for name, row in load("alpaca").extra("errors.toml").items():
-        if set(row) != {"number"} or row["number"] not in NUMBERS:
+    for name, row in load("alpaca").extra_table("errors.toml").items():
+        if set(row) != {"number"} or row["number"] not in ERROR_NUMBERS:
             raise MappingError("mappings/alpaca/errors.toml", name, "write number = 0x400 to 0xFFF")
         by_name[name] = int(row["number"])
     return by_name
 
 
-def number(fault: Fault) -> int:
+def error_number(fault: Fault) -> int:
     """Return the error number of a fault: that of its class or of the nearest base class."""
-    known = numbers()
+    known = number_by_fault()
     return next(known[kind.__name__] for kind in type(fault).__mro__ if kind.__name__ in known)
 
 
-def refused(fault: Fault) -> dict[str, Any]:
+def error_members(fault: Fault) -> dict[str, Any]:
     """Return the keys and values of a JSON answer that report a fault."""
-    return {"ErrorNumber": number(fault), "ErrorMessage": str(fault)}
+    return {"ErrorNumber": error_number(fault), "ErrorMessage": str(fault)}
 
 
-def refusal(frame: bytes, fault: Fault | None) -> bytes:
+def error_line(frame: bytes, fault: Fault | None) -> bytes:
     """Return the reply line for a refused or unknown request."""
-    return msgspec.json.encode(refused(fault or Fault("There is no such member."))) + b"\n"
+    return msgspec.json.encode(error_members(fault or Fault("There is no such member."))) + b"\n"
 
 
 def is_refusal(reply: bytes) -> bool:
@@ -71,7 +71,7 @@ def is_refusal(reply: bytes) -> bool:
 # --- conditions of members ----------------------------------------------------------------------------------------
 
 
-class Member(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class MemberConditions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A row of ``members.toml``: under which conditions a member of the interface may be used, and its reply."""
 
     always: bool = False  # programs that are not connected may use it too
@@ -82,30 +82,30 @@ class Member(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 #: The conditions of most members.
-PLAIN = Member()
+DEFAULT_CONDITIONS = MemberConditions()
 
 
 @cache
-def members() -> dict[str, Member]:
+def conditions_by_command() -> dict[str, MemberConditions]:
     """Return command name -> conditions, for the commands in ``members.toml``. Raises MappingError."""
     protocol, rows = load("alpaca"), {}
-    for name, row in protocol.extra("members.toml").items():
+    for name, row in protocol.extra_table("members.toml").items():
         if name not in protocol.commands:
             raise MappingError("mappings/alpaca/members.toml", name, "commands.toml has no such command")
         try:
-            rows[name] = msgspec.convert(row, Member)
+            rows[name] = msgspec.convert(row, MemberConditions)
         except msgspec.ValidationError as error:
             raise MappingError("mappings/alpaca/members.toml", name, str(error)) from None
     return rows
 
 
-def member(name: str) -> Member:
+def conditions_of(name: str) -> MemberConditions:
     """Return the conditions of a command."""
-    return members().get(name, PLAIN)
+    return conditions_by_command().get(name, DEFAULT_CONDITIONS)
 
 
 #: Field format of a reply -> the value in an answer that reports an error: clients expect one of the member's type.
-_EMPTY: dict[str, Any] = {"truth": False, "number": 0.0, "hours": 0.0, "whole": 0, "moment": "", "json": ""}
+_EMPTY_BY_FORM: dict[str, Any] = {"truth": False, "number": 0.0, "hours": 0.0, "whole": 0, "moment": "", "json": ""}
 _FIELD_FORM = re.compile(r"\{\w+:(\w+)\}")
 
 
@@ -114,4 +114,4 @@ def empty_value(command: Command) -> dict[str, Any]:
     match = _FIELD_FORM.search(str(command.replies[0][1].source)) if command.replies else None
     if match is None:
         return {}
-    return {"Value": [] if member(command.name).list else _EMPTY[match[1]]}
+    return {"Value": [] if conditions_of(command.name).list else _EMPTY_BY_FORM[match[1]]}

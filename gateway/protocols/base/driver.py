@@ -24,8 +24,8 @@ _T = TypeVar("_T")
 WITHOUT_EFFECT = ("refused", "silent")
 #: Seconds before the driver checks again whether a goto has begun, after its acknowledgement was lost.
 RECHECK_AFTER = 0.5
-SLEWING = "The mount is slewing: the guide pulse is dropped."
-BY_HAND = "The mount is moved by hand: the guide pulse is dropped."
+SLEWING_MESSAGE = "The mount is slewing: the guide pulse is dropped."
+BY_HAND_MESSAGE = "The mount is moved by hand: the guide pulse is dropped."
 
 
 class Send(NamedTuple):
@@ -35,14 +35,14 @@ class Send(NamedTuple):
     values: Mapping[str, object] = {}
     #: Seconds without a reply after which ``Silence`` is raised although the line stays up; None: the line then counts
     #: as lost.
-    patience: float | None = None
-    #: Whether the mount is busy with it for up to ``patience`` seconds. Meanwhile other commands are refused,
+    timeout: float | None = None
+    #: Whether the mount is busy with it for up to ``silence_timeout`` seconds. Meanwhile other commands are refused,
     #: except a stop that has no reply. If there is no reply in the end, the line counts as lost.
     long: bool = False
     #: Whether it begins a motion by hand: if the line or the mount is busy it is refused instead of delayed.
     at_once_or_never: bool = False
     #: Whether the bytes of the reply are returned too, as the field ``raw``.
-    raw: bool = False
+    include_raw: bool = False
     #: Whether the first reply is accepted without a second request to verify it; or a function of the reply's fields.
     unverified_ok: bool | Callable[[Mapping[str, object]], bool] = False
     #: Whether it must not be sent a second time to verify the reply: the reply belongs to the command before it, or
@@ -96,7 +96,7 @@ class GotoUnderWay(Struct):
     #: not mean that the goto has ended.
     since: float = math.inf
     #: ``park`` or ``home`` if it leads to that position; None for a goto to a target.
-    then: str | None = None
+    purpose: str | None = None
     #: Whether the acknowledgement was lost and no reading has shown yet whether the goto has begun.
     unconfirmed: bool = False
     #: Whether the mount has reported that it slews.
@@ -114,26 +114,26 @@ class Driver:
     #: How many commands it takes to read both coordinates of the position.
     position_reads = 1
     #: When the last command was sent, and when the next can be sent, by the event loop's clock.
-    sent_at = next_at = 0.0
+    sent_at = next_send_at = 0.0
     #: When each coordinate of the last position was read, by the same clock; None if one command reads both.
     read_at: tuple[float, float] | None = None
     #: Resolution of the reported position, degrees: at rest two readings differ by no more; of RA and of declination.
     resolution = 20.0 / 3600.0
-    ticks: tuple[float, float] = (resolution, resolution)
+    angle_steps: tuple[float, float] = (resolution, resolution)
     #: How many times faster than a real mount a simulated mount slews.
     speed_factor = 1.0
     #: The years to which the mount's clock can be set; if it has none, the clock that the gateway keeps for it.
-    years = range(1900, 2100)
+    clock_years = range(1900, 2100)
     #: Whether the mount has a GPS receiver of its own, and whether it times guide pulses itself.
     gps = times_pulses = False
     #: Degrees in RA and declination that the gateway adds to the mount's position, instead of a sync of the mount.
-    offset: tuple[float, float] = (0.0, 0.0)
-    #: Whether the gateway uses ``offset`` for syncs because the hand control has no sync command.
+    sync_offset: tuple[float, float] = (0.0, 0.0)
+    #: Whether the gateway uses ``sync_offset`` for syncs because the hand control has no sync command.
     emulates_sync = False
-    #: The last position that the mount reported, without ``offset``.
-    last: op.Equatorial | None = None
+    #: The last position that the mount reported, without ``sync_offset``.
+    last_position: op.Equatorial | None = None
     #: Whether the last reported declination was beyond 90 degrees: the mount assumes that the tube has passed the pole.
-    told_beyond = False
+    reports_beyond_pole = False
     #: Whether motion by hand is a series of small gotos in right ascension and declination, also on alt-az mounts.
     moves_by_gotos = False
     #: The equinox of the mount's coordinates, ``jnow`` or ``j2000``; and the one assumed if the user configures none.
@@ -143,9 +143,9 @@ class Driver:
     #: Whether it is a German mount, whose tube changes sides of the pier; None while that is unknown.
     german: bool | None = None
     #: Whether the mount reports no position while it seeks its home position.
-    seeks_unseen = False
+    no_position_while_homing = False
     #: Whether a German mount reports on which side of the pier its tube is.
-    tells_side = True
+    reports_pier_side = True
     protocol: CommandSet
     #: A monotonic clock, seconds.
     now: Callable[[], float]
@@ -159,7 +159,7 @@ class Driver:
     #: Whether the motors have no power although the mount still answers.
     powerless = False
     #: Seconds after which ``Silence`` is raised if a passed-on command has no reply; None if the mount replies to all.
-    patience: float | None = None
+    silence_timeout: float | None = None
     #: Whether the mount hibernates; whether it moves, and may be slewing, without an order of the gateway.
     asleep = moved_by_others = False
     #: Whether the mount is parked, by the last report or order; whether a goto is known to unpark it.
@@ -180,22 +180,22 @@ class Driver:
 
     def supports(self, name: str) -> bool:
         """Whether this model and version have the command according to the manual; nothing is sent to find out."""
-        return (row := self.protocol.commands.get(name)) is not None and row.known_to(self.model, self.version)
+        return (row := self.protocol.commands.get(name)) is not None and row.exists_on(self.model, self.version)
 
     def implementation(self, operation: type[op.Operation]) -> Implementation | None:
         """Return the first row of ``driver.toml`` for this operation whose commands the mount supports, or None."""
-        return next(filter(self._has, self.protocol.driver.get(operation.__name__, ())), None)
+        return next(filter(self._has, self.protocol.driver_rows.get(operation.__name__, ())), None)
 
     def _has(self, row: Implementation) -> bool:
         return all(self.supports(name) for name in row.needs)
 
     @property
-    def ends(self) -> frozenset[str]:
+    def ending_commands(self) -> frozenset[str]:
         """The commands of this driver's stop that end a motion and do nothing else."""
         row = self.implementation(op.AbortMotion)
         return frozenset() if row is None else frozenset(row.ends)
 
-    def impossible(self, operation: op.Operation) -> Fault | None:
+    def certain_fault(self, operation: op.Operation) -> Fault | None:
         """Return the fault with which this operation would certainly fail, else None. Nothing is sent to find out."""
         return None
 
@@ -208,7 +208,7 @@ class Driver:
         traits = self.protocol.traits(self.model or "", equatorial and not self.german)
         can = (
             name
-            for name, rows in self.protocol.driver.items()
+            for name, rows in self.protocol.driver_rows.items()
             for row in rows
             if row.outcome not in WITHOUT_EFFECT and (row.part is None or row.part in traits) and self._has(row)
         )
@@ -279,7 +279,7 @@ class Driver:
         """Find out which command reads the position. Return the position if it was read in doing so, else None."""
         yield from ()
 
-    def presented(self) -> Model:
+    def presented_model(self) -> Model:
         """Return the model constants of this mount, for a surface of the same protocol that presents it unchanged."""
         return {}
 
@@ -291,14 +291,14 @@ class Driver:
         """Return the bytes of the mount's own reply. Raises Unsupported for a command that this mount lacks."""
         if not self.supports(operation.command):
             raise Unsupported
-        return (yield Send(operation.command, dict(operation.fields), raw=True))["raw"]
+        return (yield Send(operation.command, dict(operation.fields), include_raw=True))["raw"]
 
     def perform(self, operation: op.Operation[_T]) -> Generator[Step, Any, _T]:
         """Carry out an operation. The generator's return value is the operation's answer. Raises Fault."""
         if isinstance(operation, op.PassThrough):
             if not self.supports(operation.command):
                 raise Unsupported
-            patience = self.patience if self.protocol.commands[operation.command].replies else None
+            patience = self.silence_timeout if self.protocol.commands[operation.command].replies else None
             return cast(_T, (yield Send(operation.command, dict(operation.fields), patience, once=True)))
         if isinstance(operation, op.NativeRequest):
             return cast(_T, (yield from self.native_reply(operation)))

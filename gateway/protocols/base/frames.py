@@ -50,24 +50,24 @@ class Suspect(bytes):
     """A command that arrived in one burst of bytes with an unterminated command: it may not begin a motion."""
 
 
-class Dropped(dict[str, bytearray]):
+class DroppedBytes(dict[str, bytearray]):
     """Reason -> the bytes that a framer has dropped in the last call of ``feed`` or ``end``; only for the log."""
 
     def add(self, data: bytes, reason: str) -> None:
         self.setdefault(reason, bytearray()).extend(data)
 
 
-class WholeFramer:
+class WholeCommandFramer:
     """Base of framers that drop an incomplete command at the end of a connection."""
 
     #: Why an incomplete command is dropped at the end of a connection, for the log.
-    cut_off: str
+    cut_off_reason: str
 
     def __init__(self) -> None:
         self._pending = bytearray()
         #: Whether the next bytes are dropped, because they may belong to what was dropped before.
         self._dropping = False
-        self.dropped = Dropped()
+        self.dropped = DroppedBytes()
 
     @property
     def idle(self) -> bool:
@@ -75,7 +75,7 @@ class WholeFramer:
         return not (self._pending or self._dropping)
 
     @property
-    def held(self) -> bool:
+    def holds_bytes(self) -> bool:
         """Whether bytes are held back until the client has sent nothing for ``RESYNC_GAP``."""
         return False
 
@@ -83,17 +83,17 @@ class WholeFramer:
         """Handle the end of the connection: an incomplete command is dropped. Return the unterminated commands."""
         self.dropped.clear()
         if self._pending:
-            self.dropped.add(bytes(self._pending), self.cut_off)
+            self.dropped.add(bytes(self._pending), self.cut_off_reason)
         return []
 
 
-class LengthFramer(WholeFramer, ABC):
+class LengthFramer(WholeCommandFramer, ABC):
     """Base of framers for commands whose length is known from their beginning, and that have no terminator."""
 
     #: Why bytes that begin no command are dropped, for the log.
-    noise: str
+    noise_reason: str
     #: Why an incomplete command is dropped when its rest is late, for the log.
-    half: str
+    half_reason: str
     #: Whether the bytes after a dropped incomplete command are dropped too, until a pause: they may be its rest.
     drops_after_half = False
 
@@ -112,27 +112,27 @@ class LengthFramer(WholeFramer, ABC):
         if quiet >= QUIET_GAP and self._pending:
             self._drop_half()
         if self._dropping:
-            self.dropped.add(data, self.noise)
+            self.dropped.add(data, self.noise_reason)
             return []
-        return self._cut(data)
+        return self._cut_commands(data)
 
     def _drop_half(self) -> None:
-        self.dropped.add(bytes(self._pending), self.half)
+        self.dropped.add(bytes(self._pending), self.half_reason)
         self._pending.clear()
         self._dropping = self.drops_after_half
 
     @abstractmethod
-    def _cut(self, data: bytes) -> list[bytes]:
+    def _cut_commands(self, data: bytes) -> list[bytes]:
         """Return the commands that these bytes complete."""
 
 
 class Framer(Protocol):
     """Cuts a protocol's commands out of a client's byte stream."""
 
-    dropped: Dropped
+    dropped: DroppedBytes
 
     @property
-    def held(self) -> bool:
+    def holds_bytes(self) -> bool:
         """Whether bytes are held back. If none arrive for ``RESYNC_GAP``, the caller must ``feed`` empty bytes."""
 
     @property

@@ -2,7 +2,7 @@
 
 ``Session.client`` holds the settings of the client; each protocol has a struct for them, and the next connection
 of the same program begins with a copy. ``MountSettings`` holds what a real hand control stores for all programs: it is
-frozen, all sessions share it through ``Shared``, and only clients with the permission to set replace it.
+frozen, all sessions share it through ``SharedSettings``, and only clients with the permission to set replace it.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class MountSettings(Struct, frozen=True):
     manual_hertz: float | None = None
     pulse_ends: Mapping[int, float] = {}  # axis -> Unix time at which its last guide pulse ends
 
-    def stored(self, index: int) -> NamedSite:
+    def site_at(self, index: int) -> NamedSite:
         return self.sites.get(index, UNNAMED)
 
     def with_site(self, index: int, site: NamedSite) -> MountSettings:
@@ -78,7 +78,7 @@ class MountSettings(Struct, frozen=True):
         return replace(self, motors={**self.motors, name: value})
 
 
-class Shared:
+class SharedSettings:
     """Holds the current settings of a mount. ``changed`` is called when they must be written to the state file."""
 
     __slots__ = ("changed", "settings")
@@ -96,14 +96,14 @@ class ClientState(Struct):
 class Session:
     """One client of a surface: its settings, the model presented to it, and the settings shared by all clients.
 
-    It begins with a copy of ``client``, if given. ``may_not_set`` is called when a read-only client tries to
+    It begins with a copy of ``client``, if given. ``on_denied_change`` is called when a read-only client tries to
     change a setting.
     """
 
     #: Whether the next connection from the same host begins with the settings of this connection.
-    inherits = True
+    inherits_settings = True
     #: The struct for the settings of a client of this protocol.
-    state: type[ClientState] = ClientState
+    client_state_type: type[ClientState] = ClientState
     client: ClientState
 
     def __init__(
@@ -111,48 +111,48 @@ class Session:
         model: Model,
         settings: ClientSettings,
         clock: Callable[[], float],
-        shared_state: Shared | None = None,
+        shared_state: SharedSettings | None = None,
         client: ClientState | None = None,
-        may_not_set: Callable[[], None] | None = None,
+        on_denied_change: Callable[[], None] | None = None,
     ) -> None:
         self.model, self.settings, self.clock = model, settings, clock
-        self.common = shared_state or Shared()
-        self._may_not_set = may_not_set
+        self.settings_holder = shared_state or SharedSettings()
+        self._on_denied_change = on_denied_change
         #: The previous frame.
         self.last_frame = b""
         #: Why the current command was refused, if its protocol has no reply form for a refusal; else empty.
-        self.refused = ""
+        self.refusal_reason = ""
         #: Whether the reply to the current command is a refusal that no other part of the gateway writes to the log.
-        self.said_no = False
-        self.client = self.state(settings.precision) if client is None else copy(client)
+        self.refused_unlogged = False
+        self.client = self.client_state_type(settings.precision) if client is None else copy(client)
 
-    def forget(self) -> None:
+    def reset_client(self) -> None:
         """Reset the client's settings to their initial values."""
-        self.client = self.state(self.settings.precision)
+        self.client = self.client_state_type(self.settings.precision)
 
-    def recognised(self, settings: Values) -> None:
+    def use_program_settings(self, settings: Values) -> None:
         """Use the settings for the client's program, which has now been recognised."""
         self.settings = replace(self.settings, **settings)
         self.client.precision = settings.get("precision", self.client.precision)
 
     @property
     def shared(self) -> MountSettings:
-        return self.common.settings
+        return self.settings_holder.settings
 
     def set_for_all(self, settings: MountSettings, *, save: bool = True) -> None:
         """Replace the shared settings; ``save`` writes them to the state file. Raises ReadOnly."""
         self.check_may_set()
-        self.common.settings = settings
+        self.settings_holder.settings = settings
         if save:
-            self.common.changed()
+            self.settings_holder.changed()
 
     def check_may_set(self) -> None:
         """Check the permission to change settings. Raises ReadOnly. For commands whose setting takes effect later."""
-        if self._may_not_set is not None:
-            self._may_not_set()
+        if self._on_denied_change is not None:
+            self._on_denied_change()
             raise ReadOnly
 
-    def known(self, name: str) -> object:
+    def setting_or_constant(self, name: str) -> object:
         """Return the client's setting of this name; if it has none, the presented model's constant, or None."""
         value = getattr(self.client, name, None)
         return self.model.get(name) if value is None else value

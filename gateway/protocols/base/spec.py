@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from gateway.protocols.base.surface import Surface
     from gateway.protocols.mechanics.simulated import Simulated
     from gateway.transport.http_wire import HttpDialect
-    from gateway.transport.web_server import Web
+    from gateway.transport.web_server import WebProtocol
 
 
 class SurfaceSettings(Struct, frozen=True):
@@ -45,14 +45,14 @@ class SurfaceSettings(Struct, frozen=True):
 class MadeSurface(Struct, frozen=True):
     """A surface, and the constants of the model that it presents.
 
-    ``fit(equatorial, german, gps)`` returns the model constants that suit the mount. It is None if the user has
+    ``fit_model(equatorial, german, gps)`` returns the model constants that suit the mount. It is None if the user has
     configured a model.
     """
 
     surface: Surface
     model: Model
     settings: ClientSettings
-    fit: Callable[[bool, bool | None, bool], Model] | None = None
+    fit_model: Callable[[bool, bool | None, bool], Model] | None = None
 
 
 class DriverSettings(Struct, frozen=True):
@@ -80,7 +80,7 @@ class MadeDriver(NamedTuple):
     reply_rules: ReplyRules
 
 
-class Question(Struct, frozen=True):
+class Probe(Struct, frozen=True):
     """A request that ``detect`` may send to an unknown device, and how it judges the answer."""
 
     #: Its place in the order of the questions of all protocols; those that are harmless to every mount come first.
@@ -88,8 +88,8 @@ class Question(Struct, frozen=True):
     request: bytes
     #: (bytes received since the request, seconds without further bytes) -> the protocol, another state, or None.
     judge: Callable[[bytes, float], str | None]
-    named: bool = False  # it is only sent to a port whose protocol the user has named
-    late: bool = False  # the answer may arrive after the next questions
+    opt_in: bool = False  # it is only sent to a port whose protocol the user has named
+    slow: bool = False  # the answer may arrive after the next questions
 
 
 class OfferedMount(Struct, frozen=True):
@@ -106,20 +106,20 @@ class OfferedMount(Struct, frozen=True):
 class NightRows(Struct, frozen=True):
     """The commands that ``report`` evaluates in the log of a night."""
 
-    places: frozenset[str] = frozenset()  # commands whose replies contain the position
-    site: frozenset[str] = frozenset()  # commands whose replies contain the site
-    gotos: frozenset[str] = frozenset()  # commands that begin a goto
-    east: int = 1  # 1 if longitudes are positive to the east, else -1
+    position_commands: frozenset[str] = frozenset()  # commands whose replies contain the position
+    site_commands: frozenset[str] = frozenset()  # commands whose replies contain the site
+    goto_commands: frozenset[str] = frozenset()  # commands that begin a goto
+    lon_sign: int = 1  # 1 if longitudes are positive to the east, else -1
 
 
-def part(module: str, name: str) -> Callable[..., Any]:
+def lazy(module: str, name: str) -> Callable[..., Any]:
     """Return a function that calls ``name`` of a module of the protocol. The first call imports the module, so that the
     start of the gateway is fast.
     """
     return lambda *given, **settings: getattr(import_module(f"gateway.protocols.{module}"), name)(*given, **settings)
 
 
-def _checked(text: str) -> str:
+def _checked_version(text: str) -> str:
     """Return the text unchanged. Raises ValueError if it is not a version."""
     parse_version(text)
     return text
@@ -130,10 +130,10 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
 
     name: str
     title: str  # the protocol, in messages
-    a_program: str  # a program that speaks it, in messages, with its article
-    a_mount: str  # a mount that speaks it, in messages, with its article
-    preset: str  # such a mount in the menus of programs
-    mounts: str  # such mounts, in the message that none was found
+    program_phrase: str  # a program that speaks it, in messages, with its article
+    mount_phrase: str  # a mount that speaks it, in messages, with its article
+    menu_entry: str  # such a mount in the menus of programs
+    mounts_phrase: str  # such mounts, in the message that none was found
     #: The makers of the mounts, the best known first; and the words that may precede a model's name.
     makers: tuple[str, ...] = ()
     brands: tuple[str, ...] = ()
@@ -146,7 +146,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     #: The default meaning of directions in its programs' guide pulses: those of the ``motor`` or on the ``sky``.
     guides_by: str = "motor"
     #: Whether its mounts report whether they are aligned; if not, they count as aligned.
-    aligns: bool = True
+    has_alignment: bool = True
     #: A simulated mount for ``demo``: its endpoint and its description.
     demo: tuple[str, str] | None = None
 
@@ -154,15 +154,15 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     #: Makes the framer of a connection.
     framing: Callable[[], Framer]
     #: Regular expression for the bytes with which a program may begin a connection.
-    opening: bytes
+    opening_pattern: bytes
     #: Makes the rules of requests and replies, if mounts speak the protocol; takes the model if it is known.
     reply_rules: Callable[..., ReplyRules] | None = None
     make_surface: Callable[[SurfaceSettings], MadeSurface] | None = None
     #: If its programs speak HTTP: makes the converter from HTTP to lines.
-    web: Callable[[], Web] | None = None
+    web: Callable[[], WebProtocol] | None = None
     make_driver: Callable[[DriverSettings, Callable[[], float]], MadeDriver] | None = None
     #: If its mounts are reached over HTTP: makes the converter from lines to HTTP for an address ``http://…``.
-    over_http: Callable[[str], HttpDialect] | None = None
+    make_http_dialect: Callable[[str], HttpDialect] | None = None
     #: Takes model, version; then ``clock``, ``site``, ``aligned``, ``speed`` and its own settings as keywords.
     make_simulator: Callable[..., Simulated] | None = None
     #: Flags of ``sim`` that only this simulated mount has -> their help texts.
@@ -172,9 +172,9 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
 
     # --- versions ---
     #: Version text -> the version of the manual whose commands such a mount has. Raises ValueError.
-    counts_as: Callable[[str], Version] = parse_version
+    command_set_version: Callable[[str], Version] = parse_version
     #: Normalises a version text. Raises ValueError if it is not a version, UserError if none was ever released.
-    check_version: Callable[[str], str] = _checked
+    check_version: Callable[[str], str] = _checked_version
     #: A row of models.toml -> the versions of that model.
     versions_of: Callable[[Model], list[str]] = lambda row: list(row.get("versions", ()))
     #: Word that may stand for a model and imply a version -> function of the given version, which returns the version.
@@ -192,9 +192,9 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     #: Regular expression for first commands that programs of other protocols send too: on a port for all protocols they
     #: are answered, and the protocol stays undecided.
     shared_openings: bytes | None = None
-    questions: tuple[Question, ...] = ()
+    questions: tuple[Probe, ...] = ()
     #: Other states of a device that an answer to a question of ``detect`` may show -> their descriptions.
-    states: Mapping[str, str] = {}
+    detect_states: Mapping[str, str] = {}
     #: Returns the mounts that servers offer: those at these addresses, or all that answer in the network.
     find_mounts: Callable[[Sequence[str] | None], Awaitable[list[OfferedMount]]] | None = None
     night: NightRows = NightRows()
@@ -204,7 +204,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     #: Default host or port of devices of this maker that the gateway does not support -> what it is, and what to do.
     unsupported_at: Mapping[str, str] = {}
     #: Who says that mounts of some versions use J2000, in messages.
-    j2000_by: str = "its maker"
+    j2000_source: str = "its maker"
     #: What the user should know of a mount of an unknown model, given its version.
     unknown_model: Callable[[str], str] = lambda version: ""
 
@@ -212,10 +212,10 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     #: Whether the mount can only park at a position that is stored in the mount.
     parks_itself: bool = False
     #: The slowest mount, and how many seconds its first answer may take: with its model configured, and without.
-    slowest: str = "a mount"
+    slowest_mount: str = "a mount"
     first_answer_seconds: tuple[int, int] = (4, 4)
     #: Example requests with which a client sets a target.
-    target: tuple[str, ...] = ()
+    target_requests: tuple[str, ...] = ()
     #: Requests that a client must send before it is answered anything.
     required_requests: tuple[str, ...] = ()
     #: Unknown command -> what may be wrong with it; None: the gateway suggests a similar command.
@@ -226,7 +226,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
         """The command set of this protocol. Raises MappingError."""
         return load(self.name)
 
-    def shown(self, model: str | None, version: str | None) -> str:
+    def endpoint_text(self, model: str | None, version: str | None) -> str:
         """Return ``PROTOCOL[:MODEL[/VERSION]]``, the first part of an endpoint."""
         if model is None and version is not None and version.partition("-")[0] in self.version_names:
             return f"{self.name}:{version.replace('-', '/')}"

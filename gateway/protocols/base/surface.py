@@ -19,7 +19,7 @@ from gateway.core.motion_kinds import GOTOS, begins_motion, may_begin_motion
 from gateway.core.operations import AbortMotion, NativeRequest, Operation, PassThrough, Values
 from gateway.protocols.base.frames import Suspect, Unterminated
 from gateway.protocols.base.session import Session
-from gateway.protocols.base.wants import FireAndForget, Handling, Subscription, SurfaceStep, relayed
+from gateway.protocols.base.wants import FireAndForget, Handling, Subscription, SurfaceStep, relay_requests
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import Model, SurfaceRow
@@ -34,7 +34,7 @@ class UrgentEnd(NamedTuple):
     """What an urgent command does on arrival: the operation that ends a motion, and the queued frames it discards."""
 
     operation: Operation
-    takes_back: frozenset[bytes]
+    discarded: frozenset[bytes]
 
 
 class Surface:
@@ -44,16 +44,16 @@ class Surface:
         self,
         protocol: CommandSet,
         handlers: Mapping[str, Handler],
-        unanswered: Callable[[bytes, Fault | None], bytes] = lambda frame, fault: b"",
+        fallback_reply: Callable[[bytes, Fault | None], bytes] = lambda frame, fault: b"",
     ) -> None:
-        #: ``unanswered`` returns the reply to a frame that no row answers, and to a fault without a reply form.
-        self.protocol, self.handlers, self.unanswered = protocol, handlers, unanswered
+        #: ``fallback_reply`` returns the reply to a frame that no row answers, and to a fault without a reply form.
+        self.protocol, self.handlers, self.fallback_reply = protocol, handlers, fallback_reply
         #: The session class of this protocol.
-        self.session: type[Session] = Session
+        self.session_type: type[Session] = Session
         #: Whether the mount speaks the same protocol: commands that the surface does not handle are passed on to it.
-        self.verbatim = False
+        self.mount_speaks_same = False
         #: (command name, values) -> whether the command may be passed on.
-        self.passes: Callable[[str, Values], bool] = lambda name, values: True
+        self.may_pass_on: Callable[[str, Values], bool] = lambda name, values: True
         #: (session, command name, values) -> whether the mount's reply would contradict an earlier one to this client.
         self.contradicts_client: Callable[..., bool] = lambda session, name, values: False
         #: (command name, reply) -> the reply in the mount's notation, if the surface presents the mount itself.
@@ -65,51 +65,51 @@ class Surface:
         #: Whether clients wait for replies to commands; if not, a motion may begin long after its command.
         self.replies = True
         #: (model, frame) -> why the presented model lacks a command, which is then ignored; empty if it has it.
-        self.lacks: Callable[[Model, bytes], str] = lambda model, frame: ""
+        self.lacking_reason: Callable[[Model, bytes], str] = lambda model, frame: ""
 
-    def ending(self, session: Session, frame: bytes) -> UrgentEnd | None:
+    def urgent_end(self, session: Session, frame: bytes) -> UrgentEnd | None:
         """Return what an urgent command ends before the commands that are queued; None for all other commands."""
-        command = self.protocol.ends_at_once.get(frame)
+        command = self.protocol.immediate_commands.get(frame)
         if command is None:
             return None
-        row = self.protocol.surface[command.name]
+        row = self.protocol.surface_rows[command.name]
         return UrgentEnd(
-            self._operation(session, row, {}) if command.urgent == "axis" else AbortMotion(),
-            self.protocol.taken_back_by(command),
+            self._operation_of_row(session, row, {}) if command.urgent == "axis" else AbortMotion(),
+            self.protocol.frames_discarded_by(command),
         )
 
     def begins_goto(self, frame: bytes) -> bool:
         """Whether a command may begin a goto."""
         match = self.protocol.find(frame)
-        row = self.protocol.surface.get(match[0].name) if match is not None else None
+        row = self.protocol.surface_rows.get(match[0].name) if match is not None else None
         return row is not None and any(
-            issubclass(operations.named(name) or Operation, GOTOS) for name in row.operations
+            issubclass(operations.operation_class(name) or Operation, GOTOS) for name in row.operations
         )
 
     def handle(self, session: Session, frame: bytes) -> Handling:
         """Handle a frame: yield operations, return the reply (empty: none). No input of a client makes it raise."""
         if isinstance(frame, Unterminated):
-            return (yield from self._refuse(session, frame))
+            return (yield from self._refuse_unterminated(session, frame))
         if isinstance(frame, Suspect):
-            return (yield from relayed(self._handle(session, frame), _without_motion))
+            return (yield from relay_requests(self._handle(session, frame), _drops_motion))
         return (yield from self._handle(session, frame))
 
     def _handle(self, session: Session, frame: bytes) -> Handling:
-        if self.lacks(session.model, frame):
+        if self.lacking_reason(session.model, frame):
             return b""
         match = self.protocol.find(frame)
         if match is None:
-            reply = self.unanswered(frame, None)
+            reply = self.fallback_reply(frame, None)
             if reply == ACKNOWLEDGED:
-                session.refused = "its argument is not valid"
+                session.refusal_reason = "its argument is not valid"
             return reply
         command, template = match
         if command.name in session.model.get("lacking", ()):
-            return self.unanswered(frame, None)
-        row = self.protocol.surface.get(command.name)
-        passed = self.verbatim and (row is None or row.handed_on)
+            return self.fallback_reply(frame, None)
+        row = self.protocol.surface_rows.get(command.name)
+        passed = self.mount_speaks_same and (row is None or row.is_passed_on)
         if row is None and not passed:
-            return self.unanswered(frame, None)
+            return self.fallback_reply(frame, None)
         try:
             try:
                 values = template.decode(frame)
@@ -118,37 +118,37 @@ class Surface:
                     values = {"fault": Invalid(str(error))}
                 else:
                     raise Invalid(str(error)) from None
-            native = self.protocol.own.get(command.name) if session.model.get("own") else None
+            native = self.protocol.own_rows.get(command.name) if session.model.get("own") else None
             if native is not None and native.keep is not None and "fault" not in values:
                 with suppress(Unsupported):
                     return (yield from self._native_reply(session, command, native.keep, values))
-            if passed and not self.passes(command.name, values):
-                return self.unanswered(frame, None)
+            if passed and not self.may_pass_on(command.name, values):
+                return self.fallback_reply(frame, None)
             if row is None or passed:
                 answer = yield from self._pass_on(session, command, row, values)
             else:
-                answer = yield from self._act(session, command, row, values)
+                answer = yield from self._carry_out(session, command, row, values)
                 if "fault" in values:  # the handler replied as if nothing were wrong
-                    session.refused = f"{command.help}: {values['fault']}"
+                    session.refusal_reason = f"{command.help}: {values['fault']}"
             return self.reply(session, command, answer)
         except Fault as fault:
             refusal = _refusal(command, fault)
-            session.said_no = bool(refusal) and not fault.logged and not command.question
+            session.refused_unlogged = bool(refusal) and not fault.is_logged and not command.is_query
             if not refusal and isinstance(fault, Invalid):
-                session.refused = f"{command.help}: {fault}"
-            return refusal or self.unanswered(frame, fault)
+                session.refusal_reason = f"{command.help}: {fault}"
+            return refusal or self.fallback_reply(frame, fault)
 
-    def _refuse(self, session: Session, frame: Unterminated) -> Handling:
+    def _refuse_unterminated(self, session: Session, frame: Unterminated) -> Handling:
         """Refuse an unterminated frame: clear the values that its commands would have set; return a refusal."""
         yield from ()
         for name in frame.names:
-            self._clear(session, name)
+            self._clear_value(session, name)
         command = self.protocol.commands.get(frame.names[0])
         return b"" if frame.late or command is None else _refusal(command, Invalid())
 
-    def _clear(self, session: Session, name: str) -> None:
+    def _clear_value(self, session: Session, name: str) -> None:
         """Clear the value that a command would have set: run its handler as for a value that cannot be decoded."""
-        row = self.protocol.surface.get(name)
+        row = self.protocol.surface_rows.get(name)
         if row is None or row.call is None:
             return
         steps = self.call(row.call, session, self.protocol.commands[name], {"fault": Invalid()})
@@ -165,7 +165,7 @@ class Surface:
         if self.contradicts_client(session, command.name, values):
             raise Unsupported
         if keep == "library":
-            answer = yield from self.call("objects.own_library", session, command, values)
+            answer = yield from self.call("objects.use_mount_library", session, command, values)
         elif keep == "order":
             answer = yield PassThrough(command.name, tuple(values.items()))
         else:
@@ -182,34 +182,34 @@ class Surface:
         except Unsupported:
             if row is None or not row.passes:
                 raise
-        return (yield from self._act(session, command, row, values))
+        return (yield from self._carry_out(session, command, row, values))
 
-    def silence(self, session: Session, frame: bytes) -> str:
+    def silence_reason(self, session: Session, frame: bytes) -> str:
         """Return why a command has no reply although its client may expect one; empty if the client expects none."""
         if isinstance(frame, Unterminated):
             return ""  # the log said so when it arrived
-        if lacking := self.lacks(session.model, frame):
+        if lacking := self.lacking_reason(session.model, frame):
             return lacking
         match = self.protocol.find(frame)
         if match is None:
             return f"{self.protocol.name} has no such command"
         if match[0].name in session.model.get("lacking", ()):
             return f"{match[0].help}: this mount has no such command; a surface that names a model has it"
-        row = self.protocol.surface.get(match[0].name)
+        row = self.protocol.surface_rows.get(match[0].name)
         if row is None:
             return f"{match[0].help}: not answered here"
         if isinstance(frame, Suspect) and may_begin_motion(row.operations):
             return f"{match[0].help}: not done. {Disturbed.default_text}"
         return f"{match[0].help}: {row.why or 'not done here'}" if row.outcome == "refused" else ""
 
-    def _act(self, session: Session, command: Command, row: SurfaceRow, values: Values) -> Handling:
+    def _carry_out(self, session: Session, command: Command, row: SurfaceRow, values: Values) -> Handling:
         """Carry out a row (its ask, tell, say or call); return the reply's values."""
         if row.tell is not None:
-            return {name: session.known(name) for name in row.tell}
+            return {name: session.setting_or_constant(name) for name in row.tell}
         if row.say is not None:
             return row.say
         if row.ask is not None:
-            operation = self._operation(session, row, values)
+            operation = self._operation_of_row(session, row, values)
             if not command.replies:
                 yield FireAndForget(operation)
                 return None
@@ -217,12 +217,12 @@ class Surface:
         assert row.call is not None
         return (yield from self.call(row.call, session, command, values))
 
-    def _operation(self, session: Session, row: SurfaceRow, values: Values) -> Operation:
+    def _operation_of_row(self, session: Session, row: SurfaceRow, values: Values) -> Operation:
         """Return the operation of a row with ``ask``, its fields from the command, the row or the client's settings.
 
         Raises NoTarget if a required field is missing.
         """
-        kind, needs = _asked(row.ask or "")
+        kind, needs = _operation_fields(row.ask or "")
         fields: Values = {}
         for field, required in needs:
             value = values.get(field, row.given.get(field, getattr(session.client, field, None)))
@@ -237,11 +237,11 @@ class Surface:
         if isinstance(answer, bytes):
             return answer
         model = session.model
-        form = command.form(session.client.precision, model.get("name"), model.get("dialect"))
-        return b"" if form is None else self.as_written(command.name, form.encode(_fields_of(answer, form.fields)))
+        form = command.reply_form(session.client.precision, model.get("name"), model.get("dialect"))
+        return b"" if form is None else self.as_written(command.name, form.encode(_reply_fields(answer, form.fields)))
 
 
-def _without_motion(request: SurfaceStep) -> bool:
+def _drops_motion(request: SurfaceStep) -> bool:
     """Whether to drop a request because it would begin a motion. Raises Disturbed if the command can be refused."""
     if not begins_motion(getattr(request, "operation", request)):
         return False
@@ -262,14 +262,14 @@ def _refusal(command: Command, fault: Fault) -> bytes:
 
 
 @cache
-def _asked(name: str) -> tuple[type[Operation], tuple[tuple[str, bool], ...]]:
+def _operation_fields(name: str) -> tuple[type[Operation], tuple[tuple[str, bool], ...]]:
     """Return the class of an operation, and its fields as pairs of name and whether it is required."""
-    kind = operations.named(name)
+    kind = operations.operation_class(name)
     assert kind is not None
     return kind, tuple((field.name, field.required) for field in msgspec.structs.fields(kind))
 
 
-def _fields_of(answer: object, names: Mapping[str, object]) -> Mapping[str, object]:
+def _reply_fields(answer: object, names: Mapping[str, object]) -> Mapping[str, object]:
     """Return the answer as the fields of a reply: from a mapping, a struct, or a value for a single field."""
     if isinstance(answer, Mapping):
         return answer

@@ -51,14 +51,14 @@ class ChangeBaudRate(NamedTuple):
 class Subscription(NamedTuple):
     """Read ``operation`` every ``period`` seconds, encode it with ``encode``, and send the bytes to the client, if any.
 
-    With ``changes`` the same bytes are not sent twice in a row. A slow client gets only the newest message.
+    With ``only_changes`` the same bytes are not sent twice in a row. A slow client gets only the newest message.
     Nothing is sent while the mount does not answer. The first message is sent after ``first_delay`` seconds.
     """
 
     operation: Read
     period: float
     encode: Callable[[Any], bytes]
-    changes: bool = False
+    only_changes: bool = False
     first_delay: float = 0.0
 
 
@@ -79,7 +79,7 @@ def decoded(values: Values) -> Values:
     return values
 
 
-def relayed(steps: Handling, intercept: Callable[[SurfaceStep], bool]) -> Handling:
+def relay_requests(steps: Handling, intercept: Callable[[SurfaceStep], bool]) -> Handling:
     """Pass on the requests of a handler and the answers to them, unless ``intercept`` stops a request.
 
     ``intercept`` receives each request first. If it returns True, the request is dropped and its answer is None. If it

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from functools import cache
 
-from gateway.protocols.base.frames import Dropped, Suspect, Unterminated
+from gateway.protocols.base.frames import DroppedBytes, Suspect, Unterminated
 from gateway.protocols.wireformat.command_set import load
 
 ACK = 0x06
-LONGEST = 64
+MAX_COMMAND_LENGTH = 64
 #: Seconds of quiet that end a burst of bytes: what follows does not continue what came before.
 BURST_GAP = 0.1
 #: Why bytes are dropped, for the log.
@@ -23,19 +23,19 @@ HALF = "a command without its end (#)"
 TOO_LONG = "longer than any command of an LX200"
 _IGNORED = frozenset(b"\r\n\x00")
 _COLON, _HASH, _DOLLAR = b":#$"
-_BEGINNERS = frozenset(b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz$?")
+_FIRST_BYTES = frozenset(b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz$?")
 
 
-def setter(begun: bytes) -> str | None:
-    """Return the name of the command with an argument that ``begun`` begins, "" for an unknown ``:S``, else None."""
-    command = load("lx200").begun(begun)
+def setter(beginning: bytes) -> str | None:
+    """Return the name of the command with argument that ``beginning`` begins, "" for unknown ``:S``, else None."""
+    command = load("lx200").begun_command(beginning)
     if command is not None:
         return command.name if command.request.fields else None
-    return "" if begun.startswith(b":S") else None
+    return "" if beginning.startswith(b":S") else None
 
 
 @cache
-def stops() -> tuple[bytes, ...]:
+def stop_commands() -> tuple[bytes, ...]:
     """The stop commands that are passed on even within a refused burst: they end something and do nothing else."""
     commands = load("lx200").commands.values()
     return tuple([command.request.prefix for command in commands if command.urgent in ("stop", "axis", "part")])
@@ -45,21 +45,21 @@ class Lx200Framer:
     """Cuts a byte stream into whole commands, such as ``b":GR#"``, ``b"$Q#"`` or the single byte 0x06 (ACK)."""
 
     #: Nothing is held back until the line is quiet.
-    held = False
+    holds_bytes = False
 
     def __init__(self) -> None:
         self._frame = bytearray()
-        self._colon = False
+        self._pending_colon = False
         self._last_byte_at = 0.0
         #: Whether the incomplete command is from before the last pause.
         self._before_pause = False
         #: The names of the commands in an unterminated text (empty: there is none), and that text.
         self._unterminated: dict[str, None] = {}
-        self._text = bytearray()
+        self._unterminated_text = bytearray()
         #: Whether the commands of this burst are suspect.
         self._suspect = False
         self._frames: list[bytes] = []
-        self.dropped = Dropped()
+        self.dropped = DroppedBytes()
 
     @property
     def idle(self) -> bool:
@@ -79,34 +79,34 @@ class Lx200Framer:
             if byte in _IGNORED:
                 continue
             if byte == ACK:
-                self._cut()
+                self._end_incomplete()
                 if not self._unterminated:
                     self._frames.append(bytes((ACK,)))
-                self._begin()
+                self._begin_command()
             elif byte == _HASH:
-                self._settle_colon()
-                self._end()
+                self._add_pending_colon()
+                self._end_command()
             else:
-                self._add(byte)
+                self._handle_byte(byte)
         return self._frames
 
-    def _begin(self, first: bytes = b"") -> None:
+    def _begin_command(self, first: bytes = b"") -> None:
         self._frame = bytearray(first)
-        self._colon = self._before_pause = False
+        self._pending_colon = self._before_pause = False
 
     def _begin_burst(self) -> None:
         """Begin a new burst after a pause: nothing is suspect, and of an unterminated text only half a stop is kept."""
         self._suspect = False
         self._before_pause = bool(self._frame)
         if self._unterminated:
-            rest = b":" if self._colon else bytes(self._frame)
+            rest = b":" if self._pending_colon else bytes(self._frame)
             self._report_unterminated()
-            self._begin(rest if any(stop.startswith(rest) for stop in stops()) else b"")
+            self._begin_command(rest if any(stop.startswith(rest) for stop in stop_commands()) else b"")
 
     def _report_unterminated(self) -> None:
         """Report the unterminated text without waiting for its end."""
         self._extend_unterminated(bytes(self._frame), setter(bytes(self._frame)))
-        self._frames.append(Unterminated(bytes(self._text), tuple(self._unterminated), late=True))
+        self._frames.append(Unterminated(bytes(self._unterminated_text), tuple(self._unterminated), late=True))
         self._unterminated = {}
 
     def end(self) -> list[Unterminated]:
@@ -116,22 +116,22 @@ class Lx200Framer:
         if self._unterminated:
             self._report_unterminated()
         else:
-            self._cut()
-        self._begin()
+            self._end_incomplete()
+        self._begin_command()
         return [frame for frame in self._frames if isinstance(frame, Unterminated)]
 
-    def _cut(self, reason: str = HALF) -> None:
+    def _end_incomplete(self, reason: str = HALF) -> None:
         """End the incomplete command here: with an argument it is unterminated, any other is dropped."""
         piece = bytes(self._frame)
         name = setter(piece) if len(piece) > 1 else None
         if self._unterminated:
             self._extend_unterminated(piece, name)
-            if piece + b"#" in stops():
+            if piece + b"#" in stop_commands():
                 self._frames.append(piece + b"#")
         elif name is not None and self._before_pause:
             self._frames.append(Unterminated(piece, (name,), late=True))
         elif name is not None:
-            self._text.clear()
+            self._unterminated_text.clear()
             self._suspect = True
             self._extend_unterminated(piece, name)
         elif len(piece) > 1:
@@ -139,51 +139,51 @@ class Lx200Framer:
 
     def _extend_unterminated(self, piece: bytes, name: str | None) -> None:
         """Add a piece to the unterminated text: its bytes for the log, and its command, whose setting is cleared."""
-        self._text += piece[: LONGEST - len(self._text)]
+        self._unterminated_text += piece[: MAX_COMMAND_LENGTH - len(self._unterminated_text)]
         if name is not None:
             self._unterminated[name] = None
 
-    def _end(self) -> None:
+    def _end_command(self) -> None:
         """Handle a ``#``: it ends a command, or an unterminated text."""
         frame = bytes(self._frame) + b"#"
         if self._unterminated:
             self._extend_unterminated(frame[:-1], setter(frame[:-1]))
-            self._frames.append(Unterminated(bytes(self._text) + b"#", tuple(self._unterminated)))
+            self._frames.append(Unterminated(bytes(self._unterminated_text) + b"#", tuple(self._unterminated)))
             self._unterminated = {}
-            if frame in stops():
+            if frame in stop_commands():
                 self._frames.append(frame)
         elif len(frame) > 2:
             self._frames.append(Suspect(frame) if self._suspect else frame)
-        self._begin()
+        self._begin_command()
 
-    def _settle_colon(self) -> None:
+    def _add_pending_colon(self) -> None:
         """Add the colon that was held back: it is part of the argument."""
-        if self._colon:
-            self._colon = False
-            self._take(_COLON)
+        if self._pending_colon:
+            self._pending_colon = False
+            self._append_byte(_COLON)
 
-    def _take(self, byte: int) -> None:
+    def _append_byte(self, byte: int) -> None:
         """Add a byte to the command; drop a command that is too long."""
         self._frame.append(byte)
         self._before_pause = False
-        if len(self._frame) > LONGEST:
-            self._cut(TOO_LONG)
-            self._begin()
+        if len(self._frame) > MAX_COMMAND_LENGTH:
+            self._end_incomplete(TOO_LONG)
+            self._begin_command()
 
-    def _add(self, byte: int) -> None:
+    def _handle_byte(self, byte: int) -> None:
         if byte == _COLON:
             if len(self._frame) > 1:
-                self._settle_colon()
-                self._colon = True  # a separator in the argument, or the next command: the next byte decides
+                self._add_pending_colon()
+                self._pending_colon = True  # a separator in the argument, or the next command: the next byte decides
             else:
-                self._begin(b":")
+                self._begin_command(b":")
             return
-        if self._colon:
-            if byte in _BEGINNERS:
-                self._cut()
-                self._begin(b":")
+        if self._pending_colon:
+            if byte in _FIRST_BYTES:
+                self._end_incomplete()
+                self._begin_command(b":")
             else:
-                self._settle_colon()
+                self._add_pending_colon()
         if not self._frame:
             if byte == _DOLLAR:
                 self._frame.append(byte)
@@ -192,6 +192,6 @@ class Lx200Framer:
             return
         if self._frame == b"$" and byte != ord("Q"):
             self.dropped.add(b"$" if byte == _DOLLAR else bytes((_DOLLAR, byte)), NOISE)
-            self._begin(b"$" if byte == _DOLLAR else b"")
+            self._begin_command(b"$" if byte == _DOLLAR else b"")
             return
-        self._take(byte)
+        self._append_byte(byte)

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from gateway.core.operations import Gps, Place
 
 
-def fix(sentence: str) -> Gps | None:
+def parse_fix(sentence: str) -> Gps | None:
     """Parse an RMC sentence; return None if it is of another type or garbled."""
     import pynmea2
 
@@ -23,12 +23,12 @@ def fix(sentence: str) -> Gps | None:
         return None
 
 
-def rmc(place: Place | None, unix: float, linked: bool = True) -> str:
+def format_rmc(place: Place | None, unix: float, linked: bool = True) -> str:
     """Return an RMC sentence with its checksum; without a position if no site is known. ``unix`` is in seconds."""
     import pynmea2
 
     now = datetime.fromtimestamp(unix, UTC)
-    places = ("",) * 4 if place is None else (*_angle(place.latitude, 2, "NS"), *_angle(place.longitude, 3, "EW"))
+    places = ("",) * 4 if place is None else (*_to_nmea(place.latitude, 2, "NS"), *_to_nmea(place.longitude, 3, "EW"))
     status = "A" if linked else "V"
     return str(
         pynmea2.RMC(
@@ -37,7 +37,7 @@ def rmc(place: Place | None, unix: float, linked: bool = True) -> str:
     )
 
 
-def _angle(degrees: float, digits: int, letters: str) -> tuple[str, str]:
+def _to_nmea(degrees: float, digits: int, letters: str) -> tuple[str, str]:
     """Return degrees and minutes (to a thousandth) without a separator, and the letter of the hemisphere."""
     whole, minutes = divmod(round(abs(degrees) * 60000), 60000)
     return f"{whole:0{digits}d}{minutes / 1000:06.3f}", letters[degrees < 0]

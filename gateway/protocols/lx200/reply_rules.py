@@ -17,11 +17,11 @@ from gateway.core import errors
 from gateway.core.errors import Busy, Fault, Garbled, Refused
 from gateway.core.operations import Values
 from gateway.protocols.base.driver import Driver, Send
-from gateway.protocols.base.reply_rules import Expected, answer_kind
+from gateway.protocols.base.reply_rules import ExpectedReply, answer_kind
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
 NAK = 0x15
-TIMEOUT, PACE = 3.0, 0.05  # seconds
+TIMEOUT, PAUSE_AFTER_COMMAND = 3.0, 0.05  # seconds
 #: The maximum length of a reply that ends with ``#``.
 LONGEST = 200
 #: Field formats as telescopes send them: all digits, and any single byte between degrees, minutes and seconds, or a
@@ -43,35 +43,35 @@ _FORMS = {
 }
 _FIELD = re.compile(r"\{\w+:([^}]*)\}")
 #: What some mounts send around a reply, and before its ``#`` where that ends no text.
-PADDING, _PADDED = b"\r\n\t \0", re.compile(rb"[\r\n\t \0]+#")
+PADDING, _PADDED_HASH = b"\r\n\t \0", re.compile(rb"[\r\n\t \0]+#")
 #: A digit and a text, as a mount refuses an order; and a text that cannot be a reply to anything else.
-_SAID, _WORDS = re.compile(rb"(\d)\s*([A-Za-z][^#]*)#"), re.compile(rb"[^\d]* [^\d]*")
+_DIGIT_AND_TEXT, _REFUSAL_TEXT = re.compile(rb"(\d)\s*([A-Za-z][^#]*)#"), re.compile(rb"[^\d]* [^\d]*")
 
 
 @cache
-def _exact(source: str) -> re.Pattern[bytes]:
+def _reply_pattern(source: str) -> re.Pattern[bytes]:
     """Return the exact pattern of a reply form as telescopes send it."""
     pattern, at = b"", 0
     for field in _FIELD.finditer(source):
-        pattern += _literal(source[at : field.start()])
+        pattern += _literal_pattern(source[at : field.start()])
         form, at = field[1], field.end()
         lengths = [len(word) for word in form.split("|")]
         free = rb"[^#]*" if len(lengths) == 1 else rb"[^#]{%d,%d}" % (min(lengths), max(lengths))
         pattern += _FORMS.get(form, free)
-    end = re.escape(source[at:].encode("latin-1")) if source[:at].endswith(":text}") else _literal(source[at:])
+    end = re.escape(source[at:].encode("latin-1")) if source[:at].endswith(":text}") else _literal_pattern(source[at:])
     return re.compile(pattern + end, re.DOTALL)
 
 
-def _literal(text: str) -> bytes:
+def _literal_pattern(text: str) -> bytes:
     """Return the pattern of characters between fields, with blanks or a line end before a ``#``."""
     return re.escape(text.encode("latin-1")).replace(rb"\#", rb"[\r\n\t \0]*\#")
 
 
 @cache
-def _shapes(sources: tuple[str, ...]) -> frozenset[str]:
+def _comparable_forms(form_texts: tuple[str, ...]) -> frozenset[str]:
     """Return the forms of replies without the meaning of their fields: replies of equal form can be confused."""
     shapes = set()
-    for source in sources:
+    for source in form_texts:
         if ":text}" in source:
             shapes.add("text")
         elif "#" in source:
@@ -82,15 +82,15 @@ def _shapes(sources: tuple[str, ...]) -> frozenset[str]:
 
 
 #: The commands whose answers show a telescope's notation, and the commands that are written in the same way.
-EXAMPLES = frozenset({"GR", "GD", "GZ", "GA", "GT", "Gt", "Gg"})
-SITE = frozenset({"Gt", "Gg"})
-LIKE = {"Gr": "GR", "Gd": "GD"}
+EXAMPLE_COMMANDS = frozenset({"GR", "GD", "GZ", "GA", "GT", "Gt", "Gg"})
+SITE_COMMANDS = frozenset({"Gt", "Gg"})
+EXAMPLE_BY_COMMAND = {"Gr": "GR", "Gd": "GD"}
 #: A reply in degrees as the manual writes it, and its separators.
-_MARKED = re.compile(rb"([+-]?)(\d{2,3})\*(\d\d)?(?::\d\d)?#")
-_MARKS = b"*:"
+_ANGLE_REPLY = re.compile(rb"([+-]?)(\d{2,3})\*(\d\d)?(?::\d\d)?#")
+_ANGLE_SEP = b"*:"
 #: The position of the degree sign in a declination.
-_DEGREE = slice(3, 4)
-_TURN = 360 * 60
+_DEGREE_SIGN = slice(3, 4)
+_ARCMINUTES_PER_TURN = 360 * 60
 
 
 class Notation:
@@ -104,135 +104,135 @@ class Notation:
         self._degree = b"*"
 
     def learn(self, command: str, answer: bytes) -> None:
-        if command in EXAMPLES:
+        if command in EXAMPLE_COMMANDS:
             self._examples[command] = answer
         if command == "GD":
-            self._degree = answer[_DEGREE]
+            self._degree = answer[_DEGREE_SIGN]
 
     def write(self, command: str, reply: bytes) -> bytes:
         """Convert a reply. Without an example of this command only the degree sign is replaced."""
-        example = self._examples.get(LIKE.get(command, command), b"")
+        example = self._examples.get(EXAMPLE_BY_COMMAND.get(command, command), b"")
         if command == "GT":
             return b"+" + reply if example.startswith(b"+") and reply[:1].isdigit() else reply
-        match = _MARKED.fullmatch(reply)
+        match = _ANGLE_REPLY.fullmatch(reply)
         if match is None:
             return reply
         if command == "Gg" and example[:1].isdigit():  # west from 0 to 360, without a sign
             minutes = int(match[2]) * 60 + int(match[3] or b"0")
-            reply = b"%03d*%02d#" % divmod((-minutes if match[1] == b"-" else minutes) % _TURN, 60)
-        if command in SITE and len(example) == len(reply) + 3:  # the telescope sends seconds
+            reply = b"%03d*%02d#" % divmod((-minutes if match[1] == b"-" else minutes) % _ARCMINUTES_PER_TURN, 60)
+        if command in SITE_COMMANDS and len(example) == len(reply) + 3:  # the telescope sends seconds
             reply = reply[:-1] + b":00#"
         if len(example) == len(reply):
-            return bytes(mark if digit in _MARKS else digit for mark, digit in zip(example, reply, strict=True))
+            return bytes(mark if digit in _ANGLE_SEP else digit for mark, digit in zip(example, reply, strict=True))
         return reply.replace(b"*", self._degree)
 
 
 class Lx200ReplyRules:
     """The ``ReplyRules`` of a Meade, with the notation learnt from its replies.
 
-    ``protocol`` is the dialect of ``speaker``, the driver that asks the mount for its name. Without a driver it is the
+    ``protocol`` is the dialect of ``driver``, the driver that asks the mount for its name. Without a driver it is the
     dialect of ``model``, or of the name that the mount replies.
     """
 
-    closing, padding = b"#", PADDING
+    half_command_end, padding = b"#", PADDING
 
-    def __init__(self, model: str | None = None, speaker: Driver | None = None) -> None:
-        self._notation, self._named, self._speaker = Notation(), model is not None, speaker
-        self._protocol: CommandSet = load("lx200").of(model)
+    def __init__(self, model: str | None = None, driver: Driver | None = None) -> None:
+        self._notation, self._model_is_named, self._driver = Notation(), model is not None, driver
+        self._protocol: CommandSet = load("lx200").in_dialect_of(model)
 
     @property
     def protocol(self) -> CommandSet:
-        return self._protocol if self._speaker is None else self._speaker.protocol
+        return self._protocol if self._driver is None else self._driver.protocol
 
-    def expected(self, ask: Send) -> Expected:
+    def expected_reply(self, request: Send) -> ExpectedReply:
         """Return the expected reply. ACK has no terminator, so some devices read the next command as the rest of it."""
-        return _expected(self.protocol, ask.command, ask.once, ask.raw)
+        return _expected(self.protocol, request.command, request.once, request.include_raw)
 
-    def as_written(self, command: str, reply: bytes) -> bytes:
+    def in_mount_notation(self, command: str, reply: bytes) -> bytes:
         return self._notation.write(command, reply)
 
     def ambiguous_with(self, sent: Send, other: Send) -> bool:
         """Whether the forms of the two replies are so similar that they could be confused."""
-        first, second = (_shapes(_sources(self.protocol, ask.command)) for ask in (sent, other))
+        first, second = (_comparable_forms(_form_texts(self.protocol, ask.command)) for ask in (sent, other))
         either = first | second
         return bool(first & second) or ("text" in either and bool(first - {"bare"}) and bool(second - {"bare"}))
 
-    def encode(self, ask: Send) -> bytes:
+    def encode(self, request: Send) -> bytes:
         """Return the request, in its low-precision form if ``low`` is true. Raises Refused for a value out of range."""
-        requests = self.protocol.commands[ask.command].requests
+        requests = self.protocol.commands[request.command].requests
         try:
-            return requests[1 if ask.values.get("low") and len(requests) > 1 else 0].encode(ask.values)
+            return requests[1 if request.values.get("low") and len(requests) > 1 else 0].encode(request.values)
         except ValueError as error:
             raise Refused(str(error)) from None
 
-    def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
+    def parse_reply(self, request: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
         """Return the reply at the start of the buffer and its length, or None while it is incomplete.
 
         The values include its ``length``, which shows the precision. Raises ValueError for a value out of range.
         """
-        replies = self.protocol.commands[ask.command].replies
+        replies = self.protocol.commands[request.command].replies
         if buffer[:1] == bytes((NAK,)):
             return Busy(), 1
         if not replies:
             return {}, 0
         before = len(buffer) - len(buffer.lstrip(PADDING))
-        if (taken := self._take(ask, buffer[before:])) is None:
+        if (taken := self._match_reply(request, buffer[before:])) is None:
             return None
         outcome, length = taken[0], before + taken[1]
         return outcome, length if buffer[length:].strip(PADDING) else len(buffer)
 
-    def _take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
+    def _match_reply(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
         if not buffer:
             return None
         replies = self.protocol.commands[ask.command].replies
         for reply, template in replies:
-            match = _exact(str(template.source)).match(buffer)
+            match = _reply_pattern(str(template.source)).match(buffer)
             if match is None:
                 continue
             length = match.end()
             rest = buffer[length:].strip(PADDING)
-            if rest and _begins_longer(self.protocol, ask.command, str(template.source)):
+            if rest and _begins_longer_form(self.protocol, ask.command, str(template.source)):
                 continue
             if "#" not in str(template.source) and rest == b"#":
                 length = len(buffer)  # some telescopes append this to every reply
             elif rest and reply.fault is not None and (refusal := _refusal(self.protocol, ask.command, buffer)):
                 return refusal
-            text = match[0] if ":text}" in str(template.source) else _UTF_8.sub(b"", _PADDED.sub(b"#", match[0]))
+            text = match[0] if ":text}" in str(template.source) else _UTF_8.sub(b"", _PADDED_HASH.sub(b"#", match[0]))
             values = template.decode(text)
             if reply.fault is not None:
                 return _fault(reply.fault, values, reply.says), length
             self._notation.learn(ask.command, text)
-            if ask.command == "GVP" and not self._named:
-                self._protocol = load("lx200").of(load("lx200").by_product(values["product"]))
+            if ask.command == "GVP" and not self._model_is_named:
+                self._protocol = load("lx200").in_dialect_of(load("lx200").model_of_product(values["product"]))
             return {**values, "length": len(text)}, length
         if (refusal := _refusal(self.protocol, ask.command, buffer)) is not None:
             return refusal
-        hashes = max(source.count("#") for source in _sources(self.protocol, ask.command))
+        hashes = max(source.count("#") for source in _form_texts(self.protocol, ask.command))
         if buffer.count(b"#") >= max(1, hashes) or len(buffer) > LONGEST or not hashes:
             whole = hashes or len(buffer) >= max(template.width or 1 for _, template in replies)
             return (Garbled(), len(buffer)) if whole else None
         return None
 
-    def resync_commands(self, number: int) -> Iterator[Send]:
+    def resync_commands(self, check_number: int) -> Iterator[Send]:
         """Yield the commands that show whether replies are in step: :GR and :GD, whose replies differ in form."""
         yield Send("GR")
         yield Send("GD")
 
-    def is_resync_reply(self, ask: Send, values: Values) -> bool:
+    def is_resync_reply(self, request: Send, values: Values) -> bool:
         return "ra" in values or "dec" in values
 
 
 @cache
-def _sources(protocol: CommandSet, command: str) -> tuple[str, ...]:
+def _form_texts(protocol: CommandSet, command: str) -> tuple[str, ...]:
     """The reply forms of a command, as the tables write them."""
     return tuple([str(template.source) for _, template in protocol.commands[command].replies])
 
 
 @cache
-def _lone_digits(protocol: CommandSet, command: str) -> frozenset[bytes]:
+def _undocumented_digits(protocol: CommandSet, command: str) -> frozenset[bytes]:
     """Return the digits that have no documented meaning, for an order some of whose replies have a text."""
     replies = [(reply.fault, str(template.source)) for reply, template in protocol.commands[command].replies]
-    if protocol.commands[command].question or not any("{text" in source for _, source in replies):
+    if protocol.commands[command].is_query or not any("{text" in source for _, source in replies):
         return frozenset()
     taken = {source[:1] for fault, source in replies if fault is None}
     return frozenset(digit.encode() for digit in "0123456789" if digit not in taken)
@@ -245,44 +245,44 @@ def _refusal(protocol: CommandSet, command: str, buffer: bytes) -> tuple[Values 
     """
     replies = [(reply, str(template.source)) for reply, template in protocol.commands[command].replies]
     lone, text = buffer.strip(PADDING + b"#"), not replies[0][1][:1].isdigit()
-    if lone in _lone_digits(protocol, command):
+    if lone in _undocumented_digits(protocol, command):
         if text:
             return {"text": lone.decode()}, len(buffer)
         named = (reply.fault for reply, source in replies if source.encode("latin-1").startswith(lone))
         return _fault(next(named, None) or "Refused", {}, None), len(buffer)
-    if text or (said := _SAID.match(buffer)) is None:
+    if text or (said := _DIGIT_AND_TEXT.match(buffer)) is None:
         return None
     forms = [reply for reply, source in replies if source.encode("latin-1").startswith(said[1])]
-    if any(reply.fault is None for reply in forms) or (forms and _WORDS.fullmatch(said[2]) is None):
+    if any(reply.fault is None for reply in forms) or (forms and _REFUSAL_TEXT.fullmatch(said[2]) is None):
         return None
     return _fault("Refused", {"text": said[2].decode("latin-1")}, None), said.end()
 
 
 @cache
-def _begins_longer(protocol: CommandSet, command: str, source: str) -> bool:
+def _begins_longer_form(protocol: CommandSet, command: str, form_text: str) -> bool:
     """Whether another reply form of the command begins with this one."""
-    return any(other.startswith(source) and other != source for other in _sources(protocol, command))
+    return any(other.startswith(form_text) and other != form_text for other in _form_texts(protocol, command))
 
 
 @cache
-def _expected(protocol: CommandSet, command: str, once: bool, raw: bool) -> Expected:
-    sources = _sources(protocol, command)
-    return Expected(
+def _expected(protocol: CommandSet, command: str, once: bool, raw: bool) -> ExpectedReply:
+    sources = _form_texts(protocol, command)
+    return ExpectedReply(
         answer_kind(protocol, command, once, raw),
         TIMEOUT,
-        unterminated=any("#" not in source for source in sources) or bool(_lone_digits(protocol, command)),
-        delay_after=0.0 if sources else PACE,
+        unterminated=any("#" not in source for source in sources) or bool(_undocumented_digits(protocol, command)),
+        delay_after=0.0 if sources else PAUSE_AFTER_COMMAND,
         silent=not sources,
-        leaves_open=command == "ACK",
-        beginnings=frozenset(
-            {source.encode("latin-1") for source in sources if _begins_longer(protocol, command, source)}
-            | _lone_digits(protocol, command)
+        needs_close=command == "ACK",
+        ambiguous=frozenset(
+            {source.encode("latin-1") for source in sources if _begins_longer_form(protocol, command, source)}
+            | _undocumented_digits(protocol, command)
         ),
     )
 
 
-def _fault(name: str, values: Values, says: str | None) -> Fault:
-    """Return the fault of a reply form, with the mount's own text if it sent any, or what its form ``says``."""
+def _fault(name: str, values: Values, default_text: str | None) -> Fault:
+    """Return the fault of a reply form, with the mount's own text if it sent any, or what its form ``default_text``."""
     fault: type[Fault] = getattr(errors, name)
     text = str(values.get("text", "")).strip()
-    return fault(" ".join(text.split()) or says)
+    return fault(" ".join(text.split()) or default_text)

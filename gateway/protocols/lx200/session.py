@@ -13,32 +13,32 @@ from gateway.core.operations import Fields, MoonPlace, PlanetPlace, Rate
 from gateway.protocols.base.session import AltitudeLimits, ClientState, Session
 
 #: The default place on the Moon, for the half that a client has not set.
-_MIDDLE = MoonPlace(0.0, 0.0)
+_MOON_CENTRE = MoonPlace(0.0, 0.0)
 
 
-class Draft(Struct):
+class ClockDraft(Struct):
     """The parts of a clock that a client has set and that are not sent to the mount yet.
 
-    ``time`` is seconds of the day, and the host's time when it was set; ``touched`` is when the last part was set.
-    ``stamped``: one command has set date and time. ``carried``: parts taken over from the clock sent before.
+    ``time`` is seconds of the day, and the host's time when it was set; ``changed_at`` is when the last part was set.
+    ``set_together``: one command has set date and time. ``carried_parts``: parts taken over from the clock sent before.
     """
 
     time: tuple[float, float] | None = None
     day: date | None = None
     offset: float | None = None
-    touched: float = 0.0
-    stamped: bool = False
-    carried: frozenset[str] = frozenset()
+    changed_at: float = 0.0
+    set_together: bool = False
+    carried_parts: frozenset[str] = frozenset()
 
     @property
     def complete(self) -> bool:
         """Whether time, date and offset are all set, so that they define an instant."""
-        return None not in (self.time, self.day, self.offset) and not self.carried
+        return None not in (self.time, self.day, self.offset) and not self.carried_parts
 
     def clear(self) -> None:
         """Forget all parts: they are being sent."""
         self.time = self.day = self.offset = None
-        self.touched, self.stamped, self.carried = 0.0, False, frozenset()
+        self.changed_at, self.set_together, self.carried_parts = 0.0, False, frozenset()
 
 
 class LibraryLimits(Struct, frozen=True):
@@ -61,15 +61,15 @@ class LxClientState(ClientState):
     az: float | None = None
     alt: float | None = None
     #: The selected object: an entry of a catalogue or a moving object, and its description.
-    entry: CatalogObject | None = None
-    moving: MoonPlace | PlanetPlace | None = None
-    object: str | None = None
-    moon: MoonPlace = _MIDDLE
-    #: The chosen catalogues; None after a catalogue was refused. The default of ``stars`` depends on the model.
-    deep_sky: str | None = "NGC"
-    stars: int | Literal["model"] | None = "model"
+    selected_entry: CatalogObject | None = None
+    moving_object: MoonPlace | PlanetPlace | None = None
+    object_text: str | None = None
+    moon_place: MoonPlace = _MOON_CENTRE
+    #: The chosen catalogues; None after a catalogue was refused. The default of ``star_catalog`` depends on the model.
+    deep_sky_catalog: str | None = "NGC"
+    star_catalog: int | Literal["model"] | None = "model"
     #: The catalogues chosen in the mount's own library, by command.
-    own_catalogs: Mapping[str, Fields] = {}
+    mount_catalogs: Mapping[str, Fields] = {}
     search: LibraryLimits = LibraryLimits()
     #: Altitude limits, degrees, and the fastest slew, degrees per second.
     lowest: float | None = None
@@ -81,34 +81,34 @@ class LxClientState(ClientState):
     rate_dec: float | None = None
     focus_speed: int = 2
     #: Whether the client requested land mode: its gotos then leave tracking off.
-    land: bool = False
+    land_mode: bool = False
     #: The site that this client has selected, from 0.
-    site: int | None = None
+    site_index: int | None = None
     #: Local time minus UTC, hours; the clock being set; the date set last, and the host's time then; the date and
     #: seconds of the day sent last, the host's time then, and the offset in hours.
-    offset: float | None = None
-    draft: Draft | None = None
-    dated: tuple[date, float] | None = None
-    local: tuple[date, float, float, float] | None = None
-    twelve: bool = False
-    help: tuple[str, ...] = ()
+    utc_offset: float | None = None
+    clock_draft: ClockDraft | None = None
+    date_set: tuple[date, float] | None = None
+    local_time_sent: tuple[date, float, float, float] | None = None
+    twelve_hour_clock: bool = False
+    help_lines: tuple[str, ...] = ()
     help_line: int = 0
 
     def deselect(self) -> None:
         """Forget the selected object, but keep its coordinates."""
-        self.entry = self.moving = self.object = None
+        self.selected_entry = self.moving_object = self.object_text = None
 
     def select_nothing(self, reason: str) -> None:
         """Clear the target after a failed selection; ``reason`` is the reason, for :LI and the next :MS."""
         self.deselect()
         self.ra = self.dec = None
-        self.object = reason
+        self.object_text = reason
 
 
 class LxSession(Session):
     """The session of an LX200 client."""
 
-    state = LxClientState
+    client_state_type = LxClientState
     client: LxClientState
 
     @property

@@ -7,16 +7,16 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from gateway.core.errors import UserError
-from gateway.core.wire_log import show
+from gateway.core.wire_log import printable
 from gateway.protocols.base.spec import (
     DriverSettings,
     MadeDriver,
     MadeSurface,
     NightRows,
+    Probe,
     ProtocolSpec,
-    Question,
     SurfaceSettings,
-    part,
+    lazy,
 )
 from gateway.protocols.wireformat.command_set import functions, load, surface_functions
 
@@ -29,7 +29,7 @@ ACK, POSITION = b"\x06", b"#:GR#"
 #: ACK to an unknown device: the # ends what it may have read before, because some answer ACK outside a command only.
 ACK_ALONE = b"#\x06"
 #: A single letter is an answer to ACK only if nothing follows it for this many seconds.
-LONE = 0.1
+ACK_QUIET_PERIOD = 0.1
 #: The degree character as the tables write it.
 _DEGREES = re.compile(rb"(\d)\*(?=\d\d|#)")
 _POSITION = rb"\d\d:\d\d(\.\d|:\d\d)#"
@@ -45,11 +45,11 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
 
     protocol = load(NAME)
     name = settings.model or DEFAULT_MODEL
-    if name not in protocol.presented:
-        raise UserError(f"a surface cannot present {name}: write {' or '.join(protocol.presented)}, or no model")
+    if name not in protocol.presented_models:
+        raise UserError(f"a surface cannot present {name}: write {' or '.join(protocol.presented_models)}, or no model")
     handlers = surface_functions(accessories, clock, motion, objects, site, target)
     surface = Surface(protocol, handlers)
-    surface.contradicts_client, surface.session = clock.contradicts_client, LxSession
+    surface.contradicts_client, surface.session_type = clock.contradicts_client, LxSession
     if settings.degree != "*":
         surface.as_written = lambda name, reply: _DEGREES.sub(b"\\1\xdf", reply)
     return MadeSurface(
@@ -67,10 +67,10 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
     handlers = functions(drive, home, identify, motion, place, pointing)
     driver = Lx200Driver(now, settings, handlers)
     follow_ups: FollowUps = {
-        home.SeekOn: home.check_home_search,
-        ends.EndAgain: ends.repeat_end,
-        ends.PutBack: ends.restore_rates,
-        dialect.KeepOn: dialect.keep_on,
+        home.CheckHomeSearch: home.check_home_search,
+        ends.RepeatEnd: ends.repeat_end,
+        ends.RestoreRates: ends.restore_rates,
+        dialect.CheckArrow: dialect.check_arrow,
     }
     return MadeDriver(driver, follow_ups, Lx200ReplyRules(settings.model, driver))
 
@@ -79,23 +79,23 @@ def _make_simulator(model: str | None, version: str | None, **settings: Any) -> 
     from gateway.protocols.lx200.simulator.controllers import SimulatedController
     from gateway.protocols.lx200.simulator.server import SimulatedLx200
 
-    other = load(NAME).of(model).other
+    other = load(NAME).in_dialect_of(model).other
     made = SimulatedController if other is not None and other.facts else SimulatedLx200
     return made(model or DEFAULT_MODEL, **settings)
 
 
-def _recognises(sent: bytes) -> float:
+def _lx200_confidence(sent: bytes) -> float:
     """Recognise text after a colon, and the two commands that begin differently (ACK, ``$Q``)."""
     begins = sent.lstrip(b"#")[:1] in (b":", ACK, b"$")
     return 1.0 if begins and (b":" in sent or ACK in sent) else 0.0
 
 
-def _answered_ack(received: bytes, quiet_seconds: float) -> str | None:
+def _protocol_by_ack(received: bytes, quiet_seconds: float) -> str | None:
     """Judge the answer to ACK: a Meade sends one letter, a D if it waits for new firmware. An OnStep takes the bytes
     before ACK for a command, and refuses that first.
     """
     received = received.removeprefix(b"0").strip().removesuffix(b"#")
-    if len(received) != 1 or quiet_seconds < LONE:
+    if len(received) != 1 or quiet_seconds < ACK_QUIET_PERIOD:
         return None
     return NAME if received in b"APLG" else "downloader" if received == b"D" else None
 
@@ -106,22 +106,22 @@ def _hint(frame: bytes) -> str:
     if load(NAME).find(whole) is None:
         return ""
     forgotten = "Its # is missing" if frame[:1] == b":" else "Its : is missing"
-    return f"did you mean '{show(whole)}'? {forgotten}"
+    return f"did you mean '{printable(whole)}'? {forgotten}"
 
 
 SPEC = ProtocolSpec(
     name=NAME,
     title="LX200",
-    a_program="an LX200",
-    a_mount="a Meade",
-    preset="Meade LX200 GPS",
-    mounts="Meade LX200",
+    program_phrase="an LX200",
+    mount_phrase="a Meade",
+    menu_entry="Meade LX200 GPS",
+    mounts_phrase="Meade LX200",
     makers=("meade",),
     default_model=DEFAULT_MODEL,
     demo=("lx200:lx200gps", "LX200GPS"),
-    framing=part("lx200.framing", "Lx200Framer"),
-    opening=OPENING,
-    reply_rules=part("lx200.reply_rules", "Lx200ReplyRules"),
+    framing=lazy("lx200.framing", "Lx200Framer"),
+    opening_pattern=OPENING,
+    reply_rules=lazy("lx200.reply_rules", "Lx200ReplyRules"),
     make_surface=_make_surface,
     make_driver=_make_driver,
     make_simulator=_make_simulator,
@@ -129,20 +129,18 @@ SPEC = ProtocolSpec(
         "land_tells_altaz": "in land mode :GW# replies AN1 also on a wedge, where it otherwise replies PN1",
         "tolerant": "accepts arguments in every notation that programs send, not only the manual's",
     },
-    recognises=_recognises,
+    recognises=_lx200_confidence,
     questions=(
-        Question(2, ACK_ALONE, _answered_ack),
-        Question(
-            3, POSITION, lambda heard, still: NAME if re.fullmatch(_POSITION, heard.strip()) else None, named=True
-        ),
+        Probe(2, ACK_ALONE, _protocol_by_ack),
+        Probe(3, POSITION, lambda heard, still: NAME if re.fullmatch(_POSITION, heard.strip()) else None, opt_in=True),
     ),
-    states={"downloader": "a Meade that waits for new firmware: switch it off and on to use it"},
-    night=NightRows(frozenset({"GR", "GD"}), frozenset({"Gt", "Gg"}), frozenset({"MS", "MA"}), east=-1),
+    detect_states={"downloader": "a Meade that waits for new firmware: switch it off and on to use it"},
+    night=NightRows(frozenset({"GR", "GD"}), frozenset({"Gt", "Gg"}), frozenset({"MS", "MA"}), lon_sign=-1),
     cable="into the port marked RS-232 on the panel, or into the Autostar's own",
     detect_warning="an old classic LX200 may not answer these questions; try: mount-gateway detect lx200@{port}",
     parks_itself=True,
-    slowest="a classic LX200",
+    slowest_mount="a classic LX200",
     first_answer_seconds=(4, 9),
-    target=(":Sr05:34:32#", ":Sd+22*00:52#", ":Sa+50*00#", ":Sz200*00#"),
+    target_requests=(":Sr05:34:32#", ":Sd+22*00:52#", ":Sa+50*00#", ":Sz200*00#"),
     hint=_hint,
 )

@@ -12,12 +12,12 @@ import math
 
 from gateway.astro.axes import Build, Geometry, Observer, Pair
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180, wrap360
-from gateway.protocols.mechanics.axis_motor import APPROACH_RATE, RAMP_SECONDS, Axis, Leg
+from gateway.protocols.mechanics.axis_motor import APPROACH_RATE, RAMP_SECONDS, Axis, AxisGoto
 
 #: Seconds between two positions whose difference gives the ordered speed: a power of two, for exact arithmetic.
-_STEP = 2.0**-7
+_DIFFERENCE_STEP = 2.0**-7
 #: Axis positions in place of those at the aim if no axis follows it, because to calculate these takes long.
-_NOWHERE: Pair = (math.nan, math.nan)
+_UNUSED_AIM: Pair = (math.nan, math.nan)
 
 
 class Mechanics:
@@ -26,19 +26,19 @@ class Mechanics:
     def __init__(self, build: Build, sky: Observer, now: float, axes: Pair) -> None:
         #: Its build; the site and clock with which it calculates; the true site and clock, which no command changes.
         self.build, self.sky, self.true_sky = build, sky, sky
-        self.fastest = 4.0  # degrees a second
-        self.acceleration = self.fastest / RAMP_SECONDS  # degrees a second squared; infinite: speeds change at once
-        self.correction: Pair = (0.0, 0.0)  # by syncs: believed minus true axis positions, degrees
+        self.max_rate = 4.0  # degrees a second
+        self.acceleration = self.max_rate / RAMP_SECONDS  # degrees a second squared; infinite: speeds change at once
+        self.sync_correction: Pair = (0.0, 0.0)  # by syncs: believed minus true axis positions, degrees
         self.flipped = False  # it points in the second of two possible ways: past the pole or the zenith
         self._drive_rate = SIDEREAL_RATE  # the rate of tracking, degrees a second
         self._axes = {1: Axis(axes[0], now), 2: Axis(axes[1], now)}
         self._aim: Pair = (0.0, 0.0)  # right ascension and declination that are tracked, or the target of a goto
         self._follows_aim = False  # an alt-az mount tracks: both axes follow the aim
-        self._noted = False  # positions and speeds are noted; the ramps of the next order have not begun
-        self.speed = 1.0  # a factor for the speed of gotos
+        self._state_noted = False  # positions and speeds are noted; the ramps of the next order have not begun
+        self.speedup = 1.0  # a factor for the speed of gotos
         #: When a motor was first ordered to do something other than tracking; None while no such order is in force.
         self.suspended_since: float | None = None
-        self._on, self._sense = False, 1  # tracking, and its direction on a polar axis
+        self._tracks, self._tracking_sense = False, 1  # tracking, and its direction on a polar axis
 
     def axes(self, now: float) -> Pair:
         """Return the positions of the motor axes: the first in [0, 360), the second in [-180, 180)."""
@@ -51,41 +51,41 @@ class Mechanics:
         self.advance(now)
         return self._speeds_at(now)
 
-    def truth(self, now: float) -> Pair:
+    def true_position(self, now: float) -> Pair:
         """Return the true right ascension and declination of date, whatever site and clock the mount believes in."""
-        hour_angle, dec = Geometry(self.build, self.true_sky.latitude).sky(*self.axes(now))
-        return wrap360(self.true_sky.sidereal(now) - hour_angle), dec
+        hour_angle, dec = Geometry(self.build, self.true_sky.latitude).ha_dec_of_axes(*self.axes(now))
+        return wrap360(self.true_sky.lst(now) - hour_angle), dec
 
-    def runs_on(self, now: float) -> bool:
+    def is_ramping(self, now: float) -> bool:
         """Whether a motor is still changing to its ordered speed, or to rest."""
         self.advance(now)
         self._begin_ramps()
-        return any(now < motor.ramp.ends for motor in self._axes.values())
+        return any(now < motor.ramp.ends_at for motor in self._axes.values())
 
-    def moving(self, now: float) -> bool:
+    def is_moving(self, now: float) -> bool:
         """Whether a motor turns for anything but tracking: a goto, hand motion, guiding, or running on afterwards."""
-        return self.runs_on(now) or any(motor.ordered for motor in self._axes.values())
+        return self.is_ramping(now) or any(motor.has_order for motor in self._axes.values())
 
-    def believed(self, now: float) -> Pair:
+    def believed_position(self, now: float) -> Pair:
         """Return right ascension and declination as the mount believes them; above 90 degrees beyond the pole."""
         axes = self.axes(now)
         if self.slewing(now):
-            return self._from_axes(now, axes, self.correction)
-        first, second = axes[0] + self.correction[0], axes[1] + self.correction[1]
-        hour_angle, dec = self.geometry.unfolded(first, second, self.flipped)
-        return wrap360(self.sky.sidereal(now) - hour_angle), dec
+            return self._sky_position(now, axes, self.sync_correction)
+        first, second = axes[0] + self.sync_correction[0], axes[1] + self.sync_correction[1]
+        hour_angle, dec = self.geometry.unfolded_ha_dec(first, second, self.flipped)
+        return wrap360(self.sky.lst(now) - hour_angle), dec
 
     def slewing(self, now: float, axis: int | None = None) -> bool:
         """Whether a goto is under way, of this axis or of any."""
         self.advance(now)
         if axis is None:
-            return self._axes[1].leg is not None or self._axes[2].leg is not None
-        leg = self._axes[axis].leg
-        return leg is not None and now < leg.ends
+            return self._axes[1].goto is not None or self._axes[2].goto is not None
+        leg = self._axes[axis].goto
+        return leg is not None and now < leg.ends_at
 
-    def arrives(self, now: float) -> float:
+    def arrival_time(self, now: float) -> float:
         """Return when the goto ends; ``now`` if there is none."""
-        return max([now, *(motor.leg.ends for motor in self._axes.values() if motor.leg is not None)])
+        return max([now, *(motor.goto.ends_at for motor in self._axes.values() if motor.goto is not None)])
 
     def tracking(self, now: float) -> bool:
         """Whether the mount follows the sky at this moment. While a polar mount tracks, its second motor rests."""
@@ -93,8 +93,8 @@ class Mechanics:
         if self.slewing(now) or (second.overridden and (second.rate or self.build is Build.ALTAZ)):
             return False
         if first.overridden:
-            return first.drive and self.build is not Build.ALTAZ and first.rate * self.geometry.pole > 0
-        return self._on and (self.build is Build.ALTAZ or self._sense == self.geometry.pole)
+            return first.drive and self.build is not Build.ALTAZ and first.rate * self.geometry.ns_sign > 0
+        return self._tracks and (self.build is Build.ALTAZ or self._tracking_sense == self.geometry.ns_sign)
 
     def pulsing(self, now: float, axis: int) -> bool:
         self.advance(now)
@@ -103,35 +103,35 @@ class Mechanics:
     def track(self, now: float, on: bool, sense: int = 1) -> None:
         """Turn tracking on or off; hand motion ends, a goto continues. ``sense``: the direction of a polar axis."""
         self.advance(now)
-        self._on, self._sense = on, sense
+        self._tracks, self._tracking_sense = on, sense
         if not self.slewing(now):
-            self._follow(now)
+            self._track_or_rest(now)
 
     def set_drive_rate(self, now: float, rate: float) -> None:
         """Track at this rate instead of the sidereal rate, on every build; hand motion and gotos continue."""
         self._advance_and_note(now)
         self._drive_rate = rate
-        if not any(motor.overridden or motor.leg is not None for motor in self._axes.values()):
-            self._follow(now)
+        if not any(motor.overridden or motor.goto is not None for motor in self._axes.values()):
+            self._track_or_rest(now)
 
-    def resume(self, now: float) -> None:
+    def resume_tracking(self, now: float) -> None:
         """End all orders; track the position at which the mount believes to point, or rest if tracking is off."""
         self.advance(now)
-        self._follow(now)
+        self._track_or_rest(now)
 
     def resume_axis(self, now: float, axis: int) -> None:
         """End the hand motion of an axis. The first of a polar mount then tracks, even if the second still moves."""
         self.move(now, axis, 0.0)
         if axis == 1 and self.build is not Build.ALTAZ and self._axes[1].overridden:
             self._advance_and_note(now)
-            self._axes[1].rest()
-            self._axes[1].rate = self._sense * self._drive_rate * self._on
+            self._axes[1].clear_orders()
+            self._axes[1].rate = self._tracking_sense * self._drive_rate * self._tracks
 
     def goto_sky(self, now: float, ra: float, dec: float) -> None:
         """Slew to right ascension and declination, degrees; track on arrival if tracking is on."""
         self._advance_and_note(now)
-        hour_angle = wrap180(self.sky.sidereal(now) - ra)
-        self.flipped = self.geometry.other_side(hour_angle)
+        hour_angle = wrap180(self.sky.lst(now) - ra)
+        self.flipped = self.geometry.is_flipped(hour_angle)
         self._aim, self._follows_aim = (ra, dec), False
         self._begin_goto(now, self._axes_at_aim(now), fixed=False)
 
@@ -146,8 +146,8 @@ class Mechanics:
         """Slew a single motor; it rests at the goal. The other motor keeps its last rate."""
         self._override_tracking(now, axis)
         motor = self._axes[axis]
-        fast = APPROACH_RATE * self.speed if slow else None
-        motor.leg, motor.goal = self._leg(now, axis, motor.position, position, fast), position
+        fast = APPROACH_RATE * self.speedup if slow else None
+        motor.goto, motor.goal = self._make_axis_goto(now, axis, motor.position, position, fast), position
 
     def cancel(self, now: float) -> None:
         """End a goto at once; track from there if tracking is on."""
@@ -159,20 +159,20 @@ class Mechanics:
         """Move an axis by hand; rate 0 ends it. A ``gentle`` rate adds to a polar mount's tracking, others override it.
 
         Rate 0 ends hand motion or the goto of this axis and does nothing to an axis that has neither.
-        Tracking that was overridden stays off until `track` or `resume`.
+        Tracking that was overridden stays off until `track` or `resume_tracking`.
         """
         self.advance(now)
         motor = self._axes[axis]
-        added = self.build is not Build.ALTAZ and (motor.drive if motor.overridden else self._on)
-        if motor.leg is None and added and (gentle or rate == 0.0):
+        added = self.build is not Build.ALTAZ and (motor.drive if motor.overridden else self._tracks)
+        if motor.goto is None and added and (gentle or rate == 0.0):
             self._advance_and_note(now)
-            motor.added = rate
+            motor.added_rate = rate
         elif rate != 0.0:
             self.set_rate(now, axis, rate)
-        elif motor.leg is not None and not motor.overridden:
+        elif motor.goto is not None and not motor.overridden:
             self._advance_and_note(now)
-            motor.leg = None
-            if all(other.leg is None for other in self._axes.values()):
+            motor.goto = None
+            if all(other.goto is None for other in self._axes.values()):
                 self._end_goto(now)
         elif motor.overridden and not motor.drive:
             self.set_rate(now, axis, 0.0)
@@ -180,23 +180,23 @@ class Mechanics:
     def set_rate(self, now: float, axis: int, rate: float, drive: bool = False) -> None:
         """Turn a motor at a rate instead of tracking. With ``drive`` it counts as tracking."""
         self._override_tracking(now, axis)
-        self._axes[axis].rate, self._axes[axis].drive = max(-self.fastest, min(self.fastest, rate)), drive
+        self._axes[axis].rate, self._axes[axis].drive = max(-self.max_rate, min(self.max_rate, rate)), drive
 
     def pulse(self, now: float, axis: int, rate: float, seconds: float) -> None:
         """Add a rate to the motor's other motion for some seconds."""
         self._advance_and_note(now)
-        self._axes[axis].pulse, self._axes[axis].pulse_ends = rate, now + seconds
+        self._axes[axis].pulse, self._axes[axis].pulse_ends_at = rate, now + seconds
 
     def sync(self, now: float, ra: float, dec: float) -> None:
         """Correct the axes so that the mount believes to point at this position now."""
         first, second = self.axes(now)
-        target = self.geometry.axes(wrap180(self.sky.sidereal(now) - ra), dec, self.flipped)
+        target = self.geometry.axes(wrap180(self.sky.lst(now) - ra), dec, self.flipped)
         self.correct(now, (wrap180(target[0] - first), wrap180(target[1] - second)))
 
     def correct(self, now: float, correction: Pair) -> None:
         """Set the correction of the believed axis positions, degrees; nothing moves."""
         self._advance_and_note(now)
-        self.correction = correction
+        self.sync_correction = correction
         self._renew_aim(now)
 
     def relocate(self, now: float, sky: Observer) -> None:
@@ -211,29 +211,29 @@ class Mechanics:
             return
         self.cancel(now)
         first, second = self.axes(now)
-        truth = Geometry(self.build, self.true_sky.latitude).sky(first, second)
-        believed = self.geometry.sky(first + self.correction[0], second + self.correction[1])
+        truth = Geometry(self.build, self.true_sky.latitude).ha_dec_of_axes(first, second)
+        believed = self.geometry.ha_dec_of_axes(first + self.sync_correction[0], second + self.sync_correction[1])
         self._advance_and_note(now)
         self.build, self.flipped, self._follows_aim = build, False, False
         actual = Geometry(build, self.true_sky.latitude).axes(*truth, False)
         assumed = self.geometry.axes(*believed, False)
-        self.correction = wrap180(assumed[0] - actual[0]), wrap180(assumed[1] - actual[1])
+        self.sync_correction = wrap180(assumed[0] - actual[0]), wrap180(assumed[1] - actual[1])
         for motor, position in zip(self._axes.values(), actual, strict=True):
             motor.position, motor.rate, motor.speed = position, 0.0, 0.0
-        self._follow(now)
+        self._track_or_rest(now)
 
     def advance(self, now: float) -> None:
         """Advance to ``now``: carry out the arrivals of gotos and ends of guide pulses until then, in order."""
-        if self._noted:
+        if self._state_noted:
             self._begin_ramps()  # they decide when a goto ends, whether or not a caller has read the axes meanwhile
         first, second = self._axes[1], self._axes[2]
-        while first.leg or second.leg or first.pulse or second.pulse:
-            ends = [(motor.pulse_ends, number) for number, motor in self._axes.items() if motor.pulse]
-            legs = [motor.leg.ends for motor in self._axes.values() if motor.leg is not None]
+        while first.goto or second.goto or first.pulse or second.pulse:
+            ends = [(motor.pulse_ends_at, number) for number, motor in self._axes.items() if motor.pulse]
+            legs = [motor.goto.ends_at for motor in self._axes.values() if motor.goto is not None]
             due = min([*ends, (max(legs), 0)] if legs else ends, default=(math.inf, 0))
             if due[0] > now:
                 return
-            self._note(due[0])
+            self._note_state(due[0])
             if due[1]:
                 self._axes[due[1]].pulse = 0.0
             else:
@@ -242,21 +242,21 @@ class Mechanics:
     def _advance_and_note(self, now: float) -> None:
         """Advance to ``now``, and note positions and speeds, with which the next order begins."""
         self.advance(now)
-        self._note(now)
+        self._note_state(now)
 
-    def _follow(self, now: float) -> None:
+    def _track_or_rest(self, now: float) -> None:
         """Track from the present axis positions, or rest if tracking is off."""
-        self._note(now)
+        self._note_state(now)
         self.suspended_since = None
         for motor in self._axes.values():
-            motor.rest()
+            motor.clear_orders()
         if self.build is not Build.ALTAZ:
-            self._axes[1].rate = self._sense * self._drive_rate * self._on
-        elif self._on and not self._follows_aim:
+            self._axes[1].rate = self._tracking_sense * self._drive_rate * self._tracks
+        elif self._tracks and not self._follows_aim:
             positions = self._positions
-            self._aim = self._from_axes(now, positions, self.correction)
-            self.flipped = abs(wrap180(positions[1] + self.correction[1])) > 90.0
-        self._follows_aim = self._on and self.build is Build.ALTAZ
+            self._aim = self._sky_position(now, positions, self.sync_correction)
+            self.flipped = abs(wrap180(positions[1] + self.sync_correction[1])) > 90.0
+        self._follows_aim = self._tracks and self.build is Build.ALTAZ
 
     def _override_tracking(self, now: float, axis: int) -> None:
         """Begin an order that overrides tracking of a motor. On an alt-az mount the other motor keeps its last rate."""
@@ -266,37 +266,37 @@ class Mechanics:
             for motor, p, q in zip(self._axes.values(), before, after, strict=True):
                 motor.rate = wrap180(q - p)
             self._follows_aim = False
-        self._axes[axis].rest()
+        self._axes[axis].clear_orders()
         self._axes[axis].overridden = True
         if self.suspended_since is None:
             self.suspended_since = now
 
-    def _leg(self, now: float, axis: int, start: float, end: float, fast: float | None = None) -> Leg:
-        slow, distance = APPROACH_RATE * self.speed, self.geometry.travel(axis, start, end)
-        return Leg(now, distance, fast or self.fastest * self.speed, slow, self.acceleration * self.speed**2)
+    def _make_axis_goto(self, now: float, axis: int, start: float, end: float, fast: float | None = None) -> AxisGoto:
+        slow, distance = APPROACH_RATE * self.speedup, self.geometry.axis_travel(axis, start, end)
+        return AxisGoto(now, distance, fast or self.max_rate * self.speedup, slow, self.acceleration * self.speedup**2)
 
     def _begin_goto(self, now: float, goal: Pair, fixed: bool) -> None:
         """Begin a goto from the noted axis positions; ``fixed``: to axis positions instead of a target on the sky."""
         self.suspended_since = None
         for number, motor in self._axes.items():
-            motor.rest()
-            motor.leg = self._leg(now, number, motor.position, goal[number - 1])
+            motor.clear_orders()
+            motor.goto = self._make_axis_goto(now, number, motor.position, goal[number - 1])
             motor.goal = goal[number - 1] if fixed else None
 
     def _end_goto(self, now: float) -> None:
         """End the goto and track again, unless a motor has another order."""
         for motor in self._axes.values():
-            motor.leg = motor.goal = None
+            motor.goto = motor.goal = None
         if self.build is Build.GERMAN:  # a goto that was cancelled half way may end on either side
-            self.flipped = wrap180(self._axes[2].position + self.correction[1] - 90.0) > 0.0
+            self.flipped = wrap180(self._axes[2].position + self.sync_correction[1] - 90.0) > 0.0
         if not any(motor.overridden for motor in self._axes.values()):
-            self._follow(now)
+            self._track_or_rest(now)
 
     def _renew_aim(self, now: float) -> None:
         """After a change of site, clock or correction: track the new position, continue a goto to the same goal."""
         if self._follows_aim:
-            self._aim = self._from_axes(now, self._positions, self.correction)
-        elif any(motor.leg is not None and motor.goal is None for motor in self._axes.values()):
+            self._aim = self._sky_position(now, self._positions, self.sync_correction)
+        elif any(motor.goto is not None and motor.goal is None for motor in self._axes.values()):
             self._begin_goto(now, self._axes_at_aim(now), fixed=False)
 
     # --- positions by formula ---------------------------------------------------------------------------------------
@@ -311,69 +311,69 @@ class Mechanics:
 
     def _positions_at(self, now: float) -> Pair:
         self._begin_ramps()
-        first, second = self._ordered(now)
-        return first - self._axes[1].ramp.left(now), second - self._axes[2].ramp.left(now)
+        first, second = self._ordered_positions(now)
+        return first - self._axes[1].ramp.remaining_run_on(now), second - self._axes[2].ramp.remaining_run_on(now)
 
     def _speeds_at(self, now: float) -> Pair:
         self._begin_ramps()
         first, second = self._ordered_speeds(now)
         return first + self._axes[1].ramp.speed(now), second + self._axes[2].ramp.speed(now)
 
-    def _ordered(self, now: float) -> Pair:
+    def _ordered_positions(self, now: float) -> Pair:
         """Return both axis positions without ramps, as if the motors had changed to the ordered speeds at once."""
         first, second = self._axes[1], self._axes[2]
-        follows = self._follows_aim or (first.leg and first.goal is None) or (second.leg and second.goal is None)
-        aimed = self._axes_at_aim(now) if follows else _NOWHERE
-        return self._ordered_one(first, aimed[0], now), self._ordered_one(second, aimed[1], now)
+        follows = self._follows_aim or (first.goto and first.goal is None) or (second.goto and second.goal is None)
+        aimed = self._axes_at_aim(now) if follows else _UNUSED_AIM
+        return self._ordered_position(first, aimed[0], now), self._ordered_position(second, aimed[1], now)
 
-    def _ordered_one(self, motor: Axis, aim: float, now: float) -> float:
-        if motor.leg is not None:
-            return (aim if motor.goal is None else motor.goal) - motor.leg.remaining(now)
+    def _ordered_position(self, motor: Axis, aim: float, now: float) -> float:
+        if motor.goto is not None:
+            return (aim if motor.goal is None else motor.goal) - motor.goto.remaining(now)
         if self._follows_aim:
-            return aim + (motor.added + motor.pulse) * (now - motor.since)
-        return motor.position + (motor.added + motor.pulse + motor.rate) * (now - motor.since)
+            return aim + (motor.added_rate + motor.pulse) * (now - motor.since)
+        return motor.position + (motor.added_rate + motor.pulse + motor.rate) * (now - motor.since)
 
     def _ordered_speeds(self, now: float) -> Pair:
-        before, after = self._ordered(now), self._ordered(now + _STEP)
-        return wrap180(after[0] - before[0]) / _STEP, wrap180(after[1] - before[1]) / _STEP
+        before, after = self._ordered_positions(now), self._ordered_positions(now + _DIFFERENCE_STEP)
+        return wrap180(after[0] - before[0]) / _DIFFERENCE_STEP, wrap180(after[1] - before[1]) / _DIFFERENCE_STEP
 
     def _axes_at_aim(self, now: float) -> Pair:
         """Return the axis positions that point at the aim, with the mount's site, clock and correction."""
         ra, dec = self._aim
         if self._follows_aim:
             ra += (SIDEREAL_RATE - self._drive_rate) * (now - self._axes[1].since)
-        first, second = self.geometry.axes(wrap180(self.sky.sidereal(now) - ra), dec, self.flipped)
-        return first - self.correction[0], second - self.correction[1]
+        first, second = self.geometry.axes(wrap180(self.sky.lst(now) - ra), dec, self.flipped)
+        return first - self.sync_correction[0], second - self.sync_correction[1]
 
-    def _from_axes(self, now: float, axes: Pair, correction: Pair) -> Pair:
-        hour_angle, dec = self.geometry.sky(axes[0] + correction[0], axes[1] + correction[1])
-        return wrap360(self.sky.sidereal(now) - hour_angle), dec
+    def _sky_position(self, now: float, axes: Pair, correction: Pair) -> Pair:
+        hour_angle, dec = self.geometry.ha_dec_of_axes(axes[0] + correction[0], axes[1] + correction[1])
+        return wrap360(self.sky.lst(now) - hour_angle), dec
 
-    def _note(self, now: float) -> None:
+    def _note_state(self, now: float) -> None:
         """Note positions and speeds of the axes at ``now``, with which the next order begins."""
         positions, speeds = self._positions_at(now), self._speeds_at(now)
-        changing = any(motor.added or motor.pulse or now < motor.ramp.ends for motor in self._axes.values())
+        changing = any(motor.added_rate or motor.pulse or now < motor.ramp.ends_at for motor in self._axes.values())
         for motor, position, speed in zip(self._axes.values(), positions, speeds, strict=True):
-            quickest = motor.ramp.acceleration if now < motor.ramp.ends else 0.0
-            if motor.leg is not None:  # a motor with a faster acceleration during a goto can also brake with it
-                quickest = max(quickest, motor.leg.acceleration)
+            quickest = motor.ramp.acceleration if now < motor.ramp.ends_at else 0.0
+            if motor.goto is not None:  # a motor with a faster acceleration during a goto can also brake with it
+                quickest = max(quickest, motor.goto.acceleration)
             motor.acceleration = max(self.acceleration, quickest)
             motor.position, motor.since, motor.speed = position, now, speed
         if self._follows_aim and (changing or self._drive_rate != SIDEREAL_RATE):
-            self._aim = self._from_axes(now, positions, self.correction)
-        self._noted = True
+            self._aim = self._sky_position(now, positions, self.sync_correction)
+        self._state_noted = True
 
     def _begin_ramps(self) -> None:
         """After an order, begin the ramps from the noted speeds to the ordered ones."""
-        if not self._noted:
+        if not self._state_noted:
             return
-        self._noted = False
+        self._state_noted = False
         since = self._axes[1].since
         run_on = False
         for motor, ordered in zip(self._axes.values(), self._ordered_speeds(since), strict=True):
-            if motor.leg is None or motor.leg.started == since:  # else it continues its goto
+            if motor.goto is None or motor.goto.started_at == since:  # else it continues its goto
                 quickest = math.sqrt(self.acceleration * motor.acceleration) * RAMP_SECONDS
                 run_on = motor.ramp_from(since, ordered, quickest) != 0.0 or run_on
         if self._follows_aim and run_on:
-            self._aim = self._from_axes(since, self._positions, self.correction)
-            self.flipped = abs(wrap180(self._positions[1] + self.correction[1])) > 90.0
+            self._aim = self._sky_position(since, self._positions, self.sync_correction)
+            self.flipped = abs(wrap180(self._positions[1] + self.sync_correction[1])) > 90.0

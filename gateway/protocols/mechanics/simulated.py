@@ -14,7 +14,7 @@ from gateway.astro.axes import Pair
 from gateway.protocols.mechanics.mount import Mechanics
 
 #: Function that sends a reply later: (delay in seconds, bytes).
-Later = Callable[[float, bytes], None]
+SendLater = Callable[[float, bytes], None]
 
 
 class TimedFramer(Protocol):
@@ -39,7 +39,7 @@ class Simulated(ABC):
         """Make the framer of a connection."""
 
     @abstractmethod
-    def answer(self, frame: bytes, send_later: Later | None) -> bytes:
+    def answer(self, frame: bytes, send_later: SendLater | None) -> bytes:
         """Carry out a command and return its immediate reply."""
 
     @cached_property
@@ -47,20 +47,20 @@ class Simulated(ABC):
         """The framer of the first connection."""
         return self.framer()
 
-    def feed(self, data: bytes, framer: TimedFramer | None = None, send_later: Later | None = None) -> bytes:
+    def feed(self, data: bytes, framer: TimedFramer | None = None, send_later: SendLater | None = None) -> bytes:
         """Process bytes of a client and return the immediate replies; delayed replies are passed to ``send_later``."""
         self.advance_to_now()
         return b"".join([self.answer(frame, send_later) for frame in (framer or self._framer).feed(data, self.now)])
 
-    def connection(self, send_later: Later | None = None) -> Callable[[bytes], bytes]:
+    def connection(self, send_later: SendLater | None = None) -> Callable[[bytes], bytes]:
         """Open another connection to this mount. Return a function from bytes of the client to immediate replies."""
         framer = self.framer()
         return lambda data: self.feed(data, framer, send_later)
 
-    def truth(self) -> Pair:
+    def true_position(self) -> Pair:
         """Return the true right ascension and declination of date, degrees."""
         self.advance_to_now()
-        return self.mechanics.truth(self.now)
+        return self.mechanics.true_position(self.now)
 
     @property
     def tracking(self) -> bool:

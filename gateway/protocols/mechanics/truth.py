@@ -20,7 +20,7 @@ from gateway.astro.spherical import UNIX_AT_J2000, from_vector, hour_angle_to_ho
 from gateway.protocols.mechanics.simulated import Simulated
 
 #: Seconds of the simulator's time between two samples.
-EVERY = 0.1
+SAMPLE_PERIOD = 0.1
 #: Field -> digits after the decimal point in a file, for the time; and for other fields (0.004 arcseconds for angles).
 _DIGITS = {"t": 3}
 _OTHER_DIGITS = 6
@@ -49,7 +49,7 @@ class Truth(Struct, frozen=True):
     moving: bool  # a motor turns for anything but tracking: a goto, hand motion, guiding, or running on
     tracking: bool  # the motors follow the sky, by the mount's site and clock
 
-    def line(self) -> str:
+    def json_line(self) -> str:
         """Return the state as a line of JSON: an object with the names of the fields, and a line end."""
         shown = {
             name: round(value, _DIGITS.get(name, _OTHER_DIGITS)) if type(value) is float else value
@@ -63,20 +63,20 @@ def truth_of(simulator: Simulated) -> Truth:
     simulator.advance_to_now()
     now, mechanics = simulator.now, simulator.mechanics
     first, second = mechanics.axes(now)
-    rates, moving = mechanics.speeds(now), mechanics.moving(now)
-    hour_angle, dec = Geometry(mechanics.build, mechanics.true_sky.latitude).sky(first, second)
+    rates, moving = mechanics.speeds(now), mechanics.is_moving(now)
+    hour_angle, dec = Geometry(mechanics.build, mechanics.true_sky.latitude).ha_dec_of_axes(first, second)
     azimuth, altitude = hour_angle_to_horizon(hour_angle, dec, mechanics.true_sky.latitude)
-    sun_ra, sun_dec = sun(now)
+    sun_ra, sun_dec = sun_position(now)
     return Truth(
         t=now, axis1=first, axis2=second, altitude=altitude, azimuth=azimuth, hour_angle=hour_angle,
         past_meridian=abs(wrap180(first - 90.0)) - 90.0 if mechanics.build is Build.GERMAN else None,
-        sun_distance=separation(hour_angle, dec, mechanics.true_sky.sidereal(now) - sun_ra, sun_dec),
+        sun_distance=separation(hour_angle, dec, mechanics.true_sky.lst(now) - sun_ra, sun_dec),
         rate1=rates[0], rate2=rates[1], moving=moving,
-        tracking=mechanics.tracking(now) and not mechanics.runs_on(now),
+        tracking=mechanics.tracking(now) and not mechanics.is_ramping(now),
     )  # fmt: skip
 
 
-def sun(unix: float) -> tuple[float, float]:
+def sun_position(unix: float) -> tuple[float, float]:
     """Return the Sun's right ascension and declination of date, degrees, to 0.01 (Astronomical Almanac, section C).
 
     It does not use the gateway's ephemeris, so that it reveals mistakes in it.
@@ -88,11 +88,11 @@ def sun(unix: float) -> tuple[float, float]:
     return from_vector((cos(longitude), cos(tilt) * sin(longitude), sin(tilt) * sin(longitude)))
 
 
-async def sample(simulator: Simulated, keep: Callable[[Truth], object], every: float = EVERY) -> None:
-    """Call ``keep`` with the Truth every ``every`` seconds of simulator time, until it raises an exception."""
+async def sample(simulator: Simulated, record: Callable[[Truth], object], every: float = SAMPLE_PERIOD) -> None:
+    """Call ``record`` with the Truth every ``every`` seconds of simulator time, until it raises an exception."""
     due: float = simulator.clock()
     while True:
         truth = truth_of(simulator)
-        keep(truth)
+        record(truth)
         due = due + every if due + every > truth.t else truth.t + every  # skips samples missed while the computer slept
         await asyncio.sleep(max(0.0, due - truth.t))

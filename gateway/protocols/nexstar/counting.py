@@ -25,7 +25,7 @@ _FIELDS = ("month", "day", "hour", "minute", "second")
 @cache
 def rate_tables() -> dict[str, Model]:
     """Return the key speeds of every mount family by name. The file is read once."""
-    tables: dict[str, Model] = load("nexstar").extra("rates.toml")
+    tables: dict[str, Model] = load("nexstar").extra_table("rates.toml")
     return tables
 
 

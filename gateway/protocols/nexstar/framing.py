@@ -16,16 +16,16 @@ from gateway.protocols.base.frames import QUIET_GAP, RESYNC_GAP, LengthFramer
 from gateway.protocols.wireformat.command_set import load
 
 #: Seconds after an incomplete command was dropped, within which its end may still arrive.
-END_WITHIN = 3.0
+END_WINDOW = 3.0
 #: The longest command.
 LONGEST = 18
 #: Bytes that programs send around their commands: terminators, line ends, padding, ``?`` to wake the oldest mounts.
-STRAY = frozenset(b"#? \r\n\0")
+STRAY_BYTES = frozenset(b"#? \r\n\0")
 #: Lengths of later hand controls' opcodes, which the gateway does not answer. That of ``c`` is not known.
-UNANSWERED = {ord("g"): 18, ord("n"): 1, ord("o"): 1, ord("Y"): 1}
+UNANSWERED_LENGTHS = {ord("g"): 18, ord("n"): 1, ord("o"): 1, ord("Y"): 1}
 #: Extra bytes that some programs send right after a command, and at most how many: a number after ``y``, the mode that
 #: belongs to ``T`` after ``t``, and four digits too many after a ``B`` below the horizon.
-STRAY_AFTER = {ord("y"): (b"01", 1), ord("t"): (b"\0\1\2\3", 1), ord("B"): (b"0123456789ACDF", 4)}
+STRAY_BY_OPCODE = {ord("y"): (b"01", 1), ord("t"): (b"\0\1\2\3", 1), ord("B"): (b"0123456789ACDF", 4)}
 
 
 class Continuation(Enum):
@@ -39,40 +39,40 @@ class Continuation(Enum):
 
 
 @cache
-def _sample(letter: int) -> bytes:
+def _sample_command(opcode: int) -> bytes:
     """Return a valid command that begins with this byte; empty if none, or more than one, begins with it."""
-    requests = [row.request for row in load("nexstar").commands.values() if row.request.prefix[:1] == bytes((letter,))]
+    requests = [row.request for row in load("nexstar").commands.values() if row.request.prefix[:1] == bytes((opcode,))]
     return requests[0].encode(dict.fromkeys(requests[0].fields, 0)) if len(requests) == 1 else b""
 
 
 @cache
-def _marks() -> tuple[bytes, ...]:
-    return tuple(command.mark for command in load("nexstar").commands.values() if command.urgent)
+def _prefixes() -> tuple[bytes, ...]:
+    return tuple(command.urgent_mark for command in load("nexstar").commands.values() if command.urgent)
 
 
 def ends_motion(frame: bytes) -> bool:
     """Whether this command ends a motion and does nothing else: ``M``, or a rate of 0."""
-    return frame.startswith(_marks()) and load("nexstar").find(frame) is not None
+    return frame.startswith(_prefixes()) and load("nexstar").find(frame) is not None
 
 
 def is_question(frame: bytes) -> bool:
     """Whether this command asks for a value and does nothing else."""
     match = load("nexstar").find(frame)
-    return match is not None and match[0].question
+    return match is not None and match[0].is_query
 
 
-class Interrupted:
+class PartialCommand:
     """An incomplete command that was dropped, how many bytes it lacks, and the ``burst`` of bytes since the last pause.
 
     After ``expires_at`` its end is no longer expected. ``lengths`` are the lengths of all commands, by first byte.
     """
 
-    def __init__(self, half: bytes, expires_at: float, lengths: dict[int, int]) -> None:
-        self.missing, self.until, self.burst = lengths[half[0]] - len(half), expires_at, bytearray()
-        self._letter, self._at = half[0], len(half)
+    def __init__(self, received: bytes, expires_at: float, lengths: dict[int, int]) -> None:
+        self.missing, self.expires_at, self.burst = lengths[received[0]] - len(received), expires_at, bytearray()
+        self._opcode, self._pos = received[0], len(received)
         self._lengths = lengths
         #: The places in the burst of commands that have been passed on.
-        self._passed: set[int] = set()
+        self._passed_positions: set[int] = set()
         #: The bytes of the burst that arrived together at its beginning.
         self._first = b""
 
@@ -80,58 +80,58 @@ class Interrupted:
         """Add bytes to the burst, and return the ends of motions that they complete."""
         self._first = self._first or data
         self.burst += data
-        frames = dict(self._cut(0)[0]) | dict(self._cut(self.missing)[0])
+        frames = dict(self._split(0)[0]) | dict(self._split(self.missing)[0])
         ends = [(place, frame) for place, frame in sorted(frames.items()) if ends_motion(frame)]
-        new = [frame for place, frame in ends if place not in self._passed]
-        self._passed.update(place for place, _ in ends)
+        new = [frame for place, frame in ends if place not in self._passed_positions]
+        self._passed_positions.update(place for place, _ in ends)
         return new
 
     def skip_part(self) -> None:
         """Note that the burst was a part of the end: expect the remainder."""
-        self.missing, self._at = self.missing - len(self.burst), self._at + len(self.burst)
+        self.missing, self._pos = self.missing - len(self.burst), self._pos + len(self.burst)
         self.burst.clear()
-        self._passed.clear()
+        self._passed_positions.clear()
         self._first = b""
 
     @property
-    def decided(self) -> bool:
+    def is_decided(self) -> bool:
         """Whether no further byte can change the verdict."""
         count = len(self.burst)
-        if not self._legal() or count > self.missing + LONGEST:
+        if not self._fits_command() or count > self.missing + LONGEST:
             return True
-        if count == self.missing or not self._one_command():
+        if count == self.missing or not self._is_one_command():
             return False
         return count > self.missing or (count > 1 and self.burst == self._first and is_question(bytes(self.burst)))
 
     @property
-    def verdict(self) -> Continuation:
+    def continuation(self) -> Continuation:
         """Return how to read the burst if no more bytes belong to it."""
         count = len(self.burst)
-        if not self._legal() or (count != self.missing and self._one_command()):
+        if not self._fits_command() or (count != self.missing and self._is_one_command()):
             return Continuation.COMMANDS
         if count == self.missing:
             return Continuation.END
-        if count > self.missing and self._cut(self.missing)[1]:
+        if count > self.missing and self._split(self.missing)[1]:
             return Continuation.END_AND_MORE
-        if self._cut(0)[1] or any(mark.startswith(self.burst) or self.burst.startswith(mark) for mark in _marks()):
+        if self._split(0)[1] or any(mark.startswith(self.burst) or self.burst.startswith(mark) for mark in _prefixes()):
             return Continuation.COMMANDS
         return Continuation.PART if count < self.missing else Continuation.NOISE
 
-    def _legal(self) -> bool:
+    def _fits_command(self) -> bool:
         """Whether the bytes may stand where those that were missing would."""
-        sample, rest = _sample(self._letter), bytes(self.burst[: self.missing])
-        completed = sample[: self._at] + rest + sample[self._at + len(rest) :]
+        sample, rest = _sample_command(self._opcode), bytes(self.burst[: self.missing])
+        completed = sample[: self._pos] + rest + sample[self._pos + len(rest) :]
         return not sample or load("nexstar").find(completed) is not None
 
-    def _one_command(self) -> bool:
+    def _is_one_command(self) -> bool:
         return len(self.burst) == self._lengths.get(self.burst[0])
 
-    def _cut(self, index: int) -> tuple[list[tuple[int, bytes]], bool]:
+    def _split(self, index: int) -> tuple[list[tuple[int, bytes]], bool]:
         """Return the whole commands of the burst from a place on, each with its place, and whether that is all."""
         frames: list[tuple[int, bytes]] = []
         while index < len(self.burst):
             length = self._lengths.get(self.burst[index])
-            if length is None and self.burst[index] not in STRAY:
+            if length is None and self.burst[index] not in STRAY_BYTES:
                 return frames, False
             if length is not None:
                 if index + length > len(self.burst):
@@ -142,9 +142,9 @@ class Interrupted:
 
 
 @lru_cache(maxsize=1)
-def all_lengths() -> dict[int, int]:
+def length_by_opcode() -> dict[int, int]:
     """Return the length of every request by its first byte. Raises MappingError if one first byte has two lengths."""
-    widths = dict(UNANSWERED)
+    widths = dict(UNANSWERED_LENGTHS)
     for command in load("nexstar").commands.values():
         width = command.request.width
         if width is None:
@@ -159,19 +159,19 @@ def all_lengths() -> dict[int, int]:
 class NexStarFramer(LengthFramer):
     """Cuts whole requests out of a byte stream, whether or not the presented hand control knows them.
 
-    ``remembers``: if the end of a dropped partial command arrives late, it is recognised and dropped, too.
+    ``drops_late_ends``: if the end of a dropped partial command arrives late, it is recognised and dropped, too.
     """
 
-    noise = "no NexStar command begins like this; bytes are ignored until the line has been quiet for 0.1 s"
-    half = "incomplete command: the rest did not arrive within a second"
-    cut_off = "incomplete command: the rest did not arrive"
+    noise_reason = "no NexStar command begins like this; bytes are ignored until the line has been quiet for 0.1 s"
+    half_reason = "incomplete command: the rest did not arrive within a second"
+    cut_off_reason = "incomplete command: the rest did not arrive"
     late_end = "the end of the incomplete command before it, which is not carried out"
 
-    def __init__(self, remembers: bool = True) -> None:
+    def __init__(self, drops_late_ends: bool = True) -> None:
         super().__init__()
-        self._remembers = remembers
-        self._interrupted: Interrupted | None = None
-        self._lengths = all_lengths()
+        self._remembers = drops_late_ends
+        self._interrupted: PartialCommand | None = None
+        self._lengths = length_by_opcode()
         #: Stray bytes allowed after the last request, and how many more of them.
         self._stray, self._stray_left = b"", 0
 
@@ -181,15 +181,17 @@ class NexStarFramer(LengthFramer):
         return super().idle and self._interrupted is None
 
     @property
-    def held(self) -> bool:
+    def holds_bytes(self) -> bool:
         """Whether bytes are held back until the line is quiet."""
         return self._interrupted is not None and bool(self._interrupted.burst)
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
         """Like ``LengthFramer.feed``. Without data, it returns what was held back, if the line is quiet."""
         quiet = now - self._last_byte_at
-        if self._remembers and self._pending and data and QUIET_GAP <= quiet < QUIET_GAP + END_WITHIN:
-            self._interrupted = Interrupted(bytes(self._pending), now - quiet + QUIET_GAP + END_WITHIN, self._lengths)
+        if self._remembers and self._pending and data and QUIET_GAP <= quiet < QUIET_GAP + END_WINDOW:
+            self._interrupted = PartialCommand(
+                bytes(self._pending), now - quiet + QUIET_GAP + END_WINDOW, self._lengths
+            )
         interrupted = self._interrupted
         if interrupted is None:
             return super().feed(data, now)
@@ -198,8 +200,8 @@ class NexStarFramer(LengthFramer):
         if self._pending:
             self._drop_half()
         if interrupted.burst and quiet >= RESYNC_GAP:
-            frames = self._settle(interrupted)
-        if now >= interrupted.until and not interrupted.burst:
+            frames = self._resolve_interrupted(interrupted)
+        if now >= interrupted.expires_at and not interrupted.burst:
             self._interrupted = None
         if self._interrupted is None:
             dropped = dict(self.dropped)
@@ -208,13 +210,13 @@ class NexStarFramer(LengthFramer):
         elif data:
             self._last_byte_at = now
             frames += interrupted.add(data)
-            if interrupted.decided:
-                frames += self._settle(interrupted)
+            if interrupted.is_decided:
+                frames += self._resolve_interrupted(interrupted)
         return frames
 
-    def _settle(self, interrupted: Interrupted) -> list[bytes]:
+    def _resolve_interrupted(self, interrupted: PartialCommand) -> list[bytes]:
         """Decide about the bytes after an interrupted command; return those commands that were not passed on yet."""
-        burst, missing, verdict = bytes(interrupted.burst), interrupted.missing, interrupted.verdict
+        burst, missing, verdict = bytes(interrupted.burst), interrupted.missing, interrupted.continuation
         if verdict is Continuation.PART:
             interrupted.skip_part()
         else:
@@ -222,10 +224,10 @@ class NexStarFramer(LengthFramer):
         commands = {Continuation.COMMANDS: burst, Continuation.END_AND_MORE: burst[missing:]}.get(verdict, b"")
         if ignored := burst[: len(burst) - len(commands)]:
             self._dropping = verdict is Continuation.NOISE
-            self.dropped.add(ignored, self.noise if self._dropping else self.late_end)
-        return [frame for frame in self._cut(commands) if not ends_motion(frame)]
+            self.dropped.add(ignored, self.noise_reason if self._dropping else self.late_end)
+        return [frame for frame in self._cut_commands(commands) if not ends_motion(frame)]
 
-    def _cut(self, data: bytes) -> list[bytes]:
+    def _cut_commands(self, data: bytes) -> list[bytes]:
         frames: list[bytes] = []
         pending = self._pending
         rest = iter(data)
@@ -234,11 +236,11 @@ class NexStarFramer(LengthFramer):
                 pending.append(byte)
                 if len(pending) == self._lengths[pending[0]]:
                     frames.append(bytes(pending))
-                    self._stray, self._stray_left = STRAY_AFTER.get(pending[0], (b"", 0))
+                    self._stray, self._stray_left = STRAY_BY_OPCODE.get(pending[0], (b"", 0))
                     pending.clear()
             elif self._stray_left and byte in self._stray:
                 self._stray_left -= 1
-            elif byte not in STRAY:
+            elif byte not in STRAY_BYTES:
                 self._dropping = True
-                self.dropped.add(bytes((byte, *rest)), self.noise)
+                self.dropped.add(bytes((byte, *rest)), self.noise_reason)
         return frames

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from gateway.core.errors import Fault, Garbled, NoDevice
 from gateway.core.operations import Values
 from gateway.protocols.base.driver import Send
-from gateway.protocols.base.reply_rules import Expected, ReplyRules, answer_kind
+from gateway.protocols.base.reply_rules import ExpectedReply, ReplyRules, answer_kind
 from gateway.protocols.wireformat.command import FrameTemplate
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
@@ -24,27 +24,27 @@ EXTRA = {"t": 4}
 ECHOES = range(0x40, 0x7E)
 #: Seconds that a hand control may take to answer (Developer Notes, Timeouts). It takes all of them if it passes a
 #: command to a missing device, so the line is given some more.
-TIMEOUT, LINE = 3.5, 0.5
+TIMEOUT, LINE_ALLOWANCE = 3.5, 0.5
 
 
 PROTOCOL = load("nexstar")
 
 
-class _Reply(NamedTuple):
+class _ReplyForm(NamedTuple):
     """The reply to a command: its template, usual and longest length, and whether a device behind it answers.
 
-    ``other`` is the longer form of another maker's hand controls.
+    ``other_template`` is the longer form of another maker's hand controls.
     """
 
     template: FrameTemplate
-    width: int
-    longest: int
+    usual_length: int
+    max_length: int
     passed_through: bool
-    other: FrameTemplate | None
+    other_template: FrameTemplate | None
 
 
 @cache
-def _reply(command: str) -> _Reply:
+def _reply_form(command: str) -> _ReplyForm:
     row = PROTOCOL.commands[command]
     *others, template = [form for _, form in row.replies]
     other = others[0] if others else None
@@ -52,30 +52,30 @@ def _reply(command: str) -> _Reply:
     passed_through = row.request.prefix.startswith(b"P")
     longest = (other or template).width or 0
     longest += 1 if passed_through else EXTRA.get(command, 0)
-    return _Reply(template, template.width, longest, passed_through, other)
+    return _ReplyForm(template, template.width, longest, passed_through, other)
 
 
 class NexStarReplyRules(ReplyRules):
     """The reply rules of the NexStar protocol (see ``protocols/base/reply_rules.py``)."""
 
     protocol: CommandSet = PROTOCOL
-    closing = padding = b""
+    half_command_end = padding = b""
 
-    def expected(self, ask: Send) -> Expected:
+    def expected_reply(self, request: Send) -> ExpectedReply:
         """Return what reply to expect: every command has one; it may be ``#`` alone."""
-        return _expected(ask.command, ask.once, ask.raw)
+        return _expected(request.command, request.once, request.include_raw)
 
     def ambiguous_with(self, sent: Send, other: Send) -> bool:
         """Whether the replies to two commands could be confused. Only their lengths distinguish them."""
-        first, second = _reply(sent.command), _reply(other.command)
-        return first.width <= second.longest and second.width <= first.longest
+        first, second = _reply_form(sent.command), _reply_form(other.command)
+        return first.usual_length <= second.max_length and second.usual_length <= first.max_length
 
-    def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
+    def parse_reply(self, request: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
         """Return the reply (or fault) at the start of the buffer and its length; None while it is incomplete.
 
         Raises ValueError for a field that cannot be decoded.
         """
-        template, width, longest, passed_through, other = _reply(ask.command)
+        template, width, longest, passed_through, other = _reply_form(request.command)
         if len(buffer) < width:
             return None
         if buffer[width - 1 : width] == b"#":
@@ -89,17 +89,17 @@ class NexStarReplyRules(ReplyRules):
             return other.decode(buffer[: end + 1]), end + 1
         return template.decode(buffer[: width - 1] + b"#"), end + 1
 
-    def resync_commands(self, number: int) -> Iterator[Send]:
+    def resync_commands(self, check_number: int) -> Iterator[Send]:
         """Yield the requests that show whether replies are in step: two echoes of bytes that were not used recently."""
-        for step in (2 * number, 2 * number + 1):
+        for step in (2 * check_number, 2 * check_number + 1):
             yield Send("K", {"echo": ECHOES[step % len(ECHOES)]})
 
-    def is_resync_reply(self, ask: Send, values: Values) -> bool:
-        return bool(values.get("echo") == ask.values["echo"])
+    def is_resync_reply(self, request: Send, values: Values) -> bool:
+        return bool(values.get("echo") == request.values["echo"])
 
 
 @cache
-def _expected(command: str, once: bool, raw: bool) -> Expected:
-    reply = _reply(command)
-    timeout = TIMEOUT + LINE if reply.passed_through else TIMEOUT
-    return Expected(answer_kind(PROTOCOL, command, once, raw), timeout, unterminated=reply.width == 1)
+def _expected(command: str, once: bool, raw: bool) -> ExpectedReply:
+    reply = _reply_form(command)
+    timeout = TIMEOUT + LINE_ALLOWANCE if reply.passed_through else TIMEOUT
+    return ExpectedReply(answer_kind(PROTOCOL, command, once, raw), timeout, unterminated=reply.usual_length == 1)

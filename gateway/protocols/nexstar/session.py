@@ -16,13 +16,13 @@ from gateway.protocols.base.wants import CheckPossible, FireAndForget, Handling
 
 
 class NexStarClientState(ClientState):
-    """Settings of a client. ``axis_goto``: the goals of single axes (1, 2) since its last goto, degrees."""
+    """Settings of a client. ``axis_goals``: the goals of single axes (1, 2) since its last goto, degrees."""
 
-    axis_goto: Mapping[int, float] = {}
+    axis_goals: Mapping[int, float] = {}
 
 
 class NexStarSession(Session):
-    state = NexStarClientState
+    client_state_type = NexStarClientState
     client: NexStarClientState
 
 

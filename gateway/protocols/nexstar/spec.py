@@ -14,13 +14,13 @@ from gateway.protocols.base.spec import (
     MadeDriver,
     MadeSurface,
     NightRows,
+    Probe,
     ProtocolSpec,
-    Question,
     SurfaceSettings,
-    part,
+    lazy,
 )
 from gateway.protocols.nexstar import versions
-from gateway.protocols.nexstar.versions import STARSENSE, is_starsense, numbered
+from gateway.protocols.nexstar.versions import STARSENSE, is_starsense, parse
 from gateway.protocols.wireformat.command_set import functions, load, surface_functions
 from gateway.protocols.wireformat.rows import parse_version, show_version
 
@@ -28,14 +28,15 @@ if TYPE_CHECKING:
     from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
 
 NAME, DEFAULT_MODEL = "nexstar", "6-8se"
-#: Versions are at least ``OLDEST`` and below ``NEWEST``; those of a GT begin at ``GT``; a StarSense has its own.
-OLDEST, NEWEST, GT = (1, 2), (6, 0), 100
+#: Versions are at least ``OLDEST`` and below ``TOO_NEW``; those of a GT begin at ``GT``; a StarSense has
+#: its own.
+OLDEST, TOO_NEW, GT = (1, 2), (6, 0), 100
 #: An echo request; it is no command of a Meade.
 ECHO = b"Kx"
 #: Echo requests with any byte: Stellarium Mobile begins with them, whichever protocol it uses afterwards.
 ANY_ECHO = rb"(?s)(?:K.)+"
 #: Confidence (0 to 1) that bytes are NexStar: low, because nearly every byte can be a command of it.
-UNMARKED = 0.1
+NEXSTAR_CONFIDENCE = 0.1
 #: How a client of a hand control may begin a connection: ignored bytes and well-formed commands of any version.
 #: Well formed means an existing tracking mode, hex digits and a comma, a possible time of day. Anything else, such as
 #: the first two bytes of TRACE, is not from such a client.
@@ -59,11 +60,11 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     protocol, version = load(NAME), settings.version
     handlers = surface_functions(devices, motion, place, pointing, presented)
     surface = Surface(protocol, handlers, devices.no_response)
-    surface.passes, surface.lacks = devices.passes, presented.lacks
+    surface.may_pass_on, surface.lacking_reason = devices.may_be_passed_on, presented.missing_command_text
     surface.contradicts_client = presented.contradicts_client
-    surface.session = NexStarSession
-    fit = presented.fitter(settings.model, version)
-    return MadeSurface(surface, presented.presented(settings.model, version), ClientSettings(settings.limits), fit)
+    surface.session_type = NexStarSession
+    fit = presented.chooser(settings.model, version)
+    return MadeSurface(surface, presented.build_model(settings.model, version), ClientSettings(settings.limits), fit)
 
 
 def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriver:
@@ -75,10 +76,10 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
     return MadeDriver(
         NexStar(now, settings, handlers),
         {
-            pointing.Arrived: pointing.arrived,
-            home.Awake: home.awake,
-            tracking.VerifyTracking: tracking.verify,
-            motion.StepOn: motion.step_on,
+            pointing.AfterGoto: pointing.finish_goto,
+            home.TrackAfterWake: home.track_after_wake,
+            tracking.VerifyTracking: tracking.verify_tracking,
+            motion.NextSmallGoto: motion.send_small_goto,
         },
         NexStarReplyRules(),
     )
@@ -95,13 +96,13 @@ def _check_version(text: str) -> str:
     oldest, newest = show_version(versions.STARSENSE_OLDEST), show_version(versions.STARSENSE_NEWEST)
     if is_starsense(text):
         try:
-            return numbered(text).written
+            return parse(text).as_text
         except ValueError:
             raise UserError(
                 f"{text!r}: a StarSense has versions from {oldest} on; write it like {STARSENSE}-{newest}"
             ) from None
     version = parse_version(text)
-    if not (OLDEST <= version < NEWEST or version[0] >= GT):
+    if not (OLDEST <= version < TOO_NEW or version[0] >= GT):
         raise UserError(
             f"{text!r}: hand controls have versions from 1.2 to 5.x, a GT from 100.0 on, a StarSense "
             f"from {STARSENSE}-{oldest} on"
@@ -109,13 +110,13 @@ def _check_version(text: str) -> str:
     return text
 
 
-def _unknown_model(version: str) -> str:
+def _unknown_model_hint(version: str) -> str:
     if parse_version(version) < (2, 2):
         return "if it is a NexStar GPS, write nexstar:nexstar-gps@ instead of nexstar@"
     return "an unknown model is driven as an alt-az fork"
 
 
-AUX = (
+AUX_UNSUPPORTED = (
     "port 2000 and the address 1.2.3.4 are those of Celestron's Wi-Fi adapters, which speak Celestron's AUX protocol: "
     "that is not supported; use the cable in the base of the hand control"
 )
@@ -123,33 +124,33 @@ AUX = (
 SPEC = ProtocolSpec(
     name=NAME,
     title="NexStar",
-    a_program="a NexStar",
-    a_mount="a NexStar",
-    preset="Celestron NexStar",
-    mounts="NexStar",
+    program_phrase="a NexStar",
+    mount_phrase="a NexStar",
+    menu_entry="Celestron NexStar",
+    mounts_phrase="NexStar",
     makers=("celestron", "orion", "skywatcher"),
     brands=("nexstar",),
     default_model=DEFAULT_MODEL,
     demo=("nexstar", "NexStar 6/8 SE"),
-    framing=part("nexstar.framing", "NexStarFramer"),
-    opening=OPENING,
-    reply_rules=part("nexstar.reply_rules", "NexStarReplyRules"),
+    framing=lazy("nexstar.framing", "NexStarFramer"),
+    opening_pattern=OPENING,
+    reply_rules=lazy("nexstar.reply_rules", "NexStarReplyRules"),
     make_surface=_make_surface,
     make_driver=_make_driver,
     make_simulator=_make_simulator,
     rehearsal_settings=lambda wedge: {"focuser": True, "wedge": wedge},
-    counts_as=lambda text: numbered(text).counts_as,
+    command_set_version=lambda text: parse(text).counts_as,
     check_version=_check_version,
-    versions_of=versions.made_with,
+    versions_of=versions.versions_of,
     version_names={STARSENSE: lambda version: STARSENSE if version is None else f"{STARSENSE}-{version}"},
     presented_version="4.21",
-    recognises=lambda sent: UNMARKED,
+    recognises=lambda sent: NEXSTAR_CONFIDENCE,
     shared_openings=ANY_ECHO,
-    questions=(Question(1, ECHO, lambda heard, still: NAME if heard.endswith(ECHO[1:] + b"#") else None, late=True),),
+    questions=(Probe(1, ECHO, lambda heard, still: NAME if heard.endswith(ECHO[1:] + b"#") else None, slow=True),),
     night=NightRows(frozenset({"E", "e"}), frozenset({"w"}), frozenset({"R", "r", "B", "b"})),
     cable="plug the cable into the base of the hand control, not into the port marked PC on the mount",
-    unsupported_at=dict.fromkeys(("2000", "1.2.3.4"), AUX),
-    j2000_by="Celestron's own driver",
-    unknown_model=_unknown_model,
-    slowest="a hand control",
+    unsupported_at=dict.fromkeys(("2000", "1.2.3.4"), AUX_UNSUPPORTED),
+    j2000_source="Celestron's own driver",
+    unknown_model=_unknown_model_hint,
+    slowest_mount="a hand control",
 )

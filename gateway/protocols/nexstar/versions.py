@@ -22,13 +22,13 @@ STARSENSE_COUNTS_AS: Version = (4, 21)
 STARSENSE_LONG_MODE: Version = (1, 20)
 #: Replies to ``v``.
 NEXSTAR_VARIANT, STARSENSE_VARIANT = 17, 19
-GT_FIRST, GT_SECOND = 100, (104, 0)
+GT_FROM, GT_NEW_FROM = 100, (104, 0)
 #: Up to this version the letters of the pier side are swapped in the southern hemisphere.
 LETTERS_SWAPPED = (5, 24)
-GT_OLD, GT_NEW = (1, 2), (4, 3)
+GT_OLD_COUNTS_AS, GT_NEW_COUNTS_AS = (1, 2), (4, 3)
 #: The first SynScan versions with sync and pier side, of series 3 and 4 (SynScan protocol, Sync Commands); the version
 #: that the former counts as, and the version that earlier ones of series 4 count as.
-SYNSCAN_THIRD, SYNSCAN_FOURTH, SYNSCAN_COUNTS_AS, SYNSCAN_OLD = (3, 37), (4, 37, 3), (4, 21), (4, 3)
+SYNSCAN_3_FROM, SYNSCAN_4_FROM, SYNSCAN_3_COUNTS_AS, OLD_SYNSCAN_COUNTS_AS = (3, 37), (4, 37, 3), (4, 21), (4, 3)
 #: Tracking modes by their code in ``t`` and ``T``; ``SHIFTED_MODES`` on German mounts of a few versions.
 MODES = {0: Tracking.OFF, 1: Tracking.ALTAZ, 2: Tracking.EQ_NORTH, 3: Tracking.EQ_SOUTH}
 SHIFTED_MODES = {0: Tracking.OFF, 1: Tracking.EQ_NORTH, 2: Tracking.EQ_SOUTH}
@@ -36,17 +36,17 @@ SHIFTED_MODES = {0: Tracking.OFF, 1: Tracking.EQ_NORTH, 2: Tracking.EQ_SOUTH}
 SYNSCAN_MODES = {0: Tracking.OFF, 1: Tracking.ALTAZ, 2: None, 3: None}
 
 
-class Number(Struct, frozen=True):
+class Release(Struct, frozen=True):
     """A version: the numbers that ``V`` returns, the version whose commands it has, whether it is a StarSense."""
 
-    shown: Version
+    reported: Version
     counts_as: Version
     starsense: bool = False
 
     @property
-    def written(self) -> str:
+    def as_text(self) -> str:
         """The version as a user types it."""
-        return f"{STARSENSE}-{show_version(self.shown)}" if self.starsense else show_version(self.shown)
+        return f"{STARSENSE}-{show_version(self.reported)}" if self.starsense else show_version(self.reported)
 
     @property
     def variant(self) -> int:
@@ -59,32 +59,32 @@ def is_starsense(text: str | None) -> bool:
     return text is not None and text.partition("-")[0] == STARSENSE
 
 
-def numbered(text: str) -> Number:
+def parse(text: str) -> Release:
     """Parse ``4.21``, ``104.0``, ``starsense-1.20`` or ``starsense`` (its newest). Raises ValueError."""
     if not is_starsense(text):
         shown = parse_version(text)
-        return Number(shown, counts_as(shown))
+        return Release(shown, counts_as(shown))
     _, dash, version = text.partition("-")
     shown = parse_version(version)[:2] if dash else STARSENSE_NEWEST
     if not STARSENSE_OLDEST <= shown < STARSENSE_END:
         raise ValueError(f"a StarSense has versions from {show_version(STARSENSE_OLDEST)} on, not {version}")
-    return Number(shown, counts_as(shown, starsense=True), True)
+    return Release(shown, counts_as(shown, starsense=True), True)
 
 
 def counts_as(version: Version, *, starsense: bool = False, synscan: bool = False) -> Version:
     """Return the version whose commands a hand control with this version number has."""
     if starsense:
         return STARSENSE_COUNTS_AS
-    if SYNSCAN_THIRD <= version < (4,):
-        return SYNSCAN_COUNTS_AS
-    if synscan and (4,) <= version < SYNSCAN_FOURTH:
-        return SYNSCAN_OLD
-    if version[0] < GT_FIRST:
+    if SYNSCAN_3_FROM <= version < (4,):
+        return SYNSCAN_3_COUNTS_AS
+    if synscan and (4,) <= version < SYNSCAN_4_FROM:
+        return OLD_SYNSCAN_COUNTS_AS
+    if version[0] < GT_FROM:
         return version
-    return GT_NEW if version >= GT_SECOND else GT_OLD
+    return GT_NEW_COUNTS_AS if version >= GT_NEW_FROM else GT_OLD_COUNTS_AS
 
 
-def shifted(row: Model, version: Version | None) -> bool:
+def has_shifted_modes(row: Model, version: Version | None) -> bool:
     """Whether this model and version numbers EQ north as 1: CGE and Advanced GT 3.01-3.04 do."""
     first_last = row.get("shifted")
     if not first_last or version is None:
@@ -92,16 +92,16 @@ def shifted(row: Model, version: Version | None) -> bool:
     return parse_version(first_last[0]) <= version <= parse_version(first_last[1])
 
 
-def modes(row: Model, version: Version | None) -> Mapping[int, Tracking | None]:
+def modes_by_code(row: Model, version: Version | None) -> Mapping[int, Tracking | None]:
     """Return the tracking modes of this model and version by their codes."""
     if "dialect" in row:
         return SYNSCAN_MODES
-    return SHIFTED_MODES if shifted(row, version) else MODES
+    return SHIFTED_MODES if has_shifted_modes(row, version) else MODES
 
 
 def code_of(mode: Tracking, row: Model, version: Version | None) -> int:
     """Return the code of a tracking mode; 1, which tracks, for a mode that this version lacks."""
-    known = modes(row, version).items()
+    known = modes_by_code(row, version).items()
     return next(
         (code for code, version_mode in known if version_mode is mode or (version_mode is None and mode.equatorial)), 1
     )
@@ -112,7 +112,7 @@ def letters_swapped(row: Model, version: Version | None) -> bool:
     return "dialect" not in row and version is not None and version <= LETTERS_SWAPPED
 
 
-def made_with(row: Model) -> list[str]:
+def versions_of(row: Model) -> list[str]:
     """Return the versions in a row of ``models.toml``, oldest first, then its StarSense if the model can have it."""
     versions = list(row.get("versions", ()))
-    return [*versions, Number(STARSENSE_NEWEST, STARSENSE_COUNTS_AS, True).written] if row.get(STARSENSE) else versions
+    return [*versions, Release(STARSENSE_NEWEST, STARSENSE_COUNTS_AS, True).as_text] if row.get(STARSENSE) else versions

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from gateway.protocols.base.spec import MadeSurface, ProtocolSpec, SurfaceSettings, part
+from gateway.protocols.base.spec import MadeSurface, ProtocolSpec, SurfaceSettings, lazy
 from gateway.protocols.wireformat.command_set import load, surface_functions
 
 NAME = "stellarium"
 #: The header (length and type) of a goto, the only message that programs send.
-GOTO = b"\x14\0\0\0"
+GOTO_HEADER = b"\x14\0\0\0"
 
 
 def _make_surface(settings: SurfaceSettings) -> MadeSurface:
@@ -16,7 +16,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     from gateway.protocols.stellarium import surface as module
 
     surface = Surface(load(NAME), surface_functions(module))
-    surface.session, surface.subscriptions = module.StellariumSession, module.subscriptions
+    surface.session_type, surface.subscriptions = module.StellariumSession, module.subscriptions
     surface.replies = False
     return MadeSurface(surface, {"name": NAME}, ClientSettings(settings.limits))
 
@@ -24,16 +24,16 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
 SPEC = ProtocolSpec(
     name=NAME,
     title="Stellarium",
-    a_program="a Stellarium",
-    a_mount="a mount of Stellarium's own protocol",
-    preset="External software or a remote computer",
-    mounts="Stellarium",
+    program_phrase="a Stellarium",
+    mount_phrase="a mount of Stellarium's own protocol",
+    menu_entry="External software or a remote computer",
+    mounts_phrase="Stellarium",
     usual_port=10001,
     equinox="j2000",
-    framing=part("stellarium.surface", "StellariumFramer"),
-    opening=rb"(?s)(?:\x14\0\0\0.{16})*",
+    framing=lazy("stellarium.surface", "StellariumFramer"),
+    opening_pattern=rb"(?s)(?:\x14\0\0\0.{16})*",
     make_surface=_make_surface,
-    recognises=lambda sent: 1.0 if sent.startswith(GOTO) else 0.0,
-    greeting=GOTO,
+    recognises=lambda sent: 1.0 if sent.startswith(GOTO_HEADER) else 0.0,
+    greeting=GOTO_HEADER,
     mount_speaks_first=True,
 )

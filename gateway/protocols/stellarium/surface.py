@@ -18,12 +18,12 @@ from gateway.protocols.base.wants import Handling, Subscription
 from gateway.protocols.wireformat.command_set import load
 
 #: Bytes of the header (length and type), and of the longest message that is accepted.
-HEADER, LONGEST = 4, 255
+HEADER_BYTES, MAX_MESSAGE_BYTES = 4, 255
 #: Seconds from the beginning of a connection to the first position. A web browser sends its request in this time and is
 #: recognised; it would show a position as a broken answer.
-FIRST = 0.2
+DELAY = 0.2
 #: The values of the field ``status``.
-WELL, REFUSED, ENDED_SHORT = 0, -1, -2
+STATUS_OK, STATUS_REFUSED, ENDED_SHORT = 0, -1, -2
 
 
 class StellariumFramer(LengthFramer):
@@ -32,18 +32,18 @@ class StellariumFramer(LengthFramer):
     At an impossible length it drops all bytes that arrived together, after an incomplete message all until a pause.
     """
 
-    noise = "no Stellarium message begins like this; bytes are accepted again after a pause of 0.1 s"
-    half = "half a message, whose rest did not arrive within a second"
-    cut_off = "half a message, whose rest did not arrive"
+    noise_reason = "no Stellarium message begins like this; bytes are accepted again after a pause of 0.1 s"
+    half_reason = "half a message, whose rest did not arrive within a second"
+    cut_off_reason = "half a message, whose rest did not arrive"
     drops_after_half = True
 
-    def _cut(self, data: bytes) -> list[bytes]:
+    def _cut_commands(self, data: bytes) -> list[bytes]:
         frames: list[bytes] = []
         self._pending += data
-        while len(self._pending) >= HEADER:
+        while len(self._pending) >= HEADER_BYTES:
             length = int.from_bytes(self._pending[:2], "little")
-            if not HEADER <= length <= LONGEST:
-                self.dropped.add(bytes(self._pending), self.noise)
+            if not HEADER_BYTES <= length <= MAX_MESSAGE_BYTES:
+                self.dropped.add(bytes(self._pending), self.noise_reason)
                 self._pending.clear()
                 self._dropping = True
             elif len(self._pending) < length:
@@ -54,18 +54,18 @@ class StellariumFramer(LengthFramer):
         return frames
 
 
-class Progress(ClientState):
+class StellariumClientState(ClientState):
     """The state of a client: the outcome of its gotos, which the status of every position reports."""
 
-    status: int = WELL  # whether its last goto was accepted
-    short: bool = False  # the mount's last goto ended before its goal
+    status: int = STATUS_OK  # whether its last goto was accepted
+    ended_short: bool = False  # the mount's last goto ended before its goal
 
 
 class StellariumSession(Session):
     """The session of a Stellarium client."""
 
-    state = Progress
-    client: Progress
+    client_state_type = StellariumClientState
+    client: StellariumClientState
 
 
 def goto(session: StellariumSession, values: Mapping[str, Any]) -> Handling:
@@ -75,9 +75,9 @@ def goto(session: StellariumSession, values: Mapping[str, Any]) -> Handling:
             raise Invalid("the declination is beyond a pole")
         yield Goto(values["ra"], values["dec"])
     except Fault:
-        session.client.status = REFUSED
+        session.client.status = STATUS_REFUSED
         raise
-    session.client.status = WELL
+    session.client.status = STATUS_OK
 
 
 def subscriptions(session: Session) -> Sequence[Subscription]:
@@ -89,12 +89,12 @@ def subscriptions(session: Session) -> Sequence[Subscription]:
 
     def message(position: Equatorial) -> bytes:
         now = round(session.clock() * 1e6)
-        status = ENDED_SHORT if session.client.short and not session.client.status else session.client.status
+        status = ENDED_SHORT if session.client.ended_short and not session.client.status else session.client.status
         return template.encode({"time": now, "ra": position.ra, "dec": position.dec, "status": status})
 
     def note(activity: Activity) -> bytes:
-        session.client.short = bool(activity.short)
+        session.client.ended_short = bool(activity.short)
         return b""
 
     every = pushed.pushed
-    return [Subscription(GetActivity(), every, note), Subscription(Position(), every, message, first_delay=FIRST)]
+    return [Subscription(GetActivity(), every, note), Subscription(Position(), every, message, first_delay=DELAY)]

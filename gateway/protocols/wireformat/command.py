@@ -13,9 +13,9 @@ from functools import cached_property
 
 from gateway.core.errors import MappingError
 from gateway.core.operations import Values
-from gateway.core.wire_log import show
+from gateway.core.wire_log import printable
 from gateway.protocols.wireformat.fields import Codec, codec
-from gateway.protocols.wireformat.rows import CommandRow, ReplyForm, Source, Version, parse_version
+from gateway.protocols.wireformat.rows import CommandRow, FrameSource, ReplyForm, Version, parse_version
 
 
 class FrameTemplate:
@@ -23,17 +23,17 @@ class FrameTemplate:
     ``width``: the length of the frame in bytes, None if that varies.
     """
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: FrameSource) -> None:
         self.source = source
         self.parts: list[bytes | tuple[str, Codec]] = []
         for piece in [source] if isinstance(source, str) else source:
-            self._add(piece)
+            self._add_piece(piece)
         self.fields: dict[str, Codec] = {part[0]: part[1] for part in self.parts if isinstance(part, tuple)}
         self.prefix = self.parts[0] if self.parts and isinstance(self.parts[0], bytes) else b""
         widths = [len(part) if isinstance(part, bytes) else part[1].width for part in self.parts]
         self.width = None if None in widths else sum(width for width in widths if width is not None)
 
-    def _add(self, piece: str | int) -> None:
+    def _add_piece(self, piece: str | int) -> None:
         """Add an element of the source, split into literals and fields. Raises ValueError for a malformed field."""
         if isinstance(piece, int):
             self._add_literal(bytes((piece,)))
@@ -74,7 +74,7 @@ class FrameTemplate:
         """Return the values in a frame. Raises ValueError if it has another form or a field is out of range."""
         match = self.matcher.fullmatch(frame)
         if match is None:
-            raise ValueError(f"'{show(frame)}' is not {self.source!r}")
+            raise ValueError(f"'{printable(frame)}' is not {self.source!r}")
         return {name: field.decode(raw) for (name, field), raw in zip(self.fields.items(), match.groups(), strict=True)}
 
 
@@ -84,54 +84,54 @@ class Command:
     """
 
     def __init__(self, where: str, name: str, row: CommandRow) -> None:
-        self.name, self.help, self.beyond, self.acts = name, row.help, row.beyond, row.acts
+        self.name, self.help, self.beyond, self.has_effect = name, row.help, row.beyond, row.acts
         self.models = frozenset(row.models) if row.models is not None else None
         #: The models whose row in ``models.toml`` lists commands without this command.
-        self.lacking: frozenset[str] = frozenset()
-        self.answer, self.takes_back = row.answer, row.takes_back
-        self.urgent, self.urgent_at = row.urgent, row.urgent_at
+        self.lacking_models: frozenset[str] = frozenset()
+        self.answer_kind, self.discarded_commands = row.answer, row.takes_back
+        self.urgent, self.urgent_values = row.urgent, row.urgent_at
         self.long, self.by_hand, self.may_be_silent = row.long, row.by_hand, row.may_be_silent
-        self.while_seeking, self.while_asleep = row.while_seeking, row.while_asleep
+        self.allowed_while_homing, self.allowed_while_asleep = row.while_seeking, row.while_asleep
         self.pushed, self.read = row.pushed, row.read
         try:
-            self.since = parse_version(row.since) if row.since else None
-            self.requests = [FrameTemplate(source) for source in _requests(row.request)]
-            self.replies = [(reply, FrameTemplate(reply.wire)) for reply in _replies(row.reply)]
+            self.first_version = parse_version(row.since) if row.since else None
+            self.requests = [FrameTemplate(source) for source in _request_forms(row.request)]
+            self.replies = [(reply, FrameTemplate(reply.wire)) for reply in _reply_forms(row.reply)]
         except ValueError as error:
             raise MappingError(where, name, str(error)) from None
         self.request = self.requests[0]
 
     @property
-    def question(self) -> bool:
+    def is_query(self) -> bool:
         """Whether the command reads a value and does nothing else."""
-        return not self.acts and any(reply.fault is None and template.fields for reply, template in self.replies)
+        return not self.has_effect and any(reply.fault is None and template.fields for reply, template in self.replies)
 
     @property
-    def asked(self) -> bool:
+    def requested(self) -> bool:
         """Whether programs send a request for it; otherwise the gateway sends it unasked."""
         return bool(self.request.parts)
 
     @property
-    def mark(self) -> bytes:
+    def urgent_mark(self) -> bytes:
         """The bytes by which an urgent command is recognised in a byte stream before it is cut into frames."""
-        if not self.urgent_at:
+        if not self.urgent_values:
             return self.request.prefix.removesuffix(b"#")
         end = self.request.parts[-1]
-        return self.request.encode(self.urgent_at).removesuffix(end if isinstance(end, bytes) else b"")
+        return self.request.encode(self.urgent_values).removesuffix(end if isinstance(end, bytes) else b"")
 
-    def form(self, *formats: object) -> FrameTemplate | None:
+    def reply_form(self, *formats: object) -> FrameTemplate | None:
         """Return the template of the first reply, errors excepted, for any of these formats (``ReplyForm.when``)."""
         fitting = (form for reply, form in self.replies if reply.fault is None and reply.when in (None, *formats))
         return next(fitting, None)
 
-    def known_to(self, model: str | None, version: Version | None) -> bool:
+    def exists_on(self, model: str | None, version: Version | None) -> bool:
         """Whether this model and version have the command according to the manual; true if they are unknown (None)."""
-        if model in self.lacking or (self.models is not None and model is not None and model not in self.models):
+        if model in self.lacking_models or (self.models is not None and model is not None and model not in self.models):
             return False
-        return self.since is None or version is None or version >= self.since
+        return self.first_version is None or version is None or version >= self.first_version
 
 
-def _requests(request: str | list[str | int]) -> list[Source]:
+def _request_forms(request: str | list[str | int]) -> list[FrameSource]:
     """Return the alternative forms of a request: a list of characters, numbers and fields is a single form, a list of
     longer strings has a form in each string.
     """
@@ -142,7 +142,7 @@ def _requests(request: str | list[str | int]) -> list[Source]:
     return [str(piece) for piece in request]
 
 
-def _replies(reply: str | list[str | int | ReplyForm] | None) -> list[ReplyForm]:
+def _reply_forms(reply: str | list[str | int | ReplyForm] | None) -> list[ReplyForm]:
     if reply is None:
         return []
     variants = [item for item in reply if isinstance(item, ReplyForm)]

@@ -24,9 +24,9 @@ from gateway.protocols.wireformat.rows import CommandRow, Dialect, Implementatio
 
 _T = TypeVar("_T")
 #: The parameters that the function of a surface row may have; each function names only those that it uses.
-GIVEN = ("session", "command", "values")
+HANDLER_PARAMETERS = ("session", "command", "values")
 #: The values of ``urgent`` for commands that act as soon as they arrive.
-AT_ONCE = ("stop", "restart", "axis")
+IMMEDIATE_KINDS = ("stop", "restart", "axis")
 
 
 class CommandSet:
@@ -34,98 +34,98 @@ class CommandSet:
 
     def __init__(self, name: str, folder: Path, dialect: str = "") -> None:
         self.name, self.folder, self.dialect = name, folder, dialect
-        rows = self._read("commands.toml", CommandRow)
-        self.other = self._dialect(dialect) if dialect else None
+        rows = self._read_rows("commands.toml", CommandRow)
+        self.other = self._read_dialect(dialect) if dialect else None
         if self.other is not None:
-            rows = self.other.spoken(self._where(f"{dialect}.toml"), rows)
-        self.commands = {key: Command(self._where("commands.toml"), key, row) for key, row in rows.items()}
+            rows = self.other.merged_commands(self._file_name(f"{dialect}.toml"), rows)
+        self.commands = {key: Command(self._file_name("commands.toml"), key, row) for key, row in rows.items()}
         self._by_prefix: dict[bytes, list[tuple[Command, FrameTemplate]]] = {}
         for command in self.commands.values():
-            for template in command.requests if command.asked else ():
+            for template in command.requests if command.requested else ():
                 self._by_prefix.setdefault(template.prefix, []).append((command, template))
-        self._longest = max(map(len, self._by_prefix), default=0)
-        self._extra: dict[str, dict[str, Model]] = {}
-        self._spoken: dict[str, CommandSet] = {}
+        self._max_prefix_length = max(map(len, self._by_prefix), default=0)
+        self._extra_tables: dict[str, dict[str, Model]] = {}
+        self._sets_by_dialect: dict[str, CommandSet] = {}
         for model, facts in () if dialect else self.models.items():
             for name in self.commands.keys() - frozenset(facts.get("commands", self.commands)):
-                self.commands[name].lacking |= {model}
+                self.commands[name].lacking_models |= {model}
 
-    def _where(self, file: str) -> str:
+    def _file_name(self, file: str) -> str:
         return f"mappings/{self.name}/{file}"
 
-    def _dialect(self, dialect: str) -> Dialect:
+    def _read_dialect(self, dialect: str) -> Dialect:
         try:
             return msgspec.convert(read_table(f"{self.name}/{dialect}.toml", self.folder), Dialect)
         except msgspec.ValidationError as error:
-            raise MappingError(self._where(f"{dialect}.toml"), dialect, str(error)) from None
+            raise MappingError(self._file_name(f"{dialect}.toml"), dialect, str(error)) from None
 
     @cached_property
-    def dialects(self) -> dict[str, str]:
+    def dialect_by_model(self) -> dict[str, str]:
         """Model -> its dialect, for the models of a dialect that has a file."""
         spoken = {model: row.get("dialect", "") for model, row in self.models.items()}
         return {model: name for model, name in spoken.items() if name and (self.folder / f"{name}.toml").exists()}
 
     @property
-    def presented(self) -> list[str]:
+    def presented_models(self) -> list[str]:
         """The models that a surface can present: those without a dialect."""
-        return [model for model in self.models if model not in self.dialects]
+        return [model for model in self.models if model not in self.dialect_by_model]
 
-    def by_product(self, product: str) -> str | None:
+    def model_of_product(self, product: str) -> str | None:
         """Return the model with a dialect whose product name ``product`` begins with; ``other`` for an unknown maker;
         None for a mount of the protocol's own maker.
         """
         beginnings = [name for row in self.models.values() for name in row.get("names_begin", ())]
-        named = dict.fromkeys(beginnings) | {self.models[model]["product"]: model for model in self.dialects}
+        named = dict.fromkeys(beginnings) | {self.models[model]["product"]: model for model in self.dialect_by_model}
         return next((model for name, model in named.items() if name and product.startswith(name)), "other")
 
-    def of(self, model: str | None) -> CommandSet:
+    def in_dialect_of(self, model: str | None) -> CommandSet:
         """Return the tables in the dialect of this model; a dialect is loaded when it is first needed."""
-        dialect = self.dialects.get(model or "")
+        dialect = self.dialect_by_model.get(model or "")
         if dialect is None:
             return self
-        if dialect not in self._spoken:
-            self._spoken[dialect] = CommandSet(self.name, self.folder, dialect)
-        return self._spoken[dialect]
+        if dialect not in self._sets_by_dialect:
+            self._sets_by_dialect[dialect] = CommandSet(self.name, self.folder, dialect)
+        return self._sets_by_dialect[dialect]
 
-    def _read(self, file: str, form: type[_T]) -> dict[str, _T]:
-        """Return the rows of a TOML file as ``form``; empty if an optional file is missing. Raises MappingError."""
+    def _read_rows(self, file: str, row_type: type[_T]) -> dict[str, _T]:
+        """Return the rows of a TOML file as ``row_type``; empty if an optional file is missing. Raises MappingError."""
         path = self.folder / file
         if file != "commands.toml" and self.folder.is_dir() and not path.exists():
             return {}
         table = read_table(f"{self.name}/{file}", self.folder)
-        return {key: self._converted(file, key, row, form) for key, row in table.items()}
+        return {key: self._convert_row(file, key, row, row_type) for key, row in table.items()}
 
-    def _converted(self, file: str, key: str, row: Any, form: type[_T]) -> _T:
+    def _convert_row(self, file: str, key: str, row: Any, row_type: type[_T]) -> _T:
         try:
-            return msgspec.convert(row, form)
+            return msgspec.convert(row, row_type)
         except msgspec.ValidationError as error:
-            raise MappingError(self._where(file), key, str(error)) from None
+            raise MappingError(self._file_name(file), key, str(error)) from None
 
     @cached_property
-    def surface(self) -> dict[str, SurfaceRow]:
+    def surface_rows(self) -> dict[str, SurfaceRow]:
         """Command name -> the row that says what the surface does with it."""
-        return self._read("surface.toml", SurfaceRow)
+        return self._read_rows("surface.toml", SurfaceRow)
 
     @cached_property
-    def own(self) -> dict[str, OwnRow]:
+    def own_rows(self) -> dict[str, OwnRow]:
         """Command name -> its row of ``own.toml``: whether the mount itself answers it."""
-        return self._read("own.toml", OwnRow)
+        return self._read_rows("own.toml", OwnRow)
 
     @cached_property
-    def driver(self) -> dict[str, list[Implementation]]:
+    def driver_rows(self) -> dict[str, list[Implementation]]:
         """Operation name -> its implementations, the preferred first."""
-        rows = self._read("driver.toml", list[Implementation])
-        return rows if self.other is None else self.other.driven(rows, frozenset(self.commands))
+        rows = self._read_rows("driver.toml", list[Implementation])
+        return rows if self.other is None else self.other.merge(rows, frozenset(self.commands))
 
     @cached_property
     def models(self) -> dict[str, Model]:
         """Model -> its row of ``models.toml``; keys that it lacks come from the model that its key ``like`` names."""
-        rows = self._read("models.toml", Model)
+        rows = self._read_rows("models.toml", Model)
         return {name: {**rows.get(row.get("like", ""), {}), **row} for name, row in rows.items()}
 
-    def lacking(self, model: str | None) -> frozenset[str]:
+    def lacking_commands(self, model: str | None) -> frozenset[str]:
         """Return the commands that a model lacks, by its row in ``models.toml``."""
-        return frozenset(name for name, command in self.commands.items() if model in command.lacking)
+        return frozenset(name for name, command in self.commands.items() if model in command.lacking_models)
 
     def title(self, product: str, model: str) -> str:
         """Return the usual name of a model; the reported ``product`` if the mount is not of this model."""
@@ -143,51 +143,51 @@ class CommandSet:
         moves = {"german": "equatorial", "fork": "equatorial" if wedge else "alt-az"}.get(build, build)
         return frozenset((model, build, moves, facts.get("dialect", ""), *facts.get("has", ()), *flags))
 
-    def extra(self, file: str) -> dict[str, Model]:
+    def extra_table(self, file: str) -> dict[str, Model]:
         """Return another table of this protocol, such as ``rates.toml``."""
-        if file not in self._extra:
-            self._extra[file] = self._read(file, Model)
-        return self._extra[file]
+        if file not in self._extra_tables:
+            self._extra_tables[file] = self._read_rows(file, Model)
+        return self._extra_tables[file]
 
     @cached_property
-    def ends_at_once(self) -> dict[bytes, Command]:
+    def immediate_commands(self) -> dict[bytes, Command]:
         """Frame -> command, for the urgent commands that end a motion as soon as they arrive."""
-        urgent = [command for command in self.commands.values() if command.urgent in AT_ONCE]
-        return {command.request.prefix: command for command in urgent if command.name in self.surface}
+        urgent = [command for command in self.commands.values() if command.urgent in IMMEDIATE_KINDS]
+        return {command.request.prefix: command for command in urgent if command.name in self.surface_rows}
 
     @cached_property
-    def partly_read(self) -> dict[bytes, int]:
+    def partly_read_replies(self) -> dict[bytes, int]:
         """Frame -> bytes that some programs read of its reply, for commands of which programs read only a part."""
         return {command.request.prefix: command.read for command in self.commands.values() if command.read is not None}
 
-    def taken_back_by(self, command: Command) -> frozenset[bytes]:
+    def frames_discarded_by(self, command: Command) -> frozenset[bytes]:
         """Return the frames of the queued commands that this command discards when it arrives."""
-        return frozenset([self.commands[name].request.prefix for name in command.takes_back])
+        return frozenset([self.commands[name].request.prefix for name in command.discarded_commands])
 
     def find(self, frame: bytes) -> tuple[Command, FrameTemplate] | None:
         """Return the command of a frame, and which of its request templates the frame has; None if there is none."""
-        for command, template in self._beginning(frame):
+        for command, template in self._prefix_matches(frame):
             if template.matcher.fullmatch(frame):
                 return command, template
         return None
 
-    def _beginning(self, data: bytes) -> Iterator[tuple[Command, FrameTemplate]]:
+    def _prefix_matches(self, data: bytes) -> Iterator[tuple[Command, FrameTemplate]]:
         """Yield the commands and templates whose literal prefix ``data`` begins with, the longest prefix first."""
-        for length in range(min(len(data), self._longest), 0, -1):
+        for length in range(min(len(data), self._max_prefix_length), 0, -1):
             yield from self._by_prefix.get(data[:length], ())
 
-    def first(self, data: bytes) -> bytes:
+    def first_command(self, data: bytes) -> bytes:
         """Return the bytes of the complete command that ``data`` begins with; empty if there is none."""
-        matches = (template.matcher.match(data) for _, template in self._beginning(data))
+        matches = (template.matcher.match(data) for _, template in self._prefix_matches(data))
         return next((match[0] for match in matches if match), b"")
 
     def may_begin(self, data: bytes) -> bool:
         """Whether a command can begin with these bytes; true for empty bytes."""
         return not data or any(prefix.startswith(data[: len(prefix)]) for prefix in self._by_prefix)
 
-    def begun(self, beginning: bytes) -> Command | None:
+    def begun_command(self, beginning: bytes) -> Command | None:
         """Return the command whose prefix, without its ``#``, begins these bytes; the longest prefix counts."""
-        for length in range(min(len(beginning), self._longest), 0, -1):
+        for length in range(min(len(beginning), self._max_prefix_length), 0, -1):
             for prefix in (beginning[:length] + b"#", beginning[:length]):
                 for command, _ in self._by_prefix.get(prefix, ()):
                     return command
@@ -205,22 +205,22 @@ def functions(*modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
 
 
 def surface_functions(*modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
-    """Return ``module.function`` -> function for surface rows; each accepts all of ``GIVEN``."""
-    return {name: _given(function) for name, function in functions(*modules).items()}
+    """Return ``module.function`` -> function for surface rows; each accepts all of ``HANDLER_PARAMETERS``."""
+    return {name: _accepting_all(function) for name, function in functions(*modules).items()}
 
 
-def parameters(function: Callable[..., Any]) -> tuple[str, ...]:
+def parameter_names(function: Callable[..., Any]) -> tuple[str, ...]:
     """Return the names of a function's parameters."""
     code = function.__code__
     return code.co_varnames[: code.co_argcount]
 
 
-def _given(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Wrap a function: the wrapper accepts all of ``GIVEN``, and passes on those that ``function`` has."""
-    names = parameters(function)
-    if names == GIVEN or not set(names).issubset(GIVEN):
+def _accepting_all(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Wrap a function: the wrapper accepts all of ``HANDLER_PARAMETERS``, and passes on those that ``function`` has."""
+    names = parameter_names(function)
+    if names == HANDLER_PARAMETERS or not set(names).issubset(HANDLER_PARAMETERS):
         return function
-    places = [GIVEN.index(name) for name in names]
+    places = [HANDLER_PARAMETERS.index(name) for name in names]
     return lambda *given: function(*[given[place] for place in places])
 
 

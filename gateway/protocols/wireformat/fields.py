@@ -15,7 +15,7 @@ from urllib.parse import unquote
 
 import msgspec
 
-from gateway.core.wire_log import show
+from gateway.core.wire_log import printable
 from gateway.protocols.wireformat import numerals
 from gateway.protocols.wireformat import sexagesimal as sx
 
@@ -31,36 +31,36 @@ class Codec(NamedTuple):
 
 # --- text: sexagesimal ----------------------------------------------------------------------------------------
 
-_FREE = rb"[^#]*"  # any bytes up to the terminator of an LX200 frame
+_TO_HASH = rb"[^#]*"  # any bytes up to the terminator of an LX200 frame
 _HEX = re.compile(rb"[0-9A-Fa-f]*").fullmatch
 
 
-def _within(decode: Callable[[bytes], float], low: float, high: float) -> Callable[[bytes], float]:
+def _checking_range(decode: Callable[[bytes], float], low: float, high: float) -> Callable[[bytes], float]:
     """Wrap ``decode``: the wrapper raises ValueError unless the value is in [low, high]."""
 
     def checked(raw: bytes) -> float:
         value = decode(raw)
         if not low <= value <= high:
-            raise ValueError(f"'{show(raw)}' is not from {low:g} to {high:g}")
+            raise ValueError(f"'{printable(raw)}' is not from {low:g} to {high:g}")
         return value
 
     return checked
 
 
 def _sexagesimal(encode: Callable[[float], str], decode: Callable[[bytes], float], low: float, high: float) -> Codec:
-    return Codec(lambda value: encode(value).encode("ascii"), _within(decode, low, high), _FREE)
+    return Codec(lambda value: encode(value).encode("ascii"), _checking_range(decode, low, high), _TO_HASH)
 
 
-_BELOW_DAY = 360.0 - 1e-9  # degrees
-_TEXT_ANGLES = {
-    "HH:MM:SS": _sexagesimal(sx.hours, sx.parse_hours, 0, _BELOW_DAY),
-    "HH:MM:SS.SSSS": _sexagesimal(sx.hours_fine, sx.parse_hours, 0, _BELOW_DAY),
-    "HH:MM.T": _sexagesimal(sx.hours_low, sx.parse_hours, 0, _BELOW_DAY),
+_BELOW_FULL_TURN = 360.0 - 1e-9  # degrees
+_TEXT_ANGLE_FORMATS = {
+    "HH:MM:SS": _sexagesimal(sx.hours, sx.parse_hours, 0, _BELOW_FULL_TURN),
+    "HH:MM:SS.SSSS": _sexagesimal(sx.hours_fine, sx.parse_hours, 0, _BELOW_FULL_TURN),
+    "HH:MM.T": _sexagesimal(sx.hours_low, sx.parse_hours, 0, _BELOW_FULL_TURN),
     "sDD*MM:SS": _sexagesimal(sx.signed, sx.parse, -90, 90),
-    "sDD*MM:SS.SSS": _sexagesimal(sx.signed_fine, sx.parse, -90, 90),
-    "sDD*MM": _sexagesimal(sx.signed_low, sx.parse, -90, 90),
-    "DDD*MM:SS": _sexagesimal(sx.azimuth, sx.parse_azimuth, 0, _BELOW_DAY),
-    "DDD*MM": _sexagesimal(sx.azimuth_low, sx.parse_azimuth, 0, _BELOW_DAY),
+    "sDD*MM:SS.SSS": _sexagesimal(sx.signed_angle_fine, sx.parse, -90, 90),
+    "sDD*MM": _sexagesimal(sx.signed_angle_low, sx.parse, -90, 90),
+    "DDD*MM:SS": _sexagesimal(sx.azimuth, sx.parse_azimuth, 0, _BELOW_FULL_TURN),
+    "DDD*MM": _sexagesimal(sx.azimuth_low, sx.parse_azimuth, 0, _BELOW_FULL_TURN),
     "sDDD*MM": _sexagesimal(sx.longitude, sx.parse_longitude, -180, 180),
     "hh:mm:ss": _sexagesimal(sx.clock, sx.parse_clock, 0, 86400),
     "hh:mm:ss 12h": _sexagesimal(sx.clock_12, sx.parse_clock, 0, 86400),
@@ -74,7 +74,7 @@ _TEXT_ANGLES = {
 
 
 def _number(
-    name: str, decimals: int, width: int, signed: bool, low: float, high: float, longest: int | None = None
+    name: str, decimals: int, width: int, signed: bool, low: float, high: float, max_digits: int | None = None
 ) -> Codec:
     """Return the codec of a decimal number, with zeros to ``width`` digits before the point, ``decimals`` after it."""
     full = width + (decimals + 1 if decimals else 0) + (1 if signed else 0)
@@ -82,27 +82,27 @@ def _number(
 
     def encode(value: float) -> bytes:
         text = form.format(round(float(value), decimals) + 0.0)
-        if len(text) > (longest or full):
+        if len(text) > (max_digits or full):
             raise ValueError(f"{value!r} does not fit {name}")
         return text.encode("ascii")
 
-    within = _within(sx.number, low, high)
+    within = _checking_range(sx.number, low, high)
 
     def decode(raw: bytes) -> float:
-        value = within(raw if signed else sx.unsigned(raw))
-        return value if decimals else int(sx.whole(raw))
+        value = within(raw if signed else sx.check_unsigned(raw))
+        return value if decimals else int(sx.check_whole(raw))
 
-    return Codec(encode, decode, _FREE)
+    return Codec(encode, decode, _TO_HASH)
 
 
-def _arcminutes(codec: Codec) -> Codec:
+def _with_arcminute_sign(codec: Codec) -> Codec:
     """Wrap the codec of a number: a unit sign for arcminutes follows it, which clients may omit."""
     return Codec(
-        lambda value: codec.encode(value) + b"'", lambda raw: codec.decode(raw.rstrip(b"*'\xdf\xb0\xc2 ")), _FREE
+        lambda value: codec.encode(value) + b"'", lambda raw: codec.decode(raw.rstrip(b"*'\xdf\xb0\xc2 ")), _TO_HASH
     )
 
 
-def _word(choices: str) -> Codec:
+def _choice(choices: str) -> Codec:
     """Return the codec of a field with a choice of words, as in ``{mode:A|L|P}``."""
     allowed = [word.encode("latin-1") for word in choices.split("|")]
 
@@ -118,57 +118,57 @@ def _word(choices: str) -> Codec:
     return Codec(encode, lambda raw: raw.decode("latin-1"), b"(?:" + pattern + b")", width)
 
 
-_TEXT = Codec(
-    lambda value: value.encode("latin-1", "replace").replace(b"#", b" "), lambda raw: raw.decode("latin-1"), _FREE
+_TEXT_CODEC = Codec(
+    lambda value: value.encode("latin-1", "replace").replace(b"#", b" "), lambda raw: raw.decode("latin-1"), _TO_HASH
 )
 
-_TEXT_OTHERS = {
-    "sHH.H": Codec(lambda value: sx.offset(value).encode("ascii"), sx.parse_offset, _FREE),
-    "sHH.H in full": Codec(lambda value: sx.offset_in_full(value).encode("ascii"), sx.parse_offset, _FREE),
-    "sHH:MM": Codec(lambda value: sx.offset_in_minutes(value).encode("ascii"), sx.parse_offset, _FREE),
-    "MM/DD/YY": Codec(lambda value: sx.date(value).encode("ascii"), sx.parse_date, _FREE),
+_OTHER_TEXT_FORMATS = {
+    "sHH.H": Codec(lambda value: sx.offset(value).encode("ascii"), sx.parse_offset, _TO_HASH),
+    "sHH.H in full": Codec(lambda value: sx.offset_in_full(value).encode("ascii"), sx.parse_offset, _TO_HASH),
+    "sHH:MM": Codec(lambda value: sx.offset_in_minutes(value).encode("ascii"), sx.parse_offset, _TO_HASH),
+    "MM/DD/YY": Codec(lambda value: sx.date(value).encode("ascii"), sx.parse_date, _TO_HASH),
     "sMM.M": _number("sMM.M", 1, 2, True, -30, 30),
     "NNN": _number("NNN", 0, 3, False, 0, 999),
-    "NNN'": _arcminutes(_number("NNN", 0, 3, False, 0, 999)),
-    "NNNN": _number("NNNN", 0, 4, False, 0, 999999, longest=6),
-    "DD*": Codec(lambda value: b"%02d*" % round(value), sx.limit, _FREE),
-    "DD* to set": Codec(lambda value: b"%02d*" % round(value), sx.limit_to_set, _FREE),
-    "DD to set": Codec(lambda value: b"%02d" % round(value), sx.limit_to_set, _FREE),
+    "NNN'": _with_arcminute_sign(_number("NNN", 0, 3, False, 0, 999)),
+    "NNNN": _number("NNNN", 0, 4, False, 0, 999999, max_digits=6),
+    "DD*": Codec(lambda value: b"%02d*" % round(value), sx.parse_limit, _TO_HASH),
+    "DD* to set": Codec(lambda value: b"%02d*" % round(value), sx.parse_new_limit, _TO_HASH),
+    "DD to set": Codec(lambda value: b"%02d" % round(value), sx.parse_new_limit, _TO_HASH),
     "N": _number("N", 0, 1, False, 2, 8),
     # an LX200GPS says +60.1
-    "TT.T": _number("TT.T", 1, 2, False, 0, 99.9)._replace(decode=_within(sx.number, 0, 99.9)),
+    "TT.T": _number("TT.T", 1, 2, False, 0, 99.9)._replace(decode=_checking_range(sx.number, 0, 99.9)),
     "TTT.T": _number("TTT.T", 1, 3, False, 0, 999.9),
     "DDD.DDD": _number("DDD.DDD", 3, 3, False, 0, 999.999),
     "DD.D": _number("DD.D", 1, 2, False, 0, 99.9),
     "SS.S": _number("SS.S", 1, 2, False, 0, 99.9),
     "sdd.ddd": _number("sdd.ddd", 3, 2, True, -99, 99),
     "dd": _number("dd", 0, 2, False, 0, 99),
-    "dddd": _number("dddd", 0, 4, False, 0, 999999, longest=6),
+    "dddd": _number("dddd", 0, 4, False, 0, 999999, max_digits=6),
     "n": _number("n", 0, 1, False, 0, 9),
-    "nn": _number("nn", 0, 1, False, 0, 99, longest=2),
-    "text": _TEXT,
+    "nn": _number("nn", 0, 1, False, 0, 99, max_digits=2),
+    "text": _TEXT_CODEC,
 }
 
 # --- binary and hexadecimal: NexStar --------------------------------------------------------------------------
 
 
-def _turn(bits: int, keep: int, signed: bool) -> Codec:
-    """Return the codec of an angle in degrees as a hexadecimal fraction of a revolution. Only the upper ``keep``
+def _hex_turn(bits: int, used_bits: int, signed: bool) -> Codec:
+    """Return the codec of an angle in degrees as a hexadecimal fraction of a revolution. Only the upper ``used_bits``
     bits count; the others are sent as zero.
     """
-    digits, spare = bits // 4, bits - keep
+    digits, spare = bits // 4, bits - used_bits
 
     def encode(value: float) -> bytes:
-        ticks = round(value / 360.0 * (1 << keep)) % (1 << keep)
+        ticks = round(value / 360.0 * (1 << used_bits)) % (1 << used_bits)
         return b"%0*X" % (digits, ticks << spare)
 
     def decode(raw: bytes) -> float:
         # a client may pad the unused low byte with anything
-        number = int(raw, 16) if _HEX(raw) else int(raw[: keep // 4], 16) << spare
+        number = int(raw, 16) if _HEX(raw) else int(raw[: used_bits // 4], 16) << spare
         ticks = (number + (1 << spare >> 1)) >> spare
-        return _degrees(ticks, keep, signed)
+        return _degrees(ticks, used_bits, signed)
 
-    pattern = b"[0-9A-Fa-f]{%d}" % (keep // 4) + (b"(?s:.{%d})" % (spare // 4) if spare else b"")
+    pattern = b"[0-9A-Fa-f]{%d}" % (used_bits // 4) + (b"(?s:.{%d})" % (spare // 4) if spare else b"")
     return Codec(encode, decode, pattern, digits)
 
 
@@ -206,11 +206,11 @@ def _little_endian(codec: Codec) -> Codec:
     return codec._replace(encode=lambda value: codec.encode(value)[::-1], decode=lambda raw: codec.decode(raw[::-1]))
 
 
-_BINARY = {
-    "rev16": _turn(16, 16, signed=False),
-    "srev16": _turn(16, 16, signed=True),
-    "rev32": _turn(32, 24, signed=False),
-    "srev32": _turn(32, 24, signed=True),
+_BINARY_FORMATS = {
+    "rev16": _hex_turn(16, 16, signed=False),
+    "srev16": _hex_turn(16, 16, signed=True),
+    "rev32": _hex_turn(32, 24, signed=False),
+    "srev32": _hex_turn(32, 24, signed=True),
     "rev24": _binary_turn(24, signed=False),
     "hex": Codec(lambda value: b"%02X" % value, lambda raw: int(raw, 16), b"[0-9A-Fa-f]{2}", 2),
     "srev24": _binary_turn(24, signed=True),
@@ -231,22 +231,22 @@ _BINARY = {
 # --- text of one line: whole numbers and fractions as programming languages write them ----------------------------
 
 #: The bytes of a field that ends at a blank or at the end of the line.
-_WORD = rb"[^ \n]*"
-_LINE = {
-    "number": Codec(numerals.number, numerals.parse_number, _WORD),
-    "hours": Codec(numerals.hours, numerals.parse_hours, _WORD),
-    "whole": Codec(lambda value: b"%d" % value, numerals.parse_whole, _WORD),
-    "truth": Codec(lambda value: b"true" if value else b"false", numerals.parse_truth, _WORD),
-    "moment": Codec(numerals.moment, numerals.parse_moment, _WORD),
-    "quoted": Codec(numerals.quoted, lambda raw: unquote(raw.decode("ascii")), _WORD),
+_TO_BLANK = rb"[^ \n]*"
+_LINE_FORMATS = {
+    "number": Codec(numerals.number, numerals.parse_number, _TO_BLANK),
+    "hours": Codec(numerals.hours, numerals.parse_hours, _TO_BLANK),
+    "whole": Codec(lambda value: b"%d" % value, numerals.parse_whole, _TO_BLANK),
+    "truth": Codec(lambda value: b"true" if value else b"false", numerals.parse_truth, _TO_BLANK),
+    "moment": Codec(numerals.moment, numerals.parse_moment, _TO_BLANK),
+    "quoted": Codec(numerals.quoted, lambda raw: unquote(raw.decode("ascii")), _TO_BLANK),
     "json": Codec(msgspec.json.encode, numerals.parse_json, rb"[^\n]*"),
 }
 
-CODECS: dict[str, Codec] = {**_TEXT_ANGLES, **_TEXT_OTHERS, **_BINARY, **_LINE}
+CODECS: dict[str, Codec] = {**_TEXT_ANGLE_FORMATS, **_OTHER_TEXT_FORMATS, **_BINARY_FORMATS, **_LINE_FORMATS}
 
 
 def codec(name: str) -> Codec:
     """Return the codec of a field format; a format with ``|`` is a choice of words. Raises KeyError if unknown."""
     if name not in CODECS and "|" in name:
-        CODECS[name] = _word(name)
+        CODECS[name] = _choice(name)
     return CODECS[name]

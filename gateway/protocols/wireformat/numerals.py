@@ -12,14 +12,14 @@ from urllib.parse import quote, unquote
 
 import msgspec
 
-from gateway.core.wire_log import show
+from gateway.core.wire_log import printable
 
 _TRUTH = {b"true": True, b"false": False}
-_BEGINNING = datetime(1970, 1, 1, tzinfo=UTC)
+_UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 #: The first and the last second that have a date of four digits, Unix time.
-_FIRST, _LAST = -62_135_596_800.0, 253_402_300_799.0
+_FIRST_SECOND, _LAST_SECOND = -62_135_596_800.0, 253_402_300_799.0
 #: Whole numbers have 32 bits, and so at most this many digits.
-_DIGITS, _WHOLE = 12, range(-(2**31), 2**31)
+_MAX_DIGITS, _WHOLE_RANGE = 12, range(-(2**31), 2**31)
 
 
 def number(value: float) -> bytes:
@@ -52,8 +52,8 @@ def parse_hours(raw: bytes) -> float:
 def parse_whole(raw: bytes) -> int:
     """Parse a whole number of 32 bits, with or without a sign."""
     digits = raw[1:] if raw[:1] in (b"-", b"+") else raw
-    if not digits.isdigit() or len(digits) > _DIGITS or int(raw) not in _WHOLE:
-        raise ValueError(f"'{show(raw)}' is not a whole number of 32 bits")
+    if not digits.isdigit() or len(digits) > _MAX_DIGITS or int(raw) not in _WHOLE_RANGE:
+        raise ValueError(f"'{printable(raw)}' is not a whole number of 32 bits")
     return int(raw)
 
 
@@ -62,12 +62,12 @@ def parse_truth(raw: bytes) -> bool:
     try:
         return _TRUTH[raw.lower()]
     except KeyError:
-        raise ValueError(f"'{show(raw)}' is neither true nor false") from None
+        raise ValueError(f"'{printable(raw)}' is neither true nor false") from None
 
 
 def moment(unix: float) -> bytes:
     """Write Unix seconds as UTC with milliseconds, within the years 1 to 9999: ``2026-01-28T21:00:00.000Z``."""
-    at = _BEGINNING + timedelta(milliseconds=round(max(_FIRST, min(_LAST, unix)) * 1000.0))
+    at = _UNIX_EPOCH + timedelta(milliseconds=round(max(_FIRST_SECOND, min(_LAST_SECOND, unix)) * 1000.0))
     return at.replace(tzinfo=None).isoformat(timespec="milliseconds").encode() + b"Z"
 
 

@@ -8,14 +8,14 @@ from msgspec.structs import replace
 from gateway.core.errors import MappingError
 
 #: A request or reply in the notation of the tables (see ``command.py``).
-Source = str | list[str | int]
+FrameSource = str | list[str | int]
 Version = tuple[int, ...]  # (4, 21) is version 4.21
 #: A row of ``models.toml``: the properties of a model.
 Model = dict[str, Any]
 
 #: When the gateway asks the mount again if a client requests a reply of the mount itself, and when it reuses a reply.
-Keep = Literal["fixed", "state", "moment", "clock", "site", "order", "library"]
-KEEPS: dict[Keep, str] = {
+ReplyReuse = Literal["fixed", "state", "moment", "clock", "site", "order", "library"]
+REUSE_DESCRIPTIONS: dict[ReplyReuse, str] = {
     "fixed": "asked once, until the mount is identified again",
     "state": "one reply serves all programs for a second",
     "moment": "asked each time; programs that ask meanwhile share the reply",
@@ -26,16 +26,16 @@ KEEPS: dict[Keep, str] = {
 }
 #: How the value in a reply changes between two requests, by which replies are verified: a position moves, a clock
 #: runs, a state stays as it is until something is done, a stream is different every time.
-Answer = Literal["position", "clock", "state", "stream"]
+AnswerKind = Literal["position", "clock", "state", "stream"]
 #: What an urgent command, which is sent before queued commands, ends. stop: every motion, and it does nothing else;
 #: restart: every motion, and it does more; axis: the motion of one axis; part: something else, or a motion in its turn.
-Urgent = Literal["stop", "restart", "axis", "part"]
+UrgentKind = Literal["stop", "restart", "axis", "part"]
 #: What the gateway does with a command, for the generated tables.
 Outcome = Literal["translated", "derived", "kept", "synthesised", "refused", "silent"]
 #: Keys of ``outcome`` besides the traits of models (``CommandSet.traits``): an unaligned mount, a mount that supports
 #: no operation of the row, any mount. Prefixes: before an operation, mounts that do not support it; before a trait,
 #: the presented model.
-UNALIGNED, UNABLE, ELSE, LACKS, PRESENTED = "unaligned", "unable", "else", "no-", "as-"
+UNALIGNED, UNABLE, ANY_MOUNT, LACKS_PREFIX, PRESENTED_PREFIX = "unaligned", "unable", "else", "no-", "as-"
 
 
 def parse_version(text: str) -> Version:
@@ -53,7 +53,7 @@ def show_version(version: Version) -> str:
 class ReplyForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One form of a command's reply: always used, or only in some cases, or for an error."""
 
-    wire: Source
+    wire: FrameSource
     when: str | None = None  # only in this format of the client (high, low), for this model, or in this dialect
     fault: str | None = None  # only for this class of ``gateway.core.errors``
     says: str | None = None  # the meaning of the error, if the mount sends no text
@@ -69,8 +69,8 @@ class CommandRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     since: str | None = None  # the first version that has it
     beyond: str | None = None  # the programs that send it although the manual does not have it
     acts: bool = False  # it returns a value and also changes something
-    answer: Answer | None = None  # how the value in the reply may change between two requests
-    urgent: Urgent | None = None  # what it ends as soon as it arrives
+    answer: AnswerKind | None = None  # how the value in the reply may change between two requests
+    urgent: UrgentKind | None = None  # what it ends as soon as it arrives
     urgent_at: dict[str, object] = {}  # it is only urgent with these values of its fields
     takes_back: list[str] = []  # the queued commands that are discarded when it arrives
     long: float | None = None  # the mount may be busy with it for this many seconds
@@ -103,14 +103,14 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
         return [verb for verb in ("ask", "tell", "say", "call") if getattr(self, verb) is not None]
 
     @property
-    def handed_on(self) -> bool:
+    def is_passed_on(self) -> bool:
         """Whether the command is passed on unchanged to a mount of the same protocol."""
         return self.outcome == "refused" if self.passes is None else self.passes
 
     @property
     def outcomes(self) -> dict[str, Outcome]:
         """Kind of mount -> outcome."""
-        return {ELSE: self.outcome} if isinstance(self.outcome, str) else self.outcome
+        return {ANY_MOUNT: self.outcome} if isinstance(self.outcome, str) else self.outcome
 
     @property
     def operations(self) -> list[str]:
@@ -123,7 +123,7 @@ class OwnRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     counts unless a model to present is configured.
     """
 
-    keep: Keep | None = None  # how often the mount is asked (``KEEPS``); None: the gateway answers
+    keep: ReplyReuse | None = None  # how often the mount is asked (``REUSE_DESCRIPTIONS``); None: the gateway answers
     why: str | None = None  # why the gateway answers
 
 
@@ -152,13 +152,13 @@ class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     driver: dict[str, list[Implementation]] = {}  # operation -> implementations that replace those of ``driver.toml``
     facts: dict[str, Any] = {}  # constants of these mounts, for the driver's functions
 
-    def spoken(self, where: str, rows: dict[str, CommandRow]) -> dict[str, CommandRow]:
+    def merged_commands(self, where: str, rows: dict[str, CommandRow]) -> dict[str, CommandRow]:
         """Return the dialect's commands: some ``rows`` of ``commands.toml``, and its own. Raises MappingError."""
         if absent := sorted(set(self.has) - rows.keys()):
             raise MappingError(where, "has", f"there is no {', '.join(absent)}")
         return {name: replace(rows[name], models=None, since=None) for name in self.has} | self.commands
 
-    def driven(self, rows: dict[str, list[Implementation]], has: frozenset[str]) -> dict[str, list[Implementation]]:
+    def merge(self, rows: dict[str, list[Implementation]], has: frozenset[str]) -> dict[str, list[Implementation]]:
         """Return operation -> implementations: ``rows`` with only commands in ``has``, or the dialect's own."""
         usable = {}
         for operation, ways in rows.items():

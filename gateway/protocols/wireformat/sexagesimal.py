@@ -12,40 +12,40 @@ import re
 from collections.abc import Callable
 from functools import cache
 
-from gateway.core.wire_log import show
+from gateway.core.wire_log import printable
 
-_SEPARATOR = rb"(?:\xc2\xb0|[\xdf\xb0*:' ])[ ]*"
-_PARTS = (
+_SEPARATOR_PATTERN = rb"(?:\xc2\xb0|[\xdf\xb0*:' ])[ ]*"
+_PARTS_PATTERN = (
     rb"[ ]*([+-]?)[ ]*(\d{1,3}(?:\.\d*)?)(?:"
-    + _SEPARATOR
+    + _SEPARATOR_PATTERN
     + rb"(\d{1,2}(?:\.\d*)?)(?:"
-    + _SEPARATOR
+    + _SEPARATOR_PATTERN
     + rb"(\d{1,2}(?:\.\d*)?))?)?[\"' ]*"
 )
 
 
 @cache
-def _parts() -> re.Pattern[bytes]:
+def _parts_matcher() -> re.Pattern[bytes]:
     """Return the compiled pattern of a sexagesimal value. It is compiled on first use, because that is slow."""
-    return re.compile(_PARTS)
+    return re.compile(_PARTS_PATTERN)
 
 
-def parse(raw: bytes, least: int = 2) -> float:
+def parse(raw: bytes, min_parts: int = 2) -> float:
     """Parse ``sDD*MM:SS`` in any of its notations; return the signed number of degrees or hours.
 
-    Raises ValueError, also for fewer than ``least`` parts.
+    Raises ValueError, also for fewer than ``min_parts`` parts.
     """
-    match = _parts().fullmatch(raw)
+    match = _parts_matcher().fullmatch(raw)
     if match is None:
-        raise ValueError(f"'{show(raw)}' is not a sexagesimal number")
+        raise ValueError(f"'{printable(raw)}' is not a sexagesimal number")
     parts = [text for text in match.groups()[1:] if text is not None]
-    if len(parts) < least:
-        raise ValueError(f"'{show(raw)}' is incomplete")
+    if len(parts) < min_parts:
+        raise ValueError(f"'{printable(raw)}' is incomplete")
     if any(b"." in text for text in parts[:-1]):
-        raise ValueError(f"'{show(raw)}' has a fraction before its last part")
+        raise ValueError(f"'{printable(raw)}' has a fraction before its last part")
     numbers = [float(text) for text in parts]
     if any(number > 60 for number in numbers[1:]):
-        raise ValueError(f"'{show(raw)}' has minutes or seconds over 60")
+        raise ValueError(f"'{printable(raw)}' has minutes or seconds over 60")
     value = 0.0
     for part in reversed(numbers):  # not sum(), whose last digit depends on the version of Python
         value = value / 60.0 + part
@@ -57,33 +57,33 @@ def parse_typed(text: str) -> float:
 
     Raises ValueError.
     """
-    return parse(re.sub(r"[hdms°'\"′″*:\s]+", ":", text.strip().lower()).rstrip(":").encode(), least=1)
+    return parse(re.sub(r"[hdms°'\"′″*:\s]+", ":", text.strip().lower()).rstrip(":").encode(), min_parts=1)
 
 
-def unsigned(raw: bytes) -> bytes:
+def check_unsigned(raw: bytes) -> bytes:
     """Return the text of an unsigned field unchanged. Raises ValueError if it has a sign."""
     if b"-" in raw or b"+" in raw:
-        raise ValueError(f"'{show(raw)}' has a sign, and this form has none")
+        raise ValueError(f"'{printable(raw)}' has a sign, and this form has none")
     return raw
 
 
-def whole(raw: bytes) -> bytes:
+def check_whole(raw: bytes) -> bytes:
     """Return the text of a whole-number field unchanged. Raises ValueError if it has decimals."""
     if b"." in raw:
-        raise ValueError(f"'{show(raw)}' has decimals, and this form has none")
+        raise ValueError(f"'{printable(raw)}' has decimals, and this form has none")
     return raw
 
 
 def number(raw: bytes) -> float:
     """Parse a decimal number, which may have blanks around it. Raises ValueError."""
     if re.fullmatch(rb" *[+-]?(?:\d+\.?\d*|\.\d+) *", raw) is None:
-        raise ValueError(f"'{show(raw)}' is not a number")
+        raise ValueError(f"'{printable(raw)}' is not a number")
     return float(raw)
 
 
 def parse_hours(raw: bytes) -> float:
     """Parse a right ascension ``HH:MM:SS`` or ``HH:MM.T``; return degrees. 23:59:60 is 0."""
-    value = parse(unsigned(raw))
+    value = parse(check_unsigned(raw))
     if value == 24 and raw.lstrip()[:2] == b"23":
         return 0.0
     return value * 15.0
@@ -91,9 +91,9 @@ def parse_hours(raw: bytes) -> float:
 
 def parse_azimuth(raw: bytes) -> float:
     """Parse an azimuth; return degrees in [0, 360). 360 is north."""
-    value = parse(unsigned(raw))
+    value = parse(check_unsigned(raw))
     if value > 360:
-        raise ValueError(f"'{show(raw)}' is not an azimuth")
+        raise ValueError(f"'{printable(raw)}' is not an azimuth")
     return value % 360.0
 
 
@@ -101,15 +101,15 @@ def parse_longitude(raw: bytes) -> float:
     """Parse a Meade longitude, unsigned 0 to 360 or signed; return degrees in [-180, 180], west positive."""
     value = parse(raw)
     if not -180 <= value <= 360:
-        raise ValueError(f"'{show(raw)}' is not a longitude")
+        raise ValueError(f"'{printable(raw)}' is not a longitude")
     return value - 360.0 if value > 180 else value
 
 
 def parse_clock(raw: bytes) -> float:
     """Parse a time of day; return seconds since midnight. 23:59:60 is 86400, the midnight at the end of the day."""
-    value = parse(unsigned(raw), least=3)
+    value = parse(check_unsigned(raw), min_parts=3)
     if value == 24 and raw.lstrip()[:2] != b"23":
-        raise ValueError(f"'{show(raw)}' is not a time of day")
+        raise ValueError(f"'{printable(raw)}' is not a time of day")
     return value * 3600.0
 
 
@@ -137,7 +137,7 @@ def _circular(form: str, per_degree: int, *bases: int) -> Callable[[float], str]
     return written
 
 
-def _to_the_poles(form: str, per_degree: int, *bases: int) -> Callable[[float], str]:
+def _signed_writer(form: str, per_degree: int, *bases: int) -> Callable[[float], str]:
     """Return a function that writes a signed angle in the format ``form``. It raises ValueError beyond 90 degrees."""
 
     def written(degrees: float) -> str:
@@ -154,8 +154,8 @@ def _to_the_poles(form: str, per_degree: int, *bases: int) -> Callable[[float], 
 hours, hours_low = _circular("{:02d}:{:02d}:{:02d}", 240, 60, 60), _circular("{:02d}:{:02d}.{:d}", 40, 60, 10)
 hours_fine = _circular("{:02d}:{:02d}:{:02d}.{:04d}", 2400000, 60, 60, 10000)
 azimuth, azimuth_low = _circular("{:03d}*{:02d}:{:02d}", 3600, 60, 60), _circular("{:03d}*{:02d}", 60, 60)
-signed, signed_low = _to_the_poles("{:02d}*{:02d}:{:02d}", 3600, 60, 60), _to_the_poles("{:02d}*{:02d}", 60, 60)
-signed_fine = _to_the_poles("{:02d}*{:02d}:{:02d}.{:03d}", 3600000, 60, 60, 1000)
+signed, signed_angle_low = _signed_writer("{:02d}*{:02d}:{:02d}", 3600, 60, 60), _signed_writer("{:02d}*{:02d}", 60, 60)
+signed_angle_fine = _signed_writer("{:02d}*{:02d}:{:02d}.{:03d}", 3600000, 60, 60, 1000)
 
 
 def longitude(degrees: float) -> str:
@@ -176,19 +176,19 @@ def clock_12(seconds: float) -> str:
     return clock(((hour + 11) % 12 + 1) * 3600 + rest)
 
 
-def limit(raw: bytes) -> float:
+def parse_limit(raw: bytes) -> float:
     """Parse an altitude limit; return degrees. Four digits are arcminutes. Raises ValueError beyond 90 degrees."""
     text = raw.rstrip(b"*'\xdf\xb0\xc2 ")
     value = number(text)
     value = value / 60.0 if re.fullmatch(rb" *\d{4} *", text) else value
     if not -90 <= value <= 90:
-        raise ValueError(f"'{show(raw)}' is not an altitude limit")
+        raise ValueError(f"'{printable(raw)}' is not an altitude limit")
     return value
 
 
-def limit_to_set(raw: bytes) -> float:
+def parse_new_limit(raw: bytes) -> float:
     """Parse an altitude limit that a client sets: 0 to 90 whole degrees, without a sign. Raises ValueError."""
-    return limit(whole(unsigned(raw)))
+    return parse_limit(check_whole(check_unsigned(raw)))
 
 
 def offset_in_full(value: float) -> str:
@@ -211,13 +211,13 @@ def offset(value: float) -> str:
 def parse_offset(raw: bytes) -> float:
     """Parse a UTC offset ``sHH``, ``sHH.H``, ``s5`` or ``sHH:MM``; return hours. x.7 and x.8 are x.75 (Nepal)."""
     text = raw.replace(b" ", b"")
-    value = parse(text, least=1)
+    value = parse(text, min_parts=1)
     if b":" not in text:
         whole, tenths = divmod(round(abs(value) * 10), 10)
         if tenths in (7, 8) and len(text.partition(b".")[2]) < 2:
             value = (whole + 0.75) * (-1 if text.startswith(b"-") else 1)
     if not -14 <= value <= 14:
-        raise ValueError(f"'{show(raw)}' is not a UTC offset")
+        raise ValueError(f"'{printable(raw)}' is not a UTC offset")
     return value
 
 
@@ -233,16 +233,16 @@ def parse_date(raw: bytes) -> datetime.date:
     """
     match = re.fullmatch(rb" ?(\d{1,2})[/:. -](\d{1,2})[/:. -](\d{2}|\d{4}) ?", raw)
     if match is None:
-        raise ValueError(f"'{show(raw)}' is not a date MM/DD/YY")
+        raise ValueError(f"'{printable(raw)}' is not a date MM/DD/YY")
     month, day, year = (int(group) for group in match.groups())
     if len(match[3]) == 2:
         year += 2000 if year <= 50 else 1900
     if not 1951 <= year <= 2050:
-        raise ValueError(f"'{show(raw)}' is outside the years 1951 to 2050 that MM/DD/YY can express")
+        raise ValueError(f"'{printable(raw)}' is outside the years 1951 to 2050 that MM/DD/YY can express")
     try:
         return datetime.date(year, month, day)
     except ValueError:
-        raise ValueError(f"'{show(raw)}' is not a day of the calendar") from None
+        raise ValueError(f"'{printable(raw)}' is not a day of the calendar") from None
 
 
 def dms_bytes(degrees: float) -> bytes:

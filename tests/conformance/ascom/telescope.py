@@ -12,7 +12,7 @@ from typing import Any
 
 from gateway.astro.spherical import hour_angle_to_horizon, wrap180
 from gateway.diagnostics.rehearsal.stage import RehearsalMount
-from gateway.protocols.alpaca.http.programs import Device
+from gateway.protocols.alpaca.http.programs import AlpacaDevice
 from gateway.protocols.alpaca.http.requests import BadRequest, parse_request
 from gateway.protocols.alpaca.tables import empty_value
 from gateway.transport.web_server import WebDevice
@@ -62,7 +62,7 @@ class Telescope:
         self.own = own
         self.late: dict[str, float] = {}
         self.can: dict[str, bool] = {}
-        self._device = Device(WebDevice(own.acceptor.accept, "a mount", own.controller.wire_log))
+        self._device = AlpacaDevice(WebDevice(own.acceptor.accept, "a mount", own.controller.wire_log))
 
     async def _ask(self, method: str, member: str, parameters: dict[str, Any], target: float) -> Any:
         pairs = [(name, str(value)) for name, value in parameters.items()] + [("ClientID", "1")]

@@ -32,7 +32,7 @@ async def moved(scope: Telescope, axis: int, rate: float, horizontal: bool = Fal
     async def read() -> float:
         if horizontal:
             return float(await scope.get("Altitude" if axis else "Azimuth"))
-        return float(scope.own.sim.truth()[axis])
+        return float(scope.own.sim.true_position()[axis])
 
     await scope.put("MoveAxis", Axis=axis, Rate=rate)
     before = await read()

@@ -13,9 +13,9 @@ from typing import NamedTuple, get_args
 
 from gateway.app.bindings import framer_and_replies
 from gateway.core.errors import NoDevice
-from gateway.core.wire_log import show
-from gateway.diagnostics.command_outcomes import MountKind, outcome, remarks, taken
-from gateway.diagnostics.rehearsal.play import Play, is_refusal, is_refused, may_change_mount, refusal_form
+from gateway.core.wire_log import printable
+from gateway.diagnostics.command_outcomes import MountKind, choose, outcome, remarks
+from gateway.diagnostics.rehearsal.play import Play, general_refusal, is_refusal, is_refused, may_change_mount
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.surface import ACKNOWLEDGED, Surface
 from gateway.protocols.wireformat.command import Command
@@ -80,21 +80,21 @@ def permitted(case: Case, seen: Seen, surface: Surface) -> set[str]:
     """
     command, row, play = case.command, case.row, seen.play
     asked = [*([row.ask] if row is not None and row.ask else []), *seen.asked]
-    if is_refused(play, command, surface) or (command.question and asked and not play.reply):
-        by_mount = bool(play.wire) and not case.mount.aligned  # as a mount that has just been switched on
+    if is_refused(play, command, surface) or (command.is_query and asked and not play.reply):
+        by_mount = bool(play.changing_commands) and not case.mount.aligned  # as a mount that has just been switched on
         return {"refused", "translated"} if by_mount else {"refused"}
-    if play.wire:
+    if play.changing_commands:
         return {"translated"}
-    if not command.question and any(map(may_change_mount, asked)):
+    if not command.is_query and any(map(may_change_mount, asked)):
         return set(get_args(Outcome)) - {"refused"} if not seen.kept or not case.mount.aligned else {"kept"}
-    if play.of("baud") or (seen.kept and not command.question):
+    if play.steps_of_kind("baud") or (seen.kept and not command.is_query):
         return {"kept"}
-    if not case.mount.aligned and not command.question and asked:
+    if not case.mount.aligned and not command.is_query and asked:
         return {"translated", "derived", "kept"}
-    if reads := [name for name in seen.deciding or asked if name in case.driven.driver]:
-        return set(get_args(Outcome)) - {"refused", "silent"} if command.question and reads else {"derived", "kept"}
+    if reads := [name for name in seen.deciding or asked if name in case.driven.driver_rows]:
+        return set(get_args(Outcome)) - {"refused", "silent"} if command.is_query and reads else {"derived", "kept"}
     if asked:
-        return {"derived", "kept"} if seen.tells or not command.question else {"derived"}
+        return {"derived", "kept"} if seen.tells or not command.is_query else {"derived"}
     if not play.reply:
         return {"silent"}
     return {"kept"} if seen.tells else {"synthesised"}
@@ -103,15 +103,15 @@ def permitted(case: Case, seen: Seen, surface: Surface) -> set[str]:
 def _by_bytes(case: Case, seen: Seen, surface: Surface, asked: frozenset[str]) -> Iterator[str]:
     """Yield what the bytes, the reply and the log show otherwise than the tables."""
     play = seen.play
-    if b"".join(event.data for event in play.of("act")) != b"".join(play.wire):
+    if b"".join(event.data for event in play.steps_of_kind("act")) != b"".join(play.changing_commands):
         yield "explain shows other bytes than the mount has heard"
     if case.lacking:
-        if play.wire or play.reply not in (b"", refusal_form(surface, play.frame)):
+        if play.changing_commands or play.reply not in (b"", general_refusal(surface, play.frame)):
             yield "the presented model does not know it, and something is done or answered"
         return
     said = case.said
     listed = sent(case.row, case.driven, case.mount)
-    changing = [found[0].name if (found := case.driven.find(data)) else repr(data) for data in play.wire]
+    changing = [found[0].name if (found := case.driven.find(data)) else repr(data) for data in play.changing_commands]
     unlisted = sorted({name for name in changing if name not in listed})
     if said != "translated" and changing:
         yield f"{said}, and yet {', '.join(sorted(set(changing)))} goes to the mount"
@@ -131,7 +131,7 @@ def _by_bytes(case: Case, seen: Seen, surface: Surface, asked: frozenset[str]) -
 
 def _idle(case: Case) -> bool:
     """Whether an order may change nothing: on a mount that is not aligned it may be so already, as its tracking off."""
-    return not case.mount.aligned and all(way.aligned is None for way in taken(case.row, case.driven, case.mount))
+    return not case.mount.aligned and all(way.aligned is None for way in choose(case.row, case.driven, case.mount))
 
 
 def _answers(play: Play) -> list[tuple[bytes, bytes]]:
@@ -155,7 +155,7 @@ def _mount_says_no(case: Case, request: bytes, answer: bytes) -> bool:
     command, picture = found
     if any(reply.fault and form.matcher.fullmatch(answer) for reply, form in command.replies):
         return True
-    taken = framer_and_replies(case.driven.name, case.mount.model)[1].take(
+    taken = framer_and_replies(case.driven.name, case.mount.model)[1].parse_reply(
         Send(command.name, picture.decode(request)), answer
     )
     return taken is not None and isinstance(taken[0], NoDevice)
@@ -163,7 +163,7 @@ def _mount_says_no(case: Case, request: bytes, answer: bytes) -> bool:
 
 def _notes(play: Play) -> list[str]:
     """Return the notes of the log that are about the command."""
-    return [event.text for event in play.of("note") if not event.text.startswith(_ASIDE)]
+    return [event.text for event in play.steps_of_kind("note") if not event.text.startswith(_ASIDE)]
 
 
 def _answered(case: Case, seen: Seen, surface: Surface, said: str) -> Iterator[str]:
@@ -174,23 +174,23 @@ def _answered(case: Case, seen: Seen, surface: Surface, said: str) -> Iterator[s
     if said == "missing":
         yield "missing"
     elif said == "refused":
-        if any(reply.fault for reply, _ in command.replies) or refusal_form(surface, play.frame):
+        if any(reply.fault for reply, _ in command.replies) or general_refusal(surface, play.frame):
             acknowledged = play.reply == ACKNOWLEDGED and notes and row is not None and "#" in row.why
             if not no and not acknowledged:  # where only the log tells it, the remark says so
-                yield f"refused, and the reply '{show(play.reply)}' is no no"
+                yield f"refused, and the reply '{printable(play.reply)}' is no no"
         elif not notes:
             yield "refused, and neither the reply nor the log says so"
     elif said == "silent":
         if play.reply:
-            yield f"silent, and yet '{show(play.reply)}' is said"
-    elif no and not (play.wire and not case.mount.aligned):
-        yield f"{said}, and yet the reply is no: '{show(play.reply)}'"
+            yield f"silent, and yet '{printable(play.reply)}' is said"
+    elif no and not (play.changing_commands and not case.mount.aligned):
+        yield f"{said}, and yet the reply is no: '{printable(play.reply)}'"
     elif not play.reply and any(
         form.fault is None and form.when in (None, *case.face, *PRECISIONS) for form, _ in command.replies
     ):
         yield f"{said}, and yet there is no reply"
     elif said == "kept" and not command.replies and not (seen.kept or (seen.learnt and writes(row))):
         yield "kept, and nothing is kept"
-    ways = taken(row, case.driven, case.mount)
+    ways = choose(row, case.driven, case.mount)
     if (notes or said == "refused") and not remarks(row, ways):
         yield f"no remark on it, and the log says: {'; '.join(notes) or 'nothing'}"

@@ -11,19 +11,19 @@ from typing import NamedTuple
 
 from gateway.app.config import Endpoint
 from gateway.app.recording.format import unescape
-from gateway.diagnostics.command_outcomes import MountKind, versions
-from gateway.diagnostics.rehearsal.explain import commands_before, counted_version, rehearsal_sky, traits
+from gateway.diagnostics.command_outcomes import MountKind, model_versions
+from gateway.diagnostics.rehearsal.explain import actual_version, commands_before, rehearsal_sky, traits_of
 from gateway.diagnostics.rehearsal.play import (
     OBSERVATION_TIME,
     QUERY_OBSERVATION_TIME,
     SETTING_OBSERVATION_TIME,
-    Before,
-    stage,
+    Prelude,
+    set_up,
 )
-from gateway.diagnostics.rehearsal.samples import example, value
+from gateway.diagnostics.rehearsal.samples import example_request, sample_value
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.registry import PROTOCOLS
-from gateway.protocols.registry import pairs as protocol_pairs
+from gateway.protocols.registry import protocol_pairs as protocol_pairs
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load
 from gateway.protocols.wireformat.rows import SurfaceRow
@@ -68,16 +68,16 @@ def pairs() -> Iterator[Pair]:
     speaks a dialect only the default of each protocol, as they differ no more on it than on the others.
     """
     for client, mount in protocol_pairs():
-        faces = [face for face in _models(client) if face.model not in load(client).dialects]
+        faces = [face for face in _models(client) if face.model not in load(client).dialect_by_model]
         default = [face for face in faces if face.model == PROTOCOLS[client].default_model][-1]
         for face in faces:
             for driven in _models(mount):
-                if driven.model not in load(mount).dialects or face is default:
+                if driven.model not in load(mount).dialect_by_model or face is default:
                     yield Pair(face, driven)
 
 
 def _models(protocol: str) -> list[Endpoint]:
-    found = [Endpoint(protocol, "-", model, version or None) for model, version, _ in versions(load(protocol))]
+    found = [Endpoint(protocol, "-", model, version or None) for model, version, _ in model_versions(load(protocol))]
     return found or [Endpoint(protocol, "-")]
 
 
@@ -88,29 +88,31 @@ def rehearse(pair: Pair, only: frozenset[str] = frozenset()) -> tuple[int, list[
 
 
 async def _rehearse(pair: Pair, only: frozenset[str]) -> tuple[int, list[Difference]]:
-    protocol, driven = load(pair.face.protocol), load(pair.mount.protocol).of(pair.mount.model)
-    commands = [command for name, command in protocol.commands.items() if command.asked and (not only or name in only)]
+    protocol, driven = load(pair.face.protocol), load(pair.mount.protocol).in_dialect_of(pair.mount.model)
+    commands = [
+        command for name, command in protocol.commands.items() if command.requested and (not only or name in only)
+    ]
     found: list[Difference] = []
     plays = 0
-    asking = [command for command in commands if not _alone(protocol.surface.get(command.name))]
+    asking = [command for command in commands if not _alone(protocol.surface_rows.get(command.name))]
     for state in _states(driven, pair.mount.model or "") if asking else ():
-        async with stage(pair.face, pair.mount, rehearsal_sky(), aligned=state.aligned, wedge=state.wedge) as shared:
+        async with set_up(pair.face, pair.mount, rehearsal_sky(), aligned=state.aligned, wedge=state.wedge) as shared:
             player = Watcher(shared)
             for command in asking:
                 plays += 1
                 found += await _one(pair, player, command, state, QUERY_OBSERVATION_TIME)
     for command in commands:
-        row = protocol.surface.get(command.name)
+        row = protocol.surface_rows.get(command.name)
         for state in _states(driven, pair.mount.model or "") if _alone(row) else ():
             plays += 1
-            async with stage(pair.face, pair.mount, rehearsal_sky(), aligned=state.aligned, wedge=state.wedge) as own:
+            async with set_up(pair.face, pair.mount, rehearsal_sky(), aligned=state.aligned, wedge=state.wedge) as own:
                 found += await _one(pair, Watcher(own), command, state, _long(row))
     return plays, found
 
 
 def examples(command: Command) -> list[bytes]:
     """Return requests of this command that differ in what is asked for."""
-    values = {name: value(command, name, field) for name, field in command.request.fields.items()}
+    values = {name: sample_value(command, name, field) for name, field in command.request.fields.items()}
     also = [values | {field: further} for (name, field), further in ALSO.items() if name == command.name]
     return [command.request.encode(each) for each in (values, *also)]
 
@@ -119,9 +121,9 @@ async def operations(pair: Pair, only: frozenset[str]) -> list[tuple[str, set[st
     """Return the operations that some rows ask for, also with further values."""
     found = []
     for name in sorted(only):
-        command, row = load(pair.face.protocol).commands[name], load(pair.face.protocol).surface[name]
+        command, row = load(pair.face.protocol).commands[name], load(pair.face.protocol).surface_rows[name]
         for frame in examples(command):
-            async with stage(pair.face, pair.mount, rehearsal_sky()) as own:
+            async with set_up(pair.face, pair.mount, rehearsal_sky()) as own:
                 seen = await Watcher(own).watch(frame, commands_before(pair.face, row), _long(row))
             found.append((name, set(seen.asked)))
     return found
@@ -140,7 +142,7 @@ def _long(row: SurfaceRow | None) -> float:
 def _states(driven: CommandSet, model: str) -> Iterator[State]:
     """Yield the states in which a mount is played: aligned, not aligned, and a fork on a wedge."""
     yield State()
-    if PROTOCOLS[driven.name].aligns:
+    if PROTOCOLS[driven.name].has_alignment:
         yield State(aligned=False)
     if driven.traits(model) != driven.traits(model, wedge=True):
         yield State(wedge=True)
@@ -148,20 +150,24 @@ def _states(driven: CommandSet, model: str) -> Iterator[State]:
 
 async def _one(pair: Pair, player: Watcher, command: Command, state: State, watched: float) -> list[Difference]:
     """Play and judge one row."""
-    protocol, driven, own = load(pair.face.protocol), load(pair.mount.protocol).of(pair.mount.model), player.stage
-    row, frame = protocol.surface.get(command.name), example(command)
-    greeted = Before(tuple(map(unescape, PROTOCOLS[pair.face.protocol].required_requests)))
+    protocol, driven, own = (
+        load(pair.face.protocol),
+        load(pair.mount.protocol).in_dialect_of(pair.mount.model),
+        player.stage,
+    )
+    row, frame = protocol.surface_rows.get(command.name), example_request(command)
+    greeted = Prelude(tuple(map(unescape, PROTOCOLS[pair.face.protocol].required_requests)))
     said = commands_before(pair.face, row) if row is not None and _alone(row) else greeted
     seen = await player.watch(frame, said, watched)
-    asked = frozenset(found[0].name for data in own.sent() if (found := driven.find(data)) is not None)
+    asked = frozenset(found[0].name for data in own.sent_requests() if (found := driven.find(data)) is not None)
     surface = own.face.surface
     case = Case(
         command,
         row,
-        traits(pair.face, command),
+        traits_of(pair.face, command),
         driven,
-        MountKind(pair.mount.model or "", counted_version(pair.mount), *state),
-        bool(surface.lacks(own.face.model, frame)) or command.name in own.face.model.get("lacking", ()),
+        MountKind(pair.mount.model or "", actual_version(pair.mount), *state),
+        bool(surface.lacking_reason(own.face.model, frame)) or command.name in own.face.model.get("lacking", ()),
     )
     where = f"{pair}{'' if state.aligned else ', not aligned'}{', on a wedge' if state.wedge else ''}"
     return [Difference(protocol.name, command.name, words, where) for words in differences(case, seen, surface, asked)]

@@ -13,7 +13,7 @@ import pytest
 
 from gateway.app.config import parse_device
 from gateway.diagnostics.virtual_time import run
-from gateway.protocols.registry import pairs, surfaces
+from gateway.protocols.registry import protocol_pairs, surfaces
 from gateway.protocols.wireformat.command_set import load
 from tests.conformance.wire.rehearse import Pair, operations, rehearse, report
 
@@ -30,7 +30,7 @@ PRESENTED = {"lx200": ["lx200gps", "autostar", "lx200"], "nexstar": KINDS["nexst
 def played(client: str, every: bool = False) -> Iterator[Pair]:
     """Yield presented models and mounts; ``every`` one of these with every one of those."""
     faces = [parse_device(f"{client}:{model}") for model in PRESENTED.get(client, ())] or [parse_device(client)]
-    for _, driven in (pair for pair in pairs() if pair[0] == client):
+    for _, driven in (pair for pair in protocol_pairs() if pair[0] == client):
         kinds = [parse_device(f"{driven}:{model}") for model in KINDS[driven]]
         for face, mount in product(faces, kinds):
             if every or face is faces[0] or mount is kinds[0]:
@@ -50,7 +50,7 @@ def test_surface_row_has_its_documented_outcome_on_every_mount(name: str) -> Non
 @pytest.mark.parametrize("client", surfaces())
 def test_surface_row_uses_every_read_that_it_lists_in_asks(client: str) -> None:
     """On some mount: what it asks for elsewhere is in its ``asks`` by the test above."""
-    left = {name: set(row.asks) for name, row in load(client).surface.items() if row.asks}
+    left = {name: set(row.asks) for name, row in load(client).surface_rows.items() if row.asks}
     for pair in played(client, every=True):
         for name, asked in run(operations(pair, frozenset(left))):
             left[name] -= asked

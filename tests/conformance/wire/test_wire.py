@@ -23,7 +23,7 @@ def shares() -> dict[Pair, frozenset[str]]:
     result = {}
     for protocol, several in groupby(PAIRS, key=lambda pair: pair.face.protocol):
         together = list(several)
-        names = [command.name for command in load(protocol).commands.values() if command.asked]
+        names = [command.name for command in load(protocol).commands.values() if command.requested]
         each = -(-len(names) // len(together))
         for number, pair in enumerate(together):
             result[pair] = frozenset(names[(number * each + one) % len(names)] for one in range(each))
@@ -42,7 +42,7 @@ def test_tables_list_exactly_the_commands_that_the_wire_carries(name: str) -> No
     for pair in GROUPS[name]:
         only = as_a_rule(len(SHARES[pair]), whole=0)
         plays, differences = rehearse(pair, SHARES[pair] if only else frozenset())
-        commands = sum(command.asked for command in load(pair.face.protocol).commands.values())
+        commands = sum(command.requested for command in load(pair.face.protocol).commands.values())
         assert plays >= (only or commands), pair
         found += differences
     assert list(report(found)) == []
@@ -56,5 +56,5 @@ def test_every_pair_of_models_and_every_command_is_tried() -> None:
     assert sum(map(len, GROUPS.values())) == len(PAIRS) == len(SHARES) and all(SHARES.values())
     played = Counter((pair.face.protocol, name) for pair, names in SHARES.items() for name in names)
     for protocol in {pair.face.protocol for pair in PAIRS}:
-        asked = {(protocol, command.name) for command in load(protocol).commands.values() if command.asked}
+        asked = {(protocol, command.name) for command in load(protocol).commands.values() if command.requested}
         assert asked <= played.keys()

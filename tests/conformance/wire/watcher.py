@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from gateway.core.motion_kinds import END_ORDERS
-from gateway.core.operations import Operation, Read, named
-from gateway.diagnostics.rehearsal.play import SETTING_OBSERVATION_TIME, Before, Play, Player, may_change_mount
+from gateway.core.operations import Operation, Read, operation_class
+from gateway.diagnostics.rehearsal.play import SETTING_OBSERVATION_TIME, Play, Player, Prelude, may_change_mount
 from gateway.diagnostics.rehearsal.stage import RehearsalMount
 from gateway.protocols.base.session import Session
-from gateway.protocols.base.wants import CheckPossible, Handling, SurfaceStep, relayed
-from gateway.protocols.registry import mounts
+from gateway.protocols.base.wants import CheckPossible, Handling, SurfaceStep, relay_requests
+from gateway.protocols.registry import drivers
 from gateway.protocols.wireformat.command_set import load
 
 
@@ -29,7 +29,7 @@ class Seen(NamedTuple):
     @property
     def deciding(self) -> list[str]:
         """The operations that decide what becomes of a command: those that change the mount, else the reads of it."""
-        can = {name for mount in mounts() for name in load(mount).driver}
+        can = {name for mount in drivers() for name in load(mount).driver_rows}
         return [name for name in self.asked if may_change_mount(name)] or [name for name in self.asked if name in can]
 
 
@@ -41,18 +41,20 @@ class Watcher(Player):
         self._asked: dict[str, None] = {}
         self._calling = self._tells = False
         surface, self._call = self.surface, self.surface.call
-        handle, ending, perform = surface.handle, surface.ending, self.driver.perform
-        surface.session = self._noting(surface.session)
+        handle, ending, perform = surface.handle, surface.urgent_end, self.driver.perform
+        surface.session_type = self._noting(surface.session_type)
         surface.handle = lambda session, frame: handle(self._begun(session), frame)
         surface.call = self._called
-        surface.ending = lambda session, frame: self._ended(ending(session, frame))
+        surface.urgent_end = lambda session, frame: self._ended(ending(session, frame))
         self.driver.perform = lambda operation: perform(self._performed(operation))
 
-    async def watch(self, frame: bytes, before: Before = Before(), watching: float = SETTING_OBSERVATION_TIME) -> Seen:
+    async def watch(
+        self, frame: bytes, before: Prelude = Prelude(), watching: float = SETTING_OBSERVATION_TIME
+    ) -> Seen:
         play = await self.play(frame, before, watching)
         return Seen(play, tuple(self._asked), self._before != self._kept(), self._known != self._knows(), self._tells)
 
-    def begin(self) -> None:
+    def on_play_begin(self) -> None:
         self._session, self._before, self._known, self._tells = None, "", self._knows(), False
         self._asked.clear()
 
@@ -76,7 +78,7 @@ class Watcher(Player):
 
         class Noting(kind):
             def __getattribute__(self, name: str) -> object:
-                watcher._tells |= watcher._calling and name in ("client", "common")
+                watcher._tells |= watcher._calling and name in ("client", "settings_holder")
                 return super().__getattribute__(name)
 
         return Noting
@@ -84,7 +86,7 @@ class Watcher(Player):
     def _called(self, *given: Any) -> Handling:
         self._calling = True
         try:
-            return (yield from relayed(self._call(*given), self._requested))
+            return (yield from relay_requests(self._call(*given), self._requested))
         finally:
             self._calling = False
 
@@ -104,6 +106,6 @@ class Watcher(Player):
     def _performed(self, operation: Operation) -> Operation:
         """Note an operation that changes the mount, also one made of another one; not the end of a pulse."""
         name = type(operation).__name__
-        if not isinstance(operation, (Read, *END_ORDERS)) and named(name) is not None:
+        if not isinstance(operation, (Read, *END_ORDERS)) and operation_class(name) is not None:
             self._asked[name] = None
         return operation

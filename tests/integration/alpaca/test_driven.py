@@ -15,8 +15,8 @@ from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Unsupported
 from gateway.mount.policy import Limits
-from gateway.protocols.base.session import Shared
-from gateway.transport.handler import Connected
+from gateway.protocols.base.session import SharedSettings
+from gateway.transport.handler import NewConnection
 from tests.support.in_process_gateway import Bridge
 from tests.support.two_gateways import TwoGateways
 
@@ -41,7 +41,7 @@ async def test_alpaca_mount_parks_unparks_and_tracks_for_lx200_and_nexstar_progr
                 break
         assert not sim.tracking and not sim.slewing
         with pytest.raises(Fault, match=r"parked: unpark it first.*says"):
-            await ask(op.Goto(*sim.truth()))
+            await ask(op.Goto(*sim.true_position()))
         await ask(op.Unpark())
         assert sim.tracking and not (await ask(op.GetActivity())).parked
         await ask(op.SetTracking(on=False, heard=True))
@@ -59,14 +59,14 @@ async def test_alpaca_program_at_an_alpaca_mount_reads_the_server_and_cannot_byp
     async with inner:
         face = inner.face.surface
         made = make_surface(Endpoint("alpaca", "-"), SurfaceConfig(at="alpaca@-"), Limits())
-        made.surface.verbatim = True
+        made.surface.mount_speaks_same = True
         assert face is not made.surface
-        client = ConnectionAcceptor(inner.controller, made, Shared(), inner.clock)
+        client = ConnectionAcceptor(inner.controller, made, SharedSettings(), inner.clock)
         heard: list[bytes] = []
-        one = client.accept(Connected("x", "x", lambda data: heard.append(bytes(data))))
+        one = client.accept(NewConnection("x", "x", lambda data: heard.append(bytes(data))))
         for line in (b"put connected Connected=true", b"get doesrefraction", b"put sideofpier SideOfPier=1"):
             one.feed(line + b"\n")
             await asyncio.sleep(2.0)
         assert heard[:2] == [b"null\n", b"false\n"] and b"Not available" in heard[2]
-        assert not any(b"put sideofpier" in line for line in inner.sent())
+        assert not any(b"put sideofpier" in line for line in inner.sent_requests())
         one.close()

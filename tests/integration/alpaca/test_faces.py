@@ -63,7 +63,7 @@ class Server(Play):
         waited = 0
         while waited < 40:
             try:
-                if off(await self.one.place(), self.sim.truth()) < EXACT:
+                if off(await self.one.place(), self.sim.true_position()) < EXACT:
                     break
             except (Refusal, ValueError, IndexError, TypeError):
                 pass
@@ -71,7 +71,7 @@ class Server(Play):
             waited += 1
         must(waited < 40, "no position for 40 s after the server came back")
         await self.one.goto(*self.high(25.0))
-        must(off(self.sim.truth(), self.high(25.0)) < 3600.0, "the goto goes elsewhere")
+        must(off(self.sim.true_position(), self.high(25.0)) < 3600.0, "the goto goes elsewhere")
         return f"{waited} s"
 
     async def killed(self) -> str:
@@ -86,7 +86,7 @@ class Server(Play):
         self.cable.out = False
         await asyncio.sleep(9.0)
         must(not moving(self.sim), "it moves on")
-        must(off(self.sim.truth(), goal) > 3600.0, "it was not stopped")
+        must(off(self.sim.true_position(), goal) > 3600.0, "it was not stopped")
         return f"{await self.follows():.1f}″"
 
     async def site(self) -> str:

@@ -67,10 +67,10 @@ async def test_device_state_is_requested_again_after_a_failed_answer(when: str) 
         if when == "later":
             fails(one, "devicestate")
         await asyncio.sleep(10.0)
-        before = len(one.sent())
+        before = len(one.sent_requests())
         await asyncio.sleep(10.0)
-        assert b"get devicestate\n" in one.sent()[before:]
-        assert b"get rightascension\n" not in one.sent()[before:]
+        assert b"get devicestate\n" in one.sent_requests()[before:]
+        assert b"get rightascension\n" not in one.sent_requests()[before:]
 
 
 async def test_park_by_another_program_is_noticed_after_a_failed_answer() -> None:
@@ -89,18 +89,18 @@ async def test_arrows_of_a_german_mount_keep_their_direction_after_a_failed_answ
     if when == "at the start":
         fails(one, "sideofpier")
     async with one:
-        assert not one.driver.side_untold
+        assert not one.driver.hides_pier_side
         await one.controller.perform(goal(one, 30.0))
         await arrive(one)
         if when == "later":
             fails(one, "sideofpier")
         for _ in range(2):
-            before = one.sim.truth()[1]
+            before = one.sim.true_position()[1]
             await one.controller.perform(op.Move(op.Direction.NORTH, op.Rate(degrees=0.5)))
             await asyncio.sleep(1.0)
             await one.controller.perform(op.StopAxis(2))
             await asyncio.sleep(2.0)
-            assert one.sim.truth()[1] > before + 0.2
+            assert one.sim.true_position()[1] > before + 0.2
 
 
 @pytest.mark.parametrize(("member", "operation"), ABILITIES)
@@ -112,7 +112,7 @@ async def test_alpaca_ability_is_requested_again_after_a_failed_answer(
     fails(one, member, number)
     async with one:
         await one.controller.perform(operation)
-        assert not any(b"slewtocoordinates " in line for line in one.sent())
+        assert not any(b"slewtocoordinates " in line for line in one.sent_requests())
 
 
 @pytest.mark.parametrize("number", [ANYTHING, UNSPECIFIED, 0x400])
@@ -135,4 +135,4 @@ async def test_stop_leaves_out_an_axis_that_the_mount_does_not_have() -> None:
         await asyncio.sleep(1.0)
         await one.controller.stop()
         await asyncio.sleep(1.0)
-        assert not moving(one.sim) and not any(line.startswith(b"put moveaxis") for line in one.sent())
+        assert not moving(one.sim) and not any(line.startswith(b"put moveaxis") for line in one.sent_requests())

@@ -37,7 +37,7 @@ async def test_stop_ends_a_long_guide_pulse_on_an_alpaca_mount() -> None:
     async with Bridge("german", driven="alpaca", surface="lx200gps", config={"lowest": -90.0}) as bridge:
         one, ends = face("lx200", bridge), []
         for stop in (True, False):
-            before = bridge.sim.truth()[1]
+            before = bridge.sim.true_position()[1]
             await one.pulse("n", 3000)
             await asyncio.sleep(0.5)
             if stop:
@@ -45,7 +45,7 @@ async def test_stop_ends_a_long_guide_pulse_on_an_alpaca_mount() -> None:
                 await asyncio.sleep(0.7)
                 assert not moving(bridge.sim)
             await asyncio.sleep(6.0)
-            ends.append(abs(bridge.sim.truth()[1] - before) * 3600.0)
+            ends.append(abs(bridge.sim.true_position()[1] - before) * 3600.0)
         assert ends[0] < 10.0 and ends[1] == pytest.approx(3.0 * 7.52, rel=0.02)
 
 
@@ -64,14 +64,14 @@ async def test_arrows_go_the_right_way_on_a_german_mount_that_reports_no_pier_si
     ) as bridge:
         one = face("lx200", bridge)
         for number, east in enumerate((25.0, -25.0, 25.0)):
-            await one.goto((bridge.sim.sky.sidereal(bridge.clock()) + east) % 360.0, -30.0 if south else 30.0)
+            await one.goto((bridge.sim.sky.lst(bridge.clock()) + east) % 360.0, -30.0 if south else 30.0)
             await asyncio.sleep(3.0)
             went = []
             for _ in range(3):
-                before = bridge.sim.truth()[1]
+                before = bridge.sim.true_position()[1]
                 await one.arrow("n", 1.0)
                 await asyncio.sleep(3.0)
-                went.append(bridge.sim.truth()[1] > before)
+                went.append(bridge.sim.true_position()[1] > before)
             assert went == [bool(number) or not reversed_too, True, True]
         turned = any("moved the tube to the south" in entry.note for entry in bridge.entries)
         assert turned is reversed_too

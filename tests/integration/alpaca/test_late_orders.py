@@ -34,16 +34,16 @@ class OverHttp(HttpWire):
         super().__init__(URL, TelescopeHttp(URL))
         self.sim, self.late, self._latency, self.mute = sim, late, latency, False
 
-    async def _reach(self) -> tuple[tuple[str, int], bool]:
+    async def _find_address(self) -> tuple[tuple[str, int], bool]:
         return ("127.0.0.1", 1), True
 
     async def _ask(self, session: object, request: HttpRequest) -> tuple[int, bytes]:
-        await asyncio.sleep(self._latency + (self.late if request.moves else 0.0))
+        await asyncio.sleep(self._latency + (self.late if request.is_motion else 0.0))
         fields = urlencode(request.fields)
         status, text = self.sim.request(request.method, f"{request.path}?{fields}", fields.encode())
-        if request.moves and self.mute:
+        if request.is_motion and self.mute:
             await asyncio.Event().wait()
-        if self.sim.waits:
+        if self.sim.delayed:
             await asyncio.sleep(max(0.0, self.sim.mechanics.arrives(self.sim.now) - self.sim.now))
         return status, text.encode()
 
@@ -63,11 +63,11 @@ async def travelled(late: float, stop: float, goto: bool, **simulated: Any) -> t
     """Order a motion, and a stop so many seconds later. Return how far the tube went after it, and how long it took."""
     async with connected(**simulated) as (bridge, wire):
         wire.late = late
-        goal = op.Goto((bridge.sim.sky.sidereal(bridge.clock()) + 60.0) % 360.0, 30.0)
+        goal = op.Goto((bridge.sim.sky.lst(bridge.clock()) + 60.0) % 360.0, 30.0)
         order = goal if goto else op.Move(op.Direction.SOUTH, op.Rate(degrees=2.0))
         asked = asyncio.ensure_future(bridge.controller.perform(order))
         await asyncio.sleep(stop)
-        began, stood = bridge.clock(), bridge.sim.truth()
+        began, stood = bridge.clock(), bridge.sim.true_position()
         with contextlib.suppress(Fault):
             await bridge.controller.stop()
         took = bridge.clock() - began
@@ -76,7 +76,7 @@ async def travelled(late: float, stop: float, goto: bool, **simulated: Any) -> t
         asked.cancel()
         with contextlib.suppress(Fault, asyncio.CancelledError):
             await asked
-        return separation(*bridge.sim.truth(), *stood), took
+        return separation(*bridge.sim.true_position(), *stood), took
 
 
 @pytest.mark.parametrize("blocks", [False, True], ids=["answered-as-it-begins", "answered-at-its-end"])

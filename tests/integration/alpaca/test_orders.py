@@ -71,7 +71,7 @@ async def test_tracking_is_unchanged_after_a_goto_over_the_horizon(tracks: bool,
             else:
                 assert ((await ask(op.GetStatus())).tracking is op.Tracking.ALTAZ) is tracks, "it will be on again"
                 await arrive(one)
-                assert separation(*one.sim.horizon(), HORIZON.az, HORIZON.alt) < 0.02
+                assert separation(*one.sim.azimuth_altitude(), HORIZON.az, HORIZON.alt) < 0.02
         await asyncio.sleep(2.0 if end != "refusal" else 0.0)
         assert one.sim.tracks is (tracks or end == "newer goto")
         await asyncio.sleep(10.0)
@@ -87,7 +87,7 @@ def test_stop_restores_tracking_that_a_server_reports_as_off_during_a_slew(stop:
         async with server(platform=6) as one:
 
             def instead(usual: Served, method: str, name: str, given: dict[str, str]) -> Any:
-                if (method, name) == ("GET", "tracking") and one.sim.moves:
+                if (method, name) == ("GET", "tracking") and one.sim.reports_slewing:
                     return False
                 answer = usual(method, name, given)
                 if name == "abortslew":
@@ -140,7 +140,7 @@ def test_goto_waits_until_the_previous_motion_has_ended(first: str) -> None:
             there = goal(one, 60.0)
             await one.controller.perform(there)
             await arrive(one)
-            assert separation(*one.sim.truth(), there.ra, there.dec) < 0.01
+            assert separation(*one.sim.true_position(), there.ra, there.dec) < 0.01
 
     run(program())
 

@@ -45,7 +45,7 @@ def test_three_gateways_in_a_row_carry_goto_sync_arrow_and_stop(
     def sky() -> tuple[float, float]:
         now = row()
         dec = horizon_to_hour_angle(now["azimuth"], now["altitude"], SITE.latitude)[1]
-        return wrap360(SITE.sidereal(now["t"]) - now["hour_angle"]), dec
+        return wrap360(SITE.lst(now["t"]) - now["hour_angle"]), dec
 
     def rests() -> None:
         time.sleep(3.0)
@@ -64,7 +64,7 @@ def test_three_gateways_in_a_row_carry_goto_sync_arrow_and_stop(
     def off(one: tuple[float, float], other: tuple[float, float]) -> float:
         return separation(*one, *other) * 3600.0
 
-    goal = round(wrap360(SITE.sidereal(row()["t"]) + 20.0) * 240.0) / 240.0, 33.2575
+    goal = round(wrap360(SITE.lst(row()["t"]) + 20.0) * 240.0) / 240.0, 33.2575
     assert ask(last, f":Sr{hms(goal[0])}#:Sd{dms(goal[1])}#:MS#".encode(), b"110") == b"110"
     rests()
     time.sleep(3.0)

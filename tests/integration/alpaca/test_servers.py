@@ -34,7 +34,7 @@ def notes(bridge: Bridge) -> str:
 
 
 def goal(bridge: Bridge, east: float = 30.0, dec: float = 40.0) -> op.Goto:
-    return op.Goto((bridge.sim.mechanics.sky.sidereal(bridge.clock()) + east) % 360.0, dec)
+    return op.Goto((bridge.sim.mechanics.sky.lst(bridge.clock()) + east) % 360.0, dec)
 
 
 async def arrive(bridge: Bridge) -> None:
@@ -70,7 +70,9 @@ def test_operation_that_an_alpaca_mount_lacks_is_refused_in_words(
                 return
             with pytest.raises(Fault, match=words):
                 await one.controller.perform(operation)
-            assert not any(line.startswith(b"put " + lacks.removesuffix("_put").encode()) for line in one.sent())
+            assert not any(
+                line.startswith(b"put " + lacks.removesuffix("_put").encode()) for line in one.sent_requests()
+            )
 
     run(program())
 
@@ -94,12 +96,12 @@ async def test_refusal_quotes_the_message_of_the_alpaca_server() -> None:
 @pytest.mark.parametrize("model", ["german", "altaz"])
 async def test_first_arrow_shows_which_way_moveaxis_counts(model: str) -> None:
     async def north(one: Bridge) -> float:
-        before, height = one.sim.truth()[1], one.sim.horizon()[1]
+        before, height = one.sim.true_position()[1], one.sim.azimuth_altitude()[1]
         await one.controller.perform(op.Move(op.Direction.NORTH, op.Rate(degrees=0.5)))
         await asyncio.sleep(3.0)
         await one.controller.perform(op.StopAxis(2))
         await asyncio.sleep(2.0)
-        return one.sim.truth()[1] - before if model == "german" else one.sim.horizon()[1] - height
+        return one.sim.true_position()[1] - before if model == "german" else one.sim.azimuth_altitude()[1] - height
 
     async with server(model, senses=(-1, -1)) as one:
         await one.controller.perform(goal(one))
@@ -137,7 +139,7 @@ async def test_equinox_is_checked_against_what_the_alpaca_server_reports(
         there = goal(one, 20.0, 30.0)
         await one.controller.perform(there)
         await arrive(one)
-        missed = separation(*one.sim.truth(), there.ra, there.dec) / ARCMINUTE
+        missed = separation(*one.sim.true_position(), there.ra, there.dec) / ARCMINUTE
         contradicted = bool(told) and key is None and declares in (1, 2)
         assert (missed > 10.0) if contradicted else (missed < 0.5)
         assert told in notes(one) if told else "equinox" not in notes(one)
@@ -158,12 +160,12 @@ async def test_motion_by_hand_is_stopped_though_the_server_reports_no_slew() -> 
         await arrive(one)
         await one.controller.perform(op.Move(op.Direction.WEST, op.Rate(degrees=1.0)))
         await asyncio.sleep(1.0)
-        assert (await one.controller.answer(op.GetActivity())).by_hand and not one.sim.moves
+        assert (await one.controller.answer(op.GetActivity())).by_hand and not one.sim.reports_slewing
         await one.controller.stop()
         await asyncio.sleep(1.5)
-        stood = one.sim.truth()
+        stood = one.sim.true_position()
         await asyncio.sleep(3.0)
-        assert separation(*one.sim.truth(), *stood) < 0.1 * ARCMINUTE
+        assert separation(*one.sim.true_position(), *stood) < 0.1 * ARCMINUTE
 
 
 async def test_clock_that_the_server_accepts_but_does_not_set_is_refused() -> None:
@@ -188,7 +190,9 @@ async def test_mount_lost_by_its_server_is_reported_lost_and_reconnected() -> No
         one.sim.lacks -= {"connected_put"}
         await asyncio.sleep(10.0)
         assert one.controller.line.state == "up" and not one.sim.slewing
-        assert not any(line.startswith((b"put disconnect", b"put connected Connected=false")) for line in one.sent())
+        assert not any(
+            line.startswith((b"put disconnect", b"put connected Connected=false")) for line in one.sent_requests()
+        )
 
 
 async def test_program_is_told_that_the_mount_has_no_motion_by_hand() -> None:
@@ -204,9 +208,9 @@ async def test_stop_succeeds_though_one_of_its_requests_is_refused() -> None:
         await asyncio.sleep(1.0)
         await one.controller.stop()
         await asyncio.sleep(1.0)
-        stood = one.sim.truth()
+        stood = one.sim.true_position()
         await asyncio.sleep(2.0)
-        assert separation(*one.sim.truth(), *stood) < 0.1 * ARCMINUTE
+        assert separation(*one.sim.true_position(), *stood) < 0.1 * ARCMINUTE
 
 
 @pytest.mark.parametrize("since", [0.3, 1.7, 4.0])
@@ -231,12 +235,12 @@ async def test_another_server_at_the_same_address_is_examined_anew(first: bool) 
     """The sense of its arrows and its equinox are its own."""
 
     async def north(one: Bridge) -> float:
-        before = one.sim.truth()[1]
+        before = one.sim.true_position()[1]
         await one.controller.perform(op.Move(op.Direction.NORTH, op.Rate(degrees=0.5)))
         await asyncio.sleep(3.0)
         await one.controller.perform(op.StopAxis(2))
         await asyncio.sleep(2.0)
-        return one.sim.truth()[1] - before
+        return one.sim.true_position()[1] - before
 
     async with server("polar", senses=(-1, -1) if first else (1, 1), answers={"equatorialsystem": 1}) as one:
         await one.controller.perform(goal(one))
@@ -244,7 +248,7 @@ async def test_another_server_at_the_same_address_is_examined_anew(first: bool) 
         await asyncio.sleep(5.0)
         await north(one)
         assert await north(one) > 0.5
-        one.sim.senses, one.sim.tells["equatorialsystem"] = (1, 1) if first else (-1, -1), 2
+        one.sim.senses, one.sim.answers["equatorialsystem"] = (1, 1) if first else (-1, -1), 2
         one.controller.line.transaction.connection_lost("another server")
         await asyncio.sleep(10.0)
         assert (await north(one) > 0.5) is first

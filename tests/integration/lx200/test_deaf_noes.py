@@ -33,11 +33,11 @@ async def test_arrow_not_begun_on_a_deaf_meade_gets_the_form_for_no(after: float
         assert await client.ask(b"e", 5.0)
         assert await client.ask(SET_TIME) == b"#"
         await asyncio.sleep(after)
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         answer = await client.ask(motion, 4.0)
         stop = await client.ask(bytes((80, 2, 0x21 - motion[2], 0x24, 0, 0, 0, 0)), 1.0)
         assert stop == b"#"
         await asyncio.sleep(20.0)
-        begun = [sent for sent in bridge.sent()[before:] if sent[:2] == b":M"]
-        assert any(sent.startswith(b":SC") for sent in bridge.sent())
+        begun = [sent for sent in bridge.sent_requests()[before:] if sent[:2] == b":M"]
+        assert any(sent.startswith(b":SC") for sent in bridge.sent_requests())
         assert answer == (b"#" if begun else NO)

@@ -23,11 +23,11 @@ def meade(model: str, **settings: object) -> Bridge:
 async def test_driver_finds_the_meade_family_and_switches_to_high_precision_once(model: str) -> None:
     async with meade(model) as bridge:
         assert bridge.driver.model == model
-        assert bridge.sent()[0] == b"\x06"  # ACK before anything that begins with a colon
-        assert bridge.sent().count(b":U#") == (0 if model == "lx200gps" else 1)
-        assert bridge.sim.high
+        assert bridge.sent_requests()[0] == b"\x06"  # ACK before anything that begins with a colon
+        assert bridge.sent_requests().count(b":U#") == (0 if model == "lx200gps" else 1)
+        assert bridge.sim.high_precision
         assert len(bridge.sim.feed(b":GR#")) == 9
-        assert bridge.driver.tells_status == (model in ("autostar", "lx200gps"))
+        assert bridge.driver.has_status == (model in ("autostar", "lx200gps"))
 
 
 @pytest.mark.parametrize(
@@ -49,10 +49,10 @@ async def test_driver_finds_the_meade_family_and_switches_to_high_precision_once
 )
 async def test_lx200gps_driver_sends_the_right_bytes_for_motion(said: bytes, heard: list[bytes]) -> None:
     async with meade("lx200gps") as bridge:
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         assert await bridge.client().ask(said) == b"#"
         await asyncio.sleep(0.8)
-        moved = [sent for sent in bridge.sent()[before:] if sent[1:2] in b"RMTQ"]
+        moved = [sent for sent in bridge.sent_requests()[before:] if sent[1:2] in b"RMTQ"]
         assert moved == heard
 
 
@@ -63,8 +63,8 @@ async def test_meade_driver_releases_the_arrow_that_it_pressed() -> None:
         await asyncio.sleep(0.5)
         await client.ask(b"P\x02\x11\x24\x00\0\0\0")
         await asyncio.sleep(0.5)
-        assert bridge.sent().count(b":Qs#") == 2  # it acknowledges nothing
-        assert b":Qn#" not in bridge.sent()
+        assert bridge.sent_requests().count(b":Qs#") == 2  # it acknowledges nothing
+        assert b":Qn#" not in bridge.sent_requests()
         assert bridge.sim.tracking
 
 
@@ -75,14 +75,14 @@ async def test_meade_driver_switches_tracking_only_where_it_keeps_the_alignment(
         assert await client.ask(b"T\x00") == b"#"
         await asyncio.sleep(0.5)
         if model in ("autostar", "lx200gps"):
-            assert bridge.sent().count(b":AL#") == 1
+            assert bridge.sent_requests().count(b":AL#") == 1
             assert await client.ask(b"t") == b"\x00#"
             assert await client.ask(b"T\x01") == b"#"
             await asyncio.sleep(0.5)
-            assert bridge.sent().count(b":AA#") == 1
+            assert bridge.sent_requests().count(b":AA#") == 1
             assert await client.ask(b"t") == b"\x01#"
         else:
-            assert not [sent for sent in bridge.sent() if sent[:2] == b":A"]
+            assert not [sent for sent in bridge.sent_requests() if sent[:2] == b":A"]
             assert any("keeps tracking" in entry.note for entry in bridge.entries)
         assert bridge.sim.tracking
         assert bridge.sim.aligned
@@ -119,12 +119,12 @@ async def test_position_costs_one_pair_of_requests_however_many_programs_ask() -
         for clients in (1, 20):
             visitors = [bridge.client(f"10.0.0.{n}") for n in range(clients)]
             await asyncio.sleep(5)
-            before = bridge.sent().count(b":GR#"), bridge.sent().count(b":GD#")
+            before = bridge.sent_requests().count(b":GR#"), bridge.sent_requests().count(b":GD#")
             for _ in range(120):
                 for visitor in visitors:
                     visitor.tell(b"e")
                 await asyncio.sleep(0.25)
-            after = bridge.sent().count(b":GR#"), bridge.sent().count(b":GD#")
+            after = bridge.sent_requests().count(b":GR#"), bridge.sent_requests().count(b":GD#")
             counts.append((after[0] - before[0], after[1] - before[1]))
         assert counts[0][0] == pytest.approx(counts[0][1], abs=1)
         assert counts[0][0] == pytest.approx(counts[1][0], rel=0.1)

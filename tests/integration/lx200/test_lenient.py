@@ -14,7 +14,7 @@ import pytest
 
 from gateway.core.errors import Fault, Garbled
 from gateway.diagnostics.detect.ports import SerialPortInfo, parse_port
-from gateway.diagnostics.detect.scan_port import look
+from gateway.diagnostics.detect.scan_port import scan
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.driver import Send
 from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
@@ -75,7 +75,7 @@ async def test_home_made_telescope_is_detected(url: str) -> None:
         )
 
     place = SerialPortInfo("-", "-") if url == "-" else parse_port(url)
-    finding = await look(place, UartWire(device))
+    finding = await scan(place, UartWire(device))
     assert finding.state == "lx200", finding
     assert finding.mount is not None, finding
 
@@ -93,7 +93,7 @@ async def test_home_made_telescope_is_detected(url: str) -> None:
 def test_meade_driver_takes_a_digit_with_text_as_a_refusal_with_that_text(
     command: str, reply: bytes, says: str
 ) -> None:
-    taken = Lx200ReplyRules("lx200gps").take(Send(command), reply)
+    taken = Lx200ReplyRules("lx200gps").parse_reply(Send(command), reply)
     assert taken is not None and taken[1] == len(reply)
     assert isinstance(taken[0], Fault) and not isinstance(taken[0], Garbled)
     assert says.lower() in f"{taken[0]} {type(taken[0]).__name__}".lower()
@@ -107,7 +107,7 @@ def test_meade_driver_takes_a_digit_with_text_as_a_refusal_with_that_text(
     ("GD", b"-12*30:45.0#", {"dec": pytest.approx(-12.5125)}),
 ])  # fmt: skip
 def test_meade_driver_reads_utf_8_degree_signs_and_decimals(command: str, reply: bytes, value: Any) -> None:
-    taken = Lx200ReplyRules("lx200gps").take(Send(command), reply)
+    taken = Lx200ReplyRules("lx200gps").parse_reply(Send(command), reply)
     assert taken is not None and taken[1] == len(reply)
     assert isinstance(taken[0], dict) and {**taken[0], **value} == taken[0], taken
 
@@ -129,7 +129,7 @@ def test_meade_driver_reads_utf_8_degree_signs_and_decimals(command: str, reply:
     ("GR", b"03:00:00#\r\n+45*00:00#"),
 ])  # fmt: skip
 def test_meade_driver_rejects_bytes_that_are_no_reply(command: str, reply: bytes) -> None:
-    taken = Lx200ReplyRules("lx200gps").take(Send(command), reply)
+    taken = Lx200ReplyRules("lx200gps").parse_reply(Send(command), reply)
     assert taken is None or isinstance(taken[0], Garbled) or taken[1] < len(reply)
 
 

@@ -18,7 +18,7 @@ from gateway.diagnostics.virtual_time import run
 from tests.support import exact_sky
 from tests.support import in_process_gateway as bridges
 from tests.support.fake_mount import Mount, Talk, unix
-from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.in_process_gateway import Bridge, RehearsalClient
 
 ARCMINUTE = 1.0 / 60.0
 M42 = (83.8221, -5.3911)  # J2000
@@ -32,7 +32,7 @@ def pointing(bridge: Bridge) -> tuple[float, float]:
     return ra, dec if dec <= 180.0 else dec - 360.0
 
 
-async def arrived(client: Visitor) -> None:
+async def arrived(client: RehearsalClient) -> None:
     while await client.ask(b":D#") == b"\x7f#":
         await asyncio.sleep(1)
 
@@ -54,7 +54,7 @@ def through(program: Any, **settings: Any) -> None:
 
 @pytest.mark.parametrize("model", MODELS)
 def test_goto_to_messier_42_arrives(model: str) -> None:
-    async def program(bridge: Bridge, client: Visitor) -> None:
+    async def program(bridge: Bridge, client: RehearsalClient) -> None:
         assert await client.ask(b":LM42#:MS#") == b"0"
         await arrived(client)
         wanted = bridge.controller.astrometry.sky.to_of_date(*M42, bridge.clock())
@@ -65,7 +65,7 @@ def test_goto_to_messier_42_arrives(model: str) -> None:
 
 
 def test_j2000_client_gets_catalogue_places() -> None:
-    async def program(bridge: Bridge, client: Visitor) -> None:
+    async def program(bridge: Bridge, client: RehearsalClient) -> None:
         sky = bridge.controller.astrometry.sky
         bridge.acceptor.binding = replace(
             bridge.acceptor.binding, equinox=EquinoxConverter(sky, bridge.controller.sources.unix)
@@ -81,7 +81,7 @@ def test_j2000_client_gets_catalogue_places() -> None:
 
 
 def test_browsing_lists_visible_objects_from_west_to_east() -> None:
-    async def program(bridge: Bridge, client: Visitor) -> None:
+    async def program(bridge: Bridge, client: RehearsalClient) -> None:
         sky, site = bridge.controller.astrometry.sky, (45.0, 10.0)
         assert await client.ask(b":Sf+06.0#:So30#:Sh70#", until=b"111") == b"111"
         client.tell(b":LF#")
@@ -112,7 +112,7 @@ def place_of(ra: bytes, dec: bytes) -> tuple[float, float]:
 
 
 def test_identify_names_the_objects_where_the_telescope_points() -> None:
-    async def program(bridge: Bridge, client: Visitor) -> None:
+    async def program(bridge: Bridge, client: RehearsalClient) -> None:
         await client.ask(b":LM42#:MS#")
         await arrived(client)
         assert (await client.ask(b":Lf#")).startswith(b"1 - Objects found M42 ")
@@ -128,7 +128,7 @@ def test_identify_names_the_objects_where_the_telescope_points() -> None:
 
 
 def test_object_below_the_horizon_is_refused() -> None:
-    async def program(bridge: Bridge, client: Visitor) -> None:
+    async def program(bridge: Bridge, client: RehearsalClient) -> None:
         assert await client.ask(b":LC104#:MS#") == b"1Object Below Horizon.#"  # 47 Tucanae from 45 north
 
     through(program)
@@ -138,7 +138,7 @@ def test_object_below_the_horizon_is_refused() -> None:
 
 
 def test_mount_follows_a_place_on_the_moon() -> None:
-    async def program(bridge: Bridge, client: Visitor) -> None:
+    async def program(bridge: Bridge, client: RehearsalClient) -> None:
         sky = bridge.controller.astrometry.sky
         assert await client.ask(b":SE-43*18#:Se-011*13#", until=b"11") == b"11"  # Tycho
         for _ in range(2):
@@ -156,7 +156,7 @@ def test_mount_follows_a_place_on_the_moon() -> None:
 
 
 def test_sync_to_a_place_on_the_moon_is_carried_out() -> None:
-    async def program(bridge: Bridge, client: Visitor) -> None:
+    async def program(bridge: Bridge, client: RehearsalClient) -> None:
         await client.ask(b":SE+00*00#:Se+000*00#:MS#", until=b"110")
         await arrived(client)
         assert await client.ask(b":SE+20*00#") == b"1"
@@ -186,7 +186,7 @@ def test_moon_below_the_horizon_is_refused_as_a_target(site: tuple[float, float]
 
 
 def test_goto_to_jupiter_arrives() -> None:
-    async def program(bridge: Bridge, client: Visitor) -> None:
+    async def program(bridge: Bridge, client: RehearsalClient) -> None:
         assert await client.ask(b":Ls0#:LS905#:MS#", until=b"10") == b"10"
         await arrived(client)
         place = bridge.controller.astrometry.sky.planet("Jupiter", bridge.clock())
@@ -232,7 +232,7 @@ def test_every_object_counts_as_up_without_a_site() -> None:
 
 
 def test_lx200_help_names_the_mount_and_its_real_alignment() -> None:
-    async def program(bridge: Bridge, client: Visitor) -> None:
+    async def program(bridge: Bridge, client: RehearsalClient) -> None:
         lines = [await client.ask(b":??#")]
         while lines[-1] != b"#":
             lines.append(await client.ask(b":?+#"))

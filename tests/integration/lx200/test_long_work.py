@@ -24,16 +24,16 @@ async def test_stop_alone_is_sent_while_the_gps_is_queried() -> None:
         asking.tell(b":gT#")
         await asyncio.sleep(2.0)
         assert bridge.controller.line.state == "busy"
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         assert await other.ask(b":GR#", 0.2) != b""  # the last position, for a while
         other.tell(b":Q#")
         await asyncio.sleep(0.001)
-        assert bridge.sent()[before:] == [b":Q#"]
-        assert not bridge.controller.wanted.owed
+        assert bridge.sent_requests()[before:] == [b":Q#"]
+        assert not bridge.controller.wanted.stop_owed
         other.tell(b":Mn#")
         await asyncio.sleep(10.0)
         assert await other.ask(b":GR#", 5.0) == b""
-        assert bridge.sent()[before:] == [b":Q#"]
+        assert bridge.sent_requests()[before:] == [b":Q#"]
         await asyncio.sleep(60.0)
         assert asking.received == b"1"
         assert bridge.controller.line.state == "up"
@@ -47,7 +47,7 @@ async def test_gps_is_not_queried_while_the_mount_moves() -> None:
         client.tell(b":RG#:Mn#")
         await asyncio.sleep(1.0)
         assert await client.ask(b":gT#") == b"0"
-        assert b":gT#" not in bridge.sent()
+        assert b":gT#" not in bridge.sent_requests()
 
 
 @pytest.mark.parametrize(("model", "gps", "set_"), [("cge", {}, False), ("cpc", {"gps_linked": True}, True)])
@@ -63,12 +63,12 @@ async def test_stop_does_not_wait_while_a_classic_calculates_its_planets() -> No
         client = bridge.client()
         await bridge.controller.perform(op.SetClock(bridge.clock() + 86400.0, 0.0))
         await asyncio.sleep(1.0)
-        goal = bridge.sim.mechanics.sky.sidereal(bridge.clock()) + 40.0
+        goal = bridge.sim.mechanics.sky.lst(bridge.clock()) + 40.0
         bridge.sim.mechanics.goto_sky(bridge.sim.now, goal, 20.0)  # by its own keys
-        assert bridge.sim.slewing and bridge.sent()[-1].startswith(b":SC")
+        assert bridge.sim.slewing and bridge.sent_requests()[-1].startswith(b":SC")
         client.tell(b":Q#")
         await asyncio.sleep(0.01)
-        assert bridge.sent()[-1] == b":Q#"
+        assert bridge.sent_requests()[-1] == b":Q#"
         await asyncio.sleep(0.5)
         assert not bridge.sim.slewing
 
@@ -76,13 +76,13 @@ async def test_stop_does_not_wait_while_a_classic_calculates_its_planets() -> No
 async def test_meade_gets_no_other_request_while_it_seeks_home() -> None:
     async with meade("lx200-16") as bridge:
         client = bridge.client()
-        await bridge.controller.perform(op.Goto(bridge.sim.mechanics.sky.sidereal(bridge.clock()) + 60.0, 20.0))
+        await bridge.controller.perform(op.Goto(bridge.sim.mechanics.sky.lst(bridge.clock()) + 60.0, 20.0))
         await asyncio.sleep(60.0)
         client.tell(b":hF#")
         for _ in range(10):
             await client.ask(b":GR#", 0.5)
             await asyncio.sleep(0.5)
-        assert set(bridge.sent()[bridge.sent().index(b":hF#") :]) <= {b":Q#", b":hF#", b":h?#"}
+        assert set(bridge.sent_requests()[bridge.sent_requests().index(b":hF#") :]) <= {b":Q#", b":hF#", b":h?#"}
         assert await client.ask(b":h?#") == b"2"
         assert bridge.controller.line.state == "up"
         with pytest.raises(Busy):
@@ -118,11 +118,11 @@ async def test_one_gps_sentence_answers_every_request_for_five_minutes() -> None
         await asyncio.sleep(240.0)
         later = await client.ask(b"P\x01\xb0\x33\0\0\0\x03")
         assert later[0] * 60 + later[1] == first[0] * 60 + first[1] + 4
-        assert bridge.sent().count(b":gps#") == 1
+        assert bridge.sent_requests().count(b":gps#") == 1
         await asyncio.sleep(70.0)
         await client.ask(b"P\x01\xb0\x37\0\0\0\x01")
-        assert bridge.sent().count(b":gps#") == 2
-        assert b":gT#" not in bridge.sent()
+        assert bridge.sent_requests().count(b":gps#") == 2
+        assert b":gT#" not in bridge.sent_requests()
 
 
 async def test_meade_arrow_runs_at_the_requested_fastest_rate() -> None:
@@ -131,30 +131,30 @@ async def test_meade_arrow_runs_at_the_requested_fastest_rate() -> None:
         await client.ask(b":Sw3#")
         client.tell(b":RS#:Mw#")
         await asyncio.sleep(0.5)
-        assert bridge.sim.mechanics.fastest == 3.0
+        assert bridge.sim.mechanics.max_rate == 3.0
         client.tell(b":Qw#")
         other = bridge.client("10.0.0.2")
         other.tell(b":RS#:Mn#")
         await asyncio.sleep(0.5)
-        assert bridge.sim.mechanics.fastest == 8.0
+        assert bridge.sim.mechanics.max_rate == 8.0
 
 
 async def test_fan_and_derotator_are_switched_only_on_mounts_that_have_them() -> None:
     async with meade("lx200-16") as bridge:
         bridge.client().tell(b":f+#:r+#:B+#")
         await asyncio.sleep(1.0)
-        assert bridge.sim.parts == {"fan": True, "derotator": True, "reticle": 1}
+        assert bridge.sim.accessories == {"fan": True, "derotator": True, "reticle": 1}
     async with meade("autostar", surface="lx200gps") as bridge:
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         assert await bridge.client().ask(b":f+#:fT#:Gc#") == b"24#"
-        assert b":f+#" not in bridge.sent()[before:]
+        assert b":f+#" not in bridge.sent_requests()[before:]
 
 
 @pytest.mark.parametrize(("factor", "sent"), [(1.0, b":TQ#"), (0.99996, b":TQ#"), (0.94, b":ST056.6#")])
 async def test_classic_tracks_at_the_requested_rate(factor: float, sent: bytes) -> None:
     async with meade("lx200") as bridge:
         await bridge.controller.perform(op.TrackRate(factor=factor))
-        assert sent in bridge.sent()
+        assert sent in bridge.sent_requests()
 
 
 async def test_classic_refuses_a_tracking_rate_beyond_its_range() -> None:
@@ -162,14 +162,14 @@ async def test_classic_refuses_a_tracking_rate_beyond_its_range() -> None:
     async with meade("lx200") as bridge:
         with pytest.raises(Refused, match=r"56\.4 to 60\.1"):
             await bridge.controller.perform(op.TrackRate(factor=0.5))
-        assert b":TM#" not in bridge.sent()
+        assert b":TM#" not in bridge.sent_requests()
 
 
 async def test_toggle_is_pressed_once_when_the_same_state_is_set_twice() -> None:
     async with meade("lx200") as bridge:
         for on in (True, True, False, False):
             await bridge.controller.perform(op.PeriodicError(1, on))
-        assert sum(b"$Q" in request for request in bridge.sent()) == 2
+        assert sum(b"$Q" in request for request in bridge.sent_requests()) == 2
         with pytest.raises(Unsupported):
             await bridge.controller.perform(op.Park())
 
@@ -183,7 +183,7 @@ async def test_halt_overtakes_the_pending_read_of_its_client() -> None:
         client.tell(b":GR#")
         client.tell(b":Me#:Mn#:Qn#")
         await asyncio.sleep(6.0)
-        sent = bridge.sent()
+        sent = bridge.sent_requests()
         assert b":Qn#" in sent
         assert sent.count(b":Mn#") == 1
         assert b":Me#" in sent
@@ -207,11 +207,11 @@ def test_arrows_go_the_right_way_on_a_polar_fork(driven: str, latitude: float) -
                 await bridge.controller.answer(op.GetStatus())
 
             async def moved(operation: op.Operation, axis: int) -> tuple[float, float]:
-                ra, dec = bridge.sim.truth()
+                ra, dec = bridge.sim.true_position()
                 await bridge.controller.perform(operation)
                 await asyncio.sleep(2.0)
                 await bridge.controller.perform(op.StopAxis(axis))
-                after = bridge.sim.truth()
+                after = bridge.sim.true_position()
                 return (after[0] - ra + 180.0) % 360.0 - 180.0, after[1] - dec
 
             rate = op.Rate(name="find")

@@ -50,7 +50,7 @@ async def test_repeated_nak_ends_the_retries_and_reaches_no_program(presented: s
         client.tell(said)
         await asyncio.sleep(20.0)
         assert NAK not in client.received
-        assert len([one for one in bridge.sent() if one[:3] in (b":MS", b":Sr")]) < 10
+        assert len([one for one in bridge.sent_requests() if one[:3] in (b":MS", b":Sr")]) < 10
         await asyncio.sleep(20.0)
         assert not bridge.sim.slewing
 

@@ -14,8 +14,8 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
-from gateway.protocols.lx200.driver.pointing import STANDS
-from gateway.transport.handler import Connected
+from gateway.protocols.lx200.driver.pointing import STILL_PERIOD
+from gateway.transport.handler import NewConnection
 from tests.support.in_process_gateway import Bridge
 
 NAK = b"\x15"
@@ -56,7 +56,7 @@ def hours(told: bytes) -> float:
 async def found(bridge: Bridge, seconds: float = 20.0) -> None:
     bridge.controller.start()
     async with asyncio.timeout(seconds):
-        await bridge.controller.settled.wait()
+        await bridge.controller.site_read.wait()
 
 
 @pytest.mark.sampled(1, every=3)
@@ -125,7 +125,7 @@ async def test_constant_distance_bars_do_not_report_endless_slewing(model: str, 
     while not pushed and bridge.sim.mechanics.slewing(bridge.sim.now):
         assert len(await client.ask(b":D#")) > 1 and bridge.driver.goto is not None
         await asyncio.sleep(1.0)
-    await asyncio.sleep(2.0 * STANDS)
+    await asyncio.sleep(2.0 * STILL_PERIOD)
     assert await client.ask(b":D#") == b"#"
     assert not bridge.controller.moving
     await bridge.controller.close()
@@ -168,8 +168,8 @@ def test_server_that_reads_whole_commands_still_answers_after_ack() -> None:
         began = bridge.clock()
         await found(bridge, 6.0)
         assert not [entry for entry in bridge.entries if "does not answer" in entry.note]
-        assert b"\x06" in bridge.sent()
-        assert bridge.sent().count(b"\x06") == 1  # its silence is remembered
+        assert b"\x06" in bridge.sent_requests()
+        assert bridge.sent_requests().count(b"\x06") == 1  # its silence is remembered
         assert bridge.clock() - began < 6.0
         await bridge.controller.close()
 
@@ -182,7 +182,7 @@ def test_gateway_drives_the_lx200_surface_of_another_gateway(presented: str) -> 
         inner = Bridge("6-8se", driven="nexstar", surface=presented)
         async with inner:
             outer = Bridge("lx200", driven="lx200", surface="autostar")
-            guest = inner.acceptor.accept(Connected("10.0.0.3", "10.0.0.3", lambda data: wire.deliver(data)))
+            guest = inner.acceptor.accept(NewConnection("10.0.0.3", "10.0.0.3", lambda data: wire.deliver(data)))
             wire: Any = outer.controller.line.wire
 
             def feed(data: bytes) -> bytes:

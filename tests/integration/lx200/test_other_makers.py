@@ -67,14 +67,14 @@ def test_onstep_and_teenastro_are_detected_with_fewer_requests_than_a_meade(mode
             assert identity.product == own.sim.row["product"]
             client = own.client()
             await asyncio.sleep(10.0)
-            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 60.0) % 360.0
+            ra = (own.sim.mechanics.sky.lst(own.clock()) + 60.0) % 360.0
             await own.controller.perform(op.Goto(ra, 10.0))
-            before = len(own.sent())
+            before = len(own.sent_requests())
             for _ in range(10):  # a program that asks for all of it, once a second
                 for question in (b":GR#", b":GD#", b":D#", b":GW#"):
                     await client.ask(question)
                 await asyncio.sleep(1.0)
-            sent = own.sent()[before:]
+            sent = own.sent_requests()[before:]
             return len(sent), sum(map(len, sent))
 
     assert run(program(model))[0] <= run(program("autostar"))[0]
@@ -98,7 +98,7 @@ async def test_meade_program_on_an_onstep_sees_a_meade_and_reaches_nothing_else(
         for said in (b":hS#", b":U#", b":GU#", b":Td#", b":F+#", b":B+#", b":$BA10#"):
             client.tell(said)
         await asyncio.sleep(5.0)
-        assert own.sim.tracking and not {b":hF#", b":hS#", b":U#", b":Td#", b":F+#"} & set(own.sent())
+        assert own.sim.tracking and not {b":hF#", b":hS#", b":U#", b":Td#", b":F+#"} & set(own.sent_requests())
 
 
 @pytest.mark.parametrize(("model", "firmware"), [("onstep", "4.24s"), ("onstep", "3.16o"), ("teenastro", "1.6.2")])
@@ -112,13 +112,16 @@ async def test_mount_left_in_low_precision_is_read_in_high_precision_without_a_s
     async with own:
         assert (await own.controller.answer(op.GetIdentity())).model == model
         for goal in (40.0, 60.0, 50.0):
-            ra = round((own.sim.mechanics.sky.sidereal(own.clock()) + goal) * 240.0) / 240.0 % 360.0
+            ra = round((own.sim.mechanics.sky.lst(own.clock()) + goal) * 240.0) / 240.0 % 360.0
             await own.controller.perform(op.Goto(ra, 20.5025))
             await asyncio.sleep(60.0)
             seen = await own.controller.read_now(op.Position())
-            assert off(own.sim.truth(), (ra, 20.5025)) < 5.0 and off((seen.ra, seen.dec), own.sim.truth()) < 16.0
+            assert (
+                off(own.sim.true_position(), (ra, 20.5025)) < 5.0
+                and off((seen.ra, seen.dec), own.sim.true_position()) < 16.0
+            )
             own.sim.feed(b":U#")
-        assert b":U#" not in own.sent()
+        assert b":U#" not in own.sent_requests()
 
 
 REASONS: dict[str, dict[bytes, type[Fault]]] = {
@@ -138,9 +141,9 @@ REASONS: dict[str, dict[bytes, type[Fault]]] = {
 def test_every_goto_refusal_of_onstep_and_teenastro_has_a_message(model: str) -> None:
     rules = Lx200ReplyRules(model)
     for said, fault in REASONS[model].items():
-        outcome, length = rules.take(Send("MS"), said) or (None, 0)
+        outcome, length = rules.parse_reply(Send("MS"), said) or (None, 0)
         assert type(outcome) is fault and length == 1 and str(outcome), said
-    assert rules.take(Send("MS"), b"0") == ({"length": 1}, 1)
+    assert rules.parse_reply(Send("MS"), b"0") == ({"length": 1}, 1)
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -216,7 +219,7 @@ async def test_pier_side_is_taken_from_the_mounts_report(model: str, south: bool
     """In German hand controls' letters: W if the second axis reads beyond the pole."""
     async with bridge(model, site=(-45.0, 10.0) if south else (45.0, 10.0)) as own:
         for east in (-40.0, 40.0):
-            ra = (own.sim.mechanics.sky.sidereal(own.clock()) + east) % 360.0
+            ra = (own.sim.mechanics.sky.lst(own.clock()) + east) % 360.0
             await own.controller.perform(op.Goto(ra, 0.0))
             await asyncio.sleep(90.0)
             beyond = own.sim.mechanics.axes(own.sim.now)[1] % 360.0 > 90.0
@@ -227,17 +230,17 @@ async def test_pier_side_is_taken_from_the_mounts_report(model: str, south: bool
 async def test_guide_pulse_is_sent_at_a_guide_rate() -> None:
     """Where pulses have the rate of the arrows, :RS# would make a slew of them."""
     async with bridge("onstep") as own:
-        own.sim.separate_pulses = False
-        ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+        own.sim.has_pulse_rate = False
+        ra = (own.sim.mechanics.sky.lst(own.clock()) + 40.0) % 360.0
         await own.controller.perform(op.Goto(ra, 20.0))
         await asyncio.sleep(90.0)
         own.sim.feed(b":R9#")  # at its own keypad
         await own.controller.read_now(op.GetStatus())
         for _ in range(2):
-            before = own.sim.truth()[1]
+            before = own.sim.true_position()[1]
             await own.controller.perform(op.Pulse(op.Direction.NORTH, 1000))
             await asyncio.sleep(5.0)
-            assert 10.0 < (own.sim.truth()[1] - before) * 3600.0 < 20.0
+            assert 10.0 < (own.sim.true_position()[1] - before) * 3600.0 < 20.0
             own.sim.feed(b":R9#")  # nobody asks for its state between two pulses
         await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(name="find")))
         with pytest.raises(Refused, match="guide pulse is dropped"):
@@ -249,8 +252,8 @@ async def test_guide_pulse_is_sent_at_a_guide_rate() -> None:
 async def test_keypad_has_its_previous_speed_again_after_guide_pulses(keys: int, separate: bool) -> None:
     """The one that it told before the first pulse, or that somebody has chosen at the keypad meanwhile."""
     async with bridge("onstep") as own:
-        own.sim.separate_pulses = separate
-        ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+        own.sim.has_pulse_rate = separate
+        ra = (own.sim.mechanics.sky.lst(own.clock()) + 40.0) % 360.0
         await own.controller.perform(op.Goto(ra, 20.0))
         await asyncio.sleep(60.0)
         for chosen in (keys, 7):
@@ -259,32 +262,32 @@ async def test_keypad_has_its_previous_speed_again_after_guide_pulses(keys: int,
             for direction in (op.Direction.NORTH, op.Direction.WEST, op.Direction.NORTH):
                 await own.controller.perform(op.Pulse(direction, 1500))
                 await asyncio.sleep(0.7)
-                assert own.sim.rate == 2
+                assert own.sim.rate_number == 2
             await asyncio.sleep(5.0)
-            assert own.sim.rate == chosen
+            assert own.sim.rate_number == chosen
         await own.controller.perform(op.Pulse(op.Direction.NORTH, 1000))
         own.sim.feed(b":R5#")
         await own.controller.read_now(op.GetStatus())
         await asyncio.sleep(5.0)
-        assert own.sim.rate == 5
+        assert own.sim.rate_number == 5
 
 
 async def test_stop_does_not_wait_for_the_keypad_speed_to_be_restored() -> None:
     """The speed is put back when all stands still, and not during an arrow that follows the pulse."""
     async with bridge("onstep") as own:
-        ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+        ra = (own.sim.mechanics.sky.lst(own.clock()) + 40.0) % 360.0
         await own.controller.perform(op.Goto(ra, 20.0))
         await asyncio.sleep(60.0)
         await own.controller.perform(op.Pulse(op.Direction.NORTH, 500))
         await asyncio.sleep(0.8)
         await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(key=7)))
         await asyncio.sleep(5.0)
-        assert own.sim.rate == 7 and own.driver.moving
+        assert own.sim.rate_number == 7 and own.driver.moving
         began = own.clock()
         await own.controller.perform(op.StopAxis(2))
-        assert own.clock() - began < 0.2 and b":R6#" not in own.sent()
+        assert own.clock() - began < 0.2 and b":R6#" not in own.sent_requests()
         await asyncio.sleep(3.0)
-        assert own.sim.rate == 6
+        assert own.sim.rate_number == 6
 
 
 @each("firmware", ["10.28g", "4.24s", "3.16o", "2.22b"])
@@ -300,7 +303,7 @@ async def test_fastest_arrow_is_as_fast_as_a_goto(firmware: str) -> None:
 
 async def test_onstep_waiting_for_its_clock_refuses_gotos_until_the_clock_is_set() -> None:
     async with bridge("onstep", aligned=False, config={"site_time": "never"}) as own:
-        ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+        ra = (own.sim.mechanics.sky.lst(own.clock()) + 40.0) % 360.0
         with pytest.raises(Refused, match="standby: it waits for its date and time"):
             await own.controller.perform(op.Goto(ra, 20.0))
         own.sim.feed(b":SL22:00:00#:SC01/15/26#")
@@ -310,7 +313,7 @@ async def test_onstep_waiting_for_its_clock_refuses_gotos_until_the_clock_is_set
 async def test_long_onstep_arrow_is_pressed_again_and_ends_at_its_release() -> None:
     """OnStep ends it after 10 s; the gateway looks at 9.5 and 11.5 s: the release falls before, between and after."""
     async with bridge("onstep") as own:
-        ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+        ra = (own.sim.mechanics.sky.lst(own.clock()) + 40.0) % 360.0
         for late in (9.4, 9.52, 9.54, 10.5, 11.48, 11.5, 11.52, 11.56, 11.6):
             await own.controller.perform(op.Goto(ra, 0.0))
             await asyncio.sleep(60.0)
@@ -318,9 +321,9 @@ async def test_long_onstep_arrow_is_pressed_again_and_ends_at_its_release() -> N
             await asyncio.sleep(late)
             await own.controller.perform(op.StopAxis(2) if late < 11.0 else op.AbortMotion())
             await asyncio.sleep(3.0)
-            stood = own.sim.truth()[1]
+            stood = own.sim.true_position()[1]
             await asyncio.sleep(4.0)
-            assert abs(own.sim.truth()[1] - stood) < 0.01, late
+            assert abs(own.sim.true_position()[1] - stood) < 0.01, late
 
 
 @pytest.mark.parametrize("after", [3.0, 8.0, 10.0])
@@ -328,7 +331,7 @@ async def test_long_onstep_arrow_is_pressed_again_and_ends_at_its_release() -> N
 async def test_arrow_ended_by_the_mount_or_its_keypad_is_not_pressed_again(after: float, error: bytes) -> None:
     """Its keypad, or a limit of its own, which ends a motion once and tells its number: only its clock is overruled."""
     async with bridge("onstep") as own:
-        ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+        ra = (own.sim.mechanics.sky.lst(own.clock()) + 40.0) % 360.0
         await own.controller.perform(op.Goto(ra, 0.0))
         await asyncio.sleep(60.0)
         await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(key=6)))
@@ -336,7 +339,7 @@ async def test_arrow_ended_by_the_mount_or_its_keypad_is_not_pressed_again(after
         own.sim.error = int(error)
         own.sim.feed(b":Q#")
         await asyncio.sleep(10.0)
-        pressed = own.sent().count(b":Mn#") == 2
+        pressed = own.sent_requests().count(b":Mn#") == 2
         assert pressed is (after == 10.0 and error == b"0")  # that is what its own clock looks like
         assert any("ended the arrow" in (one.note or "") for one in own.entries) is not pressed
         assert pressed or not own.driver.moving
@@ -346,7 +349,7 @@ async def test_arrow_ended_by_the_mount_or_its_keypad_is_not_pressed_again(after
 async def test_lost_status_reply_delays_an_arrow_release_by_less_than_a_second(released: bool) -> None:
     """And if nobody has released it, it is looked at again: it goes on beyond the 10 s of OnStep's clock."""
     async with bridge("onstep") as own:
-        ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+        ra = (own.sim.mechanics.sky.lst(own.clock()) + 40.0) % 360.0
         await own.controller.perform(op.Goto(ra, -20.0))
         await asyncio.sleep(60.0)
         usual, lost = own.sim.answer, list[float]()
@@ -359,20 +362,20 @@ async def test_lost_status_reply_delays_an_arrow_release_by_less_than_a_second(r
         if released:
             await asyncio.sleep(0.1)
             await own.controller.perform(op.StopAxis(2))
-            assert b":Qn#" in own.sent() and own.clock() - lost[0] < 1.0
+            assert b":Qn#" in own.sent_requests() and own.clock() - lost[0] < 1.0
         else:
             await asyncio.sleep(15.0)
-            assert own.sent().count(b":Mn#") == 2 and own.driver.moving
+            assert own.sent_requests().count(b":Mn#") == 2 and own.driver.moving
 
 
 @pytest.mark.parametrize("arrives", [True, False])
 async def test_search_for_home_by_switches_ends_when_the_status_letters_say_so(arrives: bool) -> None:
     """It is a motion by hand to OnStep: no bars, no goto. An order that it ignores is not told as done."""
     async with bridge("onstep") as own:
-        usual = own.sim.letters
-        own.sim.letters = lambda: usual().replace(b"p", b"Np").replace(b"NN", b"N")
+        usual = own.sim.status_letters
+        own.sim.status_letters = lambda: usual().replace(b"p", b"Np").replace(b"NN", b"N")
         answering(own, {b":D#": b"#"} if arrives else {b":hC#": b"", b":D#": b"#"})
-        await own.controller.perform(op.Goto((own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0, 0.0))
+        await own.controller.perform(op.Goto((own.sim.mechanics.sky.lst(own.clock()) + 40.0) % 360.0, 0.0))
         await asyncio.sleep(60.0)
         await own.controller.perform(op.Home())
         await asyncio.sleep(5.0)
@@ -387,7 +390,7 @@ async def test_search_for_home_by_switches_ends_when_the_status_letters_say_so(a
 async def test_mount_keeps_its_identity_after_lost_status_replies(model: str) -> None:
     own = bridge(model)
     own.sim.feed(b":Td#")
-    usual, lost = own.sim.answer, [own.driver.protocol.of(model).other.facts["status"]["command"]] * 2
+    usual, lost = own.sim.answer, [own.driver.protocol.in_dialect_of(model).other.facts["status"]["command"]] * 2
     own.sim.answer = lambda frame, later: (
         b"" if lost and frame == f":{lost[0]}#".encode() and lost.pop() else usual(frame, later)
     )
@@ -407,7 +410,7 @@ async def test_onstep_with_a_lost_name_is_not_sent_the_command_that_sets_its_hom
         assert (await own.controller.answer(op.GetIdentity())).model == "lx200-16"
         with pytest.raises(Refused, match="reported its name only now"):
             await own.controller.perform(op.Home())
-        assert b":hF#" not in own.sent()
+        assert b":hF#" not in own.sent_requests()
 
 
 @each("said", [b"0#", b"#", b"nNp#"])
@@ -422,26 +425,26 @@ async def test_truncated_status_reply_is_rejected(said: bytes) -> None:
 async def test_end_of_a_goto_ends_a_foreign_goto_but_no_arrow(model: str) -> None:
     """At its own keys or page. Of a goto that the gateway knows it is the same, as near the pole as it may be."""
     async with bridge(model) as own:
-        ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+        ra = (own.sim.mechanics.sky.lst(own.clock()) + 40.0) % 360.0
         await own.controller.perform(op.Goto(ra, 20.0))
         await asyncio.sleep(90.0)
         own.sim.feed(b":Sd-10*00:00#:MS#")
         assert own.sim.slewing
         await own.controller.perform(op.AbortSlew())
-        assert not own.sim.slewing and own.sent().count(b":Q#") == 1
+        assert not own.sim.slewing and own.sent_requests().count(b":Q#") == 1
         await asyncio.sleep(5.0)
         await own.controller.perform(op.Move(op.Direction.NORTH, op.Rate(name="center")))
         await own.controller.perform(op.AbortSlew())
-        assert own.sent().count(b":Q#") == 1 and own.driver.moving
+        assert own.sent_requests().count(b":Q#") == 1 and own.driver.moving
 
 
 @each("model", MODELS)
 async def test_goto_beside_the_pole_reports_slewing_while_an_axis_turns(model: str) -> None:
     async with bridge(model) as own:
-        ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+        ra = (own.sim.mechanics.sky.lst(own.clock()) + 40.0) % 360.0
         await own.controller.perform(op.Goto(ra, 89.96))
         await asyncio.sleep(90.0)
-        own.sim.mechanics.fastest = 1.5
+        own.sim.mechanics.max_rate = 1.5
         await own.controller.perform(op.Goto((ra - 80.0) % 360.0, 89.96))
         await asyncio.sleep(40.0)
         assert own.sim.slewing and await own.controller.read_now(op.Slewing())
@@ -459,14 +462,14 @@ async def test_unknown_controller_is_driven_by_common_commands_and_lists_what_it
         assert (identity.product, identity.model) == ("OpenAstroTracker", "other")
         [said] = [one.note for one in own.entries if "the gateway does not know" in (one.note or "")]
         assert "'OpenAstroTracker'" in said and "it did not report whether it tracks" in said
-        ra, dec = own.sim.truth()
+        ra, dec = own.sim.true_position()
         await own.controller.perform(op.Goto(ra, dec - 20.0))
         await asyncio.sleep(60.0)
-        assert abs(own.sim.truth()[1] - dec + 20.0) < 0.1
+        assert abs(own.sim.true_position()[1] - dec + 20.0) < 0.1
         for order in (op.SetTracking(on=False), op.SetTracking(on=True), op.Park(), op.Home()):
             with pytest.raises(Fault):
                 await own.controller.perform(order)
-        assert not {b":AP#", b":AL#", b":AA#", b":hF#", b":hP#"} & set(own.sent())
+        assert not {b":AP#", b":AL#", b":AA#", b":hF#", b":hP#"} & set(own.sent_requests())
 
 
 async def test_refusals_of_an_unknown_controller_are_reported_as_refusals() -> None:
@@ -476,7 +479,7 @@ async def test_refusals_of_an_unknown_controller_are_reported_as_refusals() -> N
     replies: dict[bytes, bytes] = {}
     answering(own, replies)
     async with own:
-        ra, dec = own.sim.truth()
+        ra, dec = own.sim.true_position()
         for said in (b"5", b"e5#", b"1Below.#", b"1", b"2"):
             replies[b":MS#"], began = said, own.clock()
             with pytest.raises((Refused, BelowHorizon, TooHigh)):
@@ -504,12 +507,16 @@ async def test_site_and_date_reach_an_unknown_controller(told: bytes) -> None:
         await own.controller.answer(op.GetIdentity())
         await own.controller.perform(op.SetSite(45.0, 10.5))
         await own.controller.perform(op.SetClock(own.clock() + 30 * 86400.0, 0.0))
-        while not any(frame.startswith(b":SC") for frame in own.sent()):
+        while not any(frame.startswith(b":SC") for frame in own.sent_requests()):
             await asyncio.sleep(0.1)
         await asyncio.sleep(1.0)
         began = own.clock()
         await own.controller.read_now(op.Position())
-        assert own.clock() - began < 1.0 and b":Sg-010*30#" in own.sent() and b":SC02/14/26#" in own.sent()
+        assert (
+            own.clock() - began < 1.0
+            and b":Sg-010*30#" in own.sent_requests()
+            and b":SC02/14/26#" in own.sent_requests()
+        )
 
 
 async def test_old_teenastro_is_driven_as_an_unknown_controller() -> None:
@@ -521,11 +528,11 @@ async def test_old_teenastro_is_driven_as_an_unknown_controller() -> None:
         identity = await own.controller.answer(op.GetIdentity())
         assert (identity.product, identity.version, identity.model) == ("TeenAstro", "1.4.19", "other")
         assert any("does not report its state" in (one.note or "") for one in own.entries)
-        ra = (own.sim.mechanics.sky.sidereal(own.clock()) + 40.0) % 360.0
+        ra = (own.sim.mechanics.sky.lst(own.clock()) + 40.0) % 360.0
         await own.controller.perform(op.Goto(ra, 20.0))
         await asyncio.sleep(60.0)
-        assert off(own.sim.truth(), (ra, 20.0)) < 16.0
-        assert not {b":Te#", b":Td#", b":Gm#", b":AP#", b":AL#"} & set(own.sent())
+        assert off(own.sim.true_position(), (ra, 20.0)) < 16.0
+        assert not {b":Te#", b":Td#", b":Gm#", b":AP#", b":AL#"} & set(own.sent_requests())
 
 
 async def test_old_teenastro_left_in_low_precision_is_detected() -> None:
@@ -537,7 +544,7 @@ async def test_old_teenastro_left_in_low_precision_is_detected() -> None:
     async with own:
         assert (await own.controller.answer(op.GetIdentity())).model == "other"
         seen = await own.controller.read_now(op.Position())
-        assert off((seen.ra, seen.dec), own.sim.truth()) < 16.0 and own.sent().count(b":U#") == 1
+        assert off((seen.ra, seen.dec), own.sim.true_position()) < 16.0 and own.sent_requests().count(b":U#") == 1
 
 
 async def test_meade_of_any_name_is_driven_as_a_meade() -> None:
@@ -562,11 +569,11 @@ async def test_slewing_mount_is_not_taken_for_a_push_to_telescope_at_the_start(s
     )
     async with own:
         await own.controller.answer(op.GetIdentity())
-        assert own.driver.pushed is not slews
+        assert own.driver.pushed_by_hand is not slews
         replies.clear()
         await asyncio.sleep(60.0)
-        assert not own.driver.pushed
-        ra, dec = own.sim.truth()
+        assert not own.driver.pushed_by_hand
+        ra, dec = own.sim.true_position()
         await own.controller.perform(op.Goto(ra, dec - 5.0))
 
 

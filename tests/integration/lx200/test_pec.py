@@ -10,7 +10,7 @@ from tests.support.in_process_gateway import Bridge
 
 
 def _said(bridge: Bridge, *letters: bytes) -> list[bytes]:
-    return [data for data in bridge.sent() if any(letter in data for letter in letters)]
+    return [data for data in bridge.sent_requests() if any(letter in data for letter in letters)]
 
 
 @pytest.mark.parametrize("model", ["lx200", "lx200-16"])
@@ -19,7 +19,7 @@ async def test_classic_gets_the_pec_toggle_with_its_colon(model: str) -> None:
         bridge.client().tell(b"$Q#")
         await asyncio.sleep(1.0)
         assert _said(bridge, b"$Q") == [b":$Q#"]
-        assert bridge.sim.parts["pec 1"] is True
+        assert bridge.sim.accessories["pec 1"] is True
 
 
 async def test_second_pec_toggle_switches_the_other_way() -> None:
@@ -29,7 +29,7 @@ async def test_second_pec_toggle_switches_the_other_way() -> None:
         for command in (b":$QZ+#", b"$Q#", b"$Q#", b":$QZ-#", b":$Q#"):
             client.tell(command)
             await asyncio.sleep(1.0)
-        switched = [data[4] for data in bridge.sent() if data[:4] == b"P\x02\x10\x0d"]
+        switched = [data[4] for data in bridge.sent_requests() if data[:4] == b"P\x02\x10\x0d"]
         assert switched == [1, 0, 1, 0, 1]
 
 
@@ -39,11 +39,11 @@ async def test_log_says_that_a_nexstar_declination_motor_has_no_pec(command: byt
         client = bridge.client()
         client.tell(command)
         await asyncio.sleep(1.0)
-        assert not [data for data in bridge.sent() if data[3:4] == b"\x0d"]
+        assert not [data for data in bridge.sent_requests() if data[3:4] == b"\x0d"]
         assert any("right-ascension" in entry.note for entry in bridge.entries)
         client.tell(b"$Q#")
         await asyncio.sleep(1.0)
-        assert bridge.sent()[-1][:5] == b"P\x02\x10\x0d\x01", "and the toggle does not count it"
+        assert bridge.sent_requests()[-1][:5] == b"P\x02\x10\x0d\x01", "and the toggle does not count it"
 
 
 @pytest.mark.parametrize("command", [b":$QA+#", b":$QA-#", b":$QZ+#", b":$QZ-#"])

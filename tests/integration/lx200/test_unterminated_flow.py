@@ -68,17 +68,17 @@ async def test_stop_inside_an_unterminated_command_ends_the_motion_at_once() -> 
         client = bridge.client()
         await client.ask(b":RM#:Me#")
         await asyncio.sleep(2)
-        assert bridge.controller.wanted.axes
+        assert bridge.controller.wanted.axes_moved_by_hand
         stops = bridge.controller.stops
         client.tell(b":Sr07:00:00:Q#")
         assert bridge.controller.stops == stops + 1, "in the very call that brought the bytes"
         await asyncio.sleep(1)
-        assert not bridge.controller.wanted.axes
+        assert not bridge.controller.wanted.axes_moved_by_hand
         await client.ask(b":RM#:Me#")
         await asyncio.sleep(2)
         client.tell(b":SMfoo:Qe#")
         await asyncio.sleep(1)
-        assert not bridge.controller.wanted.axes
+        assert not bridge.controller.wanted.axes_moved_by_hand
 
 
 async def test_half_a_command_is_followed_by_no_cached_answer() -> None:
@@ -104,10 +104,10 @@ async def test_cached_answers_belong_to_the_run_of_an_unterminated_command() -> 
             await asyncio.sleep(0.05)
         client.tell(b":Mn#")
         await asyncio.sleep(1)
-        assert not bridge.controller.wanted.axes
+        assert not bridge.controller.wanted.axes_moved_by_hand
         client.tell(b":Mn#")
         await asyncio.sleep(1)
-        assert bridge.controller.wanted.axes == {2}
+        assert bridge.controller.wanted.axes_moved_by_hand == {2}
 
 
 @pytest.mark.parametrize("half", [b":Sr07:00", b":Sr07:00:00:M", b":SMfoo:Sr07:00:00#", b":SMfoo:Sr07:00"])
@@ -155,6 +155,6 @@ def test_simulated_meade_does_not_move_for_an_unterminated_command(model: str, w
 def test_meade_behind_a_meade_surface_is_sent_nothing_of_an_unterminated_command() -> None:
     mount = Mount()
     talk = Talk(mount)
-    talk.binding.surface.verbatim = True
+    talk.binding.surface.mount_speaks_same = True
     talk.send(b":B1:Mn#:BD05:Mn#")
     assert mount.asked == []

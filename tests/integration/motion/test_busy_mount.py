@@ -11,7 +11,7 @@ import pytest
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer
 from gateway.protocols.mechanics.truth import truth_of
-from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.in_process_gateway import Bridge, RehearsalClient
 
 
 def meade(model: str) -> Bridge:
@@ -66,7 +66,7 @@ async def look(bridge: Bridge) -> None:
 async def test_order_by_hand_on_a_silent_line_is_dropped(mount: str, driven: str, by_hand: bytes, asks: bool) -> None:
     """``asks``: it waits behind a question of its own program."""
     async with Bridge(mount, driven=driven) as bridge:
-        client: Visitor = bridge.client()
+        client: RehearsalClient = bridge.client()
         silence(bridge, 2.0)
         bridge.controller.spawn(look(bridge))
         (client if asks else bridge.client("10.0.0.8")).tell(b":GR#")

@@ -9,7 +9,7 @@ import pytest
 
 from gateway.astro.spherical import declination_rates, hour_angle_rates, hour_angle_to_horizon, wrap180
 from gateway.protocols.mechanics.truth import truth_of
-from gateway.protocols.nexstar.driver.altaz import SLOW
+from gateway.protocols.nexstar.driver.altaz import SLOW_BELOW
 from tests.support import sampling
 from tests.support.directions import NORTH, SOUTH, Scenario, on_the_axes, play, scenarios
 from tests.support.in_process_gateway import Bridge
@@ -26,7 +26,7 @@ def fork(**config: Any) -> Bridge:
 
 def motions(bridge: Bridge, since: int) -> list[bytes]:
     """What changed the mount."""
-    return [data for data in bridge.sent()[since:] if data[:1] in b"PTM"]
+    return [data for data in bridge.sent_requests()[since:] if data[:1] in b"PTM"]
 
 
 # --- the sky from the axes ----------------------------------------------------------------------------------------
@@ -64,7 +64,7 @@ def test_computed_axis_rates_are_finite_at_the_zenith_and_the_pole(place: tuple[
 )
 async def test_slow_arrow_adds_to_the_tracking_of_both_axes(arrow: bytes, first: bytes, second: bytes) -> None:
     async with fork() as bridge:
-        client, before = bridge.client(), len(bridge.sent())
+        client, before = bridge.client(), len(bridge.sent_requests())
         client.tell(b":RG#:M%s#" % arrow)
         await asyncio.sleep(2.0)
         assert motions(bridge, before) == [b"T\0", first, second]
@@ -78,7 +78,7 @@ async def test_slow_arrow_adds_to_the_tracking_of_both_axes(arrow: bytes, first:
 
 async def test_releasing_one_of_two_slow_arrows_leaves_the_other_moving() -> None:
     async with fork() as bridge:
-        client, before = bridge.client(), len(bridge.sent())
+        client, before = bridge.client(), len(bridge.sent_requests())
         client.tell(b":RG#:Mw#")
         await asyncio.sleep(1.0)
         client.tell(b":Mn#")
@@ -116,7 +116,7 @@ async def test_slow_arrow_without_tracking_turns_only_its_motor() -> None:
         client = bridge.client()
         client.tell(b":AL#")
         await asyncio.sleep(2.0)
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         client.tell(b":RG#:Mw#")
         await asyncio.sleep(1.0)
         client.tell(b":Qw#")
@@ -140,7 +140,7 @@ async def test_alt_az_guide_pulse_ends_in_tracking_without_a_standstill(
 ) -> None:
     async with fork(**config) as bridge:
         bridge.driver.motor_delay = 0.0  # nothing stands still while this line tells both motors
-        client, before = bridge.client(), len(bridge.sent())
+        client, before = bridge.client(), len(bridge.sent_requests())
         client.tell(b":Mg%s1000#" % pulse)
         await asyncio.sleep(0.9)
         assert motions(bridge, before) == [b"T\0", first, second]
@@ -157,10 +157,10 @@ async def test_two_simultaneous_pulses_add_up_on_both_axes() -> None:
         await client.ask(b":Sz130*00#:Sa+40*00#:MA#", until=b"0")
         await asyncio.sleep(60.0)
         before = truth_of(bridge.sim)
-        began = bridge.sim.truth()
+        began = bridge.sim.true_position()
         client.tell(b":Mgw2000#:Mgn2000#")
         await asyncio.sleep(6.0)
-        ended = bridge.sim.truth()
+        ended = bridge.sim.true_position()
         assert truth_of(bridge.sim).t > before.t and bridge.sim.tracking
         assert wrap180(began[0] - ended[0]) * 3600 == pytest.approx(15.04, rel=0.15)
         assert (ended[1] - began[1]) * 3600 == pytest.approx(15.04, rel=0.15)
@@ -209,7 +209,7 @@ async def test_stop_or_goto_ends_a_guide_pulse_and_restores_tracking(motion: byt
         client.tell(end)
         await asyncio.sleep(90.0)
         assert bridge.sim.tracking and not truth_of(bridge.sim).moving
-        since = len(bridge.sent())
+        since = len(bridge.sent_requests())
         await asyncio.sleep(5.0)
         assert not motions(bridge, since), "nothing of it is left"
 
@@ -230,7 +230,7 @@ async def test_guide_pulse_that_cannot_be_done_is_refused_with_a_reason(
     async with Bridge(mount, version, config={"sun": 0.0, **config}) as bridge:
         if mount == "nexstar-gps" and words.endswith("--site"):
             bridge.driver.site = None
-        since = len(bridge.sent())
+        since = len(bridge.sent_requests())
         bridge.client().tell(b":Mgw1000#")
         await asyncio.sleep(2.0)
         sent = motions(bridge, since)
@@ -246,7 +246,7 @@ async def test_german_mount_without_tracking_is_not_called_alt_az(aligned: bool,
         client = bridge.client()
         client.tell(b":AL#")
         await asyncio.sleep(2.0)
-        since = len(bridge.sent())
+        since = len(bridge.sent_requests())
         client.tell(b":Mgn0500#")
         await asyncio.sleep(2.0)
         assert not motions(bridge, since)
@@ -256,11 +256,11 @@ async def test_german_mount_without_tracking_is_not_called_alt_az(aligned: bool,
 
 async def test_arrow_above_the_tracking_limit_turns_only_its_motor() -> None:
     async with fork() as bridge:
-        client, before = bridge.client(), len(bridge.sent())
+        client, before = bridge.client(), len(bridge.sent_requests())
         client.tell(b":RM#:Mw#")
         await asyncio.sleep(1.0)
         assert motions(bridge, before) == [b"T\0", b"P\x02\x10\x24\x07\0\0\0"]
-        assert SLOW < 1.0
+        assert SLOW_BELOW < 1.0
 
 
 # --- a German mount: the motor or the sky -------------------------------------------------------------------------
@@ -273,12 +273,12 @@ async def test_arrow_above_the_tracking_limit_turns_only_its_motor() -> None:
 async def test_north_means_the_motor_or_the_sky_as_configured(guide: str, side: str, command: int) -> None:
     async with Bridge("cge", "4.21", latency=0.0, config={"sun": 0.0, "guide_directions": guide}) as bridge:
         client = bridge.client()
-        sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock()) / 15.0
+        sidereal = bridge.sim.mechanics.sky.lst(bridge.clock()) / 15.0
         hours = (sidereal + (-2.0 if side == "east" else 2.0)) % 24.0
         target = b":Sr%02d:%02d:00#:Sd+30*00:00#:MS#" % (int(hours), int(hours % 1 * 60))
         await client.ask(target, until=b"0")
         await asyncio.sleep(90.0)
-        since = len(bridge.sent())
+        since = len(bridge.sent_requests())
         client.tell(b":Mgn1000#")
         await asyncio.sleep(2.0)
         assert bytes((80, 2, 17, command, 1, 0, 0, 0)) in motions(bridge, since)
@@ -292,10 +292,10 @@ async def test_second_motor_of_a_polar_fork_turns_towards_the_elevated_pole(
     site: tuple[float, float], up: bytes
 ) -> None:
     async with Bridge("lx200", driven="lx200", presented="nexstar", surface="cpc", site=site) as bridge:
-        client, since = bridge.client(), len(bridge.sent())
+        client, since = bridge.client(), len(bridge.sent_requests())
         await client.ask(b"P\x02\x11\x24\x04\0\0\0")
         await asyncio.sleep(1.0)
-        assert up in bridge.sent()[since:]
+        assert up in bridge.sent_requests()[since:]
         await client.ask(b"P\x02\x11\x24\0\0\0\0")
         await asyncio.sleep(1.0)
 

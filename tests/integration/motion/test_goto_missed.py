@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from gateway.app.api.opening import inside
+from gateway.app.api.opening import mount_in_process
 from gateway.app.mount_state import mount_state
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Stopped
 from gateway.core.operations import Equatorial
 from gateway.diagnostics.virtual_time import run
-from gateway.fleet.mount_messages import state
+from gateway.fleet.mount_messages import published_state
 from gateway.mount.readings.reader import missed
 from tests.support.in_process_gateway import Bridge
 from tests.support.owner import Owner
@@ -108,12 +108,12 @@ async def ended(bridge: Any, driven: str, how: str) -> None:
 async def test_missed_goto_is_reported_until_the_next_order(how: str, mount: str, driven: str) -> None:
     async with Bridge(mount, driven=driven, config={"sun": 0.0}) as bridge:
         controller = bridge.controller
-        telescope = inside(bridge.gateway)
+        telescope = mount_in_process(bridge.gateway)
         await ended(bridge, driven, how)
         words = (await telescope.perform(op.GetActivity())).short
         assert words.startswith(ENDS[how]) and bool(words) == bool(ENDS[how])
-        assert (words in mount_state(controller).drawn().wanted) is bool(words)
-        assert state(bridge.gateway)["goto_ended_short"] == (words or None)
+        assert (words in mount_state(controller).to_state().wanted) is bool(words)
+        assert published_state(bridge.gateway)["goto_ended_short"] == (words or None)
         if words:
             with pytest.raises(Stopped, match="the goto ended"):
                 await telescope.arrived()
@@ -130,7 +130,7 @@ async def test_missed_goto_shows_in_the_stellarium_status(how: str) -> None:
         await ended(bridge, "nexstar", how)
         [status] = struct.unpack("<i", client.received[-4:])
         assert status == (-2 if ENDS[how] else 0)
-        await inside(bridge.gateway).goto(121.0, 30.0)
+        await mount_in_process(bridge.gateway).goto(121.0, 30.0)
         await asyncio.sleep(2.0)
         assert client.received[-4:] == b"\0\0\0\0"
 

@@ -21,18 +21,18 @@ async def arrives(bridge: Any, seconds: float = 90.0) -> bool:
     for _ in range(round(seconds)):
         client.tell(b":GR#")
         await asyncio.sleep(1.0)
-        if separation(*bridge.sim.truth(), *GOAL) < 0.02:
+        if separation(*bridge.sim.true_position(), *GOAL) < 0.02:
             await asyncio.sleep(2.0)
-            return separation(*bridge.sim.truth(), *GOAL) < 0.02
+            return separation(*bridge.sim.true_position(), *GOAL) < 0.02
     return False
 
 
 async def rests(bridge: Any) -> bool:
     """Whether the tube stays where it points on the sky."""
     await asyncio.sleep(4.0)
-    before = bridge.sim.truth()
+    before = bridge.sim.true_position()
     await asyncio.sleep(1.0)
-    return separation(*before, *bridge.sim.truth()) < 0.006
+    return separation(*before, *bridge.sim.true_position()) < 0.006
 
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
@@ -60,7 +60,7 @@ async def test_halt_without_an_arrow_ends_the_whole_goto(mount: str, driven: str
         client.tell(ends)
         assert await rests(bridge)
         assert not bridge.sim.slewing
-        assert separation(*bridge.sim.truth(), *GOAL) > 1.0
+        assert separation(*bridge.sim.true_position(), *GOAL) > 1.0
         assert bridge.sim.tracking
         assert await client.ask(b":D#", until=b"#") == b"#"
 
@@ -85,7 +85,7 @@ async def test_arrow_is_released_though_its_release_came_with_a_refused_goto(mou
         await asyncio.sleep(2.0)
         client.tell(b":Sr08:00:00#:Sd-80*00:00#:MS#:Qw#")
         assert await rests(bridge)
-        assert not bridge.controller.wanted.axes
+        assert not bridge.controller.wanted.axes_moved_by_hand
 
 
 async def test_arrow_pressed_and_released_right_after_a_goto_ends() -> None:
@@ -127,9 +127,9 @@ async def test_rate_set_during_a_goto_runs_afterwards(ended: bool) -> None:
             await asyncio.sleep(5.0)
         else:
             assert await arrives_near(bridge)
-        before, began = bridge.sim.truth()[0], bridge.clock()
+        before, began = bridge.sim.true_position()[0], bridge.clock()
         await asyncio.sleep(20.0)
-        drift = (bridge.sim.truth()[0] - before) * 3600.0 / (bridge.clock() - began)
+        drift = (bridge.sim.true_position()[0] - before) * 3600.0 / (bridge.clock() - began)
         assert drift == pytest.approx(15.041 - 14.685, abs=0.02)
 
 
@@ -139,7 +139,7 @@ async def arrives_near(bridge: Any) -> bool:
     for _ in range(60):
         client.tell(b":GR#:D#")
         await asyncio.sleep(1.0)
-    return separation(*bridge.sim.truth(), *GOAL) < 0.1
+    return separation(*bridge.sim.true_position(), *GOAL) < 0.1
 
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
@@ -153,7 +153,7 @@ async def test_arrow_released_soon_after_an_interrupted_goto_leaves_nothing_movi
         client = bridge.client()
         await client.ask(GOTO, until=b"0")
         if when == "just after one":
-            while separation(*bridge.sim.truth(), *GOAL) > 0.001:
+            while separation(*bridge.sim.true_position(), *GOAL) > 0.001:
                 client.tell(b":GR#")
                 await asyncio.sleep(0.1)
         else:
@@ -167,7 +167,7 @@ async def test_arrow_released_soon_after_an_interrupted_goto_leaves_nothing_movi
         await asyncio.sleep(0.5)
         client.tell(b":Qe#")
         assert await rests(bridge)
-        assert not bridge.controller.wanted.axes
+        assert not bridge.controller.wanted.axes_moved_by_hand
         await asyncio.sleep(2.0)
         assert bridge.sim.tracking
 
@@ -180,13 +180,13 @@ async def test_arrow_ended_by_the_dead_man_swallows_no_later_halt(mount: str, dr
         await asyncio.sleep(1.0)
         first.close()
         await asyncio.sleep(6.0)
-        assert not bridge.controller.wanted.axes
+        assert not bridge.controller.wanted.axes_moved_by_hand
         second = bridge.client()
         await second.ask(GOTO, until=b"0")
         await asyncio.sleep(3.0)
         second.tell(b":Qe#")
         assert await rests(bridge)
-        assert separation(*bridge.sim.truth(), *GOAL) > 1.0
+        assert separation(*bridge.sim.true_position(), *GOAL) > 1.0
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.05, 0.3])

@@ -10,7 +10,7 @@ import pytest
 
 from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
-from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
+from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalMount
 from gateway.mount.policy import Limits
 from tests.support import exact_sky
 from tests.support.each import each
@@ -19,7 +19,7 @@ START = 1769634000.0
 NORTH, SOUTH = (45.0, 10.0), (-34.0, 10.0)
 
 
-async def ask(program: Visitor, line: str) -> Any:
+async def ask(program: RehearsalClient, line: str) -> Any:
     told = json.loads(await program.ask(line.encode() + b"\n", until=b"\n"))
     return -told["ErrorNumber"] if isinstance(told, dict) else told
 
@@ -28,10 +28,10 @@ async def declination_after(own: RehearsalMount, direction: int) -> float:
     """Guide for two seconds; return the change of the true declination, arcseconds."""
     client = own.client()
     await ask(client, "put connect")
-    before = own.sim.truth()[1]
+    before = own.sim.true_position()[1]
     assert await ask(client, f"put pulseguide Direction={direction} Duration=2000") is None
     await asyncio.sleep(4.0)
-    return (own.sim.truth()[1] - before) * 3600.0
+    return (own.sim.true_position()[1] - before) * 3600.0
 
 
 @pytest.mark.parametrize("hours", [-3.0, 3.0])

@@ -77,12 +77,12 @@ async def test_guide_pulses_and_arrows_run_at_the_guide_rate(
 def sent_for(commands: bytes, *, model: str = "cge", version: str = "4.21", **config: Any) -> list[bytes]:
     async def program() -> list[bytes]:
         async with mount(model, version, **config) as bridge:
-            before = len(bridge.sent())
+            before = len(bridge.sent_requests())
             client = bridge.client()
             for command in commands.split(b" "):
                 client.tell(command)
                 await asyncio.sleep(2.0)
-            return [one for one in bridge.sent()[before:] if one[:1] == b"P"]
+            return [one for one in bridge.sent_requests()[before:] if one[:1] == b"P"]
 
     found: list[list[bytes]] = []
 
@@ -146,8 +146,8 @@ async def test_arrow_made_of_small_gotos_averages_the_requested_rate(
         client = bridge.client()
         client.tell(rate + b":Ms#")
         await asyncio.sleep(5.0)
-        start = bridge.sim.truth()[1]
+        start = bridge.sim.true_position()[1]
         await asyncio.sleep(10.0)
-        turned = start - bridge.sim.truth()[1]
+        turned = start - bridge.sim.true_position()[1]
         assert turned == pytest.approx(10.0 * degrees, rel=0.08, abs=20.0 / 3600.0)
         client.tell(b":Qs#")

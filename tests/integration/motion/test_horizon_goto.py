@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from gateway.astro.spherical import hour_angle_to_horizon, separation
-from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
+from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalMount
 from gateway.protocols.mechanics.simulated import Simulated
 from tests.support import exact_sky
 
@@ -29,12 +29,12 @@ NEAR = 2.0 / 60.0
 
 
 def horizon(sim: Simulated) -> tuple[float, float]:
-    ra, dec = sim.truth()
+    ra, dec = sim.true_position()
     sky = sim.mechanics.true_sky
-    return hour_angle_to_horizon(sky.sidereal(sim.now) - ra, dec, sky.latitude)
+    return hour_angle_to_horizon(sky.lst(sim.now) - ra, dec, sky.latitude)
 
 
-async def ask(program: Visitor, line: str) -> Any:
+async def ask(program: RehearsalClient, line: str) -> Any:
     told = json.loads(await program.ask(line.encode() + b"\n", until=b"\n"))
     return -told["ErrorNumber"] if isinstance(told, dict) else told
 

@@ -111,9 +111,9 @@ async def test_meade_settings_changed_for_a_motion_are_restored(model: str) -> N
     async with meade(model) as bridge:
         for frame in (variable(17, 3.0), variable(16, 14.5), variable(17, 10800.0), variable(16, 360.0)):
             await turns(bridge, frame[2], frame)
-        kept = bridge.sim.stored
+        kept = bridge.sim.stored_values
         assert float(kept.get("Rg", 15.0)) == 15.0
-        assert bridge.sim.mechanics.fastest == 8.0
+        assert bridge.sim.mechanics.max_rate == 8.0
         assert [float(kept.get(name) or 8.0) for name in ("RA", "RE")] == [8.0, 8.0]
         assert 60.0 <= kept.get("hertz", 60.1) <= 60.1
 
@@ -163,7 +163,7 @@ async def test_meade_drive_rate_set_at_the_hand_control_returns_after_a_motion(
                 assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(7.5, abs=0.01)
                 assert await client.ask(key(16, 0)) == b"#"
                 await asyncio.sleep(3.0)
-                assert bridge.sim.stored["hertz"] == hertz
+                assert bridge.sim.stored_values["hertz"] == hertz
                 assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(arcseconds, abs=0.01)
 
 
@@ -176,7 +176,7 @@ async def test_meade_drive_rate_set_at_the_hand_control_survives_a_key_and_a_sto
             await asyncio.sleep(2.0)
             assert await client.ask(stop) == b"#"
             await asyncio.sleep(3.0)
-            assert bridge.sim.stored["hertz"] == 57.9
+            assert bridge.sim.stored_values["hertz"] == 57.9
 
 
 async def test_lunar_rate_lost_on_the_line_is_sent_again() -> None:
@@ -184,14 +184,14 @@ async def test_lunar_rate_lost_on_the_line_is_sent_again() -> None:
         lost = lose_commands(bridge, (b":TL#",))
         await bridge.controller.perform(op.TrackRate(name="lunar"))
         assert lost == [b":TL#"]
-        assert bridge.sim.stored["hertz"] == 57.9
+        assert bridge.sim.stored_values["hertz"] == 57.9
 
 
 async def test_unreadable_hand_control_rate_is_reported_once() -> None:
     async with meade("lx200gps") as bridge:
         for _ in range(2):
             await turns(bridge, 17, variable(17, 10800.0))
-        [said] = [one.text for one in bridge.wire_log.recent if "does not report" in one.text]
+        [said] = [one.text for one in bridge.wire_log.recent_notices if "does not report" in one.text]
         assert "8 degrees a second" in said
 
 
@@ -201,7 +201,7 @@ async def test_inexact_meade_key_rate_is_reported_once(model: str) -> None:
     async with meade(model) as bridge:
         for number in (4, 5, 4, 9, 9):
             await turns(bridge, 17, key(17, number))
-        said = [one.text for one in bridge.wire_log.recent if "no nearer speed" in one.text]
+        said = [one.text for one in bridge.wire_log.recent_notices if "no nearer speed" in one.text]
         assert len(said) == len(set(said)) >= 1 and "120.33" in said[0]
 
 
@@ -265,4 +265,4 @@ async def test_meade_goto_runs_at_the_fastest_rate_of_its_program(asked: bytes, 
             fastest = max(fastest, abs(seen.rate1), abs(seen.rate2))
         assert fastest == pytest.approx(speed, rel=0.02)
         await asyncio.sleep(60)
-        assert bridge.sim.stored.get("Sw", 8) == 8
+        assert bridge.sim.stored_values.get("Sw", 8) == 8

@@ -20,18 +20,16 @@ SIDEREAL = 15.041
 
 async def pointed(bridge: Bridge, azimuth: float, altitude: float) -> None:
     hour_angle, dec = horizon_to_hour_angle(azimuth, altitude, bridge.sim.mechanics.sky.latitude)
-    await bridge.controller.perform(
-        op.Goto((bridge.sim.mechanics.sky.sidereal(bridge.clock()) - hour_angle) % 360.0, dec)
-    )
+    await bridge.controller.perform(op.Goto((bridge.sim.mechanics.sky.lst(bridge.clock()) - hour_angle) % 360.0, dec))
     await asyncio.sleep(60.0)
 
 
 async def moved(bridge: Bridge, order: Any) -> tuple[float, float]:
     """Return how far the tube has moved west and north against the stars, arcseconds."""
-    before = bridge.sim.truth()
+    before = bridge.sim.true_position()
     await order
     await asyncio.sleep(6.0)
-    after = bridge.sim.truth()
+    after = bridge.sim.true_position()
     return wrap180(before[0] - after[0]) * 3600.0, (after[1] - before[1]) * 3600.0
 
 
@@ -91,9 +89,9 @@ async def test_slow_arrows_move_an_alpaca_mount_in_sky_directions(
         client = bridge.client()
         client.tell(order)
         await asyncio.sleep(1.5)
-        before = bridge.sim.truth()
+        before = bridge.sim.true_position()
         await asyncio.sleep(4.0)
-        after = bridge.sim.truth()
+        after = bridge.sim.true_position()
         client.tell(ENDS[order[:1]])
         await asyncio.sleep(4.0)
         west, north = SLOW[order]
@@ -104,9 +102,9 @@ async def test_slow_arrows_move_an_alpaca_mount_in_sky_directions(
             north = max(-7.52, min(7.52, north))
         found = wrap180(before[0] - after[0]) * 900.0, (after[1] - before[1]) * 900.0
         assert found == pytest.approx((west, north), abs=max(1.5, 0.1 * abs(west or north)))
-        before = bridge.sim.truth()
+        before = bridge.sim.true_position()
         await asyncio.sleep(10.0)
-        assert bridge.sim.tracking and moved_by(before, bridge.sim.truth()) < 0.05
+        assert bridge.sim.tracking and moved_by(before, bridge.sim.true_position()) < 0.05
 
 
 def moved_by(one: tuple[float, float], other: tuple[float, float]) -> float:
@@ -126,21 +124,21 @@ async def test_slow_arrows_add_to_tracking_on_an_alt_az_alpaca_mount(
     )  # fmt: skip
     async with bridge:
         await pointed(bridge, 120.0, 50.0)
-        star, began = bridge.sim.truth(), bridge.clock()
+        star, began = bridge.sim.true_position(), bridge.clock()
         client = bridge.client()
         client.tell(b":RG#" + order)
         await asyncio.sleep(4.0)
         client.tell(order.replace(b"M", b"Q"))
         await asyncio.sleep(4.0)
-        here, there = bridge.sim.truth(), star
-        latitude, sidereal = NORTH[0], bridge.sim.mechanics.sky.sidereal(bridge.clock())
+        here, there = bridge.sim.true_position(), star
+        latitude, sidereal = NORTH[0], bridge.sim.mechanics.sky.lst(bridge.clock())
         now = hour_angle_to_horizon(wrap180(sidereal - here[0]), here[1], latitude)
         would = hour_angle_to_horizon(wrap180(sidereal - there[0]), there[1], latitude)
         found = wrap180(now[0] - would[0]) * 900.0, (now[1] - would[1]) * 900.0
         assert found == pytest.approx((15.04 * az, 15.04 * alt), abs=2.0), bridge.clock() - began
         assert bridge.sim.tracking
         await asyncio.sleep(60.0)
-        assert moved_by(here, bridge.sim.truth()) < 1.0
+        assert moved_by(here, bridge.sim.true_position()) < 1.0
 
 
 @pytest.mark.parametrize("question", [b"L", b":D#"])
@@ -168,4 +166,4 @@ async def test_sky_pulse_is_refused_where_it_would_turn_one_motor() -> None:
         await bridge.controller.answer(op.GetStatus())
         with pytest.raises(Unsupported, match="latitude"):
             await bridge.controller.perform(op.Pulse(op.Direction.NORTH, 2000, sky=True))
-        assert not [data for data in bridge.sent() if data[:2] == b":M"]
+        assert not [data for data in bridge.sent_requests() if data[:2] == b":M"]

@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from gateway.protocols.mechanics.truth import truth_of
-from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.in_process_gateway import Bridge, RehearsalClient
 from tests.support.owner import Owner
 
 #: Mounts of which a guide pulse ends, or changes, what their keys do.
@@ -30,7 +30,7 @@ def bridge_to(name: str) -> Bridge:
     return Bridge(model, version, driven=driven, latency=0.05, config=config, simulated=simulated)
 
 
-async def goto(client: Visitor) -> None:
+async def goto(client: RehearsalClient) -> None:
     """Go away from the pole, where a German mount begins, and wait for the end."""
     assert (await client.ask(b":Sr07:00:00#:Sd+50*00:00#:MS#", until=b"0")).endswith(b"0")
     while await client.ask(b":D#") not in (b"#", b"       #"):

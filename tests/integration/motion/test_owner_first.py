@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from gateway.protocols.mechanics.truth import truth_of
-from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.in_process_gateway import Bridge, RehearsalClient
 from tests.support.owner import Owner
 
 MOUNTS = {"cpc": "nexstar", "cge": "nexstar", "lx200gps": "lx200", "lx200": "lx200"}
@@ -45,7 +45,7 @@ async def at_the_mount(mount: str, motion: str) -> Any:
             polling.cancel()
 
 
-async def _poll(client: Visitor) -> None:
+async def _poll(client: RehearsalClient) -> None:
     while True:
         client.tell(b":GR#:GD#:D#")
         await asyncio.sleep(1.0)

@@ -28,12 +28,12 @@ async def test_park_cancelled_at_the_keypad_is_not_reported_as_parked(mount: str
         await bridge.controller.perform(op.Goto(120.0, 30.0))
         await polled(bridge, 80)
         handler = bridge.gateway.request_handler
-        await handler.take(requests.ParkRequest(number="n1", who="me"))
+        await handler.carry_out(requests.ParkRequest(number="n1", who="me"))
         await polled(bridge, 3)
         if cancelled:
             Owner(bridge, "nexstar").keys("cancel")
         await polled(bridge, 5 if cancelled else 120)
-        answer = await handler.take(requests.ProgressRequest(number="n1"))
+        answer = await handler.carry_out(requests.ProgressRequest(number="n1"))
         parked = (await bridge.controller.answer(op.GetActivity())).parked
         assert bridge.driver.parked is parked is not cancelled
         assert bool(bridge.sim.tracking) is cancelled
@@ -56,7 +56,7 @@ async def test_axis_goto_cancelled_at_the_keypad_is_reported_as_ended_short(
         if cancelled:
             Owner(bridge, driven).keys("cancel")
         await polled(bridge, 5 if cancelled else 90)
-        assert ("from its goal" in bridge.controller.wanted.value.short) is cancelled
+        assert ("from its goal" in bridge.controller.wanted.value.failure) is cancelled
 
 
 async def test_home_search_cancelled_at_the_keypad_is_not_reported_as_found() -> None:

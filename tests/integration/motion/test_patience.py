@@ -32,7 +32,7 @@ def arrived(bridge: Any) -> bool:
 
 
 def motions(bridge: Any) -> list[bytes]:
-    return [one for one in bridge.sent() if one[:2] in (b":M", b":m")]
+    return [one for one in bridge.sent_requests() if one[:2] in (b":M", b":m")]
 
 
 @pytest.mark.parametrize("mount", CLASSICS)
@@ -120,5 +120,5 @@ async def test_drive_rate_set_while_the_telescope_is_busy_applies_afterwards(gap
         client = bridge.client()
         client.tell(b":TL#")
         await asyncio.sleep(20.0)
-        assert bridge.sim.stored["hertz"] == 57.9
+        assert bridge.sim.stored_values["hertz"] == 57.9
         assert await client.ask(b":GT#") == b"57.9#"

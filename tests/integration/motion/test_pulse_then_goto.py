@@ -15,16 +15,16 @@ from tests.support.in_process_gateway import Bridge
 ])  # fmt: skip
 async def test_goto_ends_a_running_guide_pulse(driven: str, model: str, version: str | None) -> None:
     async with Bridge(model, version, driven=driven) as bridge:
-        ra, dec = bridge.sim.truth()
+        ra, dec = bridge.sim.true_position()
         pulse = asyncio.ensure_future(bridge.controller.perform(op.Pulse(op.Direction.WEST, 3000)))
         await asyncio.sleep(0.5)
         await bridge.controller.perform(op.Goto((ra + 12.0) % 360.0, min(dec + 8.0, 80.0)))
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         await asyncio.sleep(4.0)
         await pulse
-        said = [sent for sent in bridge.sent()[before:] if sent[:2] in (b":Q", b":M", b"P\2", b"P\3")]
+        said = [sent for sent in bridge.sent_requests()[before:] if sent[:2] in (b":Q", b":M", b"P\2", b"P\3")]
         assert said == []
         while await bridge.controller.read(op.Slewing()):
             await asyncio.sleep(0.5)
-        there = bridge.sim.truth()
+        there = bridge.sim.true_position()
         assert abs((there[0] - ra - 12.0 + 180.0) % 360.0 - 180.0) < 0.1

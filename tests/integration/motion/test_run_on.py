@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
+from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalMount
 from gateway.diagnostics.virtual_time import run
 from tests.support import exact_sky
 from tests.support.truth import moving
@@ -23,19 +23,19 @@ MOUNTS = [("cpc", "nexstar"), ("cgem", "nexstar"), ("gt", "nexstar"), ("lx200gps
 LATE = 1.2
 
 
-async def ask(program: Visitor, line: str) -> Any:
+async def ask(program: RehearsalClient, line: str) -> Any:
     told = json.loads(await program.ask(line.encode() + b"\n", until=b"\n"))
     return -told["ErrorNumber"] if isinstance(told, dict) else told
 
 
-async def connected(own: RehearsalMount) -> Visitor:
+async def connected(own: RehearsalMount) -> RehearsalClient:
     exact_sky.load(own.controller.astrometry.sky)
     client = own.client()
     assert await ask(client, "put connected Connected=True") is None
     return client
 
 
-async def told_until_rest(own: RehearsalMount, client: Visitor) -> None:
+async def told_until_rest(own: RehearsalMount, client: RehearsalClient) -> None:
     """Ask twenty times a second: never at rest while the axes move, and soon at rest after that."""
     clock, rests = own.controller.now, None
     while True:
@@ -119,12 +119,12 @@ def test_guide_pulse_right_after_an_arrow_has_its_full_length(mount: tuple[str, 
             before = asyncio.get_running_loop().time()
             assert await ask(client, "put pulseguide Direction=0 Duration=1000") is None
             assert asyncio.get_running_loop().time() - before < 1.7
-            start = own.sim.truth()[1]
+            start = own.sim.true_position()[1]
             while await ask(client, "get ispulseguiding"):
                 assert await ask(client, "get slewing") is False, "a pulse is no slew"
                 await asyncio.sleep(0.05)
             await asyncio.sleep(1.0)
-            assert abs(own.sim.truth()[1] - start) == pytest.approx(rate, rel=0.1)
+            assert abs(own.sim.true_position()[1] - start) == pytest.approx(rate, rel=0.1)
 
     run(program())
 
@@ -135,7 +135,7 @@ async def test_run_on_without_a_position_is_reported_as_unknown_motion() -> None
         await ask(client, "put moveaxis Axis=0 Rate=3.0")
         await asyncio.sleep(2.0)
         await ask(client, "put moveaxis Axis=0 Rate=0")
-        own.controller.context.run_on.position = lambda *_: None  # type: ignore[method-assign]
+        own.controller.context.run_on.add_position = lambda *_: None  # type: ignore[method-assign]
         assert await ask(client, "get slewing") is True
         await asyncio.sleep(3.5)
         assert await ask(client, "get slewing") == -0x500

@@ -23,7 +23,7 @@ MOUNTS = [("cpc", "nexstar"), ("cgem", "nexstar"), ("6-8se", "nexstar"), ("lx200
 async def nearly_there(bridge: Any, client: Any, degrees: float) -> None:
     """Send the mount to the goal, and wait until it is so far from it."""
     assert await client.ask(GOTO, until=b"0") == b"110"
-    while separation(*bridge.sim.truth(), *GOAL) > degrees:
+    while separation(*bridge.sim.true_position(), *GOAL) > degrees:
         client.tell(b":GR#")
         await asyncio.sleep(0.1)
     assert bridge.sim.slewing
@@ -32,7 +32,7 @@ async def nearly_there(bridge: Any, client: Any, degrees: float) -> None:
 def off(bridge: Any) -> float:
     """How far the mount believes to be from where it is, degrees."""
     mechanics = bridge.sim.mechanics
-    return separation(*mechanics.believed(bridge.clock()), *mechanics.truth(bridge.clock()))
+    return separation(*mechanics.believed_position(bridge.clock()), *mechanics.true_position(bridge.clock()))
 
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
@@ -104,7 +104,7 @@ async def test_sync_during_a_goto_in_azimuth_and_altitude_is_done_on_arrival() -
             await controller.read_now(op.Slewing())
             await asyncio.sleep(0.1)
         assert bridge.sim.slewing
-        goal = controller.astrometry.equatorial(op.Horizontal(150.0, 40.0))
+        goal = controller.astrometry.equatorial_of(op.Horizontal(150.0, 40.0))
         with pytest.raises(Refused, match="is moving"):
             await controller.perform(op.Sync(goal.ra + 3.0, goal.dec))
         await controller.perform(op.Sync(goal.ra, goal.dec))

@@ -44,10 +44,10 @@ async def test_sync_after_a_stop_is_done_when_the_mount_rests(
         assert moving(bridge.sim)
         client.tell(stop)
         await asyncio.sleep(delay)
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         sync = asyncio.ensure_future(bridge.controller.perform(op.Sync(here.ra, here.dec)))
         for _ in range(400):
-            if any(command.startswith(sent) for command in bridge.sent()[before:]):
+            if any(command.startswith(sent) for command in bridge.sent_requests()[before:]):
                 assert not moving(bridge.sim)
                 break
             await asyncio.sleep(0.01)

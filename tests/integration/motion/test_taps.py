@@ -8,7 +8,7 @@ import pytest
 
 from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.core import operations as op
-from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
+from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalMount
 from gateway.diagnostics.virtual_time import run
 from tests.support.sampling import as_a_rule
 from tests.support.taps import FACES, LATENCIES, LENGTHS, MOUNTS, Axes, at_keypad, judged, stage, tap
@@ -26,7 +26,7 @@ def test_tap_moves_as_far_as_at_the_keypad(mount: str, face: str) -> None:
 
 
 def refusals(own: RehearsalMount) -> list[str]:
-    return [notice.text for notice in own.controller.wire_log.recent]
+    return [notice.text for notice in own.controller.wire_log.recent_notices]
 
 
 @pytest.mark.parametrize("latency", [0.0, 0.02, 0.05])
@@ -113,7 +113,7 @@ async def test_goto_cancels_a_pending_tap() -> None:
     async with stage("lx200", "cpc", 0.3) as own:
         client = own.client()
         begun: list[op.Operation] = []
-        own.controller.reconciler.begins.connect(begun.append)
+        own.controller.reconciler.acknowledged.connect(begun.append)
         here: op.Equatorial = await own.controller.read(op.Position())
         client.tell(b":RM#:Me#")
         await asyncio.sleep(0.05)
@@ -195,7 +195,7 @@ async def test_program_with_one_connection_per_command_can_tap() -> None:
         axes = Axes(own)
 
         async def send(data: bytes) -> None:
-            client: Visitor = own.client(SECOND)
+            client: RehearsalClient = own.client(SECOND)
             client.tell(data)
             await asyncio.sleep(0.02)
             client.close()
@@ -225,7 +225,7 @@ async def test_program_that_releases_arrows_by_a_full_stop_can_tap(how: str, kno
     before, seconds, taps = STOPS[how]
     async with stage("lx200", "cpc", 0.3) as own:
         axes, client = Axes(own), own.client()
-        client.connection.client.releases.by_stop = known
+        client.connection.client.arrow_releases.uses_stop = known
         client.tell(b":RM#")
         await asyncio.sleep(1.0)
         await axes.begin()
@@ -239,7 +239,7 @@ async def test_program_that_releases_arrows_by_a_full_stop_can_tap(how: str, kno
         await asyncio.sleep(4.0)
         assert not moving(own.sim)
         assert not own.controller.wanted.by_hand
-        assert own.sent().count(b"M") >= 1, "the stop is sent"
+        assert own.sent_requests().count(b"M") >= 1, "the stop is sent"
         if taps and known:
             assert 0.02 <= abs(axes.moved) <= 0.1 + 2.0 * 0.3
         else:
@@ -250,7 +250,7 @@ async def test_program_that_releases_arrows_by_a_full_stop_can_tap(how: str, kno
 async def test_repeated_full_stop_is_sent_before_everything_else(presses: bytes) -> None:
     async with stage("lx200", "cpc", 0.3) as own:
         axes, client = Axes(own), own.client()
-        client.connection.client.releases.by_stop = True
+        client.connection.client.arrow_releases.uses_stop = True
         client.tell(b":RM#")
         await asyncio.sleep(1.0)
         await axes.begin()
@@ -264,7 +264,7 @@ async def test_repeated_full_stop_is_sent_before_everything_else(presses: bytes)
         assert not moving(own.sim)
 
 
-async def away_from_the_pole(client: Visitor) -> None:
+async def away_from_the_pole(client: RehearsalClient) -> None:
     """Move there, because the sense of north changes at the pole; then choose the guide rate."""
     client.tell(b":RM#:Ms#")
     await asyncio.sleep(4.0)

@@ -24,10 +24,10 @@ async def test_hand_control_is_sent_only_commands_that_its_version_knows(model: 
         client = bridge.client()
         await asyncio.sleep(1.0)
         assert (await client.ask(b":GA#", 3.0)).endswith(b"#")
-        counted = PROTOCOLS["nexstar"].counts_as(version)
-        for sent in bridge.sent():
+        counted = PROTOCOLS["nexstar"].command_set_version(version)
+        for sent in bridge.sent_requests():
             found = NEXSTAR.find(sent)
-            assert found is not None and (found[0].known_to(model, counted) or found[0].name in ("V", "K")), sent
+            assert found is not None and (found[0].exists_on(model, counted) or found[0].name in ("V", "K")), sent
 
 
 @pytest.mark.parametrize(("model", "version"), [("nexstar-gps", "2.2"), ("cge", "4.21"), ("avx", "5.31")])
@@ -38,7 +38,7 @@ async def test_hand_control_is_identified_though_it_waits_long_for_a_missing_foc
     bridge.controller.start()
     try:
         async with asyncio.timeout(40.0):
-            await bridge.controller.settled.wait()
+            await bridge.controller.site_read.wait()
         await asyncio.sleep(10.0)
         assert bridge.controller.line.usable
         assert await bridge.client().ask(b":GA#", 3.0, until=b"#")

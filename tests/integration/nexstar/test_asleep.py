@@ -9,7 +9,7 @@ import pytest
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
 from tests.support.cable import swallow
-from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.in_process_gateway import Bridge, RehearsalClient
 
 #: What ``t`` answers.
 ALTAZ = 1
@@ -17,7 +17,7 @@ ALTAZ = 1
 SILENCE = 4.0
 
 
-async def asleep(bridge: Bridge, client: Visitor, presented: str = "nexstar") -> None:
+async def asleep(bridge: Bridge, client: RehearsalClient, presented: str = "nexstar") -> None:
     """Sent to sleep by the client, and old enough for the last position not to be told any more."""
     client.tell(b":hN#" if presented == "lx200" else b"x")
     await asyncio.sleep(11.0)
@@ -29,10 +29,10 @@ async def test_sleeping_mount_is_sent_only_requests_that_it_answers(presented: s
     async with Bridge("cpc", presented=presented, surface=None) as bridge:
         client = bridge.client()
         await asleep(bridge, client, presented)
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         for question in (b":GR#", b":GA#", b":D#", b":GW#") if presented == "lx200" else (b"e", b"z", b"L", b"t"):
             assert await client.ask(question, 30.0) == b""
-        asked = [frame for frame in bridge.sent()[before:] if frame[:1] != b"K"]
+        asked = [frame for frame in bridge.sent_requests()[before:] if frame[:1] != b"K"]
         assert set(asked) == {b"e"} and len(asked) <= 25  # somebody may have woken it by hand
 
 
@@ -71,7 +71,7 @@ async def test_mount_wakes_whatever_requests_came_during_its_sleep(presented: st
             for command in (b"r34560000,34560000", b"P\x02\x10\x24\x05\0\0\0", b"M", b"P\x02\x10\x24\0\0\0\0", b"y"):
                 client.tell(command)
         await asyncio.sleep(6 * SILENCE)
-        assert not bridge.sim.asleep and not bridge.controller.wanted.owed
+        assert not bridge.sim.asleep and not bridge.controller.wanted.stop_owed
         assert await client.ask(b":GR#" if presented == "lx200" else b"e", 2.0)
         assert bridge.sim.mode == ALTAZ and (await bridge.controller.read(op.GetStatus())).tracking is op.Tracking.ALTAZ
 
@@ -107,7 +107,7 @@ async def test_sleep_ends_every_motion() -> None:
         assert bridge.controller.moving
         await asleep(bridge, client, "lx200")
         assert not bridge.controller.moving and not bridge.driver.moving
-        sent = bridge.sent()
+        sent = bridge.sent_requests()
         assert b"P\x02\x10\x24\0\0\0\0" in sent[: sent.index(b"x")]
 
 
@@ -199,7 +199,7 @@ async def test_starsense_can_be_woken_after_its_line_was_lost(from_the_start: bo
     try:
         client = bridge.client()
         if not from_the_start:
-            await bridge.controller.settled.wait()
+            await bridge.controller.site_read.wait()
             await asleep(bridge, client, "lx200")
             bridge.controller.line.transaction.connection_lost("unplugged")
         await asyncio.sleep(30.0)

@@ -13,7 +13,7 @@ async def test_backlash_of_one_direction_leaves_the_other_unchanged() -> None:
         client = bridge.client()
         assert await client.ask(b"P\x02\x10\x10\x21\x00\x00\x00", until=b"#") == b"#"
         assert await client.ask(b"P\x02\x10\x11\x2c\x00\x00\x00", until=b"#") == b"#"
-        sent = bridge.sent()
+        sent = bridge.sent_requests()
         assert sent.count(b"P\x02\x10\x10\x21\x00\x00\x00") == sent.count(b"P\x02\x10\x11\x2c\x00\x00\x00") == 1
         assert not [command for command in sent if command[:5] in (b"P\x02\x10\x11\x21", b"P\x02\x10\x10\x2c")]
         assert await client.ask(b"P\x01\x10\x40\x00\x00\x00\x01", until=b"#") == b"\x21#"
@@ -25,4 +25,4 @@ async def test_lx200_program_sets_backlash_of_both_directions_as_one_value() -> 
         client = bridge.client()
         await client.ask(b":$BZ21#:GR#")
         await asyncio.sleep(1)
-        assert {b"P\x02\x10\x10\x15\x00\x00\x00", b"P\x02\x10\x11\x15\x00\x00\x00"} <= set(bridge.sent())
+        assert {b"P\x02\x10\x10\x15\x00\x00\x00", b"P\x02\x10\x11\x15\x00\x00\x00"} <= set(bridge.sent_requests())

@@ -33,12 +33,12 @@ async def test_end_of_an_interrupted_nexstar_command_moves_nothing(
         assert await client.ask(b"Kz", until=b"#") == b"z#"
         client.tell(half)
         await asyncio.sleep(1.2)
-        sent = len(bridge.sent())
+        sent = len(bridge.sent_requests())
         for piece in [end] if apart is None else [end[at : at + 1] for at in range(len(end))]:
             client.tell(piece)
             await asyncio.sleep(apart or 0.0)
         await asyncio.sleep(3.0)
-        assert not [frame for frame in bridge.sent()[sent:] if frame.startswith((b":M", b":A", b":S", b":h"))]
+        assert not [frame for frame in bridge.sent_requests()[sent:] if frame.startswith((b":M", b":A", b":S", b":h"))]
         assert not moving(bridge.sim)
         assert (end, NexStarFramer.late_end) in [(entry.data, entry.note) for entry in bridge.entries]
         assert await client.ask(b"Kz", until=b"#") == b"z#"

@@ -15,7 +15,7 @@ INDEX = 90.0
 
 
 async def _away(bridge: Bridge) -> None:
-    await bridge.controller.perform(op.Goto(bridge.sim.mechanics.sky.sidereal(bridge.clock()) + 40.0, 20.0))
+    await bridge.controller.perform(op.Goto(bridge.sim.mechanics.sky.lst(bridge.clock()) + 40.0, 20.0))
     await asyncio.sleep(60.0)
 
 
@@ -34,11 +34,11 @@ async def test_home_switches_are_sought_only_if_configured() -> None:
         assert second == pytest.approx(INDEX, abs=0.1)
         assert first == pytest.approx(INDEX, abs=0.6)  # it tracks again since
         assert bridge.sim.tracking
-        assert not [request for request in bridge.sent() if request[:1] == b"P" and request[3] == 0x19]
+        assert not [request for request in bridge.sent_requests() if request[:1] == b"P" and request[3] == 0x19]
     async with Bridge("cgx") as bridge:
         with pytest.raises(Unsupported):
             await bridge.controller.perform(op.Home())
-        assert not [request for request in bridge.sent() if request[:1] == b"P" and request[3] == 0x0B]
+        assert not [request for request in bridge.sent_requests() if request[:1] == b"P" and request[3] == 0x0B]
 
 
 @pytest.mark.parametrize("ends", [b":Q#", b":MS#"])
@@ -49,7 +49,7 @@ async def test_stop_or_goto_ends_the_search_for_home_switches(ends: bytes) -> No
         here = bridge.sim.mechanics.axes(bridge.sim.clock())
         client.tell(b":hF#")
         await asyncio.sleep(2.0)
-        hours = int(bridge.sim.mechanics.sky.sidereal(bridge.sim.clock()) / 15.0 + 3) % 24
+        hours = int(bridge.sim.mechanics.sky.lst(bridge.sim.clock()) / 15.0 + 3) % 24
         await client.ask(f":Sr{hours:02d}:00:00#".encode())
         await client.ask(b":Sd+30*00:00#")
         client.tell(ends)
@@ -64,10 +64,10 @@ async def test_stop_or_goto_ends_the_search_for_home_switches(ends: bytes) -> No
 async def test_guide_pulse_runs_at_the_configured_guide_rate(config: dict[str, float], percent: int) -> None:
     """Until a program sets one."""
     async with Bridge("avx", config=config) as bridge:
-        client, before = bridge.client(), len(bridge.sent())
+        client, before = bridge.client(), len(bridge.sent_requests())
         client.tell(b":Mgn1000#:Mgw0500#")
         await asyncio.sleep(0.5)
-        pulses = [request for request in bridge.sent()[before:] if request[3:4] == b"\x26"]
+        pulses = [request for request in bridge.sent_requests()[before:] if request[3:4] == b"\x26"]
         assert pulses == [bytes((80, 3, 17, 0x26, percent, 100, 0, 0)), bytes((80, 3, 16, 0x26, percent, 50, 0, 0))]
 
 
@@ -76,10 +76,10 @@ async def test_guide_pulse_runs_at_the_guide_rate_set_by_a_program() -> None:
         client = bridge.client()
         client.tell(b":Rg03.8#")
         await asyncio.sleep(1.0)
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         client.tell(b":Mgn1000#")
         await asyncio.sleep(0.5)
-        pulses = [request for request in bridge.sent()[before:] if request[3:4] == b"\x26"]
+        pulses = [request for request in bridge.sent_requests()[before:] if request[3:4] == b"\x26"]
         assert [request[4] for request in pulses] == [25]
 
 

@@ -41,11 +41,13 @@ def over(mount: str, surface: str = "cge", **settings: object) -> Bridge:
 async def test_nexstar_command_that_a_meade_lacks_gets_the_no_response_form(mount: str, setting: bytes) -> None:
     async with over(mount) as bridge:
         client = bridge.client()
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         answer = await client.ask(setting)
         if setting in LACKS[mount]:
             assert answer == NO
-            assert not [one for one in bridge.sent()[before:] if one.startswith((b":Rg", b":$B", b":$Q", b"$Q"))]
+            assert not [
+                one for one in bridge.sent_requests()[before:] if one.startswith((b":Rg", b":$B", b":$Q", b"$Q"))
+            ]
             if setting != PLAYBACK:
                 reading = {GUIDE_RATE: b"P\x01\x10\x47\0\0\0\x01", BACKLASH: b"P\x01\x11\x40\0\0\0\x01"}[setting]
                 assert (await client.ask(reading))[:1] != setting[4:5], "it is not told as if it were in force"
@@ -96,12 +98,12 @@ async def test_only_a_stop_is_acknowledged_while_the_line_is_down(mount: str) ->
             assert await client.ask(stop, 1.0) == b"#"
         assert await client.ask(b"Kx") == b"x#"
         assert "Arrow: No answer from mount." in notes(bridge)
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         cable.plug()
         await asyncio.sleep(30.0)
         assert not [
             one
-            for one in bridge.sent()[before:]
+            for one in bridge.sent_requests()[before:]
             if one.startswith((b":M", b":CM", b":S", b"r", b"R", b"b", b"B", b"W", b"H"))
         ]
         assert (await client.ask(b"w"))[:1] == b"\x2d"
@@ -132,7 +134,7 @@ def test_nexstar_home_search_starts_the_search_of_a_meade_with_sensors(mount: st
             if mount in ("lx200", "autostar"):
                 assert [await client.ask(one) for one in seek] == [NO, NO]
                 assert await client.ask(found) == (b"\0\0#" if mount == "lx200" else b"\0#")
-                assert b":hF#" not in bridge.sent()
+                assert b":hF#" not in bridge.sent_requests()
                 return
             for axis in (b"\x10", b"\x11"):
                 assert await client.ask(b"P\x02" + axis + b"\x24\x09\0\0\0") == b"#"
@@ -141,7 +143,7 @@ def test_nexstar_home_search_starts_the_search_of_a_meade_with_sensors(mount: st
                 assert await client.ask(b"P\x02" + axis + b"\x24\0\0\0\0") == b"#"
             await asyncio.sleep(3.0)
             assert [await client.ask(one) for one in seek] == [b"#", b"#"]
-            assert bridge.sent().count(b":hF#") == 1
+            assert bridge.sent_requests().count(b":hF#") == 1
             assert await client.ask(found) == b"\0#"
             await asyncio.sleep(120.0)
             assert await client.ask(found) == b"\xff#"
@@ -155,14 +157,14 @@ async def test_nexstar_focuser_commands_move_and_stop_the_focuser_of_a_meade(mou
     async with over(mount) as bridge:
         client = bridge.client()
         for way, command in ((b"\x24", b":F-#"), (b"\x25", b":F+#")):
-            before = len(bridge.sent())
+            before = len(bridge.sent_requests())
             assert await client.ask(b"P\x02\x12" + way + b"\x09\0\0\0") == b"#"
             await asyncio.sleep(1.0)
-            assert command in bridge.sent()[before:]
-            assert bridge.sim.parts["focuser"] == (1 if way == b"\x25" else -1)
+            assert command in bridge.sent_requests()[before:]
+            assert bridge.sim.accessories["focuser"] == (1 if way == b"\x25" else -1)
             assert await client.ask(b"P\x02\x12\x24\0\0\0\0") == b"#"
             await asyncio.sleep(1.0)
-            assert bridge.sim.parts["focuser"] == 0
+            assert bridge.sim.accessories["focuser"] == 0
         assert await client.ask(b"P\x02\x12\x24\x0a\0\0\0") == NO
         assert await client.ask(b"P\x02\xb4\x24\x05\0\0\0") == NO
 
@@ -180,7 +182,7 @@ async def test_year_that_a_meade_would_misread_is_not_set(mount: str) -> None:
         assert await client.ask(b"P\x03\xb2\x84\x08\x33\0\0") == NO  # 2099
         assert await client.ask(b"P\x03\xb2\x84\x08\x02\0\0") == b"#"  # 2050
         await asyncio.sleep(20.0)
-        assert not [one for one in bridge.sent() if one.startswith(b":SC") and one.endswith(b"/99#")]
+        assert not [one for one in bridge.sent_requests() if one.startswith(b":SC") and one.endswith(b"/99#")]
         assert "2050" in notes(bridge)
 
 
@@ -196,7 +198,7 @@ async def test_clock_of_a_version_without_a_set_command_is_not_set(mount: str) -
         ):
             assert await client.ask(setting) == NO
         await asyncio.sleep(5.0)
-        assert not [one for one in bridge.sent() if one.startswith((b":SC", b":SL", b":SG"))]
+        assert not [one for one in bridge.sent_requests() if one.startswith((b":SC", b":SL", b":SG"))]
 
 
 @pytest.mark.parametrize("mount", MEADES)
@@ -212,7 +214,7 @@ async def test_setting_site_or_clock_at_rest_stops_nothing(mount: str, lowest: f
             for _ in range(20):
                 await client.ask(b"e")
                 await asyncio.sleep(1.0)
-        assert not [one for one in bridge.sent() if one.startswith(b":Q")]
+        assert not [one for one in bridge.sent_requests() if one.startswith(b":Q")]
 
 
 async def test_motion_is_accepted_again_when_the_line_is_back() -> None:
@@ -226,7 +228,7 @@ async def test_motion_is_accepted_again_when_the_line_is_back() -> None:
         await asyncio.sleep(20.0)
         assert await client.ask(b"P\x02\x11\x24\x05\0\0\0") == b"#"
         await asyncio.sleep(1.0)
-        assert bridge.controller.wanted.axes == {2}
+        assert bridge.controller.wanted.axes_moved_by_hand == {2}
         await bridge.controller.perform(Move(Direction.NORTH, Rate(name="guide")))
 
 
@@ -253,11 +255,11 @@ async def test_held_or_sleeping_mount_refuses_motion_with_the_no_response_form(m
     ) as bridge:
         client = bridge.client()
         if why == "held":
-            bridge.controller.hold.on = True
+            bridge.controller.hold.is_on = True
         else:
             client.tell(b"x")
             await asyncio.sleep(3.0)
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         for motion in MOTIONS:
             assert await client.ask(motion) == NO, motion
         for stop in STOPS:
@@ -265,7 +267,7 @@ async def test_held_or_sleeping_mount_refuses_motion_with_the_no_response_form(m
         assert await client.ask(b"r40000000,10000000") == b"#", "there is no form for no"
         assert [entry for entry in bridge.entries if entry.note.startswith("Goto: ")]
         await asyncio.sleep(2.0)
-        assert not [one for one in bridge.sent()[before:] if one.startswith((b"r", b":MS", b":M", b":RG#"))]
+        assert not [one for one in bridge.sent_requests()[before:] if one.startswith((b"r", b":MS", b":M", b":RG#"))]
 
 
 @pytest.mark.parametrize("mount", ["lx200gps", "cge"])
@@ -301,9 +303,9 @@ async def test_nexstar_command_is_refused_as_soon_as_the_mounts_answer_is_overdu
 async def test_nexstar_command_with_data_out_of_range_is_refused(data: bytes) -> None:
     """101 % of the guide rate either way, PEC 2, key 10, backlash 100."""
     async with over("lx200gps") as bridge:
-        client, before = bridge.client(), len(bridge.sent())
+        client, before = bridge.client(), len(bridge.sent_requests())
         assert await client.ask(data) == NO
-        assert not [one for one in bridge.sent()[before:] if one.startswith((b":M", b":$", b":R"))]
+        assert not [one for one in bridge.sent_requests()[before:] if one.startswith((b":M", b":$", b":R"))]
 
 
 # --- guiding ------------------------------------------------------------------------------------------------------
@@ -314,10 +316,10 @@ async def test_alt_az_pulse_that_the_motors_cannot_do_is_refused(mount: str, ver
     """A guider that is told yes waits for pulses that never come, and no pulse is under way then."""
     async with Bridge(mount, version, presented="nexstar", surface=None) as bridge:
         client = bridge.client()
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         assert await client.ask(b"P\x03\x10\x26\x32\x32\0\0") == answer
         await asyncio.sleep(1.0)
-        sent = [one for one in bridge.sent()[before:] if one[:1] == b"P"]
+        sent = [one for one in bridge.sent_requests()[before:] if one[:1] == b"P"]
         assert (b"P\x03\x10\x26\x32\x32\0\0" in sent) is (answer == b"#")
         if answer == NO:
             assert (await client.ask(b"P\x01\x10\x27\0\0\0\x01"))[:1] != b"\x01"

@@ -78,7 +78,7 @@ def test_starsense_lacks_the_commands_of_nexstar_versions_above_its_number() -> 
 
 def told(bridge: Bridge) -> list[bytes]:
     """What was said of site and time, and whether it was asked for its alignment."""
-    return [sent[:1] for sent in bridge.sent() if sent[:1] in (b"W", b"H", b"I", b"J")]
+    return [sent[:1] for sent in bridge.sent_requests() if sent[:1] in (b"W", b"H", b"I", b"J")]
 
 
 async def test_aligned_starsense_is_never_sent_site_or_time() -> None:

@@ -36,7 +36,7 @@ def test_nexstar_goto_arrives(mount: str, surface: str, site: tuple[float, float
             await settled(client)
             assert off(bridge, ra, dec) < (ARCSECOND if letter == b"r" else 20 * ARCSECOND)
             seen = place(await client.ask(b"e"))
-            assert separation(*seen, *bridge.sim.truth()) < ARCSECOND
+            assert separation(*seen, *bridge.sim.true_position()) < ARCSECOND
             assert bridge.sim.tracking
 
     goto()
@@ -94,12 +94,12 @@ async def test_nexstar_cancel_leaves_motion_by_hand_alone(bridge: Bridge) -> Non
     await client.ask(bytes((80, 2, 16, 36, 7, 0, 0, 0)))
     await asyncio.sleep(1)
     await client.ask(b"M")
-    before = bridge.sim.truth()
+    before = bridge.sim.true_position()
     await asyncio.sleep(2)
     assert off(bridge, *before) > 0.5
     await client.ask(HALT[1])
     await asyncio.sleep(3)
-    before = bridge.sim.truth()
+    before = bridge.sim.true_position()
     await asyncio.sleep(10)
     assert off(bridge, *before) < ARCSECOND
 
@@ -115,7 +115,7 @@ async def test_nexstar_halt_stops_only_its_axis(bridge: Bridge) -> None:
     await asyncio.sleep(0.5)
     before = bridge.sim.encoders()
     await asyncio.sleep(2)
-    after = bridge.sim.truth() and bridge.sim.encoders()
+    after = bridge.sim.true_position() and bridge.sim.encoders()
     assert after[0] - before[0] > 0.1
     assert after[1] == pytest.approx(before[1], abs=0.001)
     await client.ask(HALT[1])
@@ -132,9 +132,9 @@ async def test_nexstar_tracking_rates_reach_the_motor_unchanged(bridge: Bridge) 
         frame = b"P\3\x10\6" + code + b"\0\0"
         assert await client.ask(frame) == b"#"
         await asyncio.sleep(1)
-        assert frame in bridge.sent()
+        assert frame in bridge.sent_requests()
         assert await client.ask(b"L") == b"0#"
-        before = bridge.sim.truth()
+        before = bridge.sim.true_position()
         await asyncio.sleep(10)
         assert off(bridge, *before) < 20 * ARCSECOND, "nothing runs away"
 
@@ -158,7 +158,7 @@ async def test_site_and_time_are_sent_to_an_unaligned_mount(bridge: Bridge) -> N
     assert await client.ask(b"W\x21\x32\x29\0\x76\x14\x11\1") == b"#"
     assert await client.ask(b"H\x0f\x1a\0\4\6\x1a\xfb\1") == b"#"
     await asyncio.sleep(3)
-    assert b"W\x21\x32\x29\0\x76\x14\x11\1" in bridge.sent()
+    assert b"W\x21\x32\x29\0\x76\x14\x11\1" in bridge.sent_requests()
     assert await client.ask(b"w") == b"\x21\x32\x29\0\x76\x14\x11\1#"
     reply = await client.ask(b"h")
     assert reply[:2] + reply[3:] == b"\x0f\x1a\4\6\x1a\xfb\1#"

@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.in_process_gateway import Bridge, RehearsalClient
 from tests.support.nexstar_flows import ARCSECOND, off, on_a_bridge, place, polled, precise, settled, up
 from tests.support.two_gateways import TwoGateways
 
@@ -27,7 +27,7 @@ async def test_two_nexstar_programs_each_get_their_replies_whole_and_in_order(br
     """Each gets its own replies, whole and in order, while the other cuts its commands to pieces."""
     one, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
 
-    async def poll(client: Visitor, mark: bytes) -> None:
+    async def poll(client: RehearsalClient, mark: bytes) -> None:
         for _ in range(40):
             assert await client.ask(b"K" + mark) == mark + b"#"
             assert len(place(await client.ask(b"e", until=b"#"))) == 2

@@ -35,10 +35,10 @@ def test_synscan_driver_sends_the_documented_bytes() -> None:
 def test_synscan_driver_takes_the_model_from_the_model_code(number: str, called: str, model: str) -> None:
     mount = NexStar(lambda: 0.0)
     mount.dialect = "synscan"
-    assert mount.numbered(int(number)) == model
+    assert mount.model_by_number(int(number)) == model
     mount.dialect = None
-    assert mount.numbered(5) == "cge"
-    assert mount.numbered(26) == "skywatcher"
+    assert mount.model_by_number(5) == "cge"
+    assert mount.model_by_number(26) == "skywatcher"
 
 
 @pytest.mark.parametrize("model", ["synscan", "synscan-az"])
@@ -70,13 +70,13 @@ async def test_az_eq_mount_that_has_not_tracked_yet_is_refused_type_specific_ord
             with pytest.raises(Refused, match="turn tracking on once"):
                 await bridge.controller.perform(order)
         if mode is None:
-            assert not {b"T\1", b"T\2"} & set(bridge.sent())
+            assert not {b"T\1", b"T\2"} & set(bridge.sent_requests())
             bridge.sim.feed(b"T\1")
             await bridge.controller.read_now(op.GetStatus())
             assert driver.model == "synscan-az"
             await bridge.controller.perform(op.SetTracking(on=False))
         await bridge.controller.perform(op.SetTracking(on=True))
-        assert b"T\2" in bridge.sent() if mode == "eq-north" else b"T\1" in bridge.sent()
+        assert b"T\2" in bridge.sent_requests() if mode == "eq-north" else b"T\1" in bridge.sent_requests()
 
 
 @pytest.mark.parametrize("model", ["synscan", "synscan-az"])
@@ -87,8 +87,8 @@ async def test_synscan_coordinates_are_j2000(model: str) -> None:
         assert separation(date.ra, date.dec, *RIGEL_2000) > 0.3
         await bridge.controller.perform(op.Goto(date.ra, date.dec))
         await asyncio.sleep(90.0)
-        bridge.sim.truth()
-        assert separation(*bridge.sim.mechanics.believed(bridge.sim.now), date.ra, date.dec) * 3600.0 < 10.0
+        bridge.sim.true_position()
+        assert separation(*bridge.sim.mechanics.believed_position(bridge.sim.now), date.ra, date.dec) * 3600.0 < 10.0
         seen = await bridge.controller.answer(op.Position())
         assert separation(seen.ra, seen.dec, date.ra, date.dec) * 3600.0 < 10.0
 
@@ -99,7 +99,7 @@ async def test_synscan_beyond_the_pole_reports_where_the_tube_points() -> None:
         await asyncio.sleep(3.0)
         bridge.sim.mechanics.move(bridge.clock(), 2, 0.0)
         await asyncio.sleep(2.0)
-        seen, (ra, dec) = await bridge.controller.read_now(op.Position()), bridge.sim.truth()
+        seen, (ra, dec) = await bridge.controller.read_now(op.Position()), bridge.sim.true_position()
         assert bridge.sim.mechanics.axes(bridge.clock())[1] > 95.0
         assert separation(seen.ra, seen.dec, *fold_declination(ra, dec)) * 3600.0 < 60.0
 
@@ -132,7 +132,7 @@ async def test_synscan_stop_is_m_and_rate_0_on_both_axes(order: op.Operation) ->
         await bridge.controller.perform(order)
         await asyncio.sleep(5.0)
         assert not bridge.sim.slewing
-        sent = b"".join(bridge.sent())
+        sent = b"".join(bridge.sent_requests())
         for frame in (b"M", b"P\2\x10\x24\0\0\0\0", b"P\2\x11\x24\0\0\0\0"):
             assert frame in sent
 
@@ -144,8 +144,8 @@ async def test_synscan_parks_at_the_pole_with_its_counterweight_down() -> None:
         await asyncio.sleep(90.0)
         await bridge.controller.perform(op.Park())
         await asyncio.sleep(90.0)
-        assert b"b00000000,40000000" in b"".join(bridge.sent())
-        bridge.sim.truth()
+        assert b"b00000000,40000000" in b"".join(bridge.sent_requests())
+        bridge.sim.true_position()
         assert bridge.sim.mechanics.axes(bridge.sim.now) == pytest.approx((90.0, 90.0), abs=0.01)
         assert not bridge.sim.tracking
 

@@ -19,11 +19,11 @@ async def test_fork_on_a_wedge_reads_its_axes_from_north(site: tuple[float, floa
         client = bridge.client()
         await client.ask(below)
         await asyncio.sleep(5)
-        assert below not in bridge.sent()
+        assert below not in bridge.sent_requests()
         assert any("Object Below Horizon" in entry.note for entry in bridge.entries)
         await client.ask(above)
         await asyncio.sleep(5)
-        assert above in bridge.sent()
+        assert above in bridge.sent_requests()
 
 
 @pytest.mark.parametrize(("site", "mode"), [((45.0, 10.0), b"T\x02"), ((-35.0, 150.0), b"T\x03")])
@@ -33,5 +33,5 @@ async def test_fork_on_a_wedge_parks_at_the_pole(site: tuple[float, float], mode
         await asyncio.sleep(10)
         bridge.client().tell(b":hP#")
         await asyncio.sleep(90)
-        assert abs(bridge.sim.mechanics.truth(bridge.clock())[1]) > 89.5
+        assert abs(bridge.sim.mechanics.true_position(bridge.clock())[1]) > 89.5
         assert not bridge.sim.tracking

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from gateway.core import operations as op
-from gateway.protocols.lx200.nmea import fix
+from gateway.protocols.lx200.nmea import parse_fix
 from tests.support.in_process_gateway import Bridge
 
 
@@ -79,9 +79,9 @@ def test_gps_sentence_is_accepted_by_its_checksum() -> None:
     for letter in body.encode():
         total ^= letter
     right = f"${body}*{total:02X}"
-    seen = fix(right)
+    seen = parse_fix(right)
     assert seen is not None
     assert seen.linked
-    assert fix(right.replace("4500", "4600")) is None
-    assert fix(right.replace("01000.000", "01100.000")) is None
-    assert fix(right.partition("*")[0]) is None
+    assert parse_fix(right.replace("4500", "4600")) is None
+    assert parse_fix(right.replace("01000.000", "01100.000")) is None
+    assert parse_fix(right.partition("*")[0]) is None

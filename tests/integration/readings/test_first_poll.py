@@ -26,7 +26,7 @@ async def told(bridge: Bridge, presented: str, seconds: float) -> list[tuple[flo
     end = loop.time() + seconds
     while loop.time() < end:
         place = await reported_position(client, presented)
-        answers.append((loop.time(), place, separation(*place, *bridge.sim.truth())))
+        answers.append((loop.time(), place, separation(*place, *bridge.sim.true_position())))
         await asyncio.sleep(0.05)
     return answers
 
@@ -61,7 +61,7 @@ async def test_first_poll_shows_motion_at_the_mounts_keys(
     async with bridge_to(mount, presented, latency=latency) as bridge:
         await asyncio.sleep(20.0)
         bridge.sim.advance_to_now()
-        pole = abs(bridge.sim.truth()[1]) > 80.0  # there the first axis does not change the position
+        pole = abs(bridge.sim.true_position()[1]) > 80.0  # there the first axis does not change the position
         bridge.sim.mechanics.set_rate(bridge.sim.now, 2 if pole else 1, KEYS)
         await asyncio.sleep(waits)
         answers = await told(bridge, presented, 2.5)

@@ -13,7 +13,7 @@ from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.readings.cache import NOT_CACHED
 from gateway.protocols.mechanics.truth import truth_of
-from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.in_process_gateway import Bridge, RehearsalClient
 from tests.support.nexstar_flows import place
 from tests.support.reported_positions import (
     FREE,
@@ -46,13 +46,13 @@ async def test_reads_a_tenth_of_a_second_apart_differ_and_match_the_tube(
         last, errors = await reported_position(client, presented), []
         for _ in range(20):
             await asyncio.sleep(0.1)
-            if not by_hand and separation(*bridge.sim.truth(), 120.0, 30.0) < 6.0:
+            if not by_hand and separation(*bridge.sim.true_position(), 120.0, 30.0) < 6.0:
                 break  # it slows down
             seen = await reported_position(client, presented)
             assert seen != last
             last = seen
             if abs(seen[1]) < 80.0:
-                errors.append(separation(*seen, *bridge.sim.truth()))
+                errors.append(separation(*seen, *bridge.sim.true_position()))
         assert sorted(errors)[len(errors) // 2] < 0.3
         assert max(errors) < 1.2, "a reading that is told as it came is up to four degrees old"
 
@@ -146,9 +146,9 @@ async def test_reading_older_than_an_order_is_not_reported_after_it(mount: str, 
         before = await reported_position(other, presented)
         await start_moving(client, presented, by_hand)
         await asyncio.sleep(0.3)
-        while not (bridge.controller.slewing or bridge.controller.wanted.axes):
+        while not (bridge.controller.slewing or bridge.controller.wanted.axes_moved_by_hand):
             await asyncio.sleep(0.01)
-        where = bridge.sim.truth()
+        where = bridge.sim.true_position()
         seen = await reported_position(other, presented)
         assert separation(*before, *where) > 0.1
         assert separation(*seen, *before) > 0.05
@@ -234,7 +234,7 @@ async def test_slewing_is_reported_from_the_order_until_arrival(mount: str) -> N
         await asyncio.sleep(0.01)
         while (await other.ask(b":D#", until=b"#")).strip(b" #"):
             await asyncio.sleep(0.05)
-        assert separation(*bridge.sim.truth(), 120.0, 30.0) < 0.02
+        assert separation(*bridge.sim.true_position(), 120.0, 30.0) < 0.02
         assert separation(*await reported_position(other, "lx200"), 120.0, 30.0) < 0.02
 
 
@@ -254,7 +254,7 @@ def handled(bridge: Bridge) -> list[bytes]:
     return frames
 
 
-async def polled(client: Visitor, question: bytes, seconds: float) -> None:
+async def polled(client: RehearsalClient, question: bytes, seconds: float) -> None:
     for _ in range(round(seconds / 0.01)):
         assert await client.ask(question, until=b"#")
         await asyncio.sleep(0.01)
@@ -271,9 +271,9 @@ async def test_poll_at_rest_costs_the_surface_no_work(mount: str, presented: str
         client = bridge.client()
         await polled(client, question, 2.0)
         frames = handled(bridge)
-        sent = len(bridge.sent())
+        sent = len(bridge.sent_requests())
         await polled(client, question, 3.0)
-        readings = len(bridge.sent()) - sent
+        readings = len(bridge.sent_requests()) - sent
         assert len(frames) <= readings + 3 < 30
 
 
@@ -307,12 +307,12 @@ def test_polls_in_motion_cost_the_line_at_most_two_exchanges_a_second(
             client = bridge.client()
             await start_moving(client, presented, by_hand)
             await asyncio.sleep(2.0)
-            before = len(bridge.sent())
+            before = len(bridge.sent_requests())
             for _ in range(40):
                 if asked:
                     client.tell(b":GR#" if presented == "lx200" else b"e")
                 await asyncio.sleep(0.1)
-            return (len(bridge.sent()) - before) / 4.0
+            return (len(bridge.sent_requests()) - before) / 4.0
 
     assert run(program(True)) <= run(program(False)) + 2.0
 
@@ -321,16 +321,16 @@ async def test_mount_at_rest_is_read_as_often_as_its_positions_expire() -> None:
     async with bridge_to("6-8se", "lx200") as bridge:
         client = bridge.client()
         await polled(client, b":GR#", 2.0)
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         await polled(client, b":GR#", 5.0)
-        asked = bridge.sent()[before:]
+        asked = bridge.sent_requests()[before:]
         assert len(asked) - asked.count(b"w") <= 14 and asked.count(b"w") <= 2
 
 
 async def test_position_check_finds_no_error_on_a_tracking_mount() -> None:
     async with bridge_to("cge", "lx200", config=FREE) as bridge, tracked(bridge) as track:
         await asyncio.sleep(0.1)
-        assert track.off(bridge.sim.truth()) < 1e-4
+        assert track.off(bridge.sim.true_position()) < 1e-4
         assert not truth_of(bridge.sim).moving
         assert degrees(b"-00*30:36#") == pytest.approx(-0.51)
         assert "cge" not in MEADES

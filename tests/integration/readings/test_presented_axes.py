@@ -12,14 +12,14 @@ import pytest
 
 from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
-from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.in_process_gateway import Bridge, RehearsalClient
 from tests.support.nexstar_flows import place, precise, settled
 
 NORTH, SOUTH = (45.0, 10.0), (-34.0, 18.5)
 MOUNTS = [("lx200", "lx200"), ("lx200", "lx200-16"), ("nexstar", "cpc")]
 
 
-async def arrived(bridge: Bridge, client: Visitor, hour_angle: float, dec: float) -> None:
+async def arrived(bridge: Bridge, client: RehearsalClient, hour_angle: float, dec: float) -> None:
     sidereal = await bridge.controller.answer(op.SiderealTime())
     await bridge.controller.perform(op.Goto((sidereal - hour_angle) % 360.0, dec))
     await asyncio.sleep(1.0)
@@ -51,12 +51,12 @@ async def test_axis_readings_of_an_equatorial_fork_are_hour_angle_and_declinatio
             told = await client.ask(b"P\x01" + device + b"\x01\0\0\0\x03")
             assert wrap180(int.from_bytes(told[:3], "big") / 2**24 * 360.0 - reading) == pytest.approx(0.0, abs=0.1)
         # from elsewhere it comes back to what was read
-        there = bridge.sim.truth()
+        there = bridge.sim.true_position()
         await arrived(bridge, client, -20.0, north * 40.0)
         assert await client.ask(precise(b"b", first, second)) == b"#"
         await asyncio.sleep(1.0)
         await settled(client, 300.0)
-        assert separation(*bridge.sim.truth(), *there) < 1.0, "the sky has moved on, no more"
+        assert separation(*bridge.sim.true_position(), *there) < 1.0, "the sky has moved on, no more"
         # one axis alone: the other stays
         assert await client.ask(b"P\x04\x11\x02\x1c\x71\xc7\0") == b"#"  # 40 degrees
         await asyncio.sleep(1.0)

@@ -9,7 +9,7 @@ import pytest
 from gateway.astro.axes import Build
 from gateway.core import operations as op
 from gateway.core.errors import Unsupported
-from gateway.protocols.nexstar.surface.presented import fitting
+from gateway.protocols.nexstar.surface.presented import default_model
 from tests.support.in_process_gateway import Bridge
 
 NORTH, SOUTH = (45.0, 10.0), (-34.0, 18.5)
@@ -21,7 +21,7 @@ def german(site: tuple[float, float]) -> Bridge:
     bridge = Bridge(
         "autostar", driven="lx200", presented="nexstar", surface="cge", site=site, config={"lowest": -90.0, "sun": 0.0}
     )
-    bridge.sim.letter = "P"
+    bridge.sim.mode_letter = "P"
     bridge.sim.mechanics.rebuild(bridge.sim.now, Build.GERMAN)
     return bridge
 
@@ -34,7 +34,7 @@ def german(site: tuple[float, float]) -> Bridge:
 def test_presented_model_fits_how_the_mount_is_built(
     equatorial: bool, is_german: bool | None, name: str, number: int, gps: bool
 ) -> None:
-    model = fitting(equatorial, is_german, gps, None)
+    model = default_model(equatorial, is_german, gps, None)
     assert (model["name"], model["id"], model["version"]) == (name, number, (4, 21))
     assert ("gps" in model["has"]) is gps, "a unit that is not there is not presented"
 

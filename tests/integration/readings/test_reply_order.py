@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from gateway.diagnostics.virtual_time import run
 from tests.support.fuzz_forms import PROTOCOLS, of_reply
-from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.in_process_gateway import Bridge, RehearsalClient
 from tests.support.sampling import as_a_rule
 
 #: Seconds: an answer that is not given within this is never given (NexStar protocol, Communication Protocol).
@@ -82,14 +82,14 @@ class Fickle:
         self._on_data = None
 
 
-class Listener(Visitor):
+class Listener(RehearsalClient):
     """A connection that remembers when each reply came."""
 
     def __init__(self, bridge: Bridge) -> None:
         self.replies: list[Reply] = []
         super().__init__(bridge, "127.0.0.1")
 
-    def _hear(self, data: bytes) -> None:
+    def _on_received(self, data: bytes) -> None:
         self.replies.append(Reply(data, asyncio.get_running_loop().time()))
 
 
@@ -240,7 +240,7 @@ async def at_a_mount_that_comes_late(driven: str, commands: bytes, later: bytes 
 async def test_motion_is_not_begun_when_its_reply_would_come_too_late(driven: str, commands: bytes) -> None:
     bridge, client = await at_a_mount_that_comes_late(driven, commands)
     begun = (b":MS", b":CM", b":Me", b":hP", b"r", b"s", b"b", b"P\x02\x10\x24\x07", b"P\x03")
-    assert not [one for one in bridge.sent() if one.startswith(begun)]
+    assert not [one for one in bridge.sent_requests() if one.startswith(begun)]
     assert not [reply for reply in client.replies if b"#" in reply.data[1:] and not reply.data.endswith(b".#")]
 
 

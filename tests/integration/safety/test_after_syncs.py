@@ -45,7 +45,7 @@ def standing(driven: str, mount: str, version: str | None, stands: str, latitude
         mount, version, driven=driven, site=(latitude, 10.0), config=config, surface="lx200gps", simulated=wedge
     )
     if driven == "lx200" and stands == "german":
-        bridge.sim.letter = "P"  # type: ignore[attr-defined]
+        bridge.sim.mode_letter = "P"  # type: ignore[attr-defined]
         bridge.sim.mechanics.rebuild(bridge.sim.now, Build.GERMAN)
     elif driven == "lx200":
         bridge.sim.feed(b":AA#" if stands == "alt-az" else b":AP#")
@@ -119,7 +119,7 @@ async def test_goal_that_may_be_too_low_after_a_sync_is_refused_in_words(stands:
     async with standing(*stands, 45.0) as bridge:
         assert (await to(bridge, 200.0, 35.0))[0] is None
         await sync(bridge, 200.0, 45.0)
-        low = bridge.controller.astrometry.equatorial(op.Horizontal(180.0, LOWEST + 4.0))
+        low = bridge.controller.astrometry.equatorial_of(op.Horizontal(180.0, LOWEST + 4.0))
         with pytest.raises(Contradicted, match=r"syncs .* wrong"):
             await bridge.controller.perform(op.Goto(low.ra, low.dec))
 

@@ -51,7 +51,7 @@ async def test_goto_ends_at_the_limit_by_the_axis_reading() -> None:
         await bridge.controller.perform(op.GotoHorizontal(180.0, 40.0))
         await asyncio.sleep(30.0)
         await synced(bridge, 2, 14.0)
-        sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+        sidereal = bridge.sim.mechanics.sky.lst(bridge.clock())
         with contextlib.suppress(Fault):
             await bridge.controller.perform(op.Goto(sidereal % 360.0, -15.0))
         await asyncio.sleep(30.0)
@@ -84,7 +84,7 @@ def test_contradicting_clock_matters_only_with_a_configured_limit(written: bool)
     async def program() -> None:
         config = {"lowest": 10.0} if written else {}
         async with Bridge("cpc", config=config, host_ahead=3600.0) as bridge:
-            seen = bridge.controller.astrometry.equatorial(op.GotoHorizontal(240.0, 14.0))
+            seen = bridge.controller.astrometry.equatorial_of(op.GotoHorizontal(240.0, 14.0))
             if written:
                 with pytest.raises(Contradicted, match="differ by 60 minutes"):
                     await bridge.controller.perform(op.Goto(seen.ra, seen.dec))

@@ -129,11 +129,11 @@ def test_tracking_below_the_limit_is_switched_off() -> None:
             return bridge
 
     celestron = run(program("6-8se", "nexstar"))
-    assert b"T\x00" in celestron.sent()
+    assert b"T\x00" in celestron.sent_requests()
     assert any("off at the altitude limit" in note for note in notes(celestron))
     assert celestron.sim.feed(b"t") == b"\x00#"
     meade = run(program("autostar", "lx200"))
-    assert b":AL#" in meade.sent()
+    assert b":AL#" in meade.sent_requests()
     assert not meade.sim.tracking
 
 
@@ -147,8 +147,8 @@ async def test_mount_whose_tracking_cannot_be_switched_off_is_reported_once() ->
         assert altitude(bridge) < 39.9
         said = [note for note in notes(bridge) if "cannot be switched off" in note]
         assert len(said) == 1
-        assert bridge.sent().count(b":Q#") == 1
-        assert b":AL#" not in bridge.sent()
+        assert bridge.sent_requests().count(b":Q#") == 1
+        assert b":AL#" not in bridge.sent_requests()
 
 
 @pytest.mark.safety_line(3)
@@ -166,7 +166,7 @@ def test_park_home_and_axis_gotos_are_checked_against_the_limits() -> None:
             client.tell(b":hF#")
             await asyncio.sleep(30)
             assert 44.0 < altitude(bridge) < 46.0
-            return notes(bridge), [sent for sent in bridge.sent() if sent[:1] == b"b"]
+            return notes(bridge), [sent for sent in bridge.sent_requests() if sent[:1] == b"b"]
 
     said, sent = run(program({}))  # not north at the horizon, which this operator does not want, but just above
     assert said == []

@@ -15,7 +15,7 @@ import pytest
 from gateway.astro.axes import Build
 from gateway.astro.spherical import horizon_to_hour_angle, hour_angle_to_horizon, separation, wrap360
 from gateway.protocols.mechanics.truth import Truth, truth_of
-from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.in_process_gateway import Bridge, RehearsalClient
 from tests.support.owner import Owner
 from tests.support.truth import altitude, sampled
 
@@ -30,7 +30,7 @@ GERMAN = [("cge", None), ("cgem", "5.31"), ("avx", "5.24"), ("cge", "4.10")]
 FORKS = [("cpc", "nexstar"), ("6-8se", "nexstar"), ("lx200gps", "lx200"), ("autostar", "lx200"), ("lx200", "lx200")]
 
 
-async def _poll(client: Visitor, words: bytes) -> None:
+async def _poll(client: RehearsalClient, words: bytes) -> None:
     while words:
         client.tell(words)
         await asyncio.sleep(0.7)
@@ -56,7 +56,7 @@ def at(bridge: Any, az: float, alt: float) -> tuple[float, float]:
     """Return right ascension and declination of a direction now."""
     sky = bridge.sim.mechanics.true_sky
     hour_angle, dec = horizon_to_hour_angle(az, alt, sky.latitude)
-    return wrap360(sky.sidereal(bridge.sim.clock()) - hour_angle), dec
+    return wrap360(sky.lst(bridge.sim.clock()) - hour_angle), dec
 
 
 async def rests(bridge: Any, seconds: float = 120.0) -> None:
@@ -77,7 +77,7 @@ async def goes(bridge: Any, owner: Owner, az: float, alt: float) -> float:
     await asyncio.sleep(1.0)
     assert truth_of(bridge.sim).moving
     await rests(bridge)
-    return separation(*bridge.sim.truth(), ra, dec)
+    return separation(*bridge.sim.true_position(), ra, dec)
 
 
 # --- the hour angle -----------------------------------------------------------------------------------------------
@@ -162,7 +162,7 @@ def sinking_key(bridge: Any, driven: str) -> str:
     if driven == "lx200":
         return "first back"  # its keys are directions on the sky
     first, second = bridge.sim.mechanics.axes(bridge.sim.now)
-    hour_angle, dec = geometry.sky(first + 1.0, second)
+    hour_angle, dec = geometry.ha_dec_of_axes(first + 1.0, second)
     higher = hour_angle_to_horizon(hour_angle, dec, bridge.sim.mechanics.true_sky.latitude)[1]
     return "first on" if higher < altitude(bridge.sim) else "first back"
 

@@ -43,7 +43,7 @@ async def test_second_arrow_is_refused_where_both_axes_together_would_cross_the_
     """45 degrees high, two axes at full speed: the second one is refused where the first alone is still clear."""
     async with Bridge(model, driven=driven, config={"lowest": lowest}, latency=0.2) as bridge:
         client = bridge.client()
-        sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+        sidereal = bridge.sim.mechanics.sky.lst(bridge.clock())
         await bridge.controller.perform(op.Goto((sidereal - 45.0) % 360.0, 20.0))
         await ready(bridge, client, b":GR#")
         assert altitude(bridge) == pytest.approx(45.4, abs=0.3)
@@ -94,7 +94,7 @@ async def test_declination_motor_of_a_meade_in_the_south_counts_north_as_positiv
         config={"lowest": lowest, "site": south},
     ) as bridge:
         client = bridge.client()
-        sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+        sidereal = bridge.sim.mechanics.sky.lst(bridge.clock())
         await bridge.controller.perform(op.Goto((sidereal - 1.0) % 360.0, dec))
         await ready(bridge, client, b"e")
         assert altitude(bridge) == pytest.approx(lowest + 0.5, abs=0.2)
@@ -107,21 +107,21 @@ async def test_arrow_north_beyond_the_pole_is_judged_by_its_real_direction() -> 
     """A hand control tells a declination beyond 90 degrees there."""
     async with Bridge("cge", config={"lowest": -90.0}) as bridge:
         client = bridge.client()
-        sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+        sidereal = bridge.sim.mechanics.sky.lst(bridge.clock())
         await bridge.controller.perform(op.Goto((sidereal - 45.0) % 360.0, 85.0))
         await ready(bridge, client, b":GR#")
         client.tell(b":RS#:Mn#")
         await asyncio.sleep(3.5)
         client.tell(b":Qn#")
         await asyncio.sleep(2.0)
-        beyond = bridge.sim.mechanics.truth(bridge.clock())[1]
+        beyond = bridge.sim.mechanics.true_position(bridge.clock())[1]
         assert beyond < 86.0
         await client.ask(b":GD#")
         client.tell(b":RM#:Mn#")
         await asyncio.sleep(1.5)
         client.tell(b":Qn#")
         await asyncio.sleep(1.0)
-        assert bridge.sim.mechanics.truth(bridge.clock())[1] > beyond + 0.5
+        assert bridge.sim.mechanics.true_position(bridge.clock())[1] > beyond + 0.5
 
 
 @pytest.mark.parametrize("moves", [b":RS#:Mn#", b":MS#"])
@@ -129,7 +129,7 @@ async def test_sync_is_refused_while_the_mount_moves(moves: bytes) -> None:
     """Nothing is centred then; a bare # is what programs read as failure."""
     async with Bridge() as bridge:
         client = bridge.client()
-        hours = (bridge.sim.mechanics.sky.sidereal(bridge.clock()) / 15.0 - 2.0) % 24.0
+        hours = (bridge.sim.mechanics.sky.lst(bridge.clock()) / 15.0 - 2.0) % 24.0
         await client.ask(f":Sr{int(hours):02d}:00:00#:Sd+20*00:00#".encode())
         client.tell(moves)
         await asyncio.sleep(1.0)
@@ -137,10 +137,10 @@ async def test_sync_is_refused_while_the_mount_moves(moves: bytes) -> None:
         assert any("sync when it has stopped" in note for note in notes(bridge))
         client.tell(b":Q#")
         await asyncio.sleep(3.0)
-        assert not any(sent.startswith(b"s") for sent in bridge.sent())
-        ra, dec = bridge.sim.mechanics.truth(bridge.clock())
+        assert not any(sent.startswith(b"s") for sent in bridge.sent_requests())
+        ra, dec = bridge.sim.mechanics.true_position(bridge.clock())
         await bridge.controller.perform(op.Sync(ra, dec + 1.0))
-        assert any(sent.startswith(b"s") for sent in bridge.sent())
+        assert any(sent.startswith(b"s") for sent in bridge.sent_requests())
 
 
 @pytest.mark.parametrize(("arrow", "way"), [(b":Mn#", 1), (b":Ms#", -1)])
@@ -148,16 +148,16 @@ async def test_arrow_north_that_ends_a_flipping_goto_goes_north(arrow: bytes, wa
     """Under way the hand control tells the side of the goal; the motors go by the side where the tube is."""
     async with Bridge("cgx", "5.31", config={"lowest": -30.0}) as bridge:
         client = bridge.client()
-        sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+        sidereal = bridge.sim.mechanics.sky.lst(bridge.clock())
         await bridge.controller.perform(op.Goto((sidereal - 40.0) % 360.0, 20.0))
         await ready(bridge, client, b":GR#")
         await bridge.controller.perform(op.Goto((sidereal + 40.0) % 360.0, 20.0))
         await asyncio.sleep(3.0)
         client.tell(b":RS#" + arrow)
         await asyncio.sleep(2.5)  # from the full speed of the goto to that of the arrow
-        before = bridge.sim.mechanics.truth(bridge.clock())[1]
+        before = bridge.sim.mechanics.true_position(bridge.clock())[1]
         await asyncio.sleep(0.5)
-        assert (bridge.sim.mechanics.truth(bridge.clock())[1] - before) * way > 1.0
+        assert (bridge.sim.mechanics.true_position(bridge.clock())[1] - before) * way > 1.0
 
 
 @pytest.mark.parametrize("latitude", [45.0, -35.0])
@@ -170,13 +170,13 @@ async def test_arrow_north_goes_north_on_both_pier_sides_in_every_version(
     mount = "cge" if version < "4.15" else "cgem"
     async with Bridge(mount, version, site=(latitude, 10.0), config={"lowest": -30.0}) as bridge:
         client = bridge.client()
-        sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+        sidereal = bridge.sim.mechanics.sky.lst(bridge.clock())
         await bridge.controller.perform(op.Goto((sidereal + side) % 360.0, 0.5 * latitude))
         await ready(bridge, client, b":GR#")
-        before = bridge.sim.mechanics.truth(bridge.clock())[1]
+        before = bridge.sim.mechanics.true_position(bridge.clock())[1]
         client.tell(b":RS#:Mn#")
         await asyncio.sleep(1.5)
-        assert bridge.sim.mechanics.truth(bridge.clock())[1] - before > 1.0
+        assert bridge.sim.mechanics.true_position(bridge.clock())[1] - before > 1.0
 
 
 @pytest.mark.parametrize(("arrow", "refused"), [(b":Ms#", True), (b":Mn#", False)])

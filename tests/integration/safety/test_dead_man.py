@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from gateway.diagnostics.virtual_time import run
-from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.in_process_gateway import Bridge, RehearsalClient
 
 HOST = "10.0.0.1"
 
@@ -17,8 +17,8 @@ async def moves_for(bridge: Any, seconds: float) -> float:
     """For how long the motion by hand goes on, seconds; at most so many."""
     began = bridge.controller.now()
     await asyncio.sleep(1)
-    assert bridge.controller.wanted.axes
-    while bridge.controller.wanted.axes and bridge.controller.now() - began < seconds:
+    assert bridge.controller.wanted.axes_moved_by_hand
+    while bridge.controller.wanted.axes_moved_by_hand and bridge.controller.now() - began < seconds:
         await asyncio.sleep(0.1)
     return float(bridge.controller.now() - began)
 
@@ -29,7 +29,7 @@ async def test_silence_on_an_open_connection_ends_the_arrow(config: dict[str, An
     async with Bridge("6-8se", config=config) as bridge:
         bridge.client(HOST).tell(b":RC#:Mw#")
         assert after - 1 <= await moves_for(bridge, 60) <= after + 2
-        assert b"P\x02\x10\x24\x00\x00\x00\x00" in bridge.sent()
+        assert b"P\x02\x10\x24\x00\x00\x00\x00" in bridge.sent_requests()
         said = [entry.note for entry in bridge.entries if entry.arrow == "!"]
         assert said == [f"{HOST} has sent nothing for {after:g} s: its motion is stopped"]
         await asyncio.sleep(3)
@@ -40,7 +40,7 @@ async def test_silent_nexstar_program_on_a_meade_loses_its_arrow() -> None:
     async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se") as bridge:
         bridge.client(HOST).tell(b"P\x02\x10\x24\x04\x00\x00\x00")
         assert 29 <= await moves_for(bridge, 60) <= 32
-        assert b":Qw#" in bridge.sent()
+        assert b":Qw#" in bridge.sent_requests()
 
 
 @pytest.mark.parametrize(("config", "after"), [({}, 5.0), ({"dead_man_closed": 2.0}, 2.0)])
@@ -61,7 +61,7 @@ async def test_program_with_one_connection_per_command_keeps_its_motion() -> Non
             await asyncio.sleep(0.3)
             client.close()
             await asyncio.sleep(3.5)
-            assert bridge.controller.wanted.axes == {1}, turn
+            assert bridge.controller.wanted.axes_moved_by_hand == {1}, turn
         assert 1.0 <= await moves_for(bridge, 60) <= 4.0
 
 
@@ -75,7 +75,7 @@ async def test_arrow_is_held_only_by_the_connection_that_began_it(who: str) -> N
         for _ in range(240):  # what is answered from what is remembered is life all the same
             (first if who == "the same connection" else second).tell(b":GR#")
             await asyncio.sleep(0.25)
-        assert bool(bridge.controller.wanted.axes) is (who == "the same connection")
+        assert bool(bridge.controller.wanted.axes_moved_by_hand) is (who == "the same connection")
 
 
 async def test_older_connection_does_not_hold_the_arrow_of_a_crashed_program() -> None:
@@ -88,7 +88,7 @@ async def test_older_connection_does_not_hold_the_arrow_of_a_crashed_program() -
         for _ in range(14):
             other.tell(b":GR#")
             await asyncio.sleep(0.5)
-        assert not bridge.controller.wanted.axes
+        assert not bridge.controller.wanted.axes_moved_by_hand
         assert any(entry.note.startswith(f"{HOST} has disconnected") for entry in bridge.entries)
 
 
@@ -97,7 +97,7 @@ def test_slow_rates_continue_when_their_program_falls_silent() -> None:
         async with Bridge("cge", presented="nexstar", surface="cge") as bridge:
             bridge.client(HOST).tell(asked)
             await asyncio.sleep(90)
-            return set(bridge.controller.wanted.axes)
+            return set(bridge.controller.wanted.axes_moved_by_hand)
 
     assert run(program(b"P\x03\x10\x06\x00\xf0\x00\x00")) == {1}  # 60" a second
     assert run(program(b"P\x03\x10\x06\x01\x00\x00\x00")) == set()  # 64" a second
@@ -115,13 +115,13 @@ async def test_gotos_and_guide_pulses_continue_when_their_program_falls_silent()
 
 async def test_focuser_stops_when_its_program_falls_silent() -> None:
     async with Bridge("autostar", driven="lx200") as bridge:
-        client: Visitor = bridge.client(HOST)
+        client: RehearsalClient = bridge.client(HOST)
         client.tell(b":F+#")
         await asyncio.sleep(1)
-        assert b":FQ#" not in bridge.sent()
+        assert b":FQ#" not in bridge.sent_requests()
         client.close()
         await asyncio.sleep(7)
-        assert bridge.sent().count(b":FQ#") == 2  # it acknowledges nothing
+        assert bridge.sent_requests().count(b":FQ#") == 2  # it acknowledges nothing
 
 
 async def test_arrow_stopped_by_its_program_is_not_stopped_again() -> None:

@@ -29,4 +29,4 @@ async def test_meade_seeks_home_only_while_the_sun_is_down(
         else:
             await bridge.controller.perform(seek)
             await asyncio.sleep(5.0)
-        assert (command in bridge.sent()) is not (start == NOON and sun > 0.0)
+        assert (command in bridge.sent_requests()) is not (start == NOON and sun > 0.0)

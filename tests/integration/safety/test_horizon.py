@@ -32,13 +32,13 @@ async def test_hamlib_parks_from_any_position(driven: str, mount: str, site: tup
     async with Bridge(mount, driven=driven, site=site, surface="lx200gps", config={"sun": 0.0}) as bridge:
         client = bridge.client()
         for azimuth, height in ((160.0, 30.0), (265.0, 50.0)):
-            goal = bridge.controller.astrometry.equatorial(op.Horizontal(azimuth, height))
+            goal = bridge.controller.astrometry.equatorial_of(op.Horizontal(azimuth, height))
             await bridge.controller.perform(op.Goto(goal.ra, goal.dec))
             await at_rest(bridge)
             assert await client.ask(b":Sz000*00#:Sa+00*00#:MA#", until=b"110") == b"110"
             await at_rest(bridge)
-            there = bridge.controller.astrometry.equatorial(op.Horizontal(0.0, 0.0))
-            assert separation(*bridge.sim.truth(), there.ra, there.dec) < 0.5
+            there = bridge.controller.astrometry.equatorial_of(op.Horizontal(0.0, 0.0))
+            assert separation(*bridge.sim.true_position(), there.ra, there.dec) < 0.5
 
 
 @pytest.mark.parametrize("written", [False, True])
@@ -49,7 +49,7 @@ def test_path_below_the_horizon_is_allowed_without_a_configured_limit(written: b
         config = {"lowest": 0.0, "sun": 0.0} if written else {"sun": 0.0}
         async with Bridge("cge", config=config) as bridge:
             await pointed(bridge, -170.0, 60.0)
-            goal = (bridge.sim.mechanics.sky.sidereal(bridge.clock()) + 40.0) % 360.0, -15.0
+            goal = (bridge.sim.mechanics.sky.lst(bridge.clock()) + 40.0) % 360.0, -15.0
             if written:
                 with pytest.raises(WayBlocked, match="The way is too low"):
                     await bridge.controller.perform(op.Goto(*goal))
@@ -57,7 +57,7 @@ def test_path_below_the_horizon_is_allowed_without_a_configured_limit(written: b
             await bridge.controller.perform(op.Goto(*goal))
             low, _ = await at_rest(bridge)
             assert low < -10.0
-            assert separation(*bridge.sim.truth(), *goal) < 0.1
+            assert separation(*bridge.sim.true_position(), *goal) < 0.1
 
     run(program())
 
@@ -65,10 +65,10 @@ def test_path_below_the_horizon_is_allowed_without_a_configured_limit(written: b
 async def test_goto_that_sinks_far_below_its_path_is_ended() -> None:
     """The target was garbled on its way, or the hand control flips the wrong way."""
     async with Bridge("cge", config={"sun": 0.0}) as bridge:
-        goal = bridge.controller.astrometry.equatorial(op.Horizontal(100.0, 8.0))
+        goal = bridge.controller.astrometry.equatorial_of(op.Horizontal(100.0, 8.0))
         await bridge.controller.perform(op.Goto(goal.ra, goal.dec))
         mechanics = bridge.sim.mechanics
-        lost = bridge.controller.astrometry.equatorial(op.Horizontal(100.0, -70.0))
+        lost = bridge.controller.astrometry.equatorial_of(op.Horizontal(100.0, -70.0))
         mechanics.goto_sky(bridge.clock(), lost.ra, lost.dec)
         low, _ = await at_rest(bridge)
         assert -22.0 < low < -2.0
@@ -80,12 +80,12 @@ async def test_goto_off_its_path_ends_before_a_configured_limit(driven: str, mou
     """It was sent elsewhere by the mount itself: it is watched like an arrow, with the margin of its speed."""
     async with Bridge(mount, driven=driven, config={"lowest": 20.0, "sun": 0.0}) as bridge:
         sky = bridge.controller.astrometry
-        start, goal = (sky.equatorial(op.Horizontal(azimuth, 50.0)) for azimuth in (90.0, 200.0))
+        start, goal = (sky.equatorial_of(op.Horizontal(azimuth, 50.0)) for azimuth in (90.0, 200.0))
         await bridge.controller.perform(op.Goto(start.ra, start.dec))
         await at_rest(bridge)
         await bridge.controller.perform(op.Goto(goal.ra, goal.dec))
         await asyncio.sleep(0.2)
-        lost = sky.equatorial(op.Horizontal(95.0, -30.0))
+        lost = sky.equatorial_of(op.Horizontal(95.0, -30.0))
         bridge.sim.mechanics.goto_sky(bridge.clock(), lost.ra, lost.dec)
         low, _ = await at_rest(bridge)
         assert low >= 19.5 and altitude(bridge.sim) < 50.0
@@ -96,7 +96,7 @@ async def test_contradicting_clock_judges_altitudes_only_with_a_configured_limit
     """This computer is five hours slow: by night, nothing comes of it without a limit. T4 on an alt-az NexStar."""
     config = {"lowest": 15.0} if written else {}
     async with Bridge("cpc", config=config, host_ahead=-5 * 3600.0, start=DAY + 12 * 3600.0) as bridge:
-        goal = bridge.controller.astrometry.equatorial(op.Horizontal(90.0, 30.0))
+        goal = bridge.controller.astrometry.equatorial_of(op.Horizontal(90.0, 30.0))
         if written:
             with pytest.raises(Contradicted):
                 await bridge.controller.perform(op.Goto(goal.ra, goal.dec))
@@ -107,7 +107,7 @@ async def test_contradicting_clock_judges_altitudes_only_with_a_configured_limit
 async def to_the_sun(bridge: Bridge) -> None:
     """Send the mount to what is the Sun where its tube goes: it takes it for another place of its wrong sky."""
     sun = bridge.controller.astrometry.sky.sun(bridge.clock())
-    turned = bridge.sim.mechanics.sky.sidereal(bridge.clock()) - bridge.sim.mechanics.true_sky.sidereal(bridge.clock())
+    turned = bridge.sim.mechanics.sky.lst(bridge.clock()) - bridge.sim.mechanics.true_sky.lst(bridge.clock())
     await bridge.controller.perform(op.Goto((sun[0] + turned) % 360.0, sun[1]))
 
 
@@ -122,7 +122,7 @@ def test_previous_site_counts_for_the_sun_after_a_program_changes_it_far(confirm
             await asyncio.sleep(6.0)
             assert bridge.sim.mechanics.sky.longitude == pytest.approx(-60.0)
             if confirmed == "the page":
-                bridge.controller.site_clock.confirmed = op.Place(45.0, -60.0)
+                bridge.controller.site_clock.confirmed_site = op.Place(45.0, -60.0)
             elif confirmed == "the keys":
                 bridge.site_clock.take_mount_site(op.Place(45.0, -61.0))
             if confirmed:
@@ -142,14 +142,14 @@ def test_previous_site_counts_for_the_sun_after_many_small_changes() -> None:
     known.take_mount_site(op.Place(45.0, 60.0))
     for step in range(1, 16):
         clock[0] += 40.0
-        known.take_mount_site(op.Place(45.0, 60.0 - 2.5 * step), ours=True, by="10.0.0.7")
+        known.take_mount_site(op.Place(45.0, 60.0 - 2.5 * step), sent_by_gateway=True, set_by="10.0.0.7")
     assert known.former_site() == op.Place(45.0, 60.0)
-    known.confirmed = op.Place(45.0, 22.5)
+    known.confirmed_site = op.Place(45.0, 22.5)
     assert known.former_site() is None
-    known.take_mount_site(op.Place(45.0, -22.5), ours=True, by="10.0.0.7")
+    known.take_mount_site(op.Place(45.0, -22.5), sent_by_gateway=True, set_by="10.0.0.7")
     assert known.former_site() == op.Place(45.0, 22.5), "the confirmed one"
     clock[0] += 12 * 3600.0
-    known.take_mount_site(op.Place(45.0, -30.0), ours=True, by="10.0.0.7")
+    known.take_mount_site(op.Place(45.0, -30.0), sent_by_gateway=True, set_by="10.0.0.7")
     assert known.former_site() == op.Place(45.0, -22.5), "the first one is too old"
     for _ in range(48):
         assert known.former_site() is not None
@@ -161,7 +161,7 @@ def test_previous_site_counts_for_the_sun_after_many_small_changes() -> None:
 async def test_goal_at_the_horizon_is_not_refused_for_rounding() -> None:
     async with Bridge("cpc") as bridge:
         for height, refused in ((-0.05, False), (-0.2, True)):
-            goal = bridge.controller.astrometry.equatorial(op.Horizontal(120.0, height))
+            goal = bridge.controller.astrometry.equatorial_of(op.Horizontal(120.0, height))
             if refused:
                 with pytest.raises(BelowHorizon):
                     await bridge.controller.admission.admit(op.Goto(goal.ra, goal.dec))

@@ -40,7 +40,7 @@ async def test_german_mount_tracks_as_far_past_the_meridian_as_allowed(
         assert await client.ask(EAST, until=b"110") == b"110"
         await settle(client)
         if owner is None:
-            bridge.controller.narrow(hour_angle=3.0)
+            bridge.controller.narrow_limits(hour_angle=3.0)
         assert version is not None or bridge.sim.feed(b"p") == b"W#"
         await asyncio.sleep(720)  # 9 minutes past it
         assert bridge.sim.tracking

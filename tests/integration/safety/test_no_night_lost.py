@@ -22,7 +22,7 @@ async def refused(bridge: Any) -> dict[tuple[float, float], Fault]:
     """Ask for gotos all over the sky, without beginning them -> those that are refused."""
     found: dict[tuple[float, float], Fault] = {}
     for place in SKY:
-        there = bridge.controller.astrometry.equatorial(op.Horizontal(*place))
+        there = bridge.controller.astrometry.equatorial_of(op.Horizontal(*place))
         try:
             await bridge.controller.admission.admit(op.Goto(there.ra, there.dec))
         except Fault as fault:

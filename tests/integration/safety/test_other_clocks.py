@@ -21,7 +21,7 @@ async def test_arrow_keeps_a_configured_limit_by_every_clock(kind: str, wrong: s
         assert await goes(world, 255.0, 45.0)
         for letter in "wsss":
             await arrow(world, letter, 6.0, "RM" if letter == "w" else "RS")
-            there = world.mechanics.truth(world.now)
+            there = world.mechanics.true_position(world.now)
             heights = [altitude_at(world.site, *there, world.now + ahead) for ahead in (0.0, world.slip.computer)]
             assert min(heights) > 20.0 - LOW
         assert min(heights) < 30.0

@@ -31,7 +31,7 @@ async def test_goto_from_beyond_the_pole_ends_before_its_path_leads_below_the_li
         if driven == "nexstar":
             bridge.sim.feed(b"T\x02")  # it stands on a wedge, says its hand control
             await asyncio.sleep(10.0)
-        sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+        sidereal = bridge.sim.mechanics.sky.lst(bridge.clock())
         await bridge.controller.perform(op.Goto((sidereal - BESIDE_THE_POLE[0]) % 360.0, BESIDE_THE_POLE[1]))
         await ready(bridge, client, b":GR#")
         client.tell(b":RS#:Mn#")
@@ -81,7 +81,7 @@ async def test_goto_of_a_fork_with_displaced_axes_is_judged_both_ways_round(azim
     """A sync has displaced its axes from the sky: which way is the shorter one nobody can say."""
     async with Bridge("6-8se") as bridge:
         here = await bridge.controller.read(op.Position())
-        there = bridge.controller.astrometry.horizon(here).az + azimuth, 40.0
+        there = bridge.controller.astrometry.horizontal(here).az + azimuth, 40.0
         journey = slew_paths.Journey(False, here, {False}, op.Equatorial(0.0, 0.0), there)
         found = slew_paths.paths_of(bridge.controller.context, journey)
         assert [turn[0] for _, turn in found] == pytest.approx(turns)

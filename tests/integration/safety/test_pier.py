@@ -35,7 +35,7 @@ def bridge_to(name: str, latitude: float) -> Bridge:
 async def goto(bridge: Bridge, hour_angle: float, dec: float) -> None:
     """Go to this hour angle (degrees, west positive), and wait for the end."""
     ask = bridge.controller.perform
-    await ask(op.Goto((bridge.sim.mechanics.sky.sidereal(bridge.clock()) - hour_angle) % 360.0, dec))
+    await ask(op.Goto((bridge.sim.mechanics.sky.lst(bridge.clock()) - hour_angle) % 360.0, dec))
     for _ in range(300):
         await asyncio.sleep(1.0)
         if not await ask(op.Slewing()):
@@ -139,10 +139,10 @@ async def test_start_names_a_mount_on_which_the_hour_angle_limit_cannot_be_kept(
     config = {"hour_angle_limit": HOURS, "sun": 0.0}
     async with Bridge(model, driven=driven, config=config, simulated=lacks) as bridge:
         if model == "autostar":
-            bridge.sim.letter = "P"  # type: ignore[attr-defined]
+            bridge.sim.mode_letter = "P"  # type: ignore[attr-defined]
             bridge.sim.mechanics.rebuild(bridge.clock(), Build.WEDGE)
             await asyncio.sleep(20.0)
         controller = bridge.controller
         at_start = [one.text for one in first_messages(controller, None, None)]
-        for shown in (mount_state(controller).drawn().allowed, at_start):
+        for shown in (mount_state(controller).to_state().allowed, at_start):
             assert bool([words for words in shown if "no effect on this mount" in words]) is not kept

@@ -80,7 +80,7 @@ def test_target_above_the_horizon_is_not_refused_as_low(why: str) -> None:
 
     async def program() -> None:
         async with Bridge(mount, config=config, host_ahead=ahead, start=start) as bridge:
-            bridge.controller.hold.on = why == "a hold"
+            bridge.controller.hold.is_on = why == "a hold"
             if why == "the pier":
                 bridge.sim.feed(b"T\x02")  # on its wedge
                 await asyncio.sleep(10.0)
@@ -88,8 +88,8 @@ def test_target_above_the_horizon_is_not_refused_as_low(why: str) -> None:
             client, sky = bridge.client(), bridge.sim.mechanics.sky
             for hour_angle in range(-170, 180, 20):
                 for dec in range(-40, 90, 25):
-                    ra = (sky.sidereal(bridge.clock()) - hour_angle) % 360.0
-                    altitude = bridge.controller.astrometry.overhead(op.Equatorial(ra, dec))[0]
+                    ra = (sky.lst(bridge.clock()) - hour_angle) % 360.0
+                    altitude = bridge.controller.astrometry.alt_and_ha(op.Equatorial(ra, dec))[0]
                     assert altitude is not None
                     reply = (await client.ask(as_lx200(ra, float(dec)), 4.0, until=b"#"))[2:]
                     if reply == b"0":
@@ -112,8 +112,8 @@ async def test_terminal_refusal_gives_a_remedy_and_does_not_mention_lowest(why: 
         lowest = config.get("lowest", 0.0)
         for hour_angle in range(-170, 180, 20):
             for dec in range(-40, 90, 25):
-                ra = (sky.sidereal(bridge.clock()) - hour_angle) % 360.0
-                up = (bridge.controller.astrometry.overhead(op.Equatorial(ra, dec))[0] or 0.0) > lowest + 0.1
+                ra = (sky.lst(bridge.clock()) - hour_angle) % 360.0
+                up = (bridge.controller.astrometry.alt_and_ha(op.Equatorial(ra, dec))[0] or 0.0) > lowest + 0.1
                 try:
                     await bridge.controller.admission.admit(op.Goto(ra, float(dec)))
                 except Fault as fault:
@@ -140,7 +140,7 @@ async def test_refusal_of_a_low_target_gives_its_altitude_and_rising_time(lowest
     config = {} if lowest is None else {"lowest": lowest}
     async with Bridge("cge", config=config) as bridge:
         sky, height = bridge.controller.astrometry, lowest or 0.0
-        goal = sky.equatorial(op.Horizontal(95.0, height - 6.0))
+        goal = sky.equatorial_of(op.Horizontal(95.0, height - 6.0))
         with pytest.raises(errors.BelowHorizon) as refused:
             await bridge.controller.admission.admit(op.Goto(goal.ra, goal.dec))
         told = re.search(rf"\({height - 6.0:.0f}°\)\. It rises at (\d\d):(\d\d)", str(refused.value))

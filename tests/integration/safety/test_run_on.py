@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from gateway.diagnostics.virtual_time import run
-from gateway.mount.safety.allow import ahead
+from gateway.mount.safety.allow import max_rate
 from tests.support.in_process_gateway import Bridge
 from tests.support.truth import sampled
 
@@ -64,11 +64,11 @@ def test_arrow_at_full_speed_is_stopped_no_earlier_than_needed() -> None:
 def test_safety_reckons_with_the_ordered_rate_while_motors_gather_speed(
     change: float, now: float, elapsed: float, reckoned: float
 ) -> None:
-    assert ahead(change / elapsed, None, 4.0, now - elapsed - 10.0, now - 10.0) == pytest.approx(reckoned)
+    assert max_rate(change / elapsed, None, 4.0, now - elapsed - 10.0, now - 10.0) == pytest.approx(reckoned)
 
 
 @pytest.mark.parametrize(
     ("rate", "earlier", "reckoned"), [(0.5, None, 0.5), (1.5, 0.5, 2.5), (1.0, 1.5, 1.0), (3.0, None, 3.0)]
 )
 def test_safety_expects_a_growing_rate_to_keep_growing(rate: float, earlier: float | None, reckoned: float) -> None:
-    assert ahead(rate, earlier, 0.0, 5.0, 6.0) == pytest.approx(reckoned)
+    assert max_rate(rate, earlier, 0.0, 5.0, 6.0) == pytest.approx(reckoned)

@@ -36,7 +36,7 @@ NO_WAY = b"112The way there passes too close to the Sun.#"
 def distance(bridge: Any) -> float:
     """How far the tube really is from the Sun, degrees."""
     now = bridge.clock()
-    return separation(*bridge.sim.mechanics.truth(now), *SKY.sun(now))
+    return separation(*bridge.sim.mechanics.true_position(now), *SKY.sun(now))
 
 
 def notes(bridge: Any) -> str:
@@ -77,7 +77,7 @@ async def test_lx200_goto_near_the_sun_is_refused_on_a_fork(
 ) -> None:
     async with Bridge("6-8se", start=start, config=config) as bridge:
         assert await bridge.client().ask(asked, until=reply) == reply
-        went = [sent for sent in bridge.sent() if sent[:1] in b"rb"]
+        went = [sent for sent in bridge.sent_requests() if sent[:1] in b"rb"]
         assert bool(went) == (reply == b"110")
 
 
@@ -88,7 +88,7 @@ async def test_nexstar_goto_near_the_sun_reports_no_motion_and_logs_the_reason()
         await asyncio.sleep(1)
         assert await client.ask(b"L") == b"0#"
         assert "Goto: Too close to the Sun." in notes(bridge)
-        assert b":MS#" not in bridge.sent()
+        assert b":MS#" not in bridge.sent_requests()
         assert await client.ask(b"b38E38E00,310F6C00") == b"#"  # azimuth 80, altitude 69
         await asyncio.sleep(1)
         assert await client.ask(b"L") == b"0#"
@@ -119,16 +119,16 @@ async def test_sun_distance_set_by_a_page_applies_to_the_running_motion_and_can_
         await asyncio.sleep(1.0)
         for wanted in (25.0, None, 25.0):
             era = controller.suns.era
-            controller.narrow(sun=wanted)
-            assert bool(controller.suns.to_avoid()) is bool(wanted), "at once"
+            controller.narrow_limits(sun=wanted)
+            assert bool(controller.suns.suns_to_avoid()) is bool(wanted), "at once"
             assert controller.suns.era != era, "what was measured before is not compared with what comes"
             await asyncio.sleep(0.8)
         assert 25.0 <= await nearest(bridge, 60) < 35.0
         assert not controller.moving
-        controller.narrow()
+        controller.narrow_limits()
         client.tell(b":Me#")
         assert await nearest(bridge, 10, done=lambda: distance(bridge) < 24.0) < 24.0
-        controller.narrow(sun=25.0)
+        controller.narrow_limits(sun=25.0)
         await asyncio.sleep(2.0)
         assert not controller.moving
 
@@ -154,7 +154,7 @@ async def test_nexstar_motion_by_hand_on_a_meade_stops_before_the_suns_circle() 
         assert await client.ask(b"P\x02\x10\x25\x09\x00\x00\x00") == b"#"
         least = await nearest(bridge, 30)
         assert 20.0 <= least < 31.0, least
-        assert b":Q#" in bridge.sent() or "Too close to the Sun" in notes(bridge)
+        assert b":Q#" in bridge.sent_requests() or "Too close to the Sun" in notes(bridge)
         assert not bridge.controller.moving
 
 
@@ -165,9 +165,9 @@ async def test_hand_control_without_pass_through_stops_stepping_at_the_suns_circ
         client.tell(b":RS#:Mn#:Me#")  # steps of right ascension and declination: east and north
         assert await nearest(bridge, 40) >= 18.0
         assert not bridge.controller.moving
-        before = len([sent for sent in bridge.sent() if sent[:1] == b"R"])
+        before = len([sent for sent in bridge.sent_requests() if sent[:1] == b"R"])
         await asyncio.sleep(5)
-        assert len([sent for sent in bridge.sent() if sent[:1] == b"R"]) == before
+        assert len([sent for sent in bridge.sent_requests() if sent[:1] == b"R"]) == before
 
 
 @pytest.mark.safety_line(4)

@@ -26,7 +26,7 @@ MOUNTS = [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200")]
 
 def told(bridge: Any) -> str:
     """What ``status`` and the page say of the Sun; it must be the same."""
-    state = mount_state(bridge.controller).drawn()
+    state = mount_state(bridge.controller).to_state()
     bridge.gateway.names = list  # it has no ports
     shown = page_state(bridge.gateway, 0)
     words = [word for word in state.wanted if "Sun" in word]

@@ -64,7 +64,7 @@ async def test_goto_after_a_wrong_sync_keeps_the_altitude_limits(mount: str, ver
 async def test_mount_aligned_with_a_wrong_clock_avoids_the_sun_of_its_coordinates() -> None:
     """Its right ascension is right, so the Sun is where its coordinates say, whatever any clock says."""
     async with Bridge("cge", start=DAY, host_ahead=0.0) as bridge:
-        sun = bridge.controller.suns.to_avoid()[0]
+        sun = bridge.controller.suns.suns_to_avoid()[0]
         bridge.site_clock.take_mount_clock(op.Moment(bridge.clock() + 7200.0, 0.0))
         fault, nearest = await goes(bridge, op.Goto(sun.ra + 5.0, sun.dec))
         assert isinstance(fault, NearSun)
@@ -76,7 +76,7 @@ async def test_mount_aligned_with_a_wrong_clock_avoids_the_sun_of_its_coordinate
 
 async def away(bridge: Any, degrees: float, hours: float) -> op.Equatorial:
     """A place so many degrees east of where a clock that is ``hours`` ahead puts the Sun on the mount's sky."""
-    sun = bridge.controller.suns.to_avoid()[0]
+    sun = bridge.controller.suns.suns_to_avoid()[0]
     return op.Equatorial(sun.ra - hours * 15.0 + degrees, sun.dec)
 
 
@@ -93,7 +93,7 @@ async def test_sun_of_a_contradicting_clock_ends_an_arrow_but_not_tracking_or_th
         for _ in range(40):
             client.tell(b":GR#")
             await asyncio.sleep(0.25)
-        assert not bridge.controller.movement.anything
+        assert not bridge.controller.movement.any_motion
         assert "stopped at" in "\n".join(notes(bridge)), "an arrow of a program"
         here = await bridge.controller.answer(op.Position())
         assert LIMIT - 1.0 < wrap180(here.ra - (await away(bridge, 0.0, -2.5)).ra) < 30.0
@@ -104,7 +104,7 @@ async def test_tracking_guiding_and_keypad_continue_near_the_sun_of_another_cloc
     async with Bridge("cpc", start=DAY) as bridge:
         place, mechanics = await away(bridge, 10.0, ahead), bridge.sim.mechanics
         assert (await goes(bridge, op.Goto(place.ra, place.dec)))[0] is None
-        bridge.site_clock.host = lambda: bridge.clock() + ahead * 3600.0  # it jumps
+        bridge.site_clock.computer_time = lambda: bridge.clock() + ahead * 3600.0  # it jumps
         client = bridge.client()
         for turn in range(200):
             client.tell(b":GR#")
@@ -114,7 +114,7 @@ async def test_tracking_guiding_and_keypad_continue_near_the_sun_of_another_cloc
             if turn == 100:
                 mechanics.set_rate(bridge.clock(), 1, 1.0)
             if turn == 105:
-                mechanics.resume(bridge.clock())
+                mechanics.resume_tracking(bridge.clock())
         assert bridge.sim.tracking
         assert not [note for note in notes(bridge) if "stopped" in note or "switched off" in note]
         place = await away(bridge, 5.0, ahead)
@@ -126,7 +126,7 @@ async def test_running_motion_continues_when_a_clock_jumps() -> None:
         place = await away(bridge, 4.0, -2.5)
         await bridge.controller.perform(op.Goto(place.ra, place.dec))
         await asyncio.sleep(2.0)
-        bridge.site_clock.host = lambda: bridge.clock() - 2.5 * 3600.0
+        bridge.site_clock.computer_time = lambda: bridge.clock() - 2.5 * 3600.0
         for _ in range(60):
             await asyncio.sleep(1.0)
         here = await bridge.controller.answer(op.Position())

@@ -38,7 +38,7 @@ def standing(mount: str, version: str | None = None, latitude: float = 45.0, **g
 async def over(bridge: Bridge, degrees: float, rate: bytes = b":RM#") -> None:
     """A program's arrow carries the tube so far over the pole or the zenith."""
     client, mechanics = bridge.client(), bridge.sim.mechanics
-    arrow = b"n" if mechanics.geometry.pole > 0 or mechanics.build is Build.ALTAZ else b"s"
+    arrow = b"n" if mechanics.geometry.ns_sign > 0 or mechanics.build is Build.ALTAZ else b"s"
     client.tell(rate + b":M" + arrow + b"#")
     for _ in range(80):
         client.tell(b":GR#" if mechanics.axes(bridge.clock())[1] < 90.0 + degrees else b":Q#:GR#")
@@ -50,13 +50,13 @@ async def synced(bridge: Bridge, away: float) -> tuple[str, tuple[float, float]]
     """Sync on the told right ascension, so far from the pole -> why not, and what that turned the true axes by."""
     mechanics = bridge.sim.mechanics
     here: op.Equatorial = await bridge.controller.read_now(op.Position())
-    before, why = mechanics.correction, ""
+    before, why = mechanics.sync_correction, ""
     try:
         await bridge.controller.perform(op.Sync(here.ra, here.dec - away if here.dec > 0.0 else here.dec + away))
     except SyncTooFar as fault:
         why = str(fault)
     await asyncio.sleep(1.0)
-    first, second = (wrap180(now - then) for then, now in zip(before, mechanics.correction, strict=True))
+    first, second = (wrap180(now - then) for then, now in zip(before, mechanics.sync_correction, strict=True))
     return why, (first, second)
 
 
@@ -64,7 +64,9 @@ def counted(bridge: Bridge, turned: tuple[float, float], within: float = 0.2) ->
     """Whether what the axes were turned by is one of the sums that the gateway takes for possible: of the second axis
     with either sign.
     """
-    sums = [(first, sign * second) for first, second in bridge.controller.synced.value.axes for sign in (1.0, -1.0)]
+    sums = [
+        (first, sign * second) for first, second in bridge.controller.synced.value.axis_turns for sign in (1.0, -1.0)
+    ]
     return any(max(abs(wrap180(a - b)) for a, b in zip(one, turned, strict=True)) < within for one in sums)
 
 
@@ -83,13 +85,13 @@ async def near_the_pole(bridge: Bridge, driven: str, build: Build, second: float
     if driven == "nexstar" and build is Build.WEDGE:
         bridge.sim.feed(b"T\x02")
     if build is Build.GERMAN:
-        bridge.sim.letter = "P"  # type: ignore[attr-defined]
+        bridge.sim.mode_letter = "P"  # type: ignore[attr-defined]
     mechanics.rebuild(bridge.clock(), build)
     await asyncio.sleep(15.0)
-    mechanics.speed = 1000.0
+    mechanics.speedup = 1000.0
     mechanics.goto_axes(bridge.clock(), 100.0, second)
     await asyncio.sleep(4.0)
-    mechanics.speed = 1.0
+    mechanics.speedup = 1.0
     if driven == "lx200":
         assert not (await synced(bridge, 0.0))[0]
 
@@ -105,7 +107,7 @@ async def test_goto_of_a_fork_synced_beyond_the_pole_is_judged_both_ways_round(
         why, turned = await synced(bridge, 4.0)
         assert not why
         assert counted(bridge, turned, 1.0)
-        assert len(bridge.controller.synced.value.axes) == 2
+        assert len(bridge.controller.synced.value.axis_turns) == 2
 
 
 @pytest.mark.parametrize("by", [b":RS#", b":RM#", b"guide pulse"])
@@ -147,11 +149,11 @@ async def test_goto_of_a_fork_synced_beyond_the_zenith_is_judged_both_ways_round
         if not tracks:
             await controller.perform(op.SetTracking(on=False))
         await over(bridge, 0.02, rate)
-        here = controller.astrometry.horizon(await controller.read_now(op.Position()))
-        lower = controller.astrometry.equatorial(op.Horizontal(here.az, here.alt - 8.0))
-        before = mechanics.correction
+        here = controller.astrometry.horizontal(await controller.read_now(op.Position()))
+        lower = controller.astrometry.equatorial_of(op.Horizontal(here.az, here.alt - 8.0))
+        before = mechanics.sync_correction
         await controller.perform(op.Sync(lower.ra, lower.dec))
-        first, second = (wrap180(now - then) for then, now in zip(before, mechanics.correction, strict=True))
+        first, second = (wrap180(now - then) for then, now in zip(before, mechanics.sync_correction, strict=True))
         assert (abs(first) < 1.0) is tracks
         assert counted(bridge, (first, second), 1.0)
 
@@ -170,11 +172,11 @@ async def test_sync_at_the_pole_is_accepted_and_gotos_are_judged_both_ways_round
         why, turned = await synced(bridge, 0.9)
         assert not why
         assert counted(bridge, turned)
-        assert len(bridge.controller.synced.value.axes) == 2
+        assert len(bridge.controller.synced.value.axis_turns) == 2
         why, again = await synced(bridge, 0.9)
         assert not why
         assert counted(bridge, (turned[0] + again[0], turned[1] + again[1]), 2.0)
-        assert len(bridge.controller.synced.value.axes) == 2, "they do not become ever more"
+        assert len(bridge.controller.synced.value.axis_turns) == 2, "they do not become ever more"
 
 
 @pytest.mark.parametrize("arrows", [b":Mw#:Ms#", b":Me#:Mn#", b":Ms#", b":Mn#"])

@@ -12,10 +12,10 @@ from gateway.app.mount_state import mount_state
 from gateway.app.status import activity
 from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
-from gateway.mount.motion.seen import Observed
+from gateway.mount.motion.seen import ObservedMotion
 from gateway.mount.policy import Limits
-from gateway.mount.readings.poller import SETTING_AGE
-from gateway.mount.readings.rest import come_to_rest
+from gateway.mount.readings.poller import SETTING_PERIOD
+from gateway.mount.readings.rest import wait_for_rest
 from tests.integration.safety.test_by_hand import UP, polled, ready
 from tests.support.in_process_gateway import Bridge
 from tests.support.looks import altitude, extremes, notes
@@ -31,8 +31,8 @@ async def test_repeated_arrow_command_keeps_the_positions_measured_before() -> N
         await asyncio.sleep(1.0)
         while bridge.controller.cache.age(op.Position, bridge.controller.now()) < 0.2:
             await asyncio.sleep(0.01)
-        bridge.controller.watch.began(bridge.controller.wanted.by_hand[2])
-        ra, dec = bridge.sim.mechanics.truth(bridge.clock())
+        bridge.controller.watch.motion_began(bridge.controller.wanted.by_hand[2])
+        ra, dec = bridge.sim.mechanics.true_position(bridge.clock())
         await asyncio.sleep(0.02)
         bridge.controller.watch.check_position(op.Equatorial(ra, dec - 40.0))
         assert any("stopped at the altitude limit" in note for note in notes(bridge))
@@ -48,7 +48,7 @@ def test_first_position_of_a_motion_is_read_in_time(latency: float, arrows: byte
     async def program(lowest: float) -> None:
         async with Bridge(model, driven="lx200", config={"lowest": lowest}, latency=latency) as bridge:
             client = bridge.client()
-            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+            sidereal = bridge.sim.mechanics.sky.lst(bridge.clock())
             await bridge.controller.perform(op.Goto((sidereal - 45.0) % 360.0, 20.0))
             await ready(bridge, client, b":GR#")
             client.tell(b":RS#" + arrows)
@@ -67,10 +67,10 @@ async def test_clock_is_not_read_while_the_mount_moves(early: float) -> None:
         client = bridge.client()
         said = bridge.site_clock.mount_clock
         assert said is not None
-        while bridge.controller.now() < said[1] + SETTING_AGE - early - 0.5:
+        while bridge.controller.now() < said[1] + SETTING_PERIOD - early - 0.5:
             client.tell(b":GR#")
             await asyncio.sleep(0.5)
-        await asyncio.sleep(said[1] + SETTING_AGE - early - bridge.controller.now())
+        await asyncio.sleep(said[1] + SETTING_PERIOD - early - bridge.controller.now())
         began = bridge.clock()
         client.tell(b":RS#:Mn#")
         for _ in range(10):
@@ -94,7 +94,7 @@ async def test_goto_stopped_on_its_way_keeps_the_tube_beyond_the_pole() -> None:
     """A Meade does not tell on which side its tube is: it stays where it was last seen to be."""
     async with Bridge("lx200", driven="lx200", config={"lowest": -90.0}) as bridge:
         client = bridge.client()
-        sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+        sidereal = bridge.sim.mechanics.sky.lst(bridge.clock())
         await bridge.controller.perform(op.Goto((sidereal - 45.0) % 360.0, 80.0))
         await ready(bridge, client, b":GR#")
         client.tell(b":RS#:Mn#")
@@ -104,13 +104,15 @@ async def test_goto_stopped_on_its_way_keeps_the_tube_beyond_the_pole() -> None:
         assert not bridge.controller.watch.observed.upright
         await bridge.controller.perform(op.Goto((sidereal - 60.0) % 360.0, -20.0))
         await asyncio.sleep(0.9)
-        while bridge.controller.reader._sharing:
+        while bridge.controller.reader._shared_tasks:
             await asyncio.sleep(0.001)
         bridge.controller.begin_stop()
         while bridge.driver.goto is not None:
             await asyncio.sleep(0.001)
         assert bridge.controller.slewing
-        await bridge.controller.reader.shared(op.Slewing())  # the end of the goto is seen while the stop is on its way
+        await bridge.controller.reader.shared_task(
+            op.Slewing()
+        )  # the end of the goto is seen while the stop is on its way
         await asyncio.sleep(2.0)
         assert not bridge.controller.watch.observed.upright
         await bridge.controller.perform(op.Goto((sidereal - 60.0) % 360.0, 0.0))
@@ -122,7 +124,7 @@ async def test_commands_without_an_answer_do_not_shorten_the_measured_reply_time
     """How long a stop takes to come is reckoned from how long answers take."""
     async with Bridge("lx200gps", driven="lx200", latency=0.2) as bridge:
         for _ in range(20):
-            await bridge.controller.reader.shared(op.Position())
+            await bridge.controller.reader.shared_task(op.Position())
         for _ in range(8):
             await bridge.controller.perform(op.StopAxis(2))
         assert bridge.controller.line.times.typical_rtt > 0.19
@@ -170,9 +172,11 @@ async def test_axis_that_a_stop_ends_last_does_not_cross_a_limit_alone(height: f
         await bridge.controller.perform(op.MoveAxis(2, 1, op.Rate(key=9)))
         look = bridge.controller.watch.check_position
         bridge.controller.reader.position.disconnect(look)  # only what is told here is looked at
-        bridge.controller.watch.observed = Observed()
+        bridge.controller.watch.observed = ObservedMotion()
         for step in range(3):
-            seen = bridge.controller.astrometry.equatorial(op.GotoHorizontal(200.0 + 3.0 * step, height - 0.05 * step))
+            seen = bridge.controller.astrometry.equatorial_of(
+                op.GotoHorizontal(200.0 + 3.0 * step, height - 0.05 * step)
+            )
             look(op.Equatorial(seen.ra, seen.dec))
             await asyncio.sleep(0.5)
         assert any("stopped at the altitude limit" in note for note in notes(bridge)) is stopped
@@ -183,13 +187,13 @@ async def test_motion_refused_at_its_second_begin_is_stopped() -> None:
     south = (-35.0, 150.0)
     async with Bridge("lx200-16", driven="lx200", site=south, latency=0.02, config={"site": south}) as bridge:
         client = bridge.client()
-        sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+        sidereal = bridge.sim.mechanics.sky.lst(bridge.clock())
         await bridge.controller.perform(op.Goto((sidereal - 10.3) % 360.0, -23.6))
         await ready(bridge, client, b":GR#")
         client.tell(b":RM#:Mn#")
         await asyncio.sleep(0.3)
         client.tell(b":Me#")
-        while b":Me#" not in bridge.sent():
+        while b":Me#" not in bridge.sent_requests():
             await asyncio.sleep(0.001)
         bridge.controller.context.policy = replace(
             bridge.controller.policy, limits=Limits(highest=altitude(bridge) + 0.1)
@@ -208,7 +212,7 @@ async def test_remaining_axis_does_not_cross_a_limit_after_the_other_ends(driven
     """North lifts the tube there as fast as west lowers it."""
     async with Bridge(model, driven=driven, config={"lowest": 20.0}, latency=0.05) as bridge:
         client = bridge.client()
-        sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+        sidereal = bridge.sim.mechanics.sky.lst(bridge.clock())
         await bridge.controller.perform(op.Goto((sidereal - 80.0) % 360.0, 20.0))
         await ready(bridge, client, b":GR#")
         client.tell(b":RS#:Mn#:Mw#")
@@ -251,7 +255,7 @@ def test_arrow_right_after_a_stop_is_judged_from_where_the_mount_rests(late: flo
     async def program(lowest: float) -> None:
         async with Bridge("lx200", driven="lx200", latency=0.02) as bridge:
             client = bridge.client()
-            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+            sidereal = bridge.sim.mechanics.sky.lst(bridge.clock())
             await bridge.controller.perform(op.Goto((sidereal - 1.0) % 360.0, -40.0))
             while altitude(bridge) > 30.0 or bridge.controller.cache.age(op.Position, bridge.controller.now()) < late:
                 await asyncio.sleep(0.01 if altitude(bridge) < 33.0 else 0.1)
@@ -275,7 +279,7 @@ def test_mount_resting_after_a_stop_is_not_taken_for_moved_by_hand(driven: str, 
             await controller.perform(op.Goto(120.0, 30.0))
             await asyncio.sleep(wait)
             await controller.stop()
-            await come_to_rest(controller.context, controller.reader)
+            await wait_for_rest(controller.context, controller.reader)
             for _ in range(30):
                 assert activity(mount_state(controller).look) != "moved by hand", wait
                 await controller.read_now(op.Position())
@@ -291,7 +295,7 @@ async def test_hour_angle_narrowed_by_a_page_applies_to_the_running_motion() -> 
         await ready(bridge, client, b":GR#")
         client.tell(b":RS#:Mw#")
         await asyncio.sleep(1.0)
-        bridge.controller.narrow(hour_angle=20.0)
+        bridge.controller.narrow_limits(hour_angle=20.0)
         await asyncio.sleep(30.0)  # it began 90 degrees before the meridian, with 4.5 degrees a second
         assert any("stopped at the hour angle limit" in note for note in notes(bridge))
 
@@ -303,7 +307,7 @@ async def test_limits_narrowed_by_a_page_apply_to_the_running_motion() -> None:
         client.tell(b":RS#:Ms#")
         await asyncio.sleep(1.0)
         lowest = altitude(bridge) - 4.0
-        bridge.controller.narrow(lowest=lowest)
+        bridge.controller.narrow_limits(lowest=lowest)
         await asyncio.sleep(10.0)
         assert any("stopped at the altitude limit" in note for note in notes(bridge))
         assert altitude(bridge) > lowest - 1.5 > 11.0

@@ -32,10 +32,10 @@ JOURNEYS = [
 async def pointed(bridge: Bridge, hour_angle: float, dec: float) -> None:
     """Turn the axes there at once, as a German mount does it, and let the gateway see it."""
     mechanics, now = bridge.sim.mechanics, bridge.clock()
-    mechanics.speed = 1000.0
-    mechanics.goto_sky(now, mechanics.sky.sidereal(now) - hour_angle, dec)
+    mechanics.speedup = 1000.0
+    mechanics.goto_sky(now, mechanics.sky.lst(now) - hour_angle, dec)
     await asyncio.sleep(5.0)
-    mechanics.speed = 1.0
+    mechanics.speedup = 1.0
     for _ in range(4):
         await bridge.controller.read_now(op.Slewing())
         await bridge.controller.read_now(op.Position())
@@ -78,10 +78,10 @@ async def test_place_named_in_a_refused_goto_leads_to_the_target(
     async with Bridge(mount, driven=driven, site=site, config=config) as bridge:
         await pointed(bridge, *here)
         before = len(notes(bridge))
-        goal = op.Equatorial((bridge.sim.mechanics.sky.sidereal(bridge.clock()) - there[0]) % 360.0, there[1])
+        goal = op.Equatorial((bridge.sim.mechanics.sky.lst(bridge.clock()) - there[0]) % 360.0, there[1])
         asked, low, high = await followed(bridge, goal)
         assert len(asked) == 1
-        assert separation(goal.ra, goal.dec, *bridge.sim.truth()) < 0.1
+        assert separation(goal.ra, goal.dec, *bridge.sim.true_position()) < 0.1
         assert lowest <= low and high <= highest
         assert not any("stopped at" in note for note in notes(bridge)[before:])
 
@@ -92,7 +92,7 @@ async def test_programs_read_a_refused_path_as_a_refusal_of_a_high_object() -> N
     config = {"lowest": 15.0, "site": site, "sun": 0.0}
     async with Bridge("cge", site=site, config=config) as bridge:
         await pointed(bridge, -62.0, 14.0)
-        hours = (bridge.sim.mechanics.sky.sidereal(bridge.clock()) - 16.0) % 360.0 / 15.0
+        hours = (bridge.sim.mechanics.sky.lst(bridge.clock()) - 16.0) % 360.0 / 15.0
         target = f":Sr{int(hours):02}:{int(hours % 1 * 60):02}:00#:Sd+68*00:00#:MS#".encode()
         said = await bridge.client().ask(target, until=b".#")
         assert said.startswith(b"112The way is too low. Send it first")
@@ -103,10 +103,10 @@ async def test_refusal_names_the_arrows_where_no_place_leads_to_the_target() -> 
     """It stands below the limit, and every way leads deeper at first."""
     async with Bridge("cge", config={"lowest": 0.0, "sun": 0.0}) as bridge:
         mechanics = bridge.sim.mechanics
-        mechanics.speed = 1000.0
+        mechanics.speedup = 1000.0
         mechanics.goto_axes(bridge.clock(), -100.0, -30.0)
         await asyncio.sleep(5.0)
-        mechanics.speed, sidereal = 1.0, mechanics.sky.sidereal(bridge.clock())
+        mechanics.speedup, sidereal = 1.0, mechanics.sky.lst(bridge.clock())
         with pytest.raises(WayBlocked, match="Raise the tube with the arrows") as said:
             await bridge.controller.perform(op.Goto((sidereal - 10.0) % 360.0, 40.0))
         assert len(str(said.value)) <= 60
@@ -138,7 +138,7 @@ async def test_pier_side_that_contradicts_the_axes_leads_below_no_limit() -> Non
         mechanics = bridge.sim.mechanics
         await pointed(bridge, 178.6, 57.4)
         mechanics.flipped = True
-        sidereal = mechanics.sky.sidereal(bridge.clock())
+        sidereal = mechanics.sky.lst(bridge.clock())
         with contextlib.suppress(WayBlocked):
             await bridge.controller.perform(op.Goto((sidereal - 1.07) % 360.0, 43.6))
         low, _ = await at_rest(bridge)
@@ -158,12 +158,12 @@ async def test_goto_from_anywhere_to_anywhere_arrives_within_the_limits(mount: s
             number += 1
             if hour_angle_to_horizon(hour_angle, dec, latitude)[1] < lowest + 4.0:
                 continue
-            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+            sidereal = bridge.sim.mechanics.sky.lst(bridge.clock())
             goal = op.Equatorial((sidereal - hour_angle) % 360.0, dec)
             for _ in range(4):  # one of which some ways leave the limits may end short
                 _, low, _ = await followed(bridge, goal)
                 assert low >= lowest
-                if separation(goal.ra, goal.dec, *bridge.sim.truth()) < 0.1:
+                if separation(goal.ra, goal.dec, *bridge.sim.true_position()) < 0.1:
                     break
             else:
                 raise AssertionError(f"{hour_angle} {dec}: {notes(bridge)[-4:]}")

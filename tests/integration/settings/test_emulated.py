@@ -43,9 +43,9 @@ async def drive_rate(bridge: Bridge) -> float:
 
 
 async def drifts(bridge: Bridge) -> float:
-    before, began = bridge.sim.truth()[0], bridge.clock()
+    before, began = bridge.sim.true_position()[0], bridge.clock()
     await asyncio.sleep(20.0)
-    east = (bridge.sim.truth()[0] - before) * 3600.0 / (bridge.clock() - began)
+    east = (bridge.sim.true_position()[0] - before) * 3600.0 / (bridge.clock() - began)
     return round(1.0 - east / 15.041, 3)
 
 
@@ -63,10 +63,10 @@ async def guided(bridge: Bridge) -> float:
 
 async def pulse(bridge: Bridge) -> float:
     """Return the guide rate by which a pulse of two seconds moves the tube."""
-    before = bridge.sim.truth()[1]
+    before = bridge.sim.true_position()[1]
     await bridge.controller.perform(op.Pulse(op.Direction.NORTH, 2000))
     await asyncio.sleep(4.0)
-    return round(abs(bridge.sim.truth()[1] - before) * 3600.0 / 30.082, 1)
+    return round(abs(bridge.sim.true_position()[1] - before) * 3600.0 / 30.082, 1)
 
 
 async def corrects(bridge: Bridge) -> bool:
@@ -104,14 +104,14 @@ async def happens(bridge: Bridge, event: str, state: Path) -> Bridge:
     if event == "power cycle":
         await owner.power_cycle(2.0)
         bridge.sim.aligned = True
-        if hasattr(bridge.sim, "letter"):
+        if hasattr(bridge.sim, "mode_letter"):
             bridge.sim.ahead -= 100.0
             bridge.sim.feed(b":AP#")
         else:
             bridge.sim.relocate(bridge.sim.mechanics.sky._replace(clock_ahead=-100.0))
             bridge.sim.feed(b"T\2")
     if event == "moved":
-        bridge.sim.truth()
+        bridge.sim.true_position()
         bridge.sim.mechanics.correct(bridge.sim.now, (3.0, 0.0))
     again = Bridge(driven=bridge._driven, on=bridge, state=state, config=OPEN)
     return await again.__aenter__()
@@ -127,7 +127,7 @@ async def test_emulated_value_and_its_record_survive_or_vanish_together(name: st
     for data in value.first:
         bridge.sim.feed(data)
     await bridge.__aenter__()
-    await bridge.controller.perform(op.Goto(bridge.sim.truth()[0] - 30.0, 20.0))
+    await bridge.controller.perform(op.Goto(bridge.sim.true_position()[0] - 30.0, 20.0))
     await asyncio.sleep(60.0)
     fresh = await value.told(bridge) if value.told is not corrects else False
     await bridge.controller.perform(value.set)
@@ -158,7 +158,7 @@ async def test_emulated_syncs_survive_a_restart_only_if_the_mount_is_unchanged(
     bridge = Bridge("cge", version, state=tmp_path, config=OPEN)
     await bridge.__aenter__()
     ask = bridge.controller.perform
-    await ask(op.Goto(bridge.sim.truth()[0] - 30.0, 20.0))
+    await ask(op.Goto(bridge.sim.true_position()[0] - 30.0, 20.0))
     await asyncio.sleep(60.0)
     here = await ask(op.Position())
     await ask(op.Sync(here.ra, here.dec + 6.0))
@@ -170,7 +170,7 @@ async def test_emulated_syncs_survive_a_restart_only_if_the_mount_is_unchanged(
         assert there.dec == pytest.approx(here.dec + 6.0 * stays, abs=0.01)
     assert bridge.controller.synced.value.north == pytest.approx(6.0 * stays, abs=0.01)
     said = [entry.note for entry in bridge.entries if "sync again" in entry.note]
-    status = [line for line in mount_state(bridge.controller).drawn().wanted if "sync again" in line]
+    status = [line for line in mount_state(bridge.controller).to_state().wanted if "sync again" in line]
     assert bool(said) is bool(status) is not stays
     done = 0
     with suppress(SyncTooFar):
@@ -180,7 +180,7 @@ async def test_emulated_syncs_survive_a_restart_only_if_the_mount_is_unchanged(
             await asyncio.sleep(3.0)
             done += 1
     assert done == (1 if stays else 2)
-    assert not [line for line in mount_state(bridge.controller).drawn().wanted if "sync again" in line]
+    assert not [line for line in mount_state(bridge.controller).to_state().wanted if "sync again" in line]
     await bridge.__aexit__()
 
 

@@ -35,7 +35,7 @@ def at_altitude(bridge: Bridge, azimuth: float, altitude: float, earlier: float 
     """Right ascension and declination of a place above the horizon, by a clock that is so many hours slow."""
     hour_angle, dec = horizon_to_hour_angle(azimuth, altitude, 45.0)
     unix = bridge.clock() - earlier * 3600.0
-    return (bridge.sim.mechanics.sky.sidereal(unix) - hour_angle) % 360.0, dec
+    return (bridge.sim.mechanics.sky.lst(unix) - hour_angle) % 360.0, dec
 
 
 def as_nexstar(ra: float, dec: float) -> bytes:
@@ -47,7 +47,7 @@ def order(bridge: Bridge, driven: str = "lx200") -> list[str]:
     gotos = {"lx200": (b":MS", b":MA"), "nexstar": (b"r", b"b", b"R", b"B")}[driven]
     heard = [
         "set" if one.startswith(SETS[driven]) else "goto"
-        for one in bridge.sent()
+        for one in bridge.sent_requests()
         if one.startswith((*SETS[driven], *gotos))
     ]
     return [one for number, one in enumerate(heard) if number == 0 or heard[number - 1] != one]
@@ -125,12 +125,12 @@ async def test_site_is_not_sent_to_a_mount_that_begins_to_move_meanwhile(mount: 
         config={"lowest": -90.0, "sun": 0.0},
     ) as bridge:  # fmt: skip
         await asyncio.sleep(8.0)
-        client, before = bridge.client(), len(bridge.sent())
+        client, before = bridge.client(), len(bridge.sent_requests())
         client.tell(b":RS#:Sg074*30#:St+40*45#")
         await asyncio.sleep(pause)
         client.tell(b":Mn#")
         await asyncio.sleep(5.0)
-        sent = bridge.sent()[before:]
+        sent = bridge.sent_requests()[before:]
         assert any(data.startswith((b"P\x02\x11", b":Mn")) for data in sent)
         assert not [data for data in sent if data.startswith((b"W", b":St", b":Sg"))]
 
@@ -186,9 +186,9 @@ async def test_stop_or_disconnection_cancels_a_goto_that_waits_for_the_clock(by:
             with suppress(Busy):  # the mount calculates
                 await bridge.controller.perform(op.Move(op.Direction.NORTH, op.Rate(key=2)), max_delay=1.0)
         elif by == "hold":
-            bridge.controller.hold.on = True
+            bridge.controller.hold.is_on = True
             bridge.controller.begin_stop()
-            bridge.controller.hold.on = False
+            bridge.controller.hold.is_on = False
         else:
             client.close()
         await asyncio.sleep(1.0)
@@ -205,7 +205,7 @@ async def test_newer_goto_replaces_one_that_waits_for_the_clock() -> None:
         await client.ask(as_nexstar(*at_altitude(bridge, 180.0, 50.0)))
         await client.ask(as_nexstar(*at_altitude(bridge, 180.0, 60.0)))
         await asyncio.sleep(30.0)
-        assert sum(one.startswith(b":MS") for one in bridge.sent()) == 1
+        assert sum(one.startswith(b":MS") for one in bridge.sent_requests()) == 1
         assert truth.altitude(bridge.sim) == pytest.approx(60.0, abs=1.0)
 
 
@@ -236,7 +236,7 @@ async def test_arrow_is_not_begun_between_the_commands_of_a_clock() -> None:
         await client.ask(b":SG+00#:SL21:59:00#:SC01/15/26#", until=b"#")
         client.tell(b":RS#:Mn#")
         await asyncio.sleep(2.0)
-        heard = [one for one in bridge.sent() if one.startswith((*SETS["lx200"], b":Mn"))]
+        heard = [one for one in bridge.sent_requests() if one.startswith((*SETS["lx200"], b":Mn"))]
         assert heard in ([b":Mn#"], [b":SG+00.0#", b":SL21:59:00#", b":SC01/15/26#", b":Mn#"])
 
 

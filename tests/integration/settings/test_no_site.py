@@ -7,10 +7,10 @@ import asyncio
 import pytest
 
 from gateway.protocols.nexstar.simulator.hand_control import HANDLERS
-from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.in_process_gateway import Bridge, RehearsalClient
 
 
-async def site(program: Visitor) -> tuple[bytes, ...]:
+async def site(program: RehearsalClient) -> tuple[bytes, ...]:
     return tuple([await program.ask(question, 5.0, until=b"#") for question in (b":Gt#", b":Gg#", b":GS#")])
 
 

@@ -108,7 +108,7 @@ async def test_halves_of_a_site_from_two_programs_are_not_combined() -> None:
         await one.ask(b":St+20*00#")
         await other.ask(b":Sg300*00#")
         await asyncio.sleep(6.0)
-        sent = [frame for frame in three.sent() if frame[:1] == b"W"]
+        sent = [frame for frame in three.sent_requests() if frame[:1] == b"W"]
         assert all(frame != b"W" + bytes((20, 0, 0, 0, 60, 0, 0, 0)) for frame in sent[:1]), sent
 
 

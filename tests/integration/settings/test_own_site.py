@@ -11,7 +11,7 @@ import pytest
 from gateway.core import operations as op
 from gateway.core import requests
 from tests.support.fake_mount import Talk
-from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.in_process_gateway import Bridge, RehearsalClient
 
 #: ``W``: degrees, minutes, seconds, 0 north and east, 1 south and west.
 OWN, FORTY = b"W" + bytes((45, 0, 0, 0, 10, 0, 0, 0)), b"W" + bytes((40, 0, 0, 0, 20, 0, 0, 1))
@@ -19,15 +19,15 @@ OWN, FORTY = b"W" + bytes((45, 0, 0, 0, 10, 0, 0, 0)), b"W" + bytes((40, 0, 0, 0
 
 def told(bridge: Bridge) -> list[bytes]:
     """The sites that the mount was told."""
-    return [sent for sent in bridge.sent() if sent[:1] == b"W"]
+    return [sent for sent in bridge.sent_requests() if sent[:1] == b"W"]
 
 
-async def place(client: Visitor) -> bytes:
+async def place(client: RehearsalClient) -> bytes:
     """The site in force, as this client is told it."""
     return await client.ask(b":Gt#", until=b"#") + await client.ask(b":Gg#", until=b"#")
 
 
-async def second_site(client: Visitor) -> None:
+async def second_site(client: RehearsalClient) -> None:
     """Select site 2 of an LX200GPS, and set it: 40 N, 20 W."""
     client.tell(b":W2#")
     assert await client.ask(b":St+40*00#:Sg020*00#", until=b"11") == b"11"
@@ -177,11 +177,11 @@ async def test_selecting_site_1_restores_the_site_of_a_meade(model: str) -> None
         client = bridge.client()
         own = await place(client)
         await second_site(client)
-        assert any(sent.startswith(b":St+40*00") for sent in bridge.sent())
+        assert any(sent.startswith(b":St+40*00") for sent in bridge.sent_requests())
         client.tell(b":W1#")
         await asyncio.sleep(10)
         assert await place(client) == own == b"+45*00#-010*00#"
-        assert [sent for sent in bridge.sent() if sent.startswith(b":St")][-1] == b":St+45*00#"
+        assert [sent for sent in bridge.sent_requests() if sent.startswith(b":St")][-1] == b":St+45*00#"
 
 
 @pytest.mark.parametrize(
@@ -204,6 +204,6 @@ async def test_page_is_told_for_whom_its_site_applies(
         await other.ask(b":GR#", until=b"#")
         request = requests.SetSiteRequest(40.0, 20.0, number="1", who="the console at 10.0.0.5")
         answer = await bridge.gateway.carry_out(request)
-        assert answer.done and answer.text.startswith(f"the site is set; it holds for {holds}")
+        assert answer.is_ok and answer.text.startswith(f"the site is set; it holds for {holds}")
         await asyncio.sleep(5)
         assert (await place(other) == b"+40*00#-020*00#") == holds.startswith("everyone")

@@ -27,7 +27,7 @@ def unix(text: str) -> float:
 
 def utc(bridge: Any) -> float:
     """What the mount's own clock shows now, Unix seconds."""
-    bridge.sim.truth()  # what is due by now has happened
+    bridge.sim.true_position()  # what is due by now has happened
     return float(bridge.sim.utc())
 
 
@@ -69,7 +69,7 @@ async def test_site_set_while_a_classic_calculates_is_sent_whole_afterwards(moun
         assert longitude == pytest.approx(151.21, abs=0.01)
         elapsed = bridge.clock() - set_at
         assert utc(bridge) - elapsed == pytest.approx(unix("2027-03-14 10:30:40"), abs=2.0)
-        assert sum(one.startswith(b":SC") for one in bridge.sent()) == 1
+        assert sum(one.startswith(b":SC") for one in bridge.sent_requests()) == 1
 
 
 @pytest.mark.parametrize("mount", CLASSICS)
@@ -135,9 +135,9 @@ async def test_settings_made_while_the_line_is_down_are_not_sent_to_another_moun
         await asyncio.sleep(3.0)
         assert await client.ask(b":Sg074*30#:St+40*45#", until=b"11") == b"11"
         bridge.sim.row = {**bridge.sim.row, "id": 20}
-        sent = len(bridge.sent())
+        sent = len(bridge.sent_requests())
         await plugged_in(bridge, cable)
-        assert not [data for data in bridge.sent()[sent:] if data.startswith(b"W")]
+        assert not [data for data in bridge.sent_requests()[sent:] if data.startswith(b"W")]
         assert "another mount is on the line" in notes(bridge)
 
 
@@ -168,9 +168,11 @@ async def test_goto_is_never_deferred_until_the_line_is_back() -> None:
             assert await client.ask(b":Sr08:00:00#:Sd+30*00:00#:MS#", until=b".#") == b"111No answer from mount.#"
             client.tell(b":Me#")
             assert bridge.clock() - began < 0.1
-            before = len(bridge.sent())
+            before = len(bridge.sent_requests())
             await plugged_in(bridge, cable)
-            assert not [one for one in bridge.sent()[before:] if one[:1] in b"rR" or one[:2] in (b":M", b"P\2")]
+            assert not [
+                one for one in bridge.sent_requests()[before:] if one[:1] in b"rR" or one[:2] in (b":M", b"P\2")
+            ]
 
 
 @pytest.mark.parametrize(
@@ -247,7 +249,7 @@ async def test_setting_with_a_lost_acknowledgement_is_not_sent_twice() -> None:
         await asyncio.sleep(30.0)
         assert bridge.sim.mechanics.sky[:2] == pytest.approx((-33.8583, 151.21), abs=0.01)
         assert (await client.ask(b"w"))[:8] == SYDNEY[1:]
-        assert len([one for one in bridge.sent() if one[:1] == b"W"]) == 1
+        assert len([one for one in bridge.sent_requests() if one[:1] == b"W"]) == 1
 
 
 # --- guide rates and the like -------------------------------------------------------------------------------------
@@ -265,7 +267,7 @@ async def test_guide_rate_and_backlash_are_sent_when_the_motors_answer_again(how
         await client.ask(b"P\x02\x10\x46\x40\0\0\0", 4.0)
         await client.ask(b"P\x02\x10\x10\x1e\0\0\0", 4.0)
         await plugged_in(bridge, cable)
-        heard = bridge.sent()
+        heard = bridge.sent_requests()
         assert b"P\x02\x10\x46\x40\0\0\0" in heard
         assert await client.ask(b"P\x01\x10\x47\0\0\0\x01") == b"\x40#"
         assert heard.count(b"P\x02\x10\x10\x1e\0\0\0") == (1 if how == "down" else 2)

@@ -17,13 +17,13 @@ from gateway.mount.site.pending_settings import (
     TRIES,
     Pending,
     Setting,
-    added,
-    clock_is_ours,
+    add,
+    after_attempt,
+    clock_matches_sent,
     next_setting,
-    postponed,
-    site_is_ours,
-    tried,
-    without,
+    site_matches_sent,
+    with_postponed,
+    without_setting,
 )
 from tests.support.cable import Cable, lose_commands, lose_replies
 from tests.support.in_process_gateway import Bridge
@@ -79,7 +79,7 @@ class Night:
         sim, said = self.bridge.sim, [entry.note for entry in self.bridge.entries if "not in force" in entry.note]
         assert not said
         assert not self.bridge.controller.settings.sync.pending
-        sim.truth()
+        sim.true_position()
         here = sim.site if self.driven == "lx200" else sim.mechanics.sky[:2]
         if self.site is not None:
             assert here == pytest.approx(self.site, abs=0.02)
@@ -113,21 +113,21 @@ HERE, THERE = SetSite(1.0, 2.0), SetSite(3.0, 4.0)
 def test_newest_setting_of_a_kind_is_sent_and_the_clock_last() -> None:
     pending: Pending = {}
     for value in (SetClock(0.0, 0.0), HERE, Backlash(1, 5), Backlash(2, 6), THERE):
-        pending = added(pending, Setting(value, since=float(len(pending))))
+        pending = add(pending, Setting(value, requested_at=float(len(pending))))
     told = []
     while isinstance(step := next_setting(pending, 10.0), Setting):
         told.append(step.value)
-        pending = without(pending, step)
+        pending = without_setting(pending, step)
     assert told == [Backlash(1, 5), Backlash(2, 6), THERE, SetClock(0.0, 0.0)]
     assert step is None
 
 
 def test_setting_is_sent_three_times_at_growing_intervals() -> None:
-    pending, now, times = added({}, Setting(HERE, since=0.0)), 0.0, []
+    pending, now, times = add({}, Setting(HERE, requested_at=0.0)), 0.0, []
     while (step := next_setting(pending, now)) is not None:
         if isinstance(step, Setting):
             times.append(now)
-            pending = tried(pending, step, now)
+            pending = after_attempt(pending, step, now)
         else:
             now = step
     assert len(times) == TRIES
@@ -135,22 +135,27 @@ def test_setting_is_sent_three_times_at_growing_intervals() -> None:
 
 
 def test_mount_that_cannot_hear_delays_nothing() -> None:
-    pending = added({}, Setting(HERE, since=0.0))
+    pending = add({}, Setting(HERE, requested_at=0.0))
     for now in range(100):
         step = next_setting(pending, float(now))
         if isinstance(step, Setting):
             assert step.tries_left == TRIES
-            pending = postponed(pending, step, now + 2.0)
+            pending = with_postponed(pending, step, now + 2.0)
 
 
 def test_end_of_an_older_setting_leaves_the_newer_one_alone() -> None:
-    older, newer = Setting(HERE, since=0.0, tries_left=1), Setting(THERE, since=1.0)
-    pending = added(added({}, older), newer)
-    assert without(pending, older) == tried(pending, older, 5.0) == postponed(pending, older, 5.0) == pending
+    older, newer = Setting(HERE, requested_at=0.0, tries_left=1), Setting(THERE, requested_at=1.0)
+    pending = add(add({}, older), newer)
+    assert (
+        without_setting(pending, older)
+        == after_attempt(pending, older, 5.0)
+        == with_postponed(pending, older, 5.0)
+        == pending
+    )
 
 
 def test_received_half_of_a_site_is_not_taken_for_a_change_at_the_keys() -> None:
-    sent = [Setting(SetSite(3.0, 179.9), since=0.0)]
+    sent = [Setting(SetSite(3.0, 179.9), requested_at=0.0)]
     before = Place(1.0, 2.0)
     for told, ours in (
         (Place(3.0, 2.0), True),
@@ -160,14 +165,14 @@ def test_received_half_of_a_site_is_not_taken_for_a_change_at_the_keys() -> None
         (Place(5.0, 2.0), False),
         (Place(3.0, 50.0), False),
     ):
-        assert site_is_ours(sent, before, told) is ours
-    assert not site_is_ours([], before, Place(1.0, 2.0))  # nothing was sent
-    older = Setting(SetSite(7.0, 8.0), since=0.0)
-    assert site_is_ours([older, *sent], before, Place(7.0, 179.9))
+        assert site_matches_sent(sent, before, told) is ours
+    assert not site_matches_sent([], before, Place(1.0, 2.0))  # nothing was sent
+    older = Setting(SetSite(7.0, 8.0), requested_at=0.0)
+    assert site_matches_sent([older, *sent], before, Place(7.0, 179.9))
 
 
 def test_zone_time_or_date_alone_is_not_taken_for_a_change_at_the_keys() -> None:
-    sent = [Setting(SetClock(1e6 + 125.0, 5.5), since=100.0)]
+    sent = [Setting(SetClock(1e6 + 125.0, 5.5), requested_at=100.0)]
     before = Moment(2e6, 0.0)
     for told, ours in (
         (2e6, True),
@@ -177,4 +182,4 @@ def test_zone_time_or_date_alone_is_not_taken_for_a_change_at_the_keys() -> None
         (2e6 + 300.0, False),
         (1e6 + 900.0, False),
     ):
-        assert clock_is_ours(sent, before, Moment(told, 0.0), 110.0) is ours
+        assert clock_matches_sent(sent, before, Moment(told, 0.0), 110.0) is ours

@@ -38,9 +38,9 @@ async def test_noise_on_an_lx200_surface_is_logged_with_the_reason(said: bytes, 
 @pytest.mark.parametrize(
     ("said", "dropped"),
     [
-        (b":GR#", (b":GR#", NexStarFramer.noise)),
-        (b"e\xffJ", (b"\xffJ", NexStarFramer.noise)),
-        (b"GET / HTTP/1.0", (b"GET / HTTP/1.0", NexStarFramer.noise)),
+        (b":GR#", (b":GR#", NexStarFramer.noise_reason)),
+        (b"e\xffJ", (b"\xffJ", NexStarFramer.noise_reason)),
+        (b"GET / HTTP/1.0", (b"GET / HTTP/1.0", NexStarFramer.noise_reason)),
     ],
 )
 async def test_noise_on_a_nexstar_surface_is_logged_with_the_reason(said: bytes, dropped: tuple[bytes, str]) -> None:
@@ -59,7 +59,7 @@ async def test_incomplete_nexstar_command_is_logged_with_the_reason() -> None:
         client.tell(b"R34")
         client.close()
         await asyncio.sleep(0.5)
-        assert _dropped(bridge) == [(b"R34AB", NexStarFramer.half), (b"R34", NexStarFramer.cut_off)]
+        assert _dropped(bridge) == [(b"R34AB", NexStarFramer.half_reason), (b"R34", NexStarFramer.cut_off_reason)]
 
 
 async def test_half_a_command_at_the_end_of_a_connection_is_logged() -> None:

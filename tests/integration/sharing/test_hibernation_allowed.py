@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from gateway.app.bindings import access
+from gateway.app.bindings import access_rules
 from gateway.app.config import MountConfig, Source, SurfaceConfig, make_config
 from gateway.app.gateway import Gateway
 from gateway.clients.access import AccessRules, Rights
@@ -44,7 +44,7 @@ async def test_hibernation_over_a_network_is_refused_and_the_log_names_the_setti
         await asyncio.sleep(10.0)
         assert not bridge.sim.asleep
         assert await caller.ask(QUESTION[surface]), "and it is no stranger for that"
-        assert not {b"x", b":hN#"} & set(bridge.sent())
+        assert not {b"x", b":hN#"} & set(bridge.sent_requests())
         assert len(refusals(bridge)) == 1
         assert "network" in refusals(bridge)[0] and "hibernate = true" in refusals(bridge)[0]
 
@@ -55,7 +55,7 @@ async def test_hibernation_over_a_network_is_refused_and_the_log_names_the_setti
 async def test_hibernation_over_a_network_is_done_where_the_operator_allows_it(
     mount: str, surface: str, first: bool
 ) -> None:
-    allowed = AccessRules(hibernate=True)
+    allowed = AccessRules(may_hibernate=True)
     async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None, access=allowed) as bridge:
         caller = Caller(bridge.acceptor)
         if not first:
@@ -79,12 +79,12 @@ async def test_hibernation_on_a_serial_line_is_done_and_networks_may_wake_the_mo
 
 def test_hibernation_is_refused_whatever_command_requests_it() -> None:
     every = {kind for kind in vars(op).values() if isinstance(kind, type) and issubclass(kind, op.Operation)}
-    rights = Rights(hibernate=False)
+    rights = Rights(may_hibernate=False)
     assert rights.refusal(op.Hibernate()) is not None and rights.refusal(op.Wake()) is None
     assert Rights().refusal(op.Hibernate()) is None
     assert (
         rights.refusal(op.AbortMotion()) is None
-        and Rights(read_only=True, hibernate=False).refusal(op.Hibernate()) is not None
+        and Rights(read_only=True, may_hibernate=False).refusal(op.Hibernate()) is not None
     )
     assert {op.Hibernate, op.Wake, op.AbortMotion} <= every
 
@@ -96,7 +96,7 @@ async def test_hibernation_setting_of_the_mount_applies_to_every_network_port(
 ) -> None:
     tables = {"mount": [{"at": "nexstar:cpc@sim", **keys}], "surface": [{"at": "nexstar@tcp://127.0.0.1:0"}]}
     config = make_config(tables, Source("gateway.toml"))
-    assert access(config.surface[0], config.mount[0]).hibernate is asleep
+    assert access_rules(config.surface[0], config.mount[0]).may_hibernate is asleep
     gateway = Gateway(MountConfig(at="nexstar:cpc@sim", **keys), [SurfaceConfig(at="nexstar@tcp://127.0.0.1:0")])
     decided: asyncio.Future[bool] = asyncio.get_running_loop().create_future()
 

@@ -19,7 +19,7 @@ async def test_programs_that_share_a_meade_have_separate_precision_and_target(mo
         assert len(await one.ask(b":GR#")) == 9
         one.tell(b":LM42#")  # the gateway's own library: its target is this client's alone
         assert await one.ask(b":MS#") == b"0"
-        assert any(sent.startswith(b":Sr05:36:3") for sent in bridge.sent())
+        assert any(sent.startswith(b":Sr05:36:3") for sent in bridge.sent_requests())
         one.tell(b":Q#")
         await asyncio.sleep(1)
         assert (await one.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", until=b"110")).startswith(b"11")
@@ -38,7 +38,7 @@ async def test_nexstar_surface_of_a_named_model_passes_raw_motion_only_to_focuse
             b"P\2\x10\x84\0\0\0\1",
         ):  # fmt: skip
             await client.ask(raw, 2)
-            assert raw not in bridge.sent()
+            assert raw not in bridge.sent_requests()
         for passed in (b"P\2\x12\x24\3\0\0\0", b"P\1\x10\x12\0\0\0\1"):
             await client.ask(passed, 2)
-            assert passed in bridge.sent()
+            assert passed in bridge.sent_requests()

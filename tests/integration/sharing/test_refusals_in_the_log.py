@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from gateway.core.wire_log import show
+from gateway.core.wire_log import printable
 from tests.support.in_process_gateway import Bridge
 
 
@@ -17,12 +17,12 @@ from tests.support.in_process_gateway import Bridge
 async def test_refused_lx200_command_without_a_reply_is_logged(said: bytes) -> None:
     async with Bridge("cge", surface="lx200gps") as bridge:
         client = bridge.client()
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         client.tell(said)
         await asyncio.sleep(1.0)
         assert client.received == b""
         assert any(said.decode()[:3] in entry.note and "refused" in entry.note for entry in bridge.entries)
-        assert not [data for data in bridge.sent()[before:] if data[:1] in (b"P", b"H", b"T")]
+        assert not [data for data in bridge.sent_requests()[before:] if data[:1] in (b"P", b"H", b"T")]
 
 
 @pytest.mark.parametrize(
@@ -40,10 +40,10 @@ async def test_refused_lx200_command_without_a_reply_is_logged(said: bytes) -> N
 async def test_refused_nexstar_command_with_a_fixed_reply_is_logged(said: bytes) -> None:
     async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge") as bridge:
         client = bridge.client()
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         assert await client.ask(said) == b"#"
-        assert any(show(said) in entry.note and "refused" in entry.note for entry in bridge.entries)
-        assert not [data for data in bridge.sent()[before:] if data[1:2] in (b"S", b"M", b"A")]
+        assert any(printable(said) in entry.note and "refused" in entry.note for entry in bridge.entries)
+        assert not [data for data in bridge.sent_requests()[before:] if data[1:2] in (b"S", b"M", b"A")]
 
 
 async def test_refusal_is_logged_once_for_every_host() -> None:

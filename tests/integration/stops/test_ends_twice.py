@@ -111,7 +111,7 @@ async def test_focuser_stops_though_the_first_end_was_lost() -> None:
         client.tell(b":FQ#")
         await asyncio.sleep(1.0)
         assert missed
-        assert bridge.sim.parts["focuser"] == 0
+        assert bridge.sim.accessories["focuser"] == 0
 
 
 async def test_end_of_a_pulse_is_sent_when_a_busy_telescope_hears_again() -> None:
@@ -143,4 +143,4 @@ async def test_release_becomes_a_stop_on_a_busy_telescope() -> None:
         await asyncio.sleep(2.0)
         assert bridge.sim.busy
         assert not bridge.sim.arrows
-        assert not bridge.controller.wanted.axes
+        assert not bridge.controller.wanted.axes_moved_by_hand

@@ -26,9 +26,9 @@ def bridge_to(mount: str, driven: str) -> Bridge:
 
 
 def moves(bridge: Any) -> bool:
-    if hasattr(bridge.sim, "parts"):
-        return bool(bridge.sim.parts["focuser"])
-    return bool(bridge.sim.focuser.moving(bridge.sim.clock()))
+    if hasattr(bridge.sim, "accessories"):
+        return bool(bridge.sim.accessories["focuser"])
+    return bool(bridge.sim.focuser.is_moving(bridge.sim.clock()))
 
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
@@ -42,7 +42,7 @@ async def test_stop_of_the_mount_does_not_cancel_the_end_of_the_focuser(mount: s
         client.tell(packet)
         await asyncio.sleep(2.0)
         assert not moves(bridge)
-        assert bridge.controller.wanted.value.focus is None
+        assert bridge.controller.wanted.value.focus_motion is None
 
 
 @pytest.mark.parametrize("times", [1, 3])
@@ -60,9 +60,9 @@ async def test_end_of_the_focuser_is_sent_until_acknowledged(how: str, times: in
             client.close()
         await asyncio.sleep(40.0)
         assert len(lost) == times
-        assert bridge.sent().count(HALT) == times + 1
+        assert bridge.sent_requests().count(HALT) == times + 1
         assert not moves(bridge)
-        assert bridge.controller.wanted.value.focus is None
+        assert bridge.controller.wanted.value.focus_motion is None
         assert not bridge.controller.wanted.value.pending
 
 
@@ -78,4 +78,4 @@ async def test_end_of_an_older_motion_does_not_end_a_newer_one() -> None:
         client.tell(b":F-#")
         await asyncio.sleep(8.0)
         assert moves(bridge)
-        assert bridge.sent().count(HALT) == 1
+        assert bridge.sent_requests().count(HALT) == 1

@@ -69,7 +69,7 @@ async def test_motion_that_the_mount_heard_without_an_answer_counts_as_running(o
             assert truth_of(bridge.sim).axis2 == pytest.approx(90.0, abs=0.1)
         else:
             assert client.received == b"11", "after its time nothing is told"
-            assert separation(*bridge.sim.truth(), 120.0, 30.0) < 0.02
+            assert separation(*bridge.sim.true_position(), 120.0, 30.0) < 0.02
 
 
 async def test_tracking_returns_after_a_failed_goto_that_ended_an_arrow() -> None:
@@ -82,7 +82,7 @@ async def test_tracking_returns_after_a_failed_goto_that_ended_an_arrow() -> Non
         await polled(bridge, 15)
         assert lost
         assert bridge.sim.tracking
-        assert not bridge.controller.wanted.axes
+        assert not bridge.controller.wanted.axes_moved_by_hand
         assert not bridge.driver.tracking_suspended
 
 
@@ -93,7 +93,7 @@ async def test_goto_refused_by_a_check_leaves_the_arrow_alone() -> None:
         await asyncio.sleep(2.0)
         await client.ask(b":Sr08:00:00#:Sd-80*00:00#:MS#", until=b"#")
         await asyncio.sleep(1.0)
-        assert bridge.controller.wanted.axes == {1}
+        assert bridge.controller.wanted.axes_moved_by_hand == {1}
         assert abs(truth_of(bridge.sim).rate1) > 0.1
 
 
@@ -118,10 +118,10 @@ async def test_drive_rate_returns_after_a_cancelled_goto() -> None:
         await asyncio.sleep(1.0)
         assert await client.ask(b"r55555555,15555555") == b"#"
         await asyncio.sleep(3.0)
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         assert await client.ask(b"M") == b"#"
         await asyncio.sleep(3.0)
-        assert bridge.sent()[before:].count(b"P\x03\x10\x06\xff\xfd\x00\x00") == 1
+        assert bridge.sent_requests()[before:].count(b"P\x03\x10\x06\xff\xfd\x00\x00") == 1
 
 
 @pytest.mark.parametrize("later", [0.3, 1.0, 1.9])

@@ -89,7 +89,7 @@ def test_last_halted_axis_rests_and_last_begun_axis_moves(presented: str, driven
             await asyncio.sleep(4.0)
             for client in clients:  # somebody is there all the time
                 client.tell(b":GR#" if presented == "lx200" else b"e")
-            turns = bridge.controller.wanted.axes
+            turns = bridge.controller.wanted.axes_moved_by_hand
             # On a slow line an arrow or a tap may come too late, and that is told.
             told = ("this motion was not started", "came too late to be carried out")
             late = any(words in entry.note for entry in bridge.entries for words in told)
@@ -154,7 +154,7 @@ async def test_flood_of_halts_on_one_axis_lets_the_other_move() -> None:
         await asyncio.sleep(3.0)
         other.tell(b":RM#:Mn#")
         await asyncio.sleep(2.0)
-        assert bridge.controller.wanted.axes == {2}
+        assert bridge.controller.wanted.axes_moved_by_hand == {2}
         asked = bridge.clock()
         other.tell(b":Qn#")
         await asyncio.sleep(1.0)
@@ -195,7 +195,7 @@ async def test_many_halts_behind_a_goto_end_it_by_one_stop() -> None:
         for number in range(20):
             bridge.client(f"10.0.0.{number}").tell(b":Qe#")
         await asyncio.sleep(2.0)
-        assert bridge.sent().count(b"M") == 1
+        assert bridge.sent_requests().count(b"M") == 1
         assert not bridge.sim.slewing
 
 

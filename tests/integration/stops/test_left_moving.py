@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from gateway.astro.axes import Build
-from gateway.mount.motion.left_moving import MAX_AGE
+from gateway.mount.motion.left_moving import MAX_MARK_AGE
 from gateway.protocols.mechanics.truth import truth_of
 from tests.support.in_process_gateway import Bridge
 from tests.support.owner import Owner
@@ -42,7 +42,7 @@ async def test_mount_still_moving_when_the_cable_is_back_is_stopped(
         await owner.cable_out(seconds)
         assert owner.moving
         await asyncio.sleep(8.0)
-        assert not owner.moving and not bridge.controller.moving and not bridge.controller.wanted.owed
+        assert not owner.moving and not bridge.controller.moving and not bridge.controller.wanted.stop_owed
 
 
 #: A goto of the owner cannot be told from the one that was left, and is stopped.
@@ -91,10 +91,10 @@ async def test_motion_begun_by_the_owner_during_a_cable_fault_is_left_alone(
 async def _own(bridge: Bridge, owner: Owner, own: str) -> None:
     """Let the owner move the mount: an arrow, or a goto away from where the program's goto led."""
     await asyncio.sleep(2.0)
-    if own == "back" and bridge.sim.mechanics.build is Build.GERMAN and bridge.sim.mechanics.geometry.pole < 0:
+    if own == "back" and bridge.sim.mechanics.build is Build.GERMAN and bridge.sim.mechanics.geometry.ns_sign < 0:
         own = "first on"  # the motors of a German mount turn the other way in the south
     if own == "goto":
-        ra, dec = bridge.sim.truth()
+        ra, dec = bridge.sim.true_position()
         owner.goto(ra - 55.0, dec - 5.0 if dec > 0.0 else dec + 5.0)
     else:
         owner.keys(own)
@@ -130,9 +130,9 @@ async def test_old_mark_of_a_killed_gateway_stops_only_the_marked_motion(
             watching = Owner(second, driven)
             for _ in range(20):
                 await asyncio.sleep(0.2)
-                if own and seconds > MAX_AGE:
+                if own and seconds > MAX_MARK_AGE:
                     assert watching.moving
-            assert watching.moving is bool(own and seconds > MAX_AGE)
+            assert watching.moving is bool(own and seconds > MAX_MARK_AGE)
             if not watching.moving:
                 await asyncio.sleep(9.0)
                 assert not list(tmp_path.glob("*.moving"))

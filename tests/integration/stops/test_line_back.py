@@ -30,12 +30,12 @@ async def cut(bridge: Any, seconds: float) -> list[bytes]:
     wire.open = no_port
     bridge.controller.line.transaction.connection_lost("unplugged")
     await asyncio.sleep(seconds)
-    before = len(bridge.sent())
+    before = len(bridge.sent_requests())
     wire.open = opening
-    while len(bridge.sent()) == before:
+    while len(bridge.sent_requests()) == before:
         await asyncio.sleep(0.01)
     await asyncio.sleep(0.5)
-    return bridge.sent()[before:]
+    return bridge.sent_requests()[before:]
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
@@ -52,7 +52,7 @@ async def test_motion_from_before_a_lost_line_is_ended_when_the_line_is_back(mou
         assert first[0] in STOPS
         await asyncio.sleep(2.0)
         assert not truth_of(bridge.sim).moving
-        assert not bridge.controller.wanted.owed and not bridge.controller.moving
+        assert not bridge.controller.wanted.stop_owed and not bridge.controller.moving
         assert [entry for entry in bridge.entries if "connection to the mount was lost during a motion" in entry.note]
 
 
@@ -66,17 +66,17 @@ async def test_stop_requested_while_the_line_was_lost_is_sent_first(mount: str) 
         first = await cut(bridge, 4.0)
         assert first[0] in STOPS
         await asyncio.sleep(3.0)
-        assert not bridge.controller.wanted.owed
+        assert not bridge.controller.wanted.stop_owed
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
 async def test_line_lost_at_rest_gets_no_stop(mount: str) -> None:
     async with bridge_to(mount) as bridge:
         await asyncio.sleep(2.0)
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         await cut(bridge, 4.0)
         await asyncio.sleep(10.0)
-        assert not [sent for sent in bridge.sent()[before:] if sent in STOPS]
+        assert not [sent for sent in bridge.sent_requests()[before:] if sent in STOPS]
 
 
 async def test_stop_swallowed_by_half_a_hand_control_command_is_repeated() -> None:
@@ -86,7 +86,7 @@ async def test_stop_swallowed_by_half_a_hand_control_command_is_repeated() -> No
         client.tell(b":RM#:Me#")
         await asyncio.sleep(2.0)
         transaction = bridge.controller.line.transaction
-        transaction.half, transaction.request = True, b"P\x02\x10\x24\x05\x00\x00\x00"
+        transaction.half, transaction.last_request = True, b"P\x02\x10\x24\x05\x00\x00\x00"
         began = bridge.controller.now()
         wire: Any = bridge.controller.line.wire
         feed, wire.feed = wire.feed, lambda data: b""

@@ -24,9 +24,9 @@ async def test_mount_that_hears_but_is_not_heard_is_stopped(driven: str, mount: 
         await asyncio.sleep(3)
         client.tell(b":Q#")
         await asyncio.sleep(8)
-        still = bridge.sim.truth()
+        still = bridge.sim.true_position()
         await asyncio.sleep(5)
-        assert bridge.sim.truth() == pytest.approx(still, abs=0.05)
+        assert bridge.sim.true_position() == pytest.approx(still, abs=0.05)
 
 
 async def test_guide_pulse_ends_though_an_answer_was_lost() -> None:
@@ -34,9 +34,9 @@ async def test_guide_pulse_ends_though_an_answer_was_lost() -> None:
         swallow(bridge, lambda data: data == RATE_0)
         bridge.client().tell(b":Mgw1000#")
         await asyncio.sleep(10)
-        still = bridge.sim.truth()
+        still = bridge.sim.true_position()
         await asyncio.sleep(10)
-        assert bridge.sim.truth() == pytest.approx(still, abs=1e-3)
+        assert bridge.sim.true_position() == pytest.approx(still, abs=1e-3)
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.05, 0.1, 0.15, 0.2, 0.3])
@@ -83,9 +83,9 @@ async def test_motion_behind_a_stop_in_one_packet_is_carried_out() -> None:
         await asyncio.sleep(2)
         assert bridge.sim.slewing
         client.tell(b":Q#:RM#:Mn#")
-        before = bridge.sim.truth()
+        before = bridge.sim.true_position()
         await asyncio.sleep(3)
-        assert bridge.sim.truth()[1] != pytest.approx(before[1], abs=0.5)
+        assert bridge.sim.true_position()[1] != pytest.approx(before[1], abs=0.5)
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.1, 0.2, 0.3, 0.4, 0.6])
@@ -154,7 +154,7 @@ async def test_goto_with_a_lost_acknowledgement_is_noticed_and_can_be_ended(moun
         assert await client.ask(GOTO, 5.0, until=b"0") == b"11", "it has begun, and nobody knows that in time"
         assert bridge.sim.slewing
         assert bridge.controller.slewing
-        assert bridge.sent().count(b":MS#") == 1
+        assert bridge.sent_requests().count(b":MS#") == 1
         client.tell(end)
         await asyncio.sleep(2.0)
         assert not bridge.sim.slewing

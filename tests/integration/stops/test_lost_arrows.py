@@ -54,7 +54,7 @@ async def test_unacknowledged_pulse_is_ended(how: str) -> None:
         client.tell(b":Mge1000#")
         await asyncio.sleep(10.0)
         assert met
-        before = bridge.sim.truth()[0]
+        before = bridge.sim.true_position()[0]
         await asyncio.sleep(5.0)
-        assert abs(bridge.sim.truth()[0] - before) * 3600.0 < 1.0
+        assert abs(bridge.sim.true_position()[0] - before) * 3600.0 < 1.0
         assert bridge.sim.tracking

@@ -20,14 +20,14 @@ def bridge_to(mount: str) -> Bridge:
 
 
 def speed(bridge: Any, before: tuple[float, float], seconds: float) -> float:
-    return separation(*before, *bridge.sim.truth()) / seconds
+    return separation(*before, *bridge.sim.true_position()) / seconds
 
 
 async def seconds_to_rest(bridge: Any, at_most: float) -> float:
     """Since now; programs poll meanwhile."""
     began, client = bridge.controller.now(), bridge.client("10.0.0.9")
     while bridge.controller.now() - began < at_most:
-        before = bridge.sim.truth()
+        before = bridge.sim.true_position()
         client.tell(b":GR#")
         await asyncio.sleep(0.2)
         if speed(bridge, before, 0.2) < 0.02:
@@ -66,7 +66,7 @@ async def test_lost_release_is_sent_again_and_the_other_axis_goes_on(mount: str)
             client.tell(b":GR#")
             await asyncio.sleep(0.5)
         assert missed
-        assert bridge.controller.wanted.axes == {2}
+        assert bridge.controller.wanted.axes_moved_by_hand == {2}
         assert set(bridge.sim.arrows) == {2}
 
 
@@ -93,7 +93,7 @@ async def test_stop_that_the_mount_heard_is_not_sent_again(mount: str, motion: b
         await asyncio.sleep(4.0)
         client.tell(b":Q#")
         await asyncio.sleep(10.0)
-        stops = [sent for sent in bridge.sent() if sent in (b":Q#", b"M")]
+        stops = [sent for sent in bridge.sent_requests() if sent in (b":Q#", b"M")]
         assert len(stops) == (2 if mount in MEADES else 1), "a Meade acknowledges nothing, so it is told twice"
         assert not bridge.controller.end_watch.pending
         assert not [entry for entry in bridge.entries if "not stopped" in entry.note]
@@ -111,7 +111,7 @@ async def test_mount_that_ignores_every_stop_is_reported() -> None:
         assert 1 <= len(warned) <= 2
         await seconds_to_rest(bridge, 90.0)
         assert not bridge.controller.end_watch.pending, "it is not fought for without end"
-        assert bridge.sent().count(b":Q#") <= 9
+        assert bridge.sent_requests().count(b":Q#") <= 9
 
 
 async def test_motion_begun_after_a_stop_is_left_alone() -> None:
@@ -125,5 +125,5 @@ async def test_motion_begun_after_a_stop_is_left_alone() -> None:
         for _ in range(20):
             client.tell(b":GR#")
             await asyncio.sleep(0.5)
-        assert bridge.sent().count(b":Q#") == 1
+        assert bridge.sent_requests().count(b":Q#") == 1
         assert set(bridge.sim.arrows) == {1}

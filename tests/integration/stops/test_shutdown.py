@@ -32,9 +32,9 @@ GOTO = b":Sr07:00:00#:Sd+30*00:00#:MS#"
 async def still(sim: Any, seconds: float = 1.0) -> bool:
     """Whether the tube stays where it is on the sky, once the motors have run down."""
     await asyncio.sleep(RAMP_SECONDS)
-    before = sim.truth()
+    before = sim.true_position()
     await asyncio.sleep(seconds)
-    return separation(*before, *sim.truth()) < 0.001 * seconds
+    return separation(*before, *sim.true_position()) < 0.001 * seconds
 
 
 # --- the end of a gateway ---------------------------------------------------------------------------------------
@@ -97,7 +97,7 @@ async def test_shutdown_drops_motions_pending_in_a_connection() -> None:
         client.tell(b":Qn#")
         await asyncio.sleep(0.3)  # the hand control is looked at again in a second: the end waits for that
         client.tell(b":GW#:RS#:Mn#")
-    begun = [sent for sent in bridge.sent() if sent[:4] == b"P\2\x11$" and sent[4]]
+    begun = [sent for sent in bridge.sent_requests() if sent[:4] == b"P\2\x11$" and sent[4]]
     assert len(begun) == 1
     assert await still(bridge.sim)
 
@@ -207,10 +207,10 @@ class Served:
             finally:
                 mover.cancel()
 
-        return serving.with_loop(fast, program)
+        return serving.run_on_loop(fast, program)
 
     async def _move(self, then: Callable[[], object]) -> None:
-        while not (self.opened and self.opened[0].surfaces_fitted.is_set()):
+        while not (self.opened and self.opened[0].models_presented.is_set()):
             await asyncio.sleep(0.01)
         controller = self.opened[0].controller
         await controller.perform(op.GotoAxes(10.0, 20.0))
@@ -255,7 +255,7 @@ def test_exception_while_serving_stops_the_mount(monkeypatch: pytest.MonkeyPatch
 
 def test_gateway_under_nohup_outlives_its_terminal() -> None:
     async def program() -> bool:
-        done = serving.until_signal()
+        done = serving.end_signal_event()
         os.kill(os.getpid(), signal.SIGHUP)
         await asyncio.sleep(0.01)
         return done.is_set()

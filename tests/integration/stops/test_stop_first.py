@@ -26,12 +26,12 @@ async def test_stop_is_the_next_command_that_the_mount_hears(flood: bytes) -> No
             await asyncio.sleep(2.0)
             noisy.tell(flood * 20)
             await asyncio.sleep(moment)
-            before = len(bridge.sent())
+            before = len(bridge.sent_requests())
             asked = bridge.clock()
             quiet.tell(b":Q#")
             await asyncio.sleep(0.6)
             stop = [entry for entry in bridge.entries if entry.side == "mount" and entry.arrow == ">"][before]
-            assert stop.data in (NORTH_STOPS, EAST_STOPS, b"M"), (moment, bridge.sent()[before:])
+            assert stop.data in (NORTH_STOPS, EAST_STOPS, b"M"), (moment, bridge.sent_requests()[before:])
             assert stop.time - asked <= LATENCY + 0.001
 
 
@@ -44,14 +44,14 @@ async def test_halt_goes_before_a_motion_prepared_on_the_other_axis(other: bytes
             await asyncio.sleep(2.0)
             second.tell(other)
             await asyncio.sleep(moment)
-            before = len(bridge.sent())
+            before = len(bridge.sent_requests())
             first.tell(b":Qn#")
             await asyncio.sleep(2.0)
-            sent = bridge.sent()[before:]
+            sent = bridge.sent_requests()[before:]
             assert sent[0] == NORTH_STOPS, (moment, sent)
             if b"Me" in other:
-                assert bridge.controller.wanted.axes == {1}
-                assert any(request.startswith(EAST_MOVES) for request in bridge.sent())
+                assert bridge.controller.wanted.axes_moved_by_hand == {1}
+                assert any(request.startswith(EAST_MOVES) for request in bridge.sent_requests())
 
 
 async def test_halt_behind_a_goto_ends_the_whole_goto() -> None:
@@ -62,17 +62,17 @@ async def test_halt_behind_a_goto_ends_the_whole_goto() -> None:
         await asyncio.sleep(0.02)
         bridge.client().tell(b":Qe#")
         await asyncio.sleep(2.0)
-        assert not any(request.startswith(b"r") for request in bridge.sent()) or b"M" in bridge.sent()
+        assert not any(request.startswith(b"r") for request in bridge.sent_requests()) or b"M" in bridge.sent_requests()
         assert not bridge.sim.slewing
         assert bridge.sim.tracking
 
 
 async def test_equal_halt_is_not_queued_twice() -> None:
     async with Bridge("cge", latency=LATENCY) as bridge:
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         bridge.client().tell(b":Qe#" * 50 + b":Qn#")
         await asyncio.sleep(1.0)
-        halts = [request for request in bridge.sent()[before:] if request in (EAST_STOPS, NORTH_STOPS)]
+        halts = [request for request in bridge.sent_requests()[before:] if request in (EAST_STOPS, NORTH_STOPS)]
         assert halts == [EAST_STOPS, NORTH_STOPS]
 
 
@@ -80,7 +80,7 @@ async def test_stop_cuts_the_pause_of_an_old_scope_short_and_is_repeated_after_i
     async with Bridge("lx200", driven="lx200", latency=LATENCY) as bridge:
         client = bridge.client()
         client.tell(b":RM#:Mn#")
-        while b":Mn#" not in bridge.sent():
+        while b":Mn#" not in bridge.sent_requests():
             await asyncio.sleep(0.001)
         asked = bridge.clock()
         client.tell(b":Q#")
@@ -94,15 +94,15 @@ async def test_obsolete_stop_is_not_repeated() -> None:
     async with Bridge("lx200", driven="lx200", latency=LATENCY) as bridge:
         client, other = bridge.client(), bridge.client()
         other.tell(b":RC#:Me#")
-        while b":Me#" not in bridge.sent():
+        while b":Me#" not in bridge.sent_requests():
             await asyncio.sleep(0.001)
         dead = asyncio.ensure_future(bridge.controller.line.exchange(Send("Qn"), STOP))
         await asyncio.sleep(0)
         dead.cancel()
         client.tell(b":RM#:Mn#")
         await asyncio.sleep(1.0)
-        assert bridge.sent().count(b":Mn#") == 1
-        assert bridge.sent().count(b":RM#") == 1
+        assert bridge.sent_requests().count(b":Mn#") == 1
+        assert bridge.sent_requests().count(b":RM#") == 1
 
 
 async def test_stop_does_not_wait_for_the_verification_of_an_acknowledgement() -> None:
@@ -112,7 +112,7 @@ async def test_stop_does_not_wait_for_the_verification_of_an_acknowledgement() -
             noisy, quiet = bridge.client(), bridge.client()
             noisy.tell(b":RM#:Mn#:Me#")
             await asyncio.sleep(moment / 100.0)
-            before = len(bridge.sent())
+            before = len(bridge.sent_requests())
             asked = bridge.clock()
             quiet.tell(b":Q#")
             await asyncio.sleep(0.6)
@@ -141,11 +141,11 @@ async def test_stop_ends_no_pulse_that_the_motor_has_ended_itself() -> None:
         client = bridge.client()
         client.tell(b":Mgn0500#")
         await asyncio.sleep(3.0)
-        sent = len(bridge.sent())
+        sent = len(bridge.sent_requests())
         client.tell(b":Q#")
         await asyncio.sleep(1.0)
-        assert b"M" in bridge.sent()[sent:]
-        assert not [data for data in bridge.sent()[sent:] if data[:1] == b"P" and data[3:4] == b"\x26"]
+        assert b"M" in bridge.sent_requests()[sent:]
+        assert not [data for data in bridge.sent_requests()[sent:] if data[:1] == b"P" and data[3:4] == b"\x26"]
 
 
 async def test_stop_ends_a_pulse_that_the_motor_times_itself() -> None:
@@ -158,7 +158,7 @@ async def test_stop_ends_a_pulse_that_the_motor_times_itself() -> None:
         client.tell(b":Q#")
         await asyncio.sleep(0.6)
         assert not bridge.sim.mechanics.pulsing(bridge.clock(), 2)
-        sent = len(bridge.sent())
+        sent = len(bridge.sent_requests())
         await asyncio.sleep(10.0)
-        assert not [data for data in bridge.sent()[sent:] if data[:1] == b"P"]
+        assert not [data for data in bridge.sent_requests()[sent:] if data[:1] == b"P"]
         assert bridge.sim.tracking

@@ -30,7 +30,7 @@ async def test_unacknowledged_stop_is_sent_three_times(mount: str, rate: bytes, 
         lose_commands(bridge, ENDS, times)
         client.tell(b":Q#")
         await asyncio.sleep(12.0 * times / 3 + 5.0)
-        assert not bridge.controller.wanted.owed
+        assert not bridge.controller.wanted.stop_owed
         assert abs(truth_of(bridge.sim).rate2) < 0.01
 
 
@@ -47,4 +47,4 @@ async def test_stop_is_given_up_and_reported_after_seven_times() -> None:
         assert [entry.note for entry in bridge.entries if "sent again and again" in entry.note]
         await asyncio.sleep(120.0)
         assert len(missed) == sent
-        assert bridge.controller.wanted.owed, "and goes out with the next one, or when the line is back"
+        assert bridge.controller.wanted.stop_owed, "and goes out with the next one, or when the line is back"

@@ -106,7 +106,7 @@ async def test_stop_waits_for_at_most_one_exchange_after_any_loss(name: str, los
             assert heard[0] <= MOUNTS[name].latency + WAITS + 0.01, line.heard
         assert moved <= MOUNTS[name].latency + WAITS + BRAKES + 0.2
         await asyncio.sleep(10.0)
-        assert not bridge.controller.wanted.owed
+        assert not bridge.controller.wanted.stop_owed
 
 
 @pytest.mark.parametrize("dead", [1.5, 2.5])
@@ -269,7 +269,7 @@ async def test_limit_ends_a_motion_in_time_though_replies_were_lost(name: str, l
     async with bridge_to(name, lowest=10.0) as bridge:
         client, ask, sky = bridge.client(), bridge.controller.perform, bridge.sim.mechanics.sky
         hour_angle, dec = horizon_to_hour_angle(180.0, 32.0, sky.latitude)
-        await ask(op.Goto((sky.sidereal(bridge.clock()) - hour_angle) % 360.0, dec))
+        await ask(op.Goto((sky.lst(bridge.clock()) - hour_angle) % 360.0, dec))
         while await ask(op.Slewing()):
             await poll(bridge, 0.5)
         await asyncio.sleep(2.0)
@@ -302,7 +302,7 @@ async def test_flood_of_stops_does_not_keep_the_line_down(name: str) -> None:
             await asyncio.sleep(0.02)
         assert bridge.controller.line.usable
         await asyncio.sleep(4.0)
-        assert not bridge.controller.wanted.owed
+        assert not bridge.controller.wanted.stop_owed
         assert await client.ask(b":GD#", until=b"#")
 
 

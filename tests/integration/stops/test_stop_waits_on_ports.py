@@ -12,7 +12,7 @@ import pytest
 from gateway.app.config import Endpoint
 from gateway.app.simulated import make_simulator
 from gateway.transport import open_port
-from gateway.transport.handler import Connected
+from gateway.transport.handler import NewConnection
 from tests.support.lossy_line import is_stop
 from tests.support.process import Running
 
@@ -23,7 +23,7 @@ LATENCY, WAITS, BUSY = 0.05, 0.3, 0.8
 class MountAtPort:
     """A simulated mount behind a port of this process. It loses the next ``lost`` replies, and notes stops."""
 
-    answered = True
+    all_answered = True
 
     def __init__(self, mount: str) -> None:
         protocol, _, model = mount.partition(":")
@@ -31,7 +31,7 @@ class MountAtPort:
         self.lost, self.stops = 0, list[float]()
         self.last_lost = asyncio.Event()
 
-    def accept(self, connected: Connected) -> MountAtPort:
+    def accept(self, connected: NewConnection) -> MountAtPort:
         self._write, self._hear = connected.write, self.sim.connection()
         return self
 
@@ -69,7 +69,7 @@ async def test_stop_waits_for_at_most_one_exchange_at_a_real_port(
     where = PORTS[port] + (str(tmp_path / "mount") if port == "pair" else "")
     listener = await open_port(where, at_port.accept)
     url = {"tcp": "socket", "rfc2217": "rfc2217"}.get(port, "")
-    address = f"{url}://{listener.where.partition('://')[2]}" if url else str(tmp_path / "mount")
+    address = f"{url}://{listener.address.partition('://')[2]}" if url else str(tmp_path / "mount")
     gateway = Running(
         "run", "--mount", f"{mount.partition(':')[0]}@{address}", "--surface", "lx200@tcp://127.0.0.1:0",
         "--state", str(tmp_path / "state"), "--sun", "0", "--lowest", "-90", "--no-discovery",

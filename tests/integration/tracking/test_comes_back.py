@@ -140,12 +140,21 @@ ORDERS: dict[str, Callable[[Bridge], Awaitable[None]]] = {
 
 def as_set(sim: Any) -> dict[str, object]:
     """Return what the mount has stored of its drive."""
-    names = ("mode", "letter", "parts", "drive_rate", "guides", "tracks", "pulse_rate", "high")
+    names = (
+        "mode",
+        "mode_letter",
+        "accessories",
+        "drive_rate",
+        "guides",
+        "tracks",
+        "pulse_rate_number",
+        "high_precision",
+    )
     if sim.model == "onstep":  # nobody else tells the rate of its keys
-        names += ("rate",)
+        names += ("rate_number",)
     found = {name: getattr(sim, name) for name in names if hasattr(sim, name)}
     found |= {str(name): value for name, value in getattr(sim, "settings", {}).items()}
-    found |= {name: sim.stored.get(name) for name in ("Rg", "Sw") if hasattr(sim, "stored")}
+    found |= {name: sim.stored_values.get(name) for name in ("Rg", "Sw") if hasattr(sim, "stored_values")}
     return {name: value for name, value in found.items() if value}
 
 
@@ -157,8 +166,8 @@ async def drift(bridge: Any) -> float:
 
 
 def believed(sim: Any) -> tuple[float, float]:
-    sim.truth()
-    return fold_declination(*sim.mechanics.believed(sim.now))
+    sim.true_position()
+    return fold_declination(*sim.mechanics.believed_position(sim.now))
 
 
 @pytest.mark.parametrize("mount", MOUNTS, ids=lambda mount: "-".join(str(part) for part in mount[1:]))
@@ -168,12 +177,12 @@ async def test_drive_returns_to_its_previous_state_after_a_motion(mount: Mount) 
         bridge.sim.feed(data)
     wrong = []
     async with bridge:
-        await bridge.controller.perform(op.Goto(bridge.sim.truth()[0] - 20.0, 30.0))
+        await bridge.controller.perform(op.Goto(bridge.sim.true_position()[0] - 20.0, 30.0))
         await asyncio.sleep(60.0)
         for ordered in mount.orders:
             await bridge.controller.perform(ordered)
         for name, order in ORDERS.items():
-            before, sent = as_set(bridge.sim), len(bridge.sent())
+            before, sent = as_set(bridge.sim), len(bridge.sent_requests())
             with suppress(Fault):  # this mount cannot do it
                 await order(bridge)
             await asyncio.sleep(12.0)
@@ -182,7 +191,7 @@ async def test_drive_returns_to_its_previous_state_after_a_motion(mount: Mount) 
             moved = 15.0
             if not bridge.sim.tracking or (moved := await drift(bridge)) > STILL:
                 wrong.append((name, "drift", STILL, moved))
-            if order is tracking and (again := [one for one in bridge.sent()[sent:] if SETS.match(one)]):
+            if order is tracking and (again := [one for one in bridge.sent_requests()[sent:] if SETS.match(one)]):
                 wrong.append((name, "sent again", b"", again))
     assert not wrong
 
@@ -195,7 +204,7 @@ async def test_transparent_program_reads_and_sets_the_tracking_mode_to_the_byte(
         assert await client.ask(b"t") == b"\3#"
         for mode in (b"\2", b"\3"):
             assert await client.ask(b"T" + mode) == b"#"
-            assert bridge.sent()[-1] == b"T" + mode
+            assert bridge.sent_requests()[-1] == b"T" + mode
             assert await client.ask(b"t") == mode + b"#" == bridge.sim.feed(b"t")
         await client.ask(b"T\0")
         assert await client.ask(b"t") == b"\0#"

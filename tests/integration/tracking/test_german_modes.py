@@ -18,7 +18,7 @@ async def test_german_mount_ignores_the_alt_az_tracking_mode(model: str, version
         await client.ask(b"T\x00", until=b"#")
         client.tell(b"T\x01")
         await asyncio.sleep(5)
-        assert b"T\x01" not in bridge.sent()
+        assert b"T\x01" not in bridge.sent_requests()
         told = await bridge.client("10.0.0.2").ask(b"z", until=b"#")
         assert all(
             abs(int(a, 16) - int(b, 16)) < 0x400000

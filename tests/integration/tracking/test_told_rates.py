@@ -25,7 +25,7 @@ SIDEREAL_ALONE = [
 async def test_impossible_drive_rate_is_refused_and_not_reported(model: str, version: str) -> None:
     async with Bridge(model, version, surface="lx200gps") as bridge:
         client = bridge.client()
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         for hertz, reply in ((b"055.5", b"0"), (b"57.9", b"0"), (b"060.0", b"0"), (b"060.1", b"1"), (b"060.2", b"1")):
             assert await client.ask(b":ST%s#" % hertz, until=reply) == reply
             assert await client.ask(b":GT#", until=b"#") == b"60.1#"
@@ -33,7 +33,7 @@ async def test_impossible_drive_rate_is_refused_and_not_reported(model: str, ver
         assert await client.ask(b":GT#", until=b"#") == b"60.1#"
         client.tell(b":TS#:T+#:TM#:TQ#")
         assert await client.ask(b":GT#", until=b"#") == b"60.1#"
-        assert [one for one in bridge.sent()[before:] if one[:1] in b"PT"] == []
+        assert [one for one in bridge.sent_requests()[before:] if one[:1] in b"PT"] == []
         assert any("Tracking rate" in entry.note for entry in bridge.entries)
 
 
@@ -50,9 +50,9 @@ async def test_reported_drive_rate_is_the_running_one_even_without_tracking(comm
         client.tell(command)
         await asyncio.sleep(2.0)
         assert await client.ask(b":GT#", until=b"#") == told
-        before, began = bridge.sim.truth()[0], bridge.clock()
+        before, began = bridge.sim.true_position()[0], bridge.clock()
         await asyncio.sleep(20.0)
-        drift = (bridge.sim.truth()[0] - before) * 3600.0 / (bridge.clock() - began)
+        drift = (bridge.sim.true_position()[0] - before) * 3600.0 / (bridge.clock() - began)
         assert (15.041 - drift) / 15.041 * 60.164 == pytest.approx(float(told[:-1]), abs=0.08)
         client.tell(b":AL#")
         assert await client.ask(b":GT#", until=b"#") == told
@@ -72,12 +72,12 @@ async def test_hand_control_that_hides_its_mode_can_be_told_to_stop_tracking(ver
         assert bridge.sim.tracking
         client.tell(b":AL#")
         await asyncio.sleep(2.0)
-        assert b"T\x00" in bridge.sent()
+        assert b"T\x00" in bridge.sent_requests()
         assert not bridge.sim.tracking
         assert (await client.ask(b":GW#"))[1:2] == b"N"
         client.tell(b":AA#")
         await asyncio.sleep(2.0)
-        assert b"T\x01" in bridge.sent() and bridge.sim.tracking
+        assert b"T\x01" in bridge.sent_requests() and bridge.sim.tracking
         assert sum("fits the mount's type" in entry.note for entry in bridge.entries) == 1
         client.tell(b":hP#")
         await asyncio.sleep(90.0)
@@ -92,7 +92,7 @@ async def test_mount_tracks_again_after_an_arrow(version: str) -> None:
         await asyncio.sleep(2.0)
         client.tell(b":RS#:Mn#")
         await asyncio.sleep(2.0)
-        assert b"T\x00" in bridge.sent()
+        assert b"T\x00" in bridge.sent_requests()
         client.tell(b":Qn#")
         await asyncio.sleep(5.0)
         assert bridge.sim.tracking

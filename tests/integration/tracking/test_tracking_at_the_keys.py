@@ -76,6 +76,6 @@ def test_tracking_ignored_by_the_hand_control_is_sent_once_more(
             client.tell(b":Qe#")
             await asyncio.sleep(4.0)
             assert truth_of(bridge.sim).tracking is tracks
-            assert len([sent for sent in bridge.sent() if sent[:1] == b"T" and sent != b"T\0"]) == 2
+            assert len([sent for sent in bridge.sent_requests() if sent[:1] == b"T" and sent != b"T\0"]) == 2
 
     run(program())

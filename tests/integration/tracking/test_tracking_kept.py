@@ -33,9 +33,9 @@ async def polled(bridge: Any, seconds: int, question: bytes = b":GR#") -> None:
 
 async def drift(bridge: Any) -> float:
     """Arcseconds a second that the tube's direction moves in right ascension, over a quarter of a minute."""
-    before, began = bridge.sim.truth()[0], bridge.clock()
+    before, began = bridge.sim.true_position()[0], bridge.clock()
     await asyncio.sleep(15.0)
-    return float(wrap180(bridge.sim.truth()[0] - before) * 3600.0 / (bridge.clock() - began))
+    return float(wrap180(bridge.sim.true_position()[0] - before) * 3600.0 / (bridge.clock() - began))
 
 
 def cge_over(mount: str, *, polar: bool = True, tells_altaz: bool = False, **settings: Any) -> Bridge:
@@ -62,7 +62,7 @@ async def test_tracking_returns_in_its_previous_mode(mount: str, tells_altaz: bo
         assert await client.ask(b"t") == mode
         assert await client.ask(b"T\0") == b"#"
         await asyncio.sleep(1.0)
-        assert bridge.sim.letter == "L"
+        assert bridge.sim.mode_letter == "L"
         if between == "polled":
             await polled(bridge, 20, b"t")
         elif between == "reconnected":
@@ -90,7 +90,7 @@ async def test_tracking_returns_in_its_previous_mode(mount: str, tells_altaz: bo
                 await asyncio.sleep(3.0)
         assert await client.ask(b"T\2") == b"#"
         await asyncio.sleep(3.0)
-        assert bridge.sim.letter == ("P" if polar else "A")
+        assert bridge.sim.mode_letter == ("P" if polar else "A")
         assert await client.ask(b"t") == mode
         assert abs(await drift(bridge)) < 0.01
 
@@ -106,7 +106,7 @@ async def test_tracking_returns_in_its_previous_mode_after_a_gateway_restart(mou
         assert await client.ask(b"t") == b"\0#"
         await client.ask(b"T\2")
         await asyncio.sleep(3.0)
-        assert bridge.sim.letter == "P"
+        assert bridge.sim.mode_letter == "P"
 
 
 @pytest.mark.parametrize("mount", LETTERS)
@@ -127,7 +127,7 @@ async def test_tracking_returns_in_its_previous_mode_for_lx200_programs(
             await client.ask(between)
         client.tell(again)
         await asyncio.sleep(3.0)
-        assert bridge.sim.letter == "P"
+        assert bridge.sim.mode_letter == "P"
         assert await client.ask(b":GW#", until=b"1") == b"PT1"
         assert await client.ask(b"\x06") == b"P"
 
@@ -141,7 +141,7 @@ async def test_order_restores_tracking_switched_off_at_the_keys_a_moment_ago() -
             await client.ask(b"T\2")
             await asyncio.sleep(3.0)
             assert truth_of(bridge.sim).tracking
-            assert bridge.sim.letter == "P"
+            assert bridge.sim.mode_letter == "P"
 
 
 # --- what cannot be done is not told as done ------------------------------------------------------------------------
@@ -238,7 +238,7 @@ async def test_rates_set_while_the_line_was_down_apply_afterwards() -> None:
         client.tell(b":RE01.5#")
         cable.plug()
         await polled(bridge, 15)
-        assert bridge.sim.stored["Rg"] == pytest.approx(5.0)
+        assert bridge.sim.stored_values["Rg"] == pytest.approx(5.0)
         client.tell(b":RS#:Mw#")
         await asyncio.sleep(2.0)
         assert abs(truth_of(bridge.sim).rate1) == pytest.approx(3.0, abs=0.1)
@@ -271,7 +271,7 @@ async def test_meade_registers_are_sent_anew_after_a_lost_line(off_and_on: bool)
         await polled(bridge, 6)
         client.tell(b":Rg15.0#")
         await polled(bridge, 3)
-        assert bridge.sim.stored["Rg"] == pytest.approx(15.0, abs=0.1)
+        assert bridge.sim.stored_values["Rg"] == pytest.approx(15.0, abs=0.1)
 
 
 async def test_lunar_rate_is_not_sent_to_a_fork_that_tracks_in_alt_az_again() -> None:

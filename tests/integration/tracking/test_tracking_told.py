@@ -59,7 +59,7 @@ async def test_restoring_the_mode_that_was_read_leaves_tracking_on(mount: str, w
         assert await client.ask(b"T" + told[:1]) == b"#"
         await asyncio.sleep(4.0)
         assert bridge.sim.tracking
-        assert b":AL#" not in bridge.sent()
+        assert b":AL#" not in bridge.sent_requests()
 
 
 @pytest.mark.parametrize(("mount", "wedge"), MOUNTS)
@@ -69,7 +69,7 @@ async def test_tracking_that_is_off_reads_as_off_during_a_goto_or_a_key(mount: s
         assert await client.ask(b"T\0") == b"#"
         await asyncio.sleep(3.0)
         assert await client.ask(b"t") == b"\0#"
-        ra, dec = bridge.sim.truth()
+        ra, dec = bridge.sim.true_position()
         words = [round((angle % 360.0) / 360.0 * 2**32) for angle in (ra + 30.0, dec - 10.0)]
         assert await client.ask(f"r{words[0]:08X},{words[1]:08X}".encode()) == b"#"
         for _ in range(150):

@@ -258,7 +258,7 @@ def test_page_leaks_no_memory_when_values_change(visit: Callable[..., Visit]) ->
                 "az": step % 360,
                 "age": 0,
             }
-            page.hear_of_mount(position=at, sidereal=step % 360)
+            page.hear_of_mount(position=at, lst=step % 360)
             page.page.wait_for_timeout(8)
 
     change(100)

@@ -71,7 +71,7 @@ class Way:
     def take(self, text: str) -> None:
         """Let the gateway's end receive a message."""
         assert self.session is not None
-        self.session.take(text)
+        self.session.receive(text)
 
     def send(self, arrives: Callable[[], None]) -> None:
         at = self._loop.time() + self._delay + self._random.random() * self._jitter
@@ -179,7 +179,7 @@ class _Wire:
     def __init__(self, page: Page, down: Way) -> None:
         self._page, self._down = page, down
 
-    def waiting(self) -> int:
+    def unread_byte_count(self) -> int:
         return 0
 
     async def send(self, text: str) -> None:

@@ -11,7 +11,7 @@ from random import Random
 from typing import NamedTuple
 
 from gateway.console.mounts import Mounts
-from gateway.diagnostics.rehearsal.stage import Visitor
+from gateway.diagnostics.rehearsal.stage import RehearsalClient
 from tests.support.console.browser import Node, Page
 from tests.support.taps import stage
 from tests.support.truth import moving
@@ -60,7 +60,7 @@ async def play(node: Node, seed: int, delay: float, jitter: float, mount: str = 
             if any(page.fingers for page in pages):
                 free = now
             own.sim.advance_to_now()
-            if own.sim.mechanics.slewing(own.sim.now) or own.controller.wanted.goto_waits:
+            if own.sim.mechanics.slewing(own.sim.now) or own.controller.wanted.goto_pending:
                 slewed = now
             if moving(own.sim) and now - slewed > SETTLES:
                 moved += LOOK
@@ -72,7 +72,7 @@ async def play(node: Node, seed: int, delay: float, jitter: float, mount: str = 
         return Outcome(run_away, moved, [words for page in pages for words in page.words])
 
 
-def act(random: Random, page: Page, program: Visitor) -> None:
+def act(random: Random, page: Page, program: RehearsalClient) -> None:
     """Do something with one page, or as another program."""
     free = next(pointer for pointer in range(1, 9) if pointer not in page.fingers)
     what = random.random()

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from gateway.astro.axes import Build, Geometry, Observer, Pair
 from gateway.astro.spherical import horizon_to_hour_angle, hour_angle_to_horizon, wrap180
-from gateway.protocols.mechanics.truth import sun
+from gateway.protocols.mechanics.truth import sun_position
 from tests.support.instrument.worlds import CIRCLE, HOUR, KINDS, NOTHING, SITES, Slip, World, altitude_at, on_date
 
 Step = Callable[[World, Random], Awaitable[None]]
@@ -53,8 +53,8 @@ class Result(NamedTuple):
 
 def sun_at(world: World) -> Pair:
     """Return azimuth and altitude of the Sun."""
-    ra, dec = sun(world.now)
-    return hour_angle_to_horizon(wrap180(Observer(*world.site).sidereal(world.now) - ra), dec, world.site[0])
+    ra, dec = sun_position(world.now)
+    return hour_angle_to_horizon(wrap180(Observer(*world.site).lst(world.now) - ra), dec, world.site[0])
 
 
 def leading_to(world: World, azimuth: float, altitude: float) -> Pair:
@@ -62,8 +62,8 @@ def leading_to(world: World, azimuth: float, altitude: float) -> Pair:
     twin, now = copy.deepcopy(world.mechanics), world.now
     hour_angle, dec = horizon_to_hour_angle(azimuth, altitude, world.site[0])
     geometry = Geometry(twin.build, world.site[0])
-    twin.goto_axes(now, *geometry.axes(hour_angle, dec, geometry.other_side(hour_angle)))
-    ra, dec = twin.believed(twin.arrives(now) + 0.5)
+    twin.goto_axes(now, *geometry.axes(hour_angle, dec, geometry.is_flipped(hour_angle)))
+    ra, dec = twin.believed_position(twin.arrival_time(now) + 0.5)
     return ra, max(-90.0, min(90.0, dec if abs(dec) <= 90.0 else (180.0 if dec > 0 else -180.0) - dec))
 
 
@@ -154,7 +154,7 @@ async def parks(world: World, dice: Random) -> None:
 
 async def arrows_at_the_pier(world: World, dice: Random) -> None:
     for letter, hours in (("w", -1.0), ("e", 1.0)):
-        ra = Observer(*world.site).sidereal(world.now) - hours * 15.0
+        ra = Observer(*world.site).lst(world.now) - hours * 15.0
         if not await world.goto(ra % 360.0, 10.0 if world.site[0] > 0 else -10.0):
             await world.rest(90.0)
         await arrow(world, letter, 22.0, dice.choice(("RS", "RM")))
@@ -266,7 +266,7 @@ def starts_at(attack: Attack, dice: Random, site: Pair) -> float:
         return on_date(dice, site, attack.starts == "day")
     while True:
         unix = on_date(dice, site, False)
-        if altitude_at(site, *sun(unix + HOUR), unix + HOUR) > -3.0:
+        if altitude_at(site, *sun_position(unix + HOUR), unix + HOUR) > -3.0:
             return unix
 
 

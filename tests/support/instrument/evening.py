@@ -83,7 +83,7 @@ async def one_goto(world: World, there: tuple[float, float], horizontal: bool) -
     lost = bool(words)
     if not lost:
         await world.rest()
-        here, off = world.looks[-1], separation(*alone.end, *world.sim.truth())
+        here, off = world.looks[-1], separation(*alone.end, *world.sim.true_position())
         if horizontal:  # it may track there, or not
             off = min(off, separation(here.azimuth, here.altitude, *there))
         if off > ARRIVED:

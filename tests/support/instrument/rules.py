@@ -9,7 +9,7 @@ from unittest.mock import patch
 
 from gateway.mount.safety.admission import slew_paths
 from gateway.mount.site.astrometry import SunAvoidance
-from gateway.mount.site.site_clock import BestSources
+from gateway.mount.site.site_clock import SiteTimeSources
 
 #: Where the rules are used.
 ADMISSION, WATCH = "gateway.mount.safety.admission", "gateway.mount.safety.allow"
@@ -48,7 +48,7 @@ def _own(self: SunAvoidance, frame: Any, ahead: float = 0.0) -> Any:
     return [sun for sun in suns(self, frame, ahead) if sun.confirmed]
 
 
-suns, zeniths = SunAvoidance.suns, slew_paths.zeniths
+suns, zeniths = SunAvoidance.calculate_suns, slew_paths.zenith_readings
 #: The first whose words fit a refusal is behind it.
 RULES = {
     "altitude, watched": Rule(("stopped at the altitude",), "D2", "safety/allow.py", "arrows", (
@@ -68,7 +68,7 @@ RULES = {
     "the Sun where syncs put the tube": Rule(("by its axes",), "D1", "site/astrometry.py", "sync", (
         ("gateway.mount.site.astrometry.SunAvoidance.suns", _one_frame),)),
     "the Sun over the site before": Rule(("site before",), "D1", "site/site_clock.py", "nobody else", (
-        ("gateway.mount.site.site_clock.BestSources.sites_for_sun", BestSources.sites),)),
+        ("gateway.mount.site.site_clock.BestSources.sites_for_sun", SiteTimeSources.sites),)),
     "the goal and the Sun": Rule(("Sun",), "D1", "safety/admission/motions.py", "to the Sun", (
         ("gateway.mount.site.astrometry.SunAvoidance.distance", lambda *_: 180.0),)),
     "the goal's altitude": Rule(("orizon", "Limit"), "D2", "safety/admission/altitudes.py", "low gotos", (

@@ -20,7 +20,7 @@ from gateway.astro.spherical import horizon_to_hour_angle, hour_angle_to_horizon
 from gateway.core import operations as op
 from gateway.diagnostics.rehearsal.stage import RehearsalMount
 from gateway.protocols.mechanics.mount import Mechanics
-from gateway.protocols.mechanics.truth import sun
+from gateway.protocols.mechanics.truth import sun_position
 from tests.support.typed_programs import dms, hms
 
 #: Degrees: the Sun is up from here on, and no tube comes nearer to it than the circle.
@@ -85,13 +85,13 @@ def on_date(dice: Random, site: Pair, day: bool) -> float:
     """Return a moment of 2026 at which the Sun is well up, or well down, and stays so for a while."""
     while True:
         unix = 1767225600.0 + dice.random() * 365 * 86400.0
-        height = [altitude_at(site, *sun(moment), moment) for moment in (unix, unix + 1500.0)]
+        height = [altitude_at(site, *sun_position(moment), moment) for moment in (unix, unix + 1500.0)]
         if min(height) > 8.0 if day else max(height) < -8.0:
             return unix
 
 
 def altitude_at(site: Pair, ra: float, dec: float, unix: float) -> float:
-    return hour_angle_to_horizon(wrap180(Observer(*site).sidereal(unix) - ra), dec, site[0])[1]
+    return hour_angle_to_horizon(wrap180(Observer(*site).lst(unix) - ra), dec, site[0])[1]
 
 
 class Look(NamedTuple):
@@ -108,9 +108,9 @@ class Look(NamedTuple):
     def at(cls, mechanics: Mechanics, now: float) -> Look:
         first, second = mechanics.axes(now)
         ground = mechanics.true_sky
-        hour_angle, dec = Geometry(mechanics.build, ground.latitude).sky(first, second)
+        hour_angle, dec = Geometry(mechanics.build, ground.latitude).ha_dec_of_axes(first, second)
         azimuth, altitude = hour_angle_to_horizon(hour_angle, dec, ground.latitude)
-        there, sidereal = sun(now), ground.sidereal(now)
+        there, sidereal = sun_position(now), ground.lst(now)
         up = hour_angle_to_horizon(sidereal - there[0], there[1], ground.latitude)[1] > RISEN
         past = {Build.GERMAN: abs(wrap180(first - 90.0)) - 90.0, Build.WEDGE: abs(wrap180(hour_angle))}
         return cls(
@@ -179,7 +179,7 @@ class World:
     def place(self, azimuth: float, altitude: float) -> Pair:
         """Return right ascension and declination of a point over the true horizon."""
         hour_angle, dec = horizon_to_hour_angle(azimuth, altitude, self.site[0])
-        return wrap360(Observer(*self.site).sidereal(self.now) - hour_angle), dec
+        return wrap360(Observer(*self.site).lst(self.now) - hour_angle), dec
 
     def believed(self, place: Pair) -> float:
         """Return the altitude of a place by the site and clock that the mount tells."""
@@ -200,7 +200,7 @@ class World:
         while twin.slewing(now):
             now += LOOK
             looks.append(Look.at(twin, now))
-        return Way(looks, twin.truth(now))
+        return Way(looks, twin.true_position(now))
 
     def look(self) -> Look:
         self.sim.advance_to_now()
@@ -222,7 +222,7 @@ class World:
             await asyncio.sleep(LOOK)
             seconds += LOOK
             self.look()
-            quiet = 0.0 if self.mechanics.moving(self.sim.now) else quiet + LOOK
+            quiet = 0.0 if self.mechanics.is_moving(self.sim.now) else quiet + LOOK
         return self.looks[began:]
 
     # --- a program ----------------------------------------------------------------------------------------------------

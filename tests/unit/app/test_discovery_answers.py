@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from gateway.app.config import Config, MountConfig, SurfaceConfig
-from gateway.app.discovery.answering import DiscoveryAnswers, answer
-from gateway.app.discovery.offer import Offer, network_offers, phone_line, reachable_addresses
+from gateway.app.discovery.answering import DiscoveryAnswers, skyfi_answer
+from gateway.app.discovery.offer import Offer, network_offers, phone_instruction, reachable_addresses
 from gateway.cli.serve import serving
 from tests.support.each import each
 from tests.support.process import Running
@@ -38,15 +38,15 @@ OTHER_PORT = Offer("nexstar", "tcp", "10.1.2.3", 4040)
     ],
 )
 def test_skysafari_discovery_request_gets_its_reply(question: bytes, says: bytes) -> None:
-    assert answer(question, [EVERYWHERE], LOCAL) == says
+    assert skyfi_answer(question, [EVERYWHERE], LOCAL) == says
 
 
 def test_discovery_reply_has_the_address_of_the_surface() -> None:
     six = Offer("lx200", "tcp", "fe80::1", 4030)
-    assert answer(b"skyfi?", [OTHER_PORT], LOCAL) == b"skyfi@10.1.2.3"
-    assert answer(b"skyfi?", [OTHER_PORT, EVERYWHERE], LOCAL) == b"skyfi@127.0.0.1"  # where SkySafari connects
-    assert answer(b"skyfi?", [six, OTHER_PORT], LOCAL) == b"skyfi@10.1.2.3"
-    assert answer(b"skyfi?", [six], LOCAL) == b""
+    assert skyfi_answer(b"skyfi?", [OTHER_PORT], LOCAL) == b"skyfi@10.1.2.3"
+    assert skyfi_answer(b"skyfi?", [OTHER_PORT, EVERYWHERE], LOCAL) == b"skyfi@127.0.0.1"  # where SkySafari connects
+    assert skyfi_answer(b"skyfi?", [six, OTHER_PORT], LOCAL) == b"skyfi@10.1.2.3"
+    assert skyfi_answer(b"skyfi?", [six], LOCAL) == b""
 
 
 def test_discovery_offers_only_surfaces_reachable_by_network() -> None:
@@ -59,7 +59,7 @@ def test_discovery_offers_only_surfaces_reachable_by_network() -> None:
         "lx200:autostar@tcp://[fe80::1%eth0]:1",
     ]
     found = network_offers(names)
-    assert [(offer.scheme, offer.host, offer.port, offer.wide) for offer in found] == [
+    assert [(offer.scheme, offer.host, offer.port, offer.is_reachable_by_others) for offer in found] == [
         ("tcp", "0.0.0.0", 4030, True),
         ("rfc2217", "::1", 4031, False),
         ("tcp", "127.0.0.1", 4040, False),
@@ -72,7 +72,7 @@ def test_discovery_offers_only_surfaces_reachable_by_network() -> None:
 async def test_skysafari_discovery_is_answered_until_the_gateway_ends() -> None:
     told: list[str] = []
     answers, second = DiscoveryAnswers(told.append), DiscoveryAnswers(told.append)
-    await answers.answer([EVERYWHERE], "127.0.0.1", 0)
+    await answers.start([EVERYWHERE], "127.0.0.1", 0)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as phone:
         phone.setblocking(False)
         phone.connect(("127.0.0.1", answers.skyfi_port))
@@ -81,7 +81,7 @@ async def test_skysafari_discovery_is_answered_until_the_gateway_ends() -> None:
         async with asyncio.timeout(60):
             assert await asyncio.get_running_loop().sock_recv(phone, 100) == b"skyfi:Newton@127.0.0.1"
         assert told == []
-        await second.answer([EVERYWHERE], "127.0.0.1", answers.skyfi_port)  # another gateway
+        await second.start([EVERYWHERE], "127.0.0.1", answers.skyfi_port)  # another gateway
         assert second.skyfi_port == 0 and len(told) == 1 and f"UDP port {answers.skyfi_port} is in use" in told[0]
         answers.close()
         await asyncio.sleep(0)
@@ -89,7 +89,7 @@ async def test_skysafari_discovery_is_answered_until_the_gateway_ends() -> None:
         with pytest.raises(ConnectionRefusedError):
             async with asyncio.timeout(60):
                 await asyncio.get_running_loop().sock_recv(phone, 100)
-    await second.answer([], "127.0.0.1", 0)
+    await second.start([], "127.0.0.1", 0)
     assert second.skyfi_port == 0
 
 
@@ -104,7 +104,7 @@ def test_run_announces_the_presented_protocol_and_model(
     done, said = asyncio.Event(), []
 
     class Listener(DiscoveryAnswers):
-        async def answer(self, offers: Sequence[Offer], *_: Any) -> None:
+        async def start(self, offers: Sequence[Offer], *_: Any) -> None:
             said.append([offer.host for offer in offers])
             done.set()
 
@@ -112,9 +112,9 @@ def test_run_announces_the_presented_protocol_and_model(
             said.append("closed")
 
     monkeypatch.setattr("gateway.app.discovery.answering.DiscoveryAnswers", Listener)
-    monkeypatch.setattr(serving, "until_signal", lambda: done)
+    monkeypatch.setattr(serving, "end_signal_event", lambda: done)
     config = Config([MountConfig("nexstar@sim")], [SurfaceConfig(at) for at in surfaces], discovery=discovery)
-    assert serving.with_loop(True, lambda: serving.serve_mounts(config)) == 0
+    assert serving.run_on_loop(True, lambda: serving.serve_mounts(config)) == 0
     assert said == [found, "closed"]
 
 
@@ -154,12 +154,12 @@ HOME = held(
 )
 def test_run_prints_what_to_type_into_a_phone(host: str, own: list[tuple[str, Any]], says: str) -> None:
     offer = Offer("lx200", "tcp", host, 4030)
-    assert phone_line(offer, reachable_addresses(offer, lambda: own, lambda far: "192.168.1.23")) == says
+    assert phone_instruction(offer, reachable_addresses(offer, lambda: own, lambda far: "192.168.1.23")) == says
 
 
 def test_port_for_serial_programs_is_offered_to_other_computers() -> None:
     offer = Offer("lx200", "rfc2217", "0.0.0.0", 4030)
-    assert "rfc2217://192.168.1.23:4030" in phone_line(offer, ["192.168.1.23"])
+    assert "rfc2217://192.168.1.23:4030" in phone_instruction(offer, ["192.168.1.23"])
 
 
 def test_phone_instructions_are_printed_before_the_ready_lines(started: list[Running]) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from gateway.app.control.orders import halt
+from gateway.app.control.orders import carry_out_stop
 from gateway.app.state import file as on_disk
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
@@ -40,23 +40,23 @@ MOUNTS = [("nexstar", "6-8se"), ("nexstar", "cge"), ("lx200", "lx200"), ("lx200"
 def test_every_operation_is_declared_allowed_or_refused_on_a_held_mount() -> None:
     assert {type(operation) for operation in DONE} == set(MOTIONS)
     held, free = Hold(), Hold()
-    held.on = True
+    held.is_on = True
     for operation, done in DONE.items():
-        free.admit(operation)
+        free.check_allowed(operation)
         if done:
-            held.admit(operation)
+            held.check_allowed(operation)
         else:
             with pytest.raises(Held):
-                held.admit(operation)
+                held.check_allowed(operation)
 
 
 async def _order(bridge: Bridge, request: StopOrHold) -> Answer:
     assert bridge.store is not None
-    return await halt(request, bridge.controller, bridge.store)
+    return await carry_out_stop(request, bridge.controller, bridge.store)
 
 
 def _axes(bridge: Bridge) -> tuple[float, float]:
-    bridge.sim.truth()
+    bridge.sim.true_position()
     first, second = bridge.sim.mechanics.axes(bridge.sim.now)
     return float(first), float(second)
 
@@ -122,9 +122,9 @@ async def test_hold_stops_the_mount_first_and_reports_rest_only_if_observed(tmp_
         await asyncio.sleep(2)
         bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
         answer = await _order(bridge, HoldRequest())
-        assert not answer.done
+        assert not answer.is_ok
         assert answer.text.startswith("not stopped: ") and answer.text.endswith("; it is held from now on")
-        assert bridge.controller.hold.on and on_disk.is_held(tmp_path)
+        assert bridge.controller.hold.is_on and on_disk.is_held(tmp_path)
         logged = [entry.note for entry in bridge.entries if entry.arrow == "*"]
         assert logged == ["Hold: stopped and held", "Release: released", f"Hold: {answer.text}"]
 
@@ -141,7 +141,7 @@ async def test_hold_survives_a_restart_and_is_reported_at_the_start(tmp_path: Pa
         assert not await _rests(second)
     async with Bridge(state=tmp_path, on=first) as third:
         assert third.warned == []
-        assert not third.controller.hold.on
+        assert not third.controller.hold.is_on
 
 
 async def test_hold_that_cannot_be_saved_holds_in_memory_and_says_so(
@@ -153,7 +153,7 @@ async def test_hold_that_cannot_be_saved_holds_in_memory_and_says_so(
     async with Bridge(state=tmp_path) as bridge:
         monkeypatch.setattr(on_disk, "hold_folder", full)
         answer = await _order(bridge, HoldRequest())
-        assert not answer.done
+        assert not answer.is_ok
         assert "a restart of the gateway forgets" in answer.text and f"{tmp_path}/hold" in answer.text
         bridge.client().tell(b":RS#:Mn#")
         assert await _rests(bridge)

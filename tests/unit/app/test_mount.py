@@ -16,7 +16,7 @@ import numpy
 import pytest
 
 from gateway import BelowHorizon, Fault, Held, Invalid, Mount, NoAnswer, Stopped, SyncTooFar, Unsupported, UserError, op
-from gateway.app.api.opening import inside
+from gateway.app.api.opening import mount_in_process
 from gateway.app.control.operations import answer_type
 from gateway.app.status import State, StatusLine
 from gateway.astro.spherical import wrap180
@@ -49,7 +49,7 @@ async def opened(way: str, folder: Path, **config: Any) -> AsyncIterator[tuple[M
             answer = await bridge.gateway.carry_out(requests.decode(requests.encode(wish)))
             return msgspec.json.decode(msgspec.json.encode(answer), type=requests.Answer)
 
-        mount = inside(bridge.gateway) if way == WAYS[0] else Mount("pier", send, "a program")
+        mount = mount_in_process(bridge.gateway) if way == WAYS[0] else Mount("pier", send, "a program")
         await mount.ready()
         yield mount, bridge
 
@@ -115,7 +115,7 @@ async def test_refused_request_raises_the_matching_error(way: str, tmp_path: Pat
             (mount.sync(ra + 90.0, dec), SyncTooFar, "Sync refused"),
             (mount.sync(ra, 91.0), Invalid, "declination must be a number of degrees from -90 to 90, not 91"),
             (mount.goto_object("Vegaa"), UserError, "did you mean Vega"),
-            (mount.goto_object(42), Invalid, "Named: name: Expected `str`"),  # type: ignore[arg-type]
+            (mount.goto_object(42), Invalid, "ByName: name: Expected `str`"),  # type: ignore[arg-type]
             (mount.move("up", 9, 1.0), Invalid, "write op.Direction.NORTH"),  # type: ignore[arg-type]
             (mount.move(op.Direction.NORTH, 9, 99.0), Invalid, "for up to 5 s"),
         ]
@@ -169,11 +169,11 @@ async def test_gateway_checks_values_sent_by_other_languages(
 ) -> None:
     async with opened(WAYS[1], tmp_path) as (_, bridge):
         answer = await bridge.gateway.carry_out(requests.OperationRequest(operation=name, fields=fields))
-        assert not answer.done and answer.fault == "Invalid" and words in answer.text
+        assert not answer.is_ok and answer.fault == "Invalid" and words in answer.text
 
 
 def test_every_read_gives_the_same_answer_in_and_across_processes(tmp_path: Path) -> None:
-    kinds = [kind for name in dir(op) if (kind := op.named(name)) is not None]
+    kinds = [kind for name in dir(op) if (kind := op.operation_class(name)) is not None]
     for kind in kinds:
         msgspec.json.Decoder(answer_type(kind))  # every answer has a type that JSON can carry
     answers: dict[str, list[Any]] = {}
@@ -209,7 +209,7 @@ async def test_motion_by_hand_lasts_while_its_program_sends_requests(way: str, t
     async with opened(way, tmp_path) as (mount, bridge):
         await mount.perform(op.Move(op.Direction.EAST, op.Rate(key=5)))
         for _ in range(100):  # so many others come and go meanwhile
-            await bridge.gateway.carry_out(requests.GotoRequest(where=requests.Spot(400.0, 0.0)))
+            await bridge.gateway.carry_out(requests.GotoRequest(where=requests.SkyPosition(400.0, 0.0)))
             await asyncio.sleep(0.2)
             await mount.position()
         assert (await mount.status()).look.by_hand

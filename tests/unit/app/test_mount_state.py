@@ -15,7 +15,7 @@ from gateway.cli.serve.live import StatusLines
 from gateway.console.shown.view import state as page_state
 from gateway.core import operations as op
 from gateway.core.errors import Fault
-from gateway.diagnostics.metrics import GAUGES, Counts
+from gateway.diagnostics.metrics import GAUGES, MountCounts
 from gateway.fleet import mount_messages
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
@@ -25,9 +25,9 @@ def faces(gateway: Gateway) -> tuple[State, dict[str, Any], dict[str, Any], str,
     """What ``status``, the page, MQTT, the live line and the metrics tell at one moment."""
     page = page_state(gateway, 0)
     state = gateway.state()
-    told = msgspec.json.decode(msgspec.json.encode(state.drawn()), type=State)
-    gauges = {name: value(state, Counts(gateway.controller)) for name, _, value in GAUGES}
-    return told, page, mount_messages.state(gateway), StatusLines([gateway]).line(), gauges
+    told = msgspec.json.decode(msgspec.json.encode(state.to_state()), type=State)
+    gauges = {name: value(state, MountCounts(gateway.controller)) for name, _, value in GAUGES}
+    return told, page, mount_messages.published_state(gateway), StatusLines([gateway]).line(), gauges
 
 
 @each(
@@ -51,9 +51,9 @@ async def test_status_page_mqtt_and_api_show_the_same_mount_state(
         if isinstance(order, op.Operation):
             await controller.perform(order)
         elif order == "hold":
-            controller.hold.on = True
+            controller.hold.is_on = True
         elif order == "gone":
-            controller.line._down("the mount does not answer")
+            controller.line._mark_down("the mount does not answer")
         await asyncio.sleep(0.5)
         for read in (op.Position(), op.GetStatus()):
             with contextlib.suppress(Fault):

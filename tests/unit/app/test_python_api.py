@@ -101,7 +101,7 @@ def test_python_page_lists_every_operation_with_fields_and_answer() -> None:
     page = (ROOT / "docs" / "operations.md").read_text("utf-8")
     listed = re.findall(r"^\| `([A-Z]\w+)\(", page, re.MULTILINE)
     assert len(listed) == len(set(listed)) > 50
-    kinds = {kind for name in dir(op) if (kind := op.named(name)) is not None}
+    kinds = {kind for name in dir(op) if (kind := op.operation_class(name)) is not None}
     assert set(listed) == {kind.__name__ for kind in kinds}
     for kind in kinds:
         assert f"\n{in_the_table(kind)} " in page

@@ -12,12 +12,12 @@ import pytest
 from gateway.app.mount_state import mount_state
 from gateway.app.status import AverageRate, State, StatusLine, status_text
 from gateway.astro.ephemeris.almanac import DAY, Almanac
-from gateway.cli.mount.status import lines
+from gateway.cli.mount.status import state_lines
 from gateway.cli.serve.live import StatusLines, status_line
 from gateway.core import operations as op
 from gateway.core.operations import Equatorial, Position, Status, Tracking
 from gateway.diagnostics.virtual_time import run
-from gateway.transport.handler import Connected
+from gateway.transport.handler import NewConnection
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
 
@@ -82,7 +82,7 @@ def test_status_line_never_exceeds_its_width() -> None:
 
 @pytest.mark.parametrize(("age", "told"), [(3.0, '52", 3 s ago; tracking'), (41.2, '52" 41 s ago; tracking')])
 def test_status_shows_the_age_of_a_position_once(age: float, told: str) -> None:
-    [line] = [line for line in lines(State(seen(age=age), "nexstar@sim")) if line.startswith("  now ")]
+    [line] = [line for line in state_lines(State(seen(age=age), "nexstar@sim")) if line.startswith("  now ")]
     assert line.endswith(f"+22°00'{told}")
 
 
@@ -103,13 +103,13 @@ async def test_reading_the_status_sends_nothing_to_the_mount() -> None:
     async with Bridge(mount="cpc") as bridge:
         pier, rate = gateway(bridge), AverageRate()
         await asyncio.sleep(20)
-        settled = len(bridge.sent())
+        settled = len(bridge.sent_requests())
         await asyncio.sleep(30)
-        unseen = len(bridge.sent())
+        unseen = len(bridge.sent_requests())
         for _ in range(300):
             assert status_line(pier, rate).state == "up"
             await asyncio.sleep(0.1)
-        assert len(bridge.sent()) - unseen <= unseen - settled + 4  # heartbeats, site and status, as before
+        assert len(bridge.sent_requests()) - unseen <= unseen - settled + 4  # heartbeats, site and status, as before
         first = status_line(pier, rate)
         assert (first.name, first.slewing, first.programs) == ("cpc", False, 0)
         assert first.position is not None and first.status is not None and first.status.aligned
@@ -125,17 +125,17 @@ async def test_reading_the_status_sends_nothing_to_the_mount() -> None:
         assert status_line(gateway(bridge, "pier"), rate).name == "pier"
         assert "slewing" in status_text([status_line(pier, rate)])
         assert status_line(pier, rate).rate > 0
-        assert pier.state().drawn().sky == "closed form"
+        assert pier.state().to_state().sky == "closed form"
         moment = bridge.controller.sources.times()[0].unix
         bridge.controller.astrometry.sky.use(Almanac({int(moment // DAY): bytes(8 * 333)}))
-        assert pier.state().drawn().sky == f"almanac of {datetime.fromtimestamp(moment, UTC):%Y-%m-%d}"
+        assert pier.state().to_state().sky == f"almanac of {datetime.fromtimestamp(moment, UTC):%Y-%m-%d}"
 
 
 async def test_status_counts_programs_as_they_connect_and_leave() -> None:
     async with Bridge() as bridge:
         acceptor = bridge.acceptor
         one, other, passing, line, serial = (
-            acceptor.accept(Connected(name, host, lambda data: None))
+            acceptor.accept(NewConnection(name, host, lambda data: None))
             for name, host in (
                 ("10.0.0.1:4", "10.0.0.1"),
                 ("10.0.0.1:5", "10.0.0.1"),
@@ -174,10 +174,10 @@ def test_status_tells_programs_of_one_computer_apart_by_surface() -> None:
             surfaces = ["lx200 tcp://127.0.0.1:4030", "nexstar tcp://127.0.0.1:4031"]
 
             def orders(*surfaces: str) -> tuple[str, ...]:
-                return mount_state(bridge.controller).drawn(surfaces).wanted
+                return mount_state(bridge.controller).to_state(surfaces).wanted
 
             for who, ends in (("127.0.0.1", f"by 127.0.0.1 at {surfaces[1]}"), ("pty:/tmp/x", "by pty:/tmp/x")):
-                activity = bridge.controller.presence.connected(who, 2)
+                activity = bridge.controller.presence.add_connection(who, 2)
                 await bridge.controller.perform(op.Goto(120.0, 30.0), activity=activity)
                 assert orders(*surfaces)[0].endswith(ends)
                 assert orders()[0].endswith(f"by {who}")

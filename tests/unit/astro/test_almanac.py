@@ -15,8 +15,8 @@ import pytest
 
 from gateway.astro.ephemeris import almanac as file
 from gateway.astro.ephemeris import keeper
-from gateway.astro.ephemeris.almanac import DAY, MAX_DAYS, PARTS, Almanac, decoded, read, stored
-from gateway.astro.ephemeris.keeper import CHECK_PERIOD, MIN_DAYS_LEFT, RETRY_PERIOD, AlmanacKeeper, renewed
+from gateway.astro.ephemeris.almanac import DAY, MAX_DAYS, PARTS, Almanac, decoded, load_stored, read
+from gateway.astro.ephemeris.keeper import CHECK_PERIOD, MIN_DAYS_LEFT, RETRY_PERIOD, AlmanacKeeper, renew_almanac
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.offline import go_offline
 from gateway.cli import main
@@ -29,7 +29,7 @@ from tests.support.process import EAGER
 
 TODAY, AHEAD = 20780, 30
 WHOLE_DAY = bytes(8 * 333)
-REAL = keeper.calculated
+REAL = keeper.calculate_in_process
 
 
 def made(days: Collection[int]) -> Almanac:
@@ -54,7 +54,7 @@ class Process:
 @pytest.fixture
 def process(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Process:
     monkeypatch.setenv("CACHE_DIRECTORY", str(tmp_path / "cache"))
-    monkeypatch.setattr(keeper, "calculated", found := Process())
+    monkeypatch.setattr(keeper, "calculate_in_process", found := Process())
     monkeypatch.setattr(keeper, "DAYS_PER_CALCULATION", AHEAD)
     return found
 
@@ -73,7 +73,7 @@ class Serving:
         async def program() -> None:
             kept = AlmanacKeeper(self.sky, self.told.append, lambda: self.quiet, lambda: self.today * DAY + 100.0)
             kept.open()
-            keeping = asyncio.ensure_future(kept.keep())
+            keeping = asyncio.ensure_future(kept.run())
             for act in self.later:
                 await asyncio.sleep(1.0)
                 act()
@@ -85,7 +85,7 @@ class Serving:
             run(program())
 
     def has(self, day: int) -> bool:
-        return self.sky.source((day + 0.5) * DAY).startswith("almanac of")
+        return self.sky.calculation_source((day + 0.5) * DAY).startswith("almanac of")
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +93,7 @@ def exact() -> Almanac:
     go_offline()
     from gateway.astro.ephemeris import by_astropy
 
-    return by_astropy.almanac([TODAY, TODAY + 1])
+    return by_astropy.calculate_almanac([TODAY, TODAY + 1])
 
 
 # --- the file ---------------------------------------------------------------------------------------------------------
@@ -103,8 +103,8 @@ def exact() -> Almanac:
 def test_almanac_file_has_every_part_of_every_day(part: str, exact: Almanac) -> None:
     kept = decoded(exact.encoded())
     for moment in (TODAY * DAY, (TODAY + 1.3) * DAY, (TODAY + 2) * DAY - 1.0):
-        assert kept.at(part, moment) == exact.at(part, moment) is not None
-    assert kept.at(part, (TODAY + 2) * DAY) is None
+        assert kept.values_at(part, moment) == exact.values_at(part, moment) is not None
+    assert kept.values_at(part, (TODAY + 2) * DAY) is None
 
 
 def test_damaged_almanac_file_is_detected() -> None:
@@ -146,8 +146,8 @@ def test_package_contains_the_almanac_days_of_the_rehearsal() -> None:
     assert set(shipped.days) == set(range(int(START_TIME // DAY), int(START_TIME // DAY) + 3))
     for day in shipped.days:
         for part in PARTS:  # other data on the Earth's rotation
-            row = shipped.at(part, (day + 0.4) * DAY)
-            now = by_astropy.almanac([day]).at(part, (day + 0.4) * DAY)
+            row = shipped.values_at(part, (day + 0.4) * DAY)
+            now = by_astropy.calculate_almanac([day]).values_at(part, (day + 0.4) * DAY)
             assert row == pytest.approx(now, rel=1e-8, abs=1e-8)
 
 
@@ -155,10 +155,10 @@ def test_package_contains_the_almanac_days_of_the_rehearsal() -> None:
 
 
 def test_stored_almanac_is_not_calculated_again(process: Process, tmp_path: Path) -> None:
-    almanac, trouble = renewed([TODAY, TODAY + 1])
+    almanac, trouble = renew_almanac([TODAY, TODAY + 1])
     assert set(almanac.days) == {TODAY, TODAY + 1} and not trouble
-    assert stored() == almanac == renewed([TODAY])[0]
-    renewed([TODAY, TODAY + 2])
+    assert load_stored() == almanac == renew_almanac([TODAY])[0]
+    renew_almanac([TODAY, TODAY + 2])
     assert process.asked == [[TODAY, TODAY + 1], [TODAY + 2]]
     folder = tmp_path / "cache"
     assert [path.name for path in folder.iterdir()] == ["almanac"]
@@ -171,19 +171,19 @@ def test_two_gateways_that_start_together_both_get_the_almanac(process: Process,
     (folder := tmp_path / "cache").mkdir(mode=0o700)
     other = PidLock(folder / "almanac.lock", remove=True)
     other.acquire()
-    almanac, trouble = renewed([TODAY])
-    assert set(almanac.days) == {TODAY} and not trouble and not stored().days
+    almanac, trouble = renew_almanac([TODAY])
+    assert set(almanac.days) == {TODAY} and not trouble and not load_stored().days
     other.release()
-    renewed([TODAY])
-    assert set(stored().days) == {TODAY}
+    renew_almanac([TODAY])
+    assert set(load_stored().days) == {TODAY}
 
 
 def test_damaged_almanac_is_calculated_again(process: Process, tmp_path: Path) -> None:
-    renewed([TODAY])
+    renew_almanac([TODAY])
     path = tmp_path / "cache" / "almanac"
     path.write_bytes(path.read_bytes()[:-1])
     Serving().runs(60)
-    assert TODAY in stored().days and len(process.asked) == 2
+    assert TODAY in load_stored().days and len(process.asked) == 2
 
 
 def _no_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -292,7 +292,7 @@ def test_next_almanac_days_are_calculated_when_few_are_left_and_nothing_moves(
     left: int, quiet: bool, first: int | None, process: Process
 ) -> None:
     if left:
-        renewed(range(TODAY, TODAY + left))
+        renew_almanac(range(TODAY, TODAY + left))
     serving = Serving()
     serving.quiet = quiet
     before = len(process.asked)
@@ -303,7 +303,7 @@ def test_next_almanac_days_are_calculated_when_few_are_left_and_nothing_moves(
 
 
 def test_almanac_of_another_date_is_calculated_at_once_and_of_the_next_a_minute_later(process: Process) -> None:
-    renewed(range(TODAY, TODAY + AHEAD))
+    renew_almanac(range(TODAY, TODAY + AHEAD))
     serving = Serving()
     serving.quiet = False
     serving.later = [lambda day=day: serving.sky.sun(day * DAY) for day in range(15000, 15500, 100)]
@@ -354,7 +354,7 @@ def test_program_that_sets_many_dates_fills_neither_memory_nor_disk(process: Pro
     for day in range(2000, 22000, 500):
         serving.sky.sun(day * DAY)
         serving.runs(1.0)
-    assert len(stored().days) == MAX_DAYS and 21500 in stored().days
+    assert len(load_stored().days) == MAX_DAYS and 21500 in load_stored().days
 
 
 # --- from another computer --------------------------------------------------------------------------------------------
@@ -369,7 +369,7 @@ def test_almanac_may_come_from_another_computer(
     assert capsys.readouterr().out.startswith(f"wrote {path}: 2 days, ")
     sky = Sky()
     AlmanacKeeper(sky, print, clock=lambda: TODAY * DAY).open(str(path))
-    assert sky.source(TODAY * DAY).startswith("almanac of") and not process.asked
+    assert sky.calculation_source(TODAY * DAY).startswith("almanac of") and not process.asked
     assert main(["almanac", str(path), "--days", "0"]) == 2
     assert main(["almanac", str(tmp_path / "nowhere" / "file"), "--days", "1"]) == 2
     monkeypatch.setitem(sys.modules, "gateway.astro.ephemeris.by_astropy", None)

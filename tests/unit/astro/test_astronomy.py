@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.astro.ephemeris.by_astropy import earth_rotation
+from gateway.astro.ephemeris.by_astropy import ut1_table
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
@@ -31,7 +31,7 @@ CORNERS = [(90, 0), (-90, 0), (90, 180), (-90, -180), (0, 180), (0, -180), (-45,
 def exact() -> Sky:
     sky = Sky()
     exact_sky.load(sky)
-    assert sky.ready
+    assert sky.has_tables
     return sky
 
 
@@ -94,7 +94,7 @@ def test_astronomy_agrees_with_skyfield(
     assert judge.apart(judge.ours(sky.to_of_date, *scene.j2000, when), scene.date).max() < date
     assert judge.apart(judge.ours(sky.to_j2000, *scene.date, when), scene.j2000).max() < date
     assert judge.apart(judge.ours(sky.horizon, *scene.date, lat, lon, when), scene.horizon).max() < horizon
-    assert judge.apart(judge.ours(sky.equatorial, *scene.horizon, lat, lon, when), scene.date).max() < horizon
+    assert judge.apart(judge.ours(sky.to_ra_dec, *scene.horizon, lat, lon, when), scene.date).max() < horizon
     assert judge.apart(judge.ours(sky.sun, when), scene.sun).max() < sun
     geocentric = judge.angles(judge.ours(lambda moment: sky.moon_vector(moment), when))
     topocentric = judge.ours(sky.moon, when, lat, lon)
@@ -106,7 +106,7 @@ def test_astronomy_agrees_with_skyfield(
 
 
 def test_every_almanac_day_matches_skyfield(scene: Any) -> None:
-    days, ut1_utc = earth_rotation()
+    days, ut1_utc = ut1_table()
     assert len(days) > 19000
     assert days.tolist() == (scene.rows["utc_mjd"] - 40587.0).tolist()
     assert ut1_utc.tolist() == scene.rows["dut1"].tolist()
@@ -119,12 +119,12 @@ def test_hub_converts_site_and_equinox_as_skyfield_does(exact: Sky, scene: Any) 
         there = SimpleNamespace(site=lambda lat=lat, lon=lon: op.Place(lat, lon), unix=lambda moment=moment: moment)
         derived = SiteAstrometry(exact, there, "j2000")  # type: ignore[arg-type]
         date, j2000, horizon = (tuple(map(float, rows[:, index])) for rows in (scene.date, scene.j2000, scene.horizon))
-        seen = derived.horizon(op.Equatorial(*date))
-        goto = derived.equatorial(op.GotoHorizontal(*horizon))
+        seen = derived.horizontal(op.Equatorial(*date))
+        goto = derived.equatorial_of(op.GotoHorizontal(*horizon))
         assert abs(wrap180(derived.sidereal_time() - lon - 15.0 * scene.gast[index])) * 240.0 < 0.005
         assert separation(seen.az, seen.alt, *horizon) * 3600.0 < 0.7
         assert separation(goto.ra, goto.dec, *date) * 3600.0 < 0.7
-        to = derived.to_mount(op.Goto(*date))
-        back = derived.from_mount(op.Equatorial(*j2000))
+        to = derived.to_mount_equinox(op.Goto(*date))
+        back = derived.from_mount_equinox(op.Equatorial(*j2000))
         assert separation(to.ra, to.dec, *j2000) * 3600.0 < 0.001
         assert separation(back.ra, back.dec, *date) * 3600.0 < 0.001

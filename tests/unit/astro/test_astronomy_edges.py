@@ -15,7 +15,7 @@ from astropy.time import Time
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.astro.ephemeris.by_astropy import earth_rotation
+from gateway.astro.ephemeris.by_astropy import ut1_table
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import SIDEREAL_RATE, from_vector, separation, wrap180
 from tests.support import exact_sky
@@ -50,7 +50,7 @@ def test_sidereal_time_and_axes_stay_accurate_outside_the_tables(scale: Any, fir
     tables = 1973.0 < first < 2100.0
     count = as_a_rule(24, whole=100)
     when = years(first, last, count)
-    ut1_utc = np.interp(when // 86400.0, *earth_rotation()) if tables else 0.0
+    ut1_utc = np.interp(when // 86400.0, *ut1_table()) if tables else 0.0
     t = scale.ut1_jd((when + ut1_utc) / 86400.0 + 2440587.5)
     seconds, axes = (0.001, 0.001) if tables else (0.05, 0.5)
     assert np.abs(judge.sidereal_error(EXACT, when, np.zeros(count), t.gast)).max() < seconds
@@ -104,5 +104,5 @@ def test_j2000_conversion_and_its_inverse_agree(place: tuple[float, float], mome
 def test_horizon_conversion_and_its_inverse_agree(
     place: tuple[float, float], lat: float, lon: float, moment: float, sky: Sky
 ) -> None:
-    back = sky.horizon(*sky.equatorial(*place, lat, lon, moment), lat, lon, moment)
+    back = sky.horizon(*sky.to_ra_dec(*place, lat, lon, moment), lat, lon, moment)
     assert separation(*back, *place) < 1e-6 * ARCSECOND

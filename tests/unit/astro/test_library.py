@@ -59,14 +59,14 @@ def test_duplicate_catalogue_entry_gives_its_original() -> None:
 
 
 def test_proper_motion_is_applied_to_stars() -> None:
-    barnard = stars.hipparcos(87937, 2000.0)  # J2000: 17 57 48.50 +04 41 36.2, moving 10.36" a year
-    later = stars.hipparcos(87937, 2030.0)
+    barnard = stars.hipparcos_star(87937, 2000.0)  # J2000: 17 57 48.50 +04 41 36.2, moving 10.36" a year
+    later = stars.hipparcos_star(87937, 2030.0)
     assert barnard is not None
     assert later is not None
     printed = 15 * (17 + 57 / 60 + 48.50 / 3600), 4 + 41 / 60 + 36.2 / 3600
     assert separation(barnard.ra, barnard.dec, *printed) < 0.5 / 3600
     assert separation(barnard.ra, barnard.dec, later.ra, later.dec) * 3600 == pytest.approx(30 * 10.36, rel=0.005)
-    sirius = stars.hipparcos(32349, 2000.0)
+    sirius = stars.hipparcos_star(32349, 2000.0)
     assert sirius is not None
     assert describe(sirius) == "HIP32349 STAR MAG-1.5"
 
@@ -74,8 +74,8 @@ def test_proper_motion_is_applied_to_stars() -> None:
 @each("name", names.HIPPARCOS)
 def test_named_star_has_its_catalogue_position(name: str) -> None:
     number = names.HIPPARCOS[name]
-    found, entry = names.entry_of_star(number, 2026.9), stars.hipparcos(number, 2026.9)
-    assert names.star(name.upper()) == number
+    found, entry = names.entry_of_star(number, 2026.9), stars.hipparcos_star(number, 2026.9)
+    assert names.star_number(name.upper()) == number
     assert entry is not None
     assert separation(found.ra, found.dec, entry.ra, entry.dec) * 3600 < 0.02
     assert found.magnitude == pytest.approx(entry.magnitude, abs=0.01)
@@ -83,16 +83,16 @@ def test_named_star_has_its_catalogue_position(name: str) -> None:
 
 @pytest.mark.parametrize("number", [0, 55203, 120405, 2_000_000])
 def test_star_missing_from_the_data_file_is_unknown(number: int) -> None:
-    assert stars.hipparcos(number, 2000.0) is None
+    assert stars.hipparcos_star(number, 2000.0) is None
 
 
 def test_first_and_last_star_of_the_catalogue_are_found() -> None:
-    assert all(stars.hipparcos(number, 2000.0) for number in (1, 2, 120403, 120404))
+    assert all(stars.hipparcos_star(number, 2000.0) for number in (1, 2, 120403, 120404))
 
 
 @pytest.mark.parametrize(
     ("call"),
-    [lambda: deepsky.look_up("M", 42), lambda: stars.hipparcos(1, 2000.0), lambda: deepsky.matching(EVERYTHING)],
+    [lambda: deepsky.look_up("M", 42), lambda: stars.hipparcos_star(1, 2000.0), lambda: deepsky.matching(EVERYTHING)],
 )
 def test_missing_library_package_is_reported(call: object, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(objects, "find_spec", lambda name: None)
@@ -133,9 +133,9 @@ def test_object_description_leaves_out_unmeasured_values() -> None:
 def test_object_search_keeps_its_size_and_brightness_limits(wanted: SearchLimits) -> None:
     found = deepsky.matching(wanted)
     assert 3 < len(found) < 2000
-    assert [deepsky.order(c) for c in found] == sorted(deepsky.order(c) for c in found)
+    assert [deepsky.search_order(c) for c in found] == sorted(deepsky.search_order(c) for c in found)
     for candidate in found[:: max(1, len(found) // 15)]:
-        entry = deepsky.by_row(candidate[0])
+        entry = deepsky.object_by_row(candidate[0])
         assert (entry.ra, entry.dec) == pytest.approx(candidate[1:])
         assert wanted.brightest <= (20.0 if entry.magnitude is None else entry.magnitude) <= wanted.faintest
         assert wanted.smallest <= (entry.size or 0.0) <= wanted.largest
@@ -147,7 +147,7 @@ def test_object_search_by_quality_finds_every_match() -> None:
     best = {c[0] for c in deepsky.matching(SearchLimits(-5.5, 20.0, 0, 200, "GPDCO", "EX"))}
     bright = deepsky.matching(SearchLimits(-5.5, 9.0, 0, 200, "GPDCO", "VP"))
     assert best and best <= {c[0] for c in bright}
-    entries = [(c[0], deepsky.by_row(c[0])) for c in bright[:: as_a_rule(3, whole=1)]]
+    entries = [(c[0], deepsky.object_by_row(c[0])) for c in bright[:: as_a_rule(3, whole=1)]]
     judged = [(quality(e.magnitude, e.size, e.width) in ("SU", "EX"), row in best) for row, e in entries]
     assert all(found == right for right, found in judged) and len(set(judged)) == 2
 
@@ -158,7 +158,7 @@ def test_object_search_without_an_object_type_finds_nothing() -> None:
 
 def test_object_search_goes_once_round_the_sky_from_the_west() -> None:
     found = deepsky.matching(SearchLimits(-5.5, 6.0, 0, 200, "GPDCO", "VP"))
-    start = deepsky.first(found, lambda ra, dec: True, 100.0)
+    start = deepsky.first_visible(found, lambda ra, dec: True, 100.0)
     assert start is not None
     assert start[1] // 15 == 18  # 280 degrees is the lower meridian
     seen, here = [start], start
@@ -166,7 +166,7 @@ def test_object_search_goes_once_round_the_sky_from_the_west() -> None:
         following = deepsky.neighbour(found, lambda ra, dec: True, here[1], here[2], 1)
         assert following is not None
         assert deepsky.neighbour(found, lambda ra, dec: True, following[1], following[2], -1) == here
-        assert deepsky.order(following) > deepsky.order(here) or following == found[0]
+        assert deepsky.search_order(following) > deepsky.search_order(here) or following == found[0]
         here = following
         seen.append(here)
     assert len(set(seen)) == len(found)
@@ -175,20 +175,20 @@ def test_object_search_goes_once_round_the_sky_from_the_west() -> None:
 
 def test_object_search_skips_objects_where_gotos_are_forbidden() -> None:
     found = deepsky.matching(EVERYTHING)
-    northern = deepsky.first(found, lambda ra, dec: dec > 85.0, 0.0)
+    northern = deepsky.first_visible(found, lambda ra, dec: dec > 85.0, 0.0)
     assert northern is not None
     assert northern[2] > 85.0
-    assert deepsky.first(found, lambda ra, dec: False, 0.0) is None
+    assert deepsky.first_visible(found, lambda ra, dec: False, 0.0) is None
     assert deepsky.neighbour([], lambda ra, dec: True, 0.0, 0.0, 1) is None
 
 
 def test_field_search_is_round_and_lists_the_centre_first() -> None:
-    found = deepsky.in_field(deepsky.matching(EVERYTHING), 83.82, -5.39, 0.5)
-    assert deepsky.by_row(found[0][0]).name == "M42"
+    found = deepsky.candidates_in_field(deepsky.matching(EVERYTHING), 83.82, -5.39, 0.5)
+    assert deepsky.object_by_row(found[0][0]).name == "M42"
     distances = [separation(83.82, -5.39, c[1], c[2]) for c in found]
     assert distances == sorted(distances)
     assert max(distances) <= 0.5
-    wrap = deepsky.in_field(deepsky.matching(EVERYTHING), 0.01, 0.0, 2.0)
+    wrap = deepsky.candidates_in_field(deepsky.matching(EVERYTHING), 0.01, 0.0, 2.0)
     assert any(c[1] > 350.0 for c in wrap)
     assert math.isclose(max(abs(c[2]) for c in wrap), 2.0, abs_tol=0.5)
 

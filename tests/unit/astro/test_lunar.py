@@ -24,7 +24,7 @@ SITES = [(48.2, 16.4), (-33.9, 18.5), (0.3, -78.5), (64.1, -21.9), (-45.9, 170.5
 def sky() -> Sky:
     exact = Sky()
     exact_sky.load(exact)
-    assert exact.ready
+    assert exact.has_tables
     return exact
 
 
@@ -74,7 +74,7 @@ def test_lunar_feature_is_where_an_orthographic_map_shows_it(sky: Sky, site: tup
     for unix in _moments(COUNT):
         observer.date = _ephem(unix)
         moon = ephem.Moon(observer)
-        seen = sky._moon_from(unix, *site)
+        seen = sky._moon_from_site(unix, *site)
         longitude, latitude, angle = (math.radians(value) for value in libration(seen, unix))
         place = math.radians(dice.uniform(-60, 60)), math.radians(dice.uniform(-60, 60))
         across = math.cos(place[0]) * math.sin(place[1] - longitude)

@@ -12,10 +12,10 @@ from gateway.astro.catalog import names, stars
 from gateway.astro.catalog.names import HIPPARCOS, OTHER_NAMES
 from gateway.astro.catalog.objects import NotInstalled
 from gateway.astro.spherical import separation
-from gateway.cli.completion import script
-from gateway.cli.mount.requests import place
+from gateway.cli.completion import completion_script
+from gateway.cli.mount.requests import typed_target
 from gateway.core.errors import UserError
-from gateway.core.requests import Spot
+from gateway.core.requests import SkyPosition
 from tests.support.each import each
 
 #: name, J2000 hours, minutes, degrees, minutes
@@ -42,9 +42,9 @@ class Typed:
         self.place = list(words)
 
 
-def spot(*words: str) -> Spot:
-    found = place(Typed(*words))  # type: ignore[arg-type]
-    assert isinstance(found, Spot)
+def spot(*words: str) -> SkyPosition:
+    found = typed_target(Typed(*words))  # type: ignore[arg-type]
+    assert isinstance(found, SkyPosition)
     return found
 
 
@@ -57,14 +57,14 @@ def test_object_name_gives_its_position(name: str, hours: int, minutes: float, d
 
 
 def test_every_star_name_is_a_star_of_the_catalogue() -> None:
-    entries = {name: stars.hipparcos(number, 2000.0) for name, number in HIPPARCOS.items()}
+    entries = {name: stars.hipparcos_star(number, 2000.0) for name, number in HIPPARCOS.items()}
     assert len(entries) >= 150
     for name, entry in entries.items():
         assert entry is not None and entry.magnitude is not None, name
         assert entry.magnitude < 5.5 or name in ("Barnard's Star", "Proxima Centauri"), name
     assert set(OTHER_NAMES.values()) <= set(HIPPARCOS) and not set(OTHER_NAMES) & set(HIPPARCOS)
     for name in (*HIPPARCOS, *OTHER_NAMES):  # no two of them are spelled alike
-        assert names.star(name) == HIPPARCOS[OTHER_NAMES.get(name, name)], name
+        assert names.star_number(name) == HIPPARCOS[OTHER_NAMES.get(name, name)], name
 
 
 def test_star_names_mean_the_same_as_in_other_lists() -> None:
@@ -79,7 +79,7 @@ def test_star_names_mean_the_same_as_in_other_lists() -> None:
     checked = 0
     for name in HIPPARCOS:
         if (body := ephems.get(name)) is not None:
-            entry = stars.hipparcos(HIPPARCOS[name], 2000.0)
+            entry = stars.hipparcos_star(HIPPARCOS[name], 2000.0)
             assert entry is not None
             where: tuple[Any, Any] = body._ra, body._dec
             assert separation(entry.ra, entry.dec, *(math.degrees(angle) for angle in where)) < 0.02, name
@@ -145,5 +145,5 @@ def test_common_names_are_known_without_the_library(monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_shell_completes_object_names(shell: str) -> None:
-    words = script(shell)
+    words = completion_script(shell)
     assert "Betelgeuse" in words and "Jupiter" in words

@@ -34,20 +34,22 @@ DAY_OF_1987 = 6308  # 1987 April 10
 @pytest.fixture(scope="module")
 def almanac() -> Almanac:
     go_offline()
-    return importlib.import_module("gateway.astro.ephemeris.by_astropy").almanac([DAY_OF_1987, DAY_OF_1987 + 1])
+    return importlib.import_module("gateway.astro.ephemeris.by_astropy").calculate_almanac(
+        [DAY_OF_1987, DAY_OF_1987 + 1]
+    )
 
 
 def test_sky_answers_without_an_almanac_and_requests_the_day(almanac: Almanac) -> None:
     sky, asked = Sky(), list[int]()
     sky.request_almanac = lambda: asked.append(1)
     moment = unix(1987, 4, 10) - UT1_UTC_1987
-    assert not sky.ready and sky.source(moment) == "closed form"
+    assert not sky.has_tables and sky.calculation_source(moment) == "closed form"
     assert sky.sidereal_time(moment, 0.0) == pytest.approx(GREENWICH_1987, abs=0.02 / 240 + abs(UT1_UTC_1987) / 240)
     assert (sky.sun(moment), sky.planet("Mars", moment)) == (Sky().sun(moment), None)
     assert (sky.missing_day, len(asked)) == (DAY_OF_1987, 1), "once, however often it is needed"
     sky.use(almanac)
-    assert sky.ready and sky.planet("Mars", moment) is not None and sky.missing_day is None
-    assert sky.source(moment) == "almanac of 1987-04-10"
+    assert sky.has_tables and sky.planet("Mars", moment) is not None and sky.missing_day is None
+    assert sky.calculation_source(moment) == "almanac of 1987-04-10"
     assert sky.sidereal_time(moment, 0.0) == pytest.approx(GREENWICH_1987, abs=0.005 / 240)
 
 
@@ -55,7 +57,10 @@ def test_sky_continues_with_closed_forms_after_the_last_almanac_day(almanac: Alm
     sky, midnight = Sky(), unix(1987, 4, 12)
     sky.use(almanac)
     before = sky.sidereal_time(midnight - 0.001, 0.0)
-    assert sky.source(midnight - 0.001) == "almanac of 1987-04-11" and sky.source(midnight) == "closed form"
+    assert (
+        sky.calculation_source(midnight - 0.001) == "almanac of 1987-04-11"
+        and sky.calculation_source(midnight) == "closed form"
+    )
     assert sky.missing_day == DAY_OF_1987 + 2
     assert sky.sidereal_time(midnight, 0.0) - before == pytest.approx(0.001 / 240, abs=1.0 / 240)
     first = unix(1987, 4, 11)  # between two days of the almanac only UT1-UTC changes
@@ -67,7 +72,7 @@ def test_sky_continues_with_closed_forms_after_the_last_almanac_day(almanac: Alm
 @each("moment", [94780799.5, 4102444800.0])
 def test_sky_requests_no_almanac_for_a_year_without_tables(moment: float) -> None:
     sky = Sky()
-    assert sky.source(moment) == "closed form" and sky.missing_day is None
+    assert sky.calculation_source(moment) == "closed form" and sky.missing_day is None
 
 
 @each(("body", "middle", "ends"), [("Sun", 0.0002, 0.0002), ("Moon", 0.0017, 0.004)])
@@ -75,13 +80,13 @@ def test_interpolated_almanac_matches_astropy_between_rows(body: str, middle: fl
     """Half-way between rows, which are nearest on both sides in the middle of a day; in arcseconds."""
     go_offline()
     by_astropy = importlib.import_module("gateway.astro.ephemeris.by_astropy")
-    almanac = by_astropy.almanac([20007])
+    almanac = by_astropy.calculate_almanac([20007])
     for seconds in (0.0, 600.0, 5400.0, 27000.0, 48600.0, 81000.0, 86399.0):
         moment = 20007 * DAY + seconds
         arcseconds = middle if 10000.0 < seconds < 70000.0 else ends
         at = by_astropy.Time(moment, format="unix").tt
-        right = np.dot(erfa.pnm06a(at.jd1, at.jd2), by_astropy.from_earth(body, at))
-        assert separation(*from_vector(almanac.at(body, moment)), *from_vector(right)) < arcseconds / 3600.0
+        right = np.dot(erfa.pnm06a(at.jd1, at.jd2), by_astropy.geocentric_vector(body, at))
+        assert separation(*from_vector(almanac.values_at(body, moment)), *from_vector(right)) < arcseconds / 3600.0
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +100,7 @@ def test_no_date_and_no_site_makes_the_sky_fail(loaded: Sky, moment: float, lat:
     for sky in (loaded, Sky()):
         places = [
             sky.horizon(10.0, 90.0, lat, lon, moment),
-            sky.equatorial(10.0, -90.0, lat, lon, moment),
+            sky.to_ra_dec(10.0, -90.0, lat, lon, moment),
             sky.to_of_date(0.0, 90.0, moment),
             sky.to_j2000(0.0, -90.0, moment),
             sky.sun(moment),
@@ -155,14 +160,14 @@ sys.addaudithook(watch)
 ASKED = """
 from gateway.astro.offline import go_offline
 go_offline()
-from gateway.astro.ephemeris.by_astropy import almanac
+from gateway.astro.ephemeris.by_astropy import calculate_almanac as almanac
 from gateway.astro.ephemeris.sky import Sky
 sky = Sky()
 sky.use(almanac([int(moment // 86400) for moment in (1e8, 1.7e9, 4.0e9)]))
 for moment in (-1e9, 1e8, 1.7e9, 4.0e9):
     sky.horizon(1.0, 2.0, 3.0, 4.0, moment), sky.sun(moment), sky.moon(moment, 1.0, 2.0), sky.planet("Mars", moment)
 from astropy.utils import iers
-print(sky.ready, touched, iers.conf.auto_download)
+print(sky.has_tables, touched, iers.conf.auto_download)
 """
 RESIDENT = """
 def resident():

@@ -24,7 +24,7 @@ def script() -> ModuleType:
 
 def test_supplied_catalogue_files_match_the_output_of_their_script(script: ModuleType) -> None:
     for name in ("deepsky", "stars", "doubles"):
-        written = supplied.file(f"{name}.json").read_text("utf-8")
+        written = supplied.sky_file(f"{name}.json").read_text("utf-8")
         assert written == script.text(name), "python docs/tools/make_catalogue.py makes it anew"
 
 
@@ -36,8 +36,10 @@ def test_supplied_catalogue_has_all_of_messier_and_caldwell_and_large_nebulae() 
         assert name in known
     entries = {id(entry): entry for entry in known.values()}
     assert 2700 < len(entries) < 2900
-    assert json.loads(supplied.file("deepsky.json").read_text("utf-8"))["about"]["licence"].startswith("CC-BY-SA-4.0")
-    assert "ShareAlike 4.0" in supplied.file(supplied.PAGE_FILES[2]).read_text("utf-8")
+    assert json.loads(supplied.sky_file("deepsky.json").read_text("utf-8"))["about"]["licence"].startswith(
+        "CC-BY-SA-4.0"
+    )
+    assert "ShareAlike 4.0" in supplied.sky_file(supplied.PAGE_FILES[2]).read_text("utf-8")
 
 
 def test_supplied_objects_agree_with_the_full_catalogue() -> None:
@@ -52,13 +54,13 @@ def test_supplied_objects_agree_with_the_full_catalogue() -> None:
 
 def test_supplied_double_stars_agree_with_hipparcos() -> None:
     """Their places, and their brightness: of both together, or of the brighter one where they stand apart."""
-    rows = json.loads(supplied.file("doubles.json").read_text("utf-8"))["rows"]
-    assert len(rows) == 60 == len(supplied.doubles())
+    rows = json.loads(supplied.sky_file("doubles.json").read_text("utf-8"))["rows"]
+    assert len(rows) == 60 == len(supplied.double_star_texts())
     for called, number, ra, dec, first, second, apart, _ in rows:
-        entry = stars.hipparcos(number, 2000.0)
+        entry = stars.hipparcos_star(number, 2000.0)
         assert entry is not None and entry.magnitude is not None
         assert separation(entry.ra, entry.dec, ra, dec) * 3600 < 0.1, called
         together = -2.5 * math.log10(10 ** (-0.4 * first) + 10 ** (-0.4 * second))
         assert min(abs(entry.magnitude - light) for light in (first, together)) < 0.5, called
         assert 1.5 < apart < 400.0 and first - 0.2 <= second
-        assert names.star(called.split("|")[0]) == number
+        assert names.star_number(called.split("|")[0]) == number

@@ -18,7 +18,7 @@ import pytest
 from gateway.cli import main
 from gateway.cli.serve import finding
 from gateway.diagnostics.detect import scan_port
-from gateway.diagnostics.detect.scan_port import Patience
+from gateway.diagnostics.detect.scan_port import ProbeTimes
 from tests.support.process import PATIENCE, Running, ask
 
 
@@ -104,12 +104,20 @@ class Stranger:
 def _hasty(monkeypatch: pytest.MonkeyPatch) -> None:
     """A stranger is given a tenth of the time; how long it should be is the business of the tests of ``detect``."""
     monkeypatch.setattr(finding, "REPLY_WAIT", 0.3)
-    monkeypatch.setattr(scan_port, "AT_9600", Patience(quiet=0.1, restless=0.3, first=0.1, answer=0.4))
+    monkeypatch.setattr(
+        scan_port,
+        "AT_9600",
+        ProbeTimes(required_silence=0.1, silence_timeout=0.3, query_interval=0.1, answer_timeout=0.4),
+    )
 
 
 @pytest.mark.usefixtures("_hasty")
 def test_meade_behind_a_nexstar_endpoint_is_recognised(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scan_port, "AT_9600", Patience(quiet=0.1, restless=0.3, first=0.1, answer=PATIENCE))
+    monkeypatch.setattr(
+        scan_port,
+        "AT_9600",
+        ProbeTimes(required_silence=0.1, silence_timeout=0.3, query_interval=0.1, answer_timeout=PATIENCE),
+    )
     meade = Stranger({b"\x06": b"P"})
     assert "speaks lx200" in meade.taken_for_a_hand_control()
     assert b":" not in meade.heard

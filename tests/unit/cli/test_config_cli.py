@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from gateway.cli import main
-from gateway.cli.serve.signals import unless
+from gateway.cli.serve.signals import race
 from gateway.protocols.wireformat.command_set import load
 from tests.support.process import Running
 
@@ -56,5 +56,5 @@ def test_signal_ends_the_search_for_a_mute_mount() -> None:
 async def test_termination_signal_cancels_pending_work() -> None:
     done, work = asyncio.Event(), asyncio.ensure_future(asyncio.sleep(3600.0))
     asyncio.get_running_loop().call_later(0.01, done.set)
-    assert await unless(done, work) is None
+    assert await race(done, work) is None
     assert work.cancelled()

@@ -48,7 +48,7 @@ def test_demo_replaces_the_link_of_a_killed_gateway(tmp_path: Path, terminal: st
     path.unlink()
     path.symlink_to(terminal)
     link = DeviceLink(str(path))
-    link.point("/dev/pts/99999")
+    link.create("/dev/pts/99999")
     link.close()
     assert not path.is_symlink()
 
@@ -60,20 +60,20 @@ def test_demo_reports_a_folder_that_it_may_not_write_to(tmp_path: Path, monkeypa
     monkeypatch.setattr(os, "symlink", refuse)
     link = DeviceLink(str(tmp_path / "lx200"))
     with pytest.raises(UserError, match="choose a folder"):
-        link.point("/dev/pts/0")
+        link.create("/dev/pts/0")
     link.close()
 
 
 def test_demo_takes_the_next_free_link_name(tmp_path: Path, terminal: str) -> None:
     path = tmp_path / "lx200"
-    assert demo.free_name(str(path)) == str(path)
+    assert demo.free_pty_path(str(path)) == str(path)
     path.symlink_to(terminal)
     (tmp_path / "lx200-2").write_text("mine")
     (tmp_path / "lx200-3").symlink_to("/dev/pts/99999")  # nobody's
-    assert demo.free_name(str(path)) == f"{path}-3"
+    assert demo.free_pty_path(str(path)) == f"{path}-3"
     assert (os.readlink(path), (tmp_path / "lx200-2").read_text()) == (terminal, "mine")
     with pytest.raises(UserError, match="is in use"):
-        DeviceLink(str(path)).check()
+        DeviceLink(str(path)).check_name()
 
 
 def test_demo_takes_the_next_free_port(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -81,17 +81,17 @@ def test_demo_takes_the_next_free_port(monkeypatch: pytest.MonkeyPatch) -> None:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         number = taken.getsockname()[1]
-        assert number < demo.free_port(number) < number + demo.PORTS_TRIED
+        assert number < demo.free_port(number) < number + demo.MAX_TRIES
 
 
 def test_demo_prints_the_address_that_it_uses_instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[str] = []
     monkeypatch.setattr(demo, "free_port", lambda first: first + 1)
-    monkeypatch.setattr(demo, "free_name", lambda path: str(tmp_path / "lx200-2"))
+    monkeypatch.setattr(demo, "free_pty_path", lambda path: str(tmp_path / "lx200-2"))
     monkeypatch.setattr(
         demo, "serve_mounts", lambda config, banner: told.extend([banner, *(surface.at for surface in config.surface)])
     )
-    monkeypatch.setattr(demo, "with_loop", lambda fast, serve: serve() or 0)
+    monkeypatch.setattr(demo, "run_on_loop", lambda fast, serve: serve() or 0)
     from gateway.cli import main
 
     assert main(["demo"]) == 0

@@ -40,7 +40,7 @@ async def met(bridge: Bridge, at: str, answer: bytes | None) -> tuple[bool, list
     said: list[str] = []
     gateway = gateway_of(bridge, at)
     bridge.controller.start()
-    found = await finding._found(gateway, said.append)
+    found = await finding._wait_for_mount(gateway, said.append)
     words = not_found_message(gateway)
     await bridge.controller.close()
     return found, said, words
@@ -89,7 +89,7 @@ async def test_first_position_of_a_slow_classic_is_waited_for(named: bool, secon
     bridge = Bridge("lx200", driven="lx200", latency=0.5, named=named)
     began, said = now(), list[str]()
     bridge.controller.start()
-    assert await finding._found(gateway_of(bridge, "lx200:lx200@-" if named else "lx200@-"), said.append)
+    assert await finding._wait_for_mount(gateway_of(bridge, "lx200:lx200@-" if named else "lx200@-"), said.append)
     assert await bridge.client().ask(b":GR#", until=b"#")
     assert now() - began < seconds - 0.3  # the process has to start, too
     await bridge.controller.close()
@@ -121,11 +121,11 @@ async def nobody(where: str, baud: int) -> None:
 
 
 async def test_slowly_starting_hand_control_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.diagnostics.detect.scan_port.who_answers", nobody)
+    monkeypatch.setattr("gateway.diagnostics.detect.scan_port.answering_protocol", nobody)
     bridge, now = Bridge("gt", "101.0"), asyncio.get_running_loop().time
     began, slow = now(), Slow(bridge, 25.0)
     bridge.controller.start()
-    await finding.find(gateway_of(bridge, "nexstar@/dev/ttyUSB0"), slow.warn)
+    await finding.find_mount(gateway_of(bridge, "nexstar@/dev/ttyUSB0"), slow.warn)
     assert 25.0 < now() - began < 30.0
     assert "asks for 40 s" in slow.said[-1] and "--no-wait" in slow.said[-1]
     assert 4.0 < slow.times[-1] < 4.5
@@ -139,14 +139,14 @@ async def test_slowly_starting_hand_control_is_waited_for(monkeypatch: pytest.Mo
 async def test_silent_port_is_given_up_after_a_while(
     longest: float, least: float, most: float, hints: list[float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("gateway.diagnostics.detect.scan_port.who_answers", nobody)
+    monkeypatch.setattr("gateway.diagnostics.detect.scan_port.answering_protocol", nobody)
     bridge, now = Bridge("cpc"), asyncio.get_running_loop().time
     began, slow = now(), Slow(bridge, 1000.0)
     bridge.controller.start()
     with pytest.raises(UserError, match=r"no mount answers \(.* --wait keeps trying"):
-        await finding.find(gateway_of(bridge, "nexstar@/dev/ttyUSB0"), slow.warn, longest)
+        await finding.find_mount(gateway_of(bridge, "nexstar@/dev/ttyUSB0"), slow.warn, longest)
     assert least < now() - began < most
-    assert slow.times == pytest.approx([finding.MESSAGE_DELAY, *hints], abs=0.5)
+    assert slow.times == pytest.approx([finding.WAITING_MESSAGE_DELAY, *hints], abs=0.5)
     await bridge.controller.close()
 
 
@@ -154,14 +154,14 @@ async def test_silent_port_is_given_up_after_a_while(
 async def test_address_of_an_unsupported_protocol_is_refused_without_further_search(
     longest: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("gateway.diagnostics.detect.scan_port.who_answers", nobody)
+    monkeypatch.setattr("gateway.diagnostics.detect.scan_port.answering_protocol", nobody)
     bridge, now = Bridge("cpc"), asyncio.get_running_loop().time
     began, slow = now(), Slow(bridge, 1000.0)
     bridge.controller.start()
     with pytest.raises(UserError, match="AUX protocol"):
-        await finding.find(gateway_of(bridge, "nexstar@socket://1.2.3.4:2000"), slow.warn, longest)
+        await finding.find_mount(gateway_of(bridge, "nexstar@socket://1.2.3.4:2000"), slow.warn, longest)
     assert 8.5 < now() - began < 9.5
-    assert slow.times == pytest.approx([finding.MESSAGE_DELAY], abs=0.5)
+    assert slow.times == pytest.approx([finding.WAITING_MESSAGE_DELAY], abs=0.5)
     assert slow.heard and b";" not in slow.heard  # with it every packet of AUX begins
     await bridge.controller.close()
 
@@ -173,7 +173,7 @@ def test_other_protocol_garbage_or_aux_bytes_are_reported_at_once(monkeypatch: p
         async def meade(where: str, baud: int) -> str | None:
             return "lx200" if where == "/dev/ttyUSB0" else None
 
-        monkeypatch.setattr("gateway.diagnostics.detect.scan_port.who_answers", meade)
+        monkeypatch.setattr("gateway.diagnostics.detect.scan_port.answering_protocol", meade)
         for at, answer, words in (
             ("nexstar@/dev/ttyUSB0", b"", "the mount speaks lx200; write lx200@/dev/ttyUSB0"),
             ("nexstar@socket://1.2.3.4:2000", b"", "Celestron's AUX protocol: that is not supported"),
@@ -184,7 +184,7 @@ def test_other_protocol_garbage_or_aux_bytes_are_reported_at_once(monkeypatch: p
             wire.feed = lambda data, answer=answer: answer
             bridge.controller.start()
             with pytest.raises(UserError, match=words):
-                await finding.find(gateway_of(bridge, at), list[str]().append)
+                await finding.find_mount(gateway_of(bridge, at), list[str]().append)
             assert now() - began < 12.0
             await bridge.controller.close()
 
@@ -200,6 +200,6 @@ async def test_port_that_cannot_be_opened_is_reported_at_once(monkeypatch: pytes
     monkeypatch.setattr(bridge.controller.line.wire, "open", broken)
     bridge.controller.start()
     with pytest.raises(UserError, match="mount-gateway detect shows which ports"):
-        await finding.find(gateway_of(bridge, "lx200@/dev/ttyUSB0"), print)
+        await finding.find_mount(gateway_of(bridge, "lx200@/dev/ttyUSB0"), print)
     assert asyncio.get_running_loop().time() < 1001.0
     await bridge.controller.close()

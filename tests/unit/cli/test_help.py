@@ -11,8 +11,8 @@ import pytest
 
 from gateway.app.config.describing import keys
 from gateway.cli import main
-from gateway.cli.command_line import COMMAND_GROUPS, COMMANDS, parser
-from gateway.cli.completion import SHELLS, script
+from gateway.cli.command_line import COMMAND_GROUPS, COMMANDS, make_parser
+from gateway.cli.completion import SHELLS, completion_script
 from gateway.cli.serve.settings import FLAG_GROUPS
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each
@@ -60,7 +60,7 @@ def test_run_help_fits_a_screen_and_run_help_all_has_every_key(
 ) -> None:
     few, page = (told(capsys, monkeypatch, "run", columns="80", whole=whole) for whole in (False, True))
     assert len(few.splitlines()) <= 70
-    every = [key for key in (*keys("mount"), *keys("")) if key.flag]
+    every = [key for key in (*keys("mount"), *keys("")) if key.has_flag]
     assert all(f"\n  --{key.name}" in page for key in every)
     assert all((f"\n  --{key.name}" in few) is key.in_short_help for key in every)
     titles = ["connections", "about the mount:", *(f"{title}:" for title in FLAG_GROUPS), "Examples:"]
@@ -106,15 +106,15 @@ def test_config_command_takes_the_flags_of_run_without_repeating_their_help(
 
 
 def test_example_in_the_help_works() -> None:
-    page = parser().format_help().replace(" \\\n", " ")
+    page = make_parser().format_help().replace(" \\\n", " ")
     example = next(line for line in page.splitlines() if "run --mount" in line)
-    arguments = parser().parse_args(example.split()[1:])
+    arguments = make_parser().parse_args(example.split()[1:])
     assert (arguments.mount, arguments.surface) == ("nexstar@/dev/ttyUSB0", ["lx200@tcp://127.0.0.1:4030"])
 
 
 @pytest.mark.parametrize("shell", SHELLS)
 def test_shells_accept_their_completion_script(shell: str, tmp_path: Path) -> None:
-    text = script(shell)
+    text = completion_script(shell)
     assert all(command in text for command in COMMANDS)
     assert "hour-angle-limit" in text
     assert "avx/starsense-1.20" in text and "gt/101.0" in text

@@ -22,7 +22,7 @@ import pytest
 
 from gateway.app.mount_state import mount_state
 from gateway.cli.serve.live import Screen, find_terminal, start_status_updates
-from gateway.system.systemd import notify, watchdog
+from gateway.system.systemd import notify, watchdog_interval
 from tests.support.in_process_gateway import Bridge
 from tests.support.process import GATEWAY, PATIENCE
 
@@ -139,9 +139,9 @@ def test_systemd_watchdog_setting_for_another_process_is_ignored(
     monkeypatch.delenv("WATCHDOG_PID", raising=False)
     if pid:
         monkeypatch.setenv("WATCHDOG_PID", str(os.getpid()) if pid == "mine" else pid)
-    assert watchdog() == seconds
+    assert watchdog_interval() == seconds
     monkeypatch.delenv("NOTIFY_SOCKET")
-    assert watchdog() is None
+    assert watchdog_interval() is None
 
 
 class Terminal(io.TextIOWrapper):
@@ -159,8 +159,8 @@ def test_shorter_status_line_erases_the_longer_one(capsys: pytest.CaptureFixture
     terminal = Terminal()
     screen = Screen(terminal)
     screen.clear()
-    screen.show("slewing")
-    screen.show("up")
+    screen.show_status("slewing")
+    screen.show_status("up")
     screen.warn("a word")
     screen.clear()
     assert terminal.bytes.getvalue() == b"\rslewing\rup     \r  \r"
@@ -169,7 +169,7 @@ def test_shorter_status_line_erases_the_longer_one(capsys: pytest.CaptureFixture
 
 def test_terminal_without_a_degree_sign_gets_a_substitute() -> None:
     terminal = Terminal("ascii")
-    Screen(terminal).show("+22°")
+    Screen(terminal).show_status("+22°")
     assert terminal.bytes.getvalue() == b"\r+22?"
 
 

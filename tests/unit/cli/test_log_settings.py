@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from gateway.app.config.describing import find_key
-from gateway.cli import _protected, main
-from gateway.cli.command_line import parser
-from gateway.cli.serve.settings import settings
+from gateway.cli import _escape_for_argparse, main
+from gateway.cli.command_line import make_parser
+from gateway.cli.serve.settings import load_config
 from gateway.core.errors import UserError
 from tests.support.each import each
 from tests.support.process import Running, ask
@@ -38,8 +38,8 @@ RUN = ["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0"]
     ],
 )
 def test_log_flags_select_what_is_logged(flags: list[str], log: Any) -> None:
-    words = _protected([*RUN, *flags])
-    assert settings(parser(words[:1]).parse_args(words))[0].log == log
+    words = _escape_for_argparse([*RUN, *flags])
+    assert load_config(make_parser(words[:1]).parse_args(words))[0].log == log
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_log_flags_select_what_is_logged(flags: list[str], log: Any) -> None:
 def test_log_settings_in_a_file_select_what_is_logged(written: str, log: Any, tmp_path: Path) -> None:
     path = tmp_path / "gateway.toml"
     path.write_text(f'log = {written}\n[mount]\nat = "nexstar@sim"\n[[surface]]\nat = "lx200@tcp://:0"\n')
-    assert settings(parser(["run"]).parse_args(["run", "--config", str(path)]))[0].log == log
+    assert load_config(make_parser(["run"]).parse_args(["run", "--config", str(path)]))[0].log == log
 
 
 def test_invalid_log_setting_names_the_allowed_values(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -92,18 +92,18 @@ def test_json_log_makes_every_line_on_stderr_an_object(log: str, tmp_path: Path)
 
 @pytest.mark.parametrize("word", [*find_key("", "log").choices, "true", "false"])  # type: ignore[union-attr]
 def test_log_kind_may_be_given_as_a_separate_word(word: str) -> None:
-    assert _protected(["run", "--log", word, "gateway.toml"]) == ["run", f"--log={word}", "gateway.toml"]
-    assert _protected(["run", f"--log={word}", word]) == ["run", f"--log={word}", word]
+    assert _escape_for_argparse(["run", "--log", word, "gateway.toml"]) == ["run", f"--log={word}", "gateway.toml"]
+    assert _escape_for_argparse(["run", f"--log={word}", word]) == ["run", f"--log={word}", word]
 
 
 def test_word_after_log_that_is_no_kind_stays_the_config_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for word in ("evening.toml", "./evening"):
-        assert _protected(["run", "--log", word]) == ["run", "--log=true", word]
+        assert _escape_for_argparse(["run", "--log", word]) == ["run", "--log=true", word]
     with pytest.raises(UserError, match="write one of all"):
-        _protected(["run", "--log", "evening"])
+        _escape_for_argparse(["run", "--log", "evening"])
     Path("evening").touch()
-    assert _protected(["run", "--log", "evening"]) == ["run", "--log=true", "evening"]
-    assert _protected(["run", "--read-only", "all"]) == ["run", "--read-only=all"]
-    assert _protected(["run", "--read-only", "changes"]) == ["run", "--read-only=all", "changes"]
-    assert _protected(["run", "--log", "--read-only", "true"]) == ["run", "--log=true", "--read-only=true"]
+    assert _escape_for_argparse(["run", "--log", "evening"]) == ["run", "--log=true", "evening"]
+    assert _escape_for_argparse(["run", "--read-only", "all"]) == ["run", "--read-only=all"]
+    assert _escape_for_argparse(["run", "--read-only", "changes"]) == ["run", "--read-only=all", "changes"]
+    assert _escape_for_argparse(["run", "--log", "--read-only", "true"]) == ["run", "--log=true", "--read-only=true"]

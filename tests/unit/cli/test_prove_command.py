@@ -19,7 +19,7 @@ import pytest
 from gateway.app.config import Config, MountConfig
 from gateway.app.state.mount_claim import MountTaken
 from gateway.cli import main
-from gateway.cli.inspect.prove import LINE_COLUMNS, Terminal, checked, summary
+from gateway.cli.inspect.prove import LINE_COLUMNS, Terminal, config_for_check, summary
 from gateway.core.errors import UserError
 from gateway.diagnostics.prove.findings import DIFFERS, SAME, Finding, Findings, ProofFile, save
 from gateway.diagnostics.prove.guide import STAGES
@@ -37,7 +37,7 @@ def test_prove_prints_lines_that_fit_a_phone(capsys: pytest.CaptureFixture[str])
         terminal = Terminal()
         terminal.say("  " + "a sentence of many words " * 9)
         for part in (0.0, 0.5, 1.0):
-            terminal.progress(part, "a long word " * 9)
+            terminal.show_progress(part, "a long word " * 9)
         terminal.say("the end")
 
     asyncio.run(talk())
@@ -51,15 +51,15 @@ def test_prove_prints_lines_that_fit_a_phone(capsys: pytest.CaptureFixture[str])
 async def test_prove_accepts_single_keys_and_a_space_at_any_question() -> None:
     terminal = Terminal()
     for key in "y ":  # before the question: only the space bar counts
-        terminal.pressed(key)
-    assert await terminal.key("y: yes  q: leave", "yq") == " "
+        terminal.on_key(key)
+    assert await terminal.ask_for_key("y: yes  q: leave", "yq") == " "
     terminal.stop.clear()
     for keys, answer in (("xY", "y"), ("x ", " ")):
-        asking = asyncio.ensure_future(terminal.key("y: yes  q: leave", "yq"))
+        asking = asyncio.ensure_future(terminal.ask_for_key("y: yes  q: leave", "yq"))
         await asyncio.sleep(0)
         for key in keys:
             assert not asking.done()
-            terminal.pressed(key)
+            terminal.on_key(key)
         assert await asking == answer
     assert terminal.stop.is_set()
 
@@ -67,23 +67,23 @@ async def test_prove_accepts_single_keys_and_a_space_at_any_question() -> None:
 async def test_q_during_a_prove_stage_stops_and_answers_the_next_question() -> None:
     terminal = Terminal()
     for key in "qy":
-        terminal.pressed(key)
-    assert await terminal.key("y: yes  q: leave", "yq") == " "  # the mount is stopped first
+        terminal.on_key(key)
+    assert await terminal.ask_for_key("y: yes  q: leave", "yq") == " "  # the mount is stopped first
     terminal.stop.clear()
-    assert await asyncio.wait_for(terminal.key("y: yes  q: leave", "yq"), 60.0) == "q"
-    asking = asyncio.ensure_future(terminal.key("y: yes  q: leave", "yq"))  # that one q answered one question
+    assert await asyncio.wait_for(terminal.ask_for_key("y: yes  q: leave", "yq"), 60.0) == "q"
+    asking = asyncio.ensure_future(terminal.ask_for_key("y: yes  q: leave", "yq"))  # that one q answered one question
     await asyncio.sleep(0)
-    terminal.pressed("y")
+    terminal.on_key("y")
     assert await asyncio.wait_for(asking, 60.0) == "y"
 
 
 def test_prove_configures_its_gateway_to_keep_far_from_the_sun() -> None:
-    config = checked(Config([MountConfig(at="nexstar@sim", sun=0.0, lowest=15.0, record="mine.rec")]))
+    config = config_for_check(Config([MountConfig(at="nexstar@sim", sun=0.0, lowest=15.0, record="mine.rec")]))
     [mount] = config.mount
     assert (mount.sun, mount.lowest, mount.record) == (40.0, 15.0, "mine.rec")
     assert not config.status
     with pytest.raises(UserError, match="one mount"):
-        checked(Config([mount, mount]))
+        config_for_check(Config([mount, mount]))
 
 
 def test_prove_summary_names_each_difference() -> None:
@@ -100,7 +100,7 @@ def test_prove_summary_names_each_difference() -> None:
 def test_prove_begins_nothing_after_a_signal(where: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Ctrl-C ends the whole check, and nobody is asked anything; what was found is told and written."""
     save(tmp_path / "findings.json", Findings("mount", "m", stages={"motions": [RATES]}))
-    monkeypatch.setattr("gateway.cli.serve.serving.with_loop", lambda *arguments: 0)
+    monkeypatch.setattr("gateway.cli.serve.serving.run_on_loop", lambda *arguments: 0)
     monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: True))
     assert main(["prove", "--mount", f"nexstar@{where}", "--folder", str(tmp_path)]) == 0
     written = msgspec.json.decode((tmp_path / "prove-m-unknown.json").read_bytes(), type=ProofFile)
@@ -119,7 +119,7 @@ def test_prove_refuses_a_mount_used_by_a_gateway(
     def taken(*_: object) -> int:
         raise MountTaken(f"nexstar@{where}: words for a program", "process 17")
 
-    monkeypatch.setattr("gateway.cli.serve.serving.with_loop", taken)
+    monkeypatch.setattr("gateway.cli.serve.serving.run_on_loop", taken)
     monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: True))
     assert main(["prove", "--mount", f"nexstar@{where}", "--folder", str(tmp_path)]) == 2
     assert "another mount-gateway (process 17)" in capsys.readouterr().err

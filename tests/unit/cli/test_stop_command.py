@@ -22,8 +22,8 @@ from gateway.cli import main
 from gateway.core.requests import Answer
 from gateway.system import processes
 from gateway.system import runtime_folders as runtime
-from gateway.system.processes import Process, serves
-from gateway.system.runtime_folders import user
+from gateway.system.processes import GatewayProcess, is_gateway_argv
+from gateway.system.runtime_folders import user_id
 from tests.integration.stops.test_shutdown import Moving
 from tests.support.each import each
 from tests.support.process import PATIENCE, Running, ask
@@ -36,9 +36,9 @@ NOTHING = "nothing to stop: no gateway runs, and none ended in motion"
 
 
 @pytest.fixture
-def seen(monkeypatch: pytest.MonkeyPatch) -> list[Process]:
+def seen(monkeypatch: pytest.MonkeyPatch) -> list[GatewayProcess]:
     """The gateways that ``stop`` sees among the processes: other tests' are none of them."""
-    found: list[Process] = []
+    found: list[GatewayProcess] = []
     monkeypatch.setattr(processes, "gateways", lambda: found)
     monkeypatch.setattr(stop_command, "SEARCH_PERIOD", 0.01)
     return found
@@ -56,11 +56,11 @@ def stop(capsys: pytest.CaptureFixture[str]) -> Stop:
 
 
 def test_stop_reaches_a_gateway_whose_folder_was_deleted(
-    tmp_path: Path, started: list[Running], stop: Stop, seen: list[Process]
+    tmp_path: Path, started: list[Running], stop: Stop, seen: list[GatewayProcess]
 ) -> None:
     state = tmp_path / "state"
     moving = Moving(started, state)
-    seen.append(Process(moving.gateway.process.pid, os.getuid()))
+    seen.append(GatewayProcess(moving.gateway.process.pid, os.getuid()))
     moving.move()
     gone = state.rename(tmp_path / "gone")  # at once: the gateway may be writing a file into it
     shutil.rmtree(gone, ignore_errors=True)
@@ -71,11 +71,11 @@ def test_stop_reaches_a_gateway_whose_folder_was_deleted(
 
 @LINUX
 def test_stop_reaches_a_gateway_that_could_write_no_file(
-    started: list[Running], stop: Stop, seen: list[Process]
+    started: list[Running], stop: Stop, seen: list[GatewayProcess]
 ) -> None:
     """/proc takes files of nobody, not even of root; a full disk and a read-only one do neither."""
     moving = Moving(started, Path("/proc"))
-    seen.append(Process(moving.gateway.process.pid, os.getuid()))
+    seen.append(GatewayProcess(moving.gateway.process.pid, os.getuid()))
     moving.move()
     assert stop("--state", "/proc") == (0, f"{moving.endpoint}: stopped")
     assert not moving.moves()
@@ -137,7 +137,7 @@ def test_stop_hold_lasts_over_a_restart_until_released(tmp_path: Path, started: 
     assert stop(*here)[0] == 0
 
 
-def test_stop_hold_applies_to_a_whole_state_folder(stop: Stop, seen: list[Process], tmp_path: Path) -> None:
+def test_stop_hold_applies_to_a_whole_state_folder(stop: Stop, seen: list[GatewayProcess], tmp_path: Path) -> None:
     assert stop("--hold", "--mount", "x")[0] == 2
     assert stop("--hold", "--release")[0] == 2
     (tmp_path / "file").write_text("")
@@ -146,7 +146,7 @@ def test_stop_hold_applies_to_a_whole_state_folder(stop: Stop, seen: list[Proces
 
 
 def test_stop_names_a_mount_left_moving_by_a_killed_gateway(
-    stop: Stop, seen: list[Process], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    stop: Stop, seen: list[GatewayProcess], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def directly(mark: MarkerContent, where: Path) -> Answer:
         return Answer("done", f"stopped {mark.mount}")
@@ -165,7 +165,7 @@ def test_stop_names_a_mount_left_moving_by_a_killed_gateway(
 
 
 def test_stop_stops_a_mount_left_moving_in_another_state_folder(
-    stop: Stop, seen: list[Process], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    stop: Stop, seen: list[GatewayProcess], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("XDG_RUNTIME_DIR", "TMPDIR", "XDG_STATE_HOME"):
         monkeypatch.setenv(name, str(tmp_path))
@@ -175,7 +175,7 @@ def test_stop_stops_a_mount_left_moving_in_another_state_folder(
 
     async def directly(mark: MarkerContent, where: Path) -> Answer:
         assert (mark.mount, where) == ("nexstar@/dev/ttyS9", east)
-        if (answer := answers.pop(0)).done:
+        if (answer := answers.pop(0)).is_ok:
             marker.unlink()
         return answer
 
@@ -198,12 +198,14 @@ def test_stop_stops_a_mount_left_moving_in_another_state_folder(
 # --- what could not be known ------------------------------------------------------------------------------------
 
 
-def test_stop_reports_nothing_to_stop_where_no_gateway_ran(stop: Stop, seen: list[Process], tmp_path: Path) -> None:
+def test_stop_reports_nothing_to_stop_where_no_gateway_ran(
+    stop: Stop, seen: list[GatewayProcess], tmp_path: Path
+) -> None:
     assert stop() == (0, NOTHING)
     assert stop("--state", str(tmp_path)) == (0, NOTHING)
 
 
-def test_stop_reports_a_folder_that_it_cannot_read(stop: Stop, seen: list[Process], tmp_path: Path) -> None:
+def test_stop_reports_a_folder_that_it_cannot_read(stop: Stop, seen: list[GatewayProcess], tmp_path: Path) -> None:
     place = tmp_path / "state"
     place.write_text("")
     code, words = stop("--state", str(place))
@@ -212,10 +214,10 @@ def test_stop_reports_a_folder_that_it_cannot_read(stop: Stop, seen: list[Proces
 
 
 def test_stop_names_a_gateway_of_another_user(
-    stop: Stop, seen: list[Process], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    stop: Stop, seen: list[GatewayProcess], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(reach, "user", lambda: os.getuid() + 1000)
-    seen.append(Process(4711, 1))  # Debian's daemon
+    monkeypatch.setattr(reach, "user_id", lambda: os.getuid() + 1000)
+    seen.append(GatewayProcess(4711, 1))  # Debian's daemon
     code, words = stop()  # a folder that is not there says nothing of who runs
     assert code == 1
     assert words.startswith("a gateway of ") and " runs as process 4711: stop it as " in words
@@ -225,12 +227,12 @@ def test_stop_names_a_gateway_of_another_user(
     (tmp_path / "mount-gateway").mkdir()
     assert stop()[0] == 1, "whose folder is asked for was not said"
     assert stop("--state", str(tmp_path))[0] == 1, "whoever owns that folder may have a gateway"
-    monkeypatch.setattr(reach, "user", os.getuid)
+    monkeypatch.setattr(reach, "user_id", os.getuid)
     assert stop("--state", str(tmp_path)) == (0, NOTHING), "a folder of one's own is no other user's"
 
 
-def test_stop_names_an_own_gateway_that_does_not_answer(stop: Stop, seen: list[Process]) -> None:
-    seen.append(Process(4711, os.getuid()))
+def test_stop_names_an_own_gateway_that_does_not_answer(stop: Stop, seen: list[GatewayProcess]) -> None:
+    seen.append(GatewayProcess(4711, os.getuid()))
     code, words = stop()
     assert code == 1
     assert "process 4711 is a gateway" in words and "kill 4711" in words
@@ -238,7 +240,7 @@ def test_stop_names_an_own_gateway_that_does_not_answer(stop: Stop, seen: list[P
 
 @each(("seconds", "looks"), [(5.0, stop_command.TRIES), (3600.0, 2)])
 def test_stop_waits_for_a_silent_gateway_only_while_it_may_be_starting(
-    seconds: float, looks: int, stop: Stop, seen: list[Process], monkeypatch: pytest.MonkeyPatch
+    seconds: float, looks: int, stop: Stop, seen: list[GatewayProcess], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     looked, slept = list[int](), list[float]()
 
@@ -247,21 +249,21 @@ def test_stop_waits_for_a_silent_gateway_only_while_it_may_be_starting(
 
     monkeypatch.setattr(stop_command.asyncio, "sleep", sleep)
     monkeypatch.setattr(stop_command, "age", lambda pid: seconds)
-    monkeypatch.setattr(processes, "gateways", lambda: looked.append(1) or [Process(4711, os.getuid())])
+    monkeypatch.setattr(processes, "gateways", lambda: looked.append(1) or [GatewayProcess(4711, os.getuid())])
     assert stop()[0] == 1
     assert len(looked) == looks == len(slept) + 1, "nobody waits after the last look"
 
 
 def test_stop_does_not_wait_for_another_users_gateway(
-    stop: Stop, seen: list[Process], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    stop: Stop, seen: list[GatewayProcess], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     async def sleep(seconds: float) -> None:
         raise AssertionError("somebody waits")
 
-    seen.append(Process(4711, os.getuid() + 1))
-    monkeypatch.setattr(reach, "user", os.getuid)
-    monkeypatch.setattr(reach, "reachable", lambda process: False)
-    monkeypatch.setattr(stop_command, "reachable", lambda process: False)
+    seen.append(GatewayProcess(4711, os.getuid() + 1))
+    monkeypatch.setattr(reach, "user_id", os.getuid)
+    monkeypatch.setattr(reach, "may_reach", lambda process: False)
+    monkeypatch.setattr(stop_command, "may_reach", lambda process: False)
     monkeypatch.setattr(stop_command.asyncio, "sleep", sleep)
     code, words = stop()
     assert code == 1 and "runs as process 4711: stop it as" in words
@@ -291,7 +293,7 @@ def test_stop_without_a_folder_stops_every_gateway_of_the_user(
     assert stop("--state", str(tmp_path / "other")) == (0, NOTHING)
 
 
-@pytest.mark.skipif(user() != 0, reason="only root looks into folders of others")
+@pytest.mark.skipif(user_id() != 0, reason="only root looks into folders of others")
 def test_stop_as_root_reaches_gateways_of_other_users(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.delenv("XDG_RUNTIME_DIR")
@@ -306,8 +308,8 @@ def test_stop_as_root_reaches_gateways_of_other_users(tmp_path: Path, monkeypatc
     fake.symlink_to(theirs)
     found = reach.search(reach.Scope(tmp_path / "none"))
     assert [path for path, _ in found.gateways] == [theirs / "a.control"], "b is not of the folder's owner"
-    assert reach.search(reach.Scope(Path("/x"), alone=True)).gateways
-    assert not reach.search(reach.Scope(tmp_path, alone=True)).gateways
+    assert reach.search(reach.Scope(Path("/x"), folder_only=True)).gateways
+    assert not reach.search(reach.Scope(tmp_path, folder_only=True)).gateways
 
 
 @each(("words", "is_one"), [
@@ -321,7 +323,7 @@ def test_stop_as_root_reaches_gateways_of_other_users(tmp_path: Path, monkeypatc
     (["python", "-m", "pytest", "gateway"], False), ([""], False), ([], False), (["mount-gateway"], False),
 ])  # fmt: skip
 def test_gateway_process_is_recognised_by_its_command_line(words: list[str], is_one: bool) -> None:
-    assert serves([*words, ""]) is is_one
+    assert is_gateway_argv([*words, ""]) is is_one
 
 
 @LINUX
@@ -330,7 +332,7 @@ def test_gateway_is_found_among_the_running_processes(started: list[Running]) ->
     started.append(gateway)
     gateway.ready()
     pid = gateway.process.pid
-    assert Process(pid, os.getuid()) in processes.gateways()
+    assert GatewayProcess(pid, os.getuid()) in processes.gateways()
     assert processes.is_gateway(pid)
     gateway.end()
     assert not processes.is_gateway(pid) and not processes.exists(pid)

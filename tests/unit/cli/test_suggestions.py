@@ -177,7 +177,7 @@ def test_unknown_word_is_refused_with_a_suggestion(word: str, says: str) -> None
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_every_popular_name_stands_for_one_existing_mount(protocol: str) -> None:
-    names = {*load(protocol).models, endpoints.OPEN_MODEL, *(["starsense"] if protocol == "nexstar" else [])}
+    names = {*load(protocol).models, endpoints.ANY_MODEL, *(["starsense"] if protocol == "nexstar" else [])}
     rows = endpoints.names_by_model(protocol)
     assert set(rows) <= names
     words = [word for side in PROTOCOLS for row in endpoints.names_by_model(side).values() for word in row]
@@ -185,7 +185,7 @@ def test_every_popular_name_stands_for_one_existing_mount(protocol: str) -> None
     for model, row in rows.items():
         for word in row:
             assert parse_device(word).protocol == protocol and (
-                model == endpoints.OPEN_MODEL or parse_device(word).where == ""
+                model == endpoints.ANY_MODEL or parse_device(word).where == ""
             )
 
 
@@ -228,8 +228,8 @@ def test_detect_names_a_port_as_run_expects_it() -> None:
 
 def test_network_address_without_a_scheme_is_taken_for_a_socket() -> None:
     assert parse_port("192.168.1.50:4030").url == "socket://192.168.1.50:4030"
-    assert parse_port("meade@pi.local:4030").named == parse_endpoint("lx200@socket://pi.local:4030")
-    assert parse_port("8se@/dev/ttyUSB0").named == parse_endpoint("nexstar:6-8se@/dev/ttyUSB0")
+    assert parse_port("meade@pi.local:4030").typed_endpoint == parse_endpoint("lx200@socket://pi.local:4030")
+    assert parse_port("8se@/dev/ttyUSB0").typed_endpoint == parse_endpoint("nexstar:6-8se@/dev/ttyUSB0")
 
 
 # --- places as people write them -------------------------------------------------------------------------------------
@@ -317,7 +317,7 @@ def test_stop_accepts_a_mounts_popular_name(monkeypatch: pytest.MonkeyPatch, tmp
         asked.append(mount)
         return StopReport([], [])
 
-    monkeypatch.setattr("gateway.app.control.stop_command.order_all", order_all)
+    monkeypatch.setattr("gateway.app.control.stop_command.request_all", order_all)
     for name in ("6se@/dev/ttyUSB0", "/dev/ttyUSB0", "x@y"):
         assert main(["stop", "--state", str(tmp_path), "--mount", name]) == 0
     assert asked == ["nexstar:6-8se@/dev/ttyUSB0", "/dev/ttyUSB0", "x@y"]

@@ -14,11 +14,11 @@ from msgspec.structs import fields
 from gateway.app.config import MountConfig, Source, SurfaceConfig, make_config
 from gateway.app.gateway import Gateway
 from gateway.app.mount_state import mount_state
-from gateway.clients.access import AccessRules, harmless, networks
+from gateway.clients.access import AccessRules, is_harmless, parse_networks
 from gateway.core import operations as op
 from gateway.core.errors import UserError
 from gateway.transport.handler import ConnectionRefused
-from gateway.transport.tcp import exposed
+from gateway.transport.tcp import is_exposed
 from tests.support.any_port import AnyBridge
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
@@ -72,7 +72,7 @@ async def test_only_configured_networks_may_connect() -> None:
         friend = await link(gateway, "127.0.0.1")
         assert await ask(friend, b":GVP#") == b"Autostar#"
         assert len([line for line in said if "connection from 127.0.0.2 refused" in line and "allow" in line]) == 1
-        [told] = [line for line in mount_state(gateway.controller).drawn().lately if "127.0.0.2" in line]
+        [told] = [line for line in mount_state(gateway.controller).to_state().lately if "127.0.0.2" in line]
         assert "127.0.0.2 refused on surface 1" in told and "allow" in told
         friend[1].close()
 
@@ -100,7 +100,7 @@ async def test_one_address_gets_three_quarters_of_the_connections_and_this_compu
             await caller.ask(b":GR#")
         with pytest.raises(ConnectionRefused):
             bridge.call("10.0.0.1")
-        [told] = [notice.text for notice in bridge.wire_log.recent if notice.side == "10.0.0.1"]
+        [told] = [notice.text for notice in bridge.wire_log.recent_notices if notice.side == "10.0.0.1"]
         assert "it has 6 clients already" in told
         bridge.call("10.0.0.2"), bridge.call("127.0.0.1")
     async with AnyBridge(keys={"max_clients": 4}) as bridge:
@@ -111,7 +111,7 @@ async def test_one_address_gets_three_quarters_of_the_connections_and_this_compu
 
 async def test_pending_commands_of_a_closed_connection_count_until_done() -> None:
     """Else whoever closes and comes again could have any number of commands under way."""
-    async with Bridge(latency=0.2, access=AccessRules(most=3), presented="nexstar", surface="6-8se") as bridge:
+    async with Bridge(latency=0.2, access=AccessRules(max_clients=3), presented="nexstar", surface="6-8se") as bridge:
         for _ in range(3):
             client = bridge.client()
             client.tell(b"T\2t" * 20)
@@ -136,7 +136,7 @@ async def test_pending_commands_of_a_closed_connection_count_until_done() -> Non
 )
 @pytest.mark.safety_line(9)
 def test_surface_knows_whether_other_computers_can_reach_it(where: str, wide: bool) -> None:
-    assert exposed(where) is wide
+    assert is_exposed(where) is wide
 
 
 @pytest.mark.parametrize(
@@ -151,19 +151,19 @@ def test_surface_knows_whether_other_computers_can_reach_it(where: str, wide: bo
 @pytest.mark.real_time
 async def test_run_warns_of_a_port_that_anybody_can_reach(keys: dict[str, Any], loud: bool) -> None:
     async with serving(at="tcp://0.0.0.0:0", **keys) as (gateway, said):
-        assert any("no password" in line and "allow" in line for line in gateway.cautions()) is loud
+        assert any("no password" in line and "allow" in line for line in gateway.start_warnings()) is loud
         assert not any("password" in line for line in said), "only once it serves"
 
 
 @pytest.mark.real_time
 async def test_surface_without_a_host_accepts_only_this_computer() -> None:
     async with serving(at="tcp://:0") as (gateway, _):
-        assert gateway.ports[0].where.startswith("tcp://127.0.0.1:")
-        assert list(gateway.cautions()) == []
+        assert gateway.ports[0].address.startswith("tcp://127.0.0.1:")
+        assert list(gateway.start_warnings()) == []
 
 
 def test_allow_list_accepts_ipv4_ipv6_and_serial_clients() -> None:
-    access = AccessRules(allow=networks(["192.168.1.0/24", "fd00::/8", "10.1.2.3"]))
+    access = AccessRules(allow=parse_networks(["192.168.1.0/24", "fd00::/8", "10.1.2.3"]))
     admitted = ["192.168.1.77", "::ffff:192.168.1.77", "fd12::1", "10.1.2.3"]
     assert [access.admits(host) for host in admitted] == [True] * 4
     assert not any(access.admits(host) for host in ["192.168.2.1", "10.1.2.4", "::1", "fe80::1%eth0", "?", ""])
@@ -207,8 +207,8 @@ def test_only_reads_and_stops_count_as_harmless() -> None:
     examples = {op.Focus: [op.Focus(1), op.Focus(-1)], op.PassThrough: [op.PassThrough("x")]}
     for kind in every - {op.Operation}:
         for one in examples.get(kind, [kind(*[1.0] * len(fields(kind)))]):  # the kind decides, not its fields
-            assert harmless(one) is (kind in allowed), kind
-    assert harmless(op.Focus(0))
+            assert is_harmless(one) is (kind in allowed), kind
+    assert is_harmless(op.Focus(0))
 
 
 #: What a program sends -> what a client that only looks is told. None: no reply.
@@ -254,7 +254,7 @@ async def test_look_only_lx200_client_changes_nothing() -> None:
         for command in LX200_ALLOWED:
             await client.ask(command, 3.0)
         await asyncio.sleep(5)
-        before = set(bridge.sent())
+        before = set(bridge.sent_requests())
         for command, reply in LX200_REFUSED.items():
             heard = await client.ask(command, 0.6, until=b"\x00")
             assert heard.startswith(reply) if reply else heard == b"", command
@@ -267,7 +267,7 @@ async def test_look_only_lx200_client_changes_nothing() -> None:
         assert await client.ask(b":GT#") == b"60.1#"
         assert await client.ask(b":GM#") == b"SITE 1#"
         await asyncio.sleep(5)
-        assert set(bridge.sent()) <= before | {b"h"}, "nothing but questions has gone to the mount"
+        assert set(bridge.sent_requests()) <= before | {b"h"}, "nothing but questions has gone to the mount"
         notes = [entry.note for entry in bridge.entries if entry.arrow == "!"]
         assert "Goto refused: read only" in notes
         assert "SetSite refused: read only" in notes or "a setting refused: read only" in notes
@@ -275,7 +275,7 @@ async def test_look_only_lx200_client_changes_nothing() -> None:
 
 async def test_look_only_client_selects_no_site_and_shifts_no_zone() -> None:
     """Neither for itself nor for others; what it is told of both is what was there before."""
-    async with Bridge(access=AccessRules(read_only=networks(["10.9.0.0/16"])), surface="lx200gps") as bridge:
+    async with Bridge(access=AccessRules(read_only=parse_networks(["10.9.0.0/16"])), surface="lx200gps") as bridge:
         owner, looker = bridge.client("10.0.0.1"), bridge.client("10.9.0.1")
         owner.tell(b":W3#")
         assert await owner.ask(b":St+50*00#:Sg010*00#", until=b"11") == b"11"
@@ -295,28 +295,28 @@ async def test_look_only_client_selects_no_site_and_shifts_no_zone() -> None:
 
 @pytest.mark.parametrize("stop", [b":Q#", b":Qn#", b":I#"])
 async def test_look_only_client_may_stop(stop: bytes) -> None:
-    access = AccessRules(read_only=networks(["10.9.0.0/16"]))
+    access = AccessRules(read_only=parse_networks(["10.9.0.0/16"]))
     async with Bridge(access=access) as bridge:
         mover, looker = bridge.client("10.0.0.1"), bridge.client("10.9.0.1")
         mover.tell(b":RM#:Mn#")
         await asyncio.sleep(1)
-        assert bridge.controller.wanted.axes == {2}
+        assert bridge.controller.wanted.axes_moved_by_hand == {2}
         looker.tell(b":Ms#:Me#")
         await asyncio.sleep(1)
-        assert bridge.controller.wanted.axes == {2}
+        assert bridge.controller.wanted.axes_moved_by_hand == {2}
         looker.tell(stop)
         await asyncio.sleep(1)
-        assert bridge.controller.wanted.axes == set()
+        assert bridge.controller.wanted.axes_moved_by_hand == set()
 
 
 async def test_look_only_nexstar_client_changes_nothing() -> None:
-    access = AccessRules(read_only=networks(["10.9.0.0/16"]))
+    access = AccessRules(read_only=parse_networks(["10.9.0.0/16"]))
     async with Bridge("cge", access=access, presented="nexstar", surface="cge") as bridge:
         mover, looker = bridge.client("10.0.0.1"), bridge.client("10.9.0.1")
         for command in (b"e", b"z", b"t", b"w", b"h", b"p", b"J", b"L"):
             assert await looker.ask(command)
         await asyncio.sleep(5)
-        before = set(bridge.sent())
+        before = set(bridge.sent_requests())
         ra, dec = up(bridge, 40.0)
         for command in (
             precise(b"r", ra, dec),
@@ -340,7 +340,7 @@ async def test_look_only_nexstar_client_changes_nothing() -> None:
             assert (await looker.ask(command, 3.0))[-1:] == b"#", command
             assert await looker.ask(b"L") == b"0#", command
         await asyncio.sleep(5)
-        assert set(bridge.sent()) <= before
+        assert set(bridge.sent_requests()) <= before
         assert await mover.ask(precise(b"r", ra, dec)) == b"#"
         await asyncio.sleep(1)
         assert await looker.ask(b"L") == b"1#"
@@ -351,7 +351,7 @@ async def test_look_only_nexstar_client_changes_nothing() -> None:
         await asyncio.sleep(1)
         assert await looker.ask(b"P\2\x10\x24\0\0\0\0") == b"#"
         await asyncio.sleep(1)
-        assert bridge.controller.wanted.axes == set()
+        assert bridge.controller.wanted.axes_moved_by_hand == set()
 
 
 # --- what nobody gets through -----------------------------------------------------------------------------------------
@@ -374,7 +374,7 @@ async def test_no_command_that_writes_into_a_device_reaches_a_mount() -> None:
             for device in (16, 18, RTC):
                 await client.ask(bytes((80, 1 + command % 4, device, command, 0, 0, 0, 1)), 0.05)
         await asyncio.sleep(5)
-        passed = {(sent[2], sent[3]) for sent in bridge.sent() if sent[:1] == b"P"}
+        passed = {(sent[2], sent[3]) for sent in bridge.sent_requests() if sent[:1] == b"P"}
         deadly = {(device, command) for device, command in passed if command in DEADLY}
         assert {device for device, command in deadly if command != 0x04} <= {RTC}
         assert {command for device, command in deadly if device == RTC} <= {0x04, 0x83, 0x84}
@@ -383,7 +383,7 @@ async def test_no_command_that_writes_into_a_device_reaches_a_mount() -> None:
 
 def test_forbidden_raw_command_is_blocked_on_every_kind_of_connection() -> None:
     """The surface decides, before it is known how the bytes came: tcp, pty and serial alike."""
-    from gateway.protocols.nexstar.surface.devices import NEVER_PASSED, passes
+    from gateway.protocols.nexstar.surface.devices import NEVER_PASSED, may_be_passed_on
     from gateway.protocols.wireformat.command_set import load
 
     protocol = load("nexstar")
@@ -393,7 +393,11 @@ def test_forbidden_raw_command_is_blocked_on_every_kind_of_connection() -> None:
                 found = protocol.find(bytes((80, length, device, command, 1, 2, 3, 0)))
                 if found is None:
                     continue
-                row = protocol.surface.get(found[0].name)
+                row = protocol.surface_rows.get(found[0].name)
                 spoken_for = row is not None and row.outcome != "refused"
-                assert spoken_for or found[0].name in NEVER_PASSED or not passes(found[0].name, {"device": device})
+                assert (
+                    spoken_for
+                    or found[0].name in NEVER_PASSED
+                    or not may_be_passed_on(found[0].name, {"device": device})
+                )
                 assert command == 0x04 or device == RTC or found[0].name in NEVER_PASSED

@@ -24,7 +24,7 @@ async def test_commands_sent_before_a_stop_begin_no_motion_after_it(who: str) ->
         first, *rest = shares(ARROWS)
         bully.tell(first)
         await asyncio.sleep(2.0)
-        assert bridge.controller.wanted.axes == {1}
+        assert bridge.controller.wanted.axes_moved_by_hand == {1}
         other.tell(b":Q#") if who == "another program" else bridge.controller.begin_stop()
         for share in rest:
             await asyncio.sleep(0.05)
@@ -46,7 +46,7 @@ async def test_client_that_has_caught_up_moves_the_mount_again() -> None:
         assert not bridge.controller.moving
         bully.tell(b":Me#")
         await asyncio.sleep(1.0)
-        assert bridge.controller.wanted.axes == {1}
+        assert bridge.controller.wanted.axes_moved_by_hand == {1}
 
 
 async def test_long_backlog_is_forgotten_when_its_time_is_over() -> None:
@@ -58,4 +58,4 @@ async def test_long_backlog_is_forgotten_when_its_time_is_over() -> None:
         await asyncio.sleep(30.0)
         client.tell(b":RM#:Me#")
         await asyncio.sleep(1.0)
-        assert bridge.controller.wanted.axes == {1}
+        assert bridge.controller.wanted.axes_moved_by_hand == {1}

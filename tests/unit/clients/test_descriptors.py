@@ -66,7 +66,7 @@ async def test_client_without_a_free_descriptor_is_refused_in_one_line_and_admit
         free = os.open(os.devnull, os.O_RDONLY)
         os.close(free)
         monkeypatch.setattr(
-            file_limits, "limit", lambda: free + file_limits.RESERVED_FILES
+            file_limits, "open_file_limit", lambda: free + file_limits.RESERVED_FILES
         )  # the next one has this number
         for _ in range(5):
             reader, writer = await asyncio.open_connection(*address(gateway))
@@ -94,15 +94,15 @@ async def test_arrow_begins_though_no_file_can_be_opened(tmp_path: Path, monkeyp
         raise MappingError(name, "[file]", os.strerror(errno.EMFILE))
 
     async with Bridge(state=tmp_path, in_thread=nothing_opens) as bridge:
-        monkeypatch.setattr(CommandSet, "extra", no_table)
+        monkeypatch.setattr(CommandSet, "extra_table", no_table)
         client = bridge.client()
         for _ in range(3):
             client.tell(b":RM#:Mn#")
             await asyncio.sleep(2.0)
-            assert bridge.controller.wanted.axes == {2}
+            assert bridge.controller.wanted.axes_moved_by_hand == {2}
             client.tell(b":Qn#")
             await asyncio.sleep(8.0)
-            assert bridge.controller.wanted.axes == set()
+            assert bridge.controller.wanted.axes_moved_by_hand == set()
         assert (
             len(
                 [
@@ -129,4 +129,4 @@ async def test_defect_in_an_abandoned_request_is_reported(monkeypatch: pytest.Mo
         client.tell(b":Mn#")
         await asyncio.sleep(3.0)
         assert any("internal error" in entry.note and "broken" in entry.note for entry in bridge.entries)
-        assert bridge.controller.wanted.axes == set()
+        assert bridge.controller.wanted.axes_moved_by_hand == set()

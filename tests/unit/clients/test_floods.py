@@ -13,12 +13,12 @@ from typing import Any
 
 import pytest
 
-from gateway.clients.commands.turn import MAX_BACKGROUND
+from gateway.clients.commands.turn import MAX_BACKGROUND_OPERATIONS
 from gateway.diagnostics.virtual_time import run
-from gateway.protocols.base.session import Shared
+from gateway.protocols.base.session import SharedSettings
 from gateway.transport import tcp
 from gateway.transport.tcp import READ_BYTES, READ_PAUSE
-from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.in_process_gateway import Bridge, RehearsalClient
 from tests.support.nexstar_flows import precise, up
 from tests.support.sampling import as_a_rule
 from tests.support.two_gateways import equatorial
@@ -37,7 +37,7 @@ COSTLY = b"".join(
 )
 
 
-def flooded(flood: bytes, test: Callable[[Bridge, Visitor], Awaitable[None]], **settings: Any) -> None:
+def flooded(flood: bytes, test: Callable[[Bridge, RehearsalClient], Awaitable[None]], **settings: Any) -> None:
     """A gateway with a slow NexStar behind it, one client that repeats ``flood`` for ever, and another one."""
 
     async def program() -> None:
@@ -57,7 +57,7 @@ def flooded(flood: bytes, test: Callable[[Bridge, Visitor], Awaitable[None]], **
     run(program())
 
 
-async def seconds(client: Visitor, command: bytes, until: bytes = b"#") -> float:
+async def seconds(client: RehearsalClient, command: bytes, until: bytes = b"#") -> float:
     began = asyncio.get_running_loop().time()
     assert await client.ask(command, 60.0, until=until)
     return asyncio.get_running_loop().time() - began
@@ -67,7 +67,7 @@ async def seconds(client: Visitor, command: bytes, until: bytes = b"#") -> float
 
 
 def test_stop_goes_before_everything_that_a_flood_requested() -> None:
-    async def stopped(bridge: Bridge, other: Visitor) -> None:
+    async def stopped(bridge: Bridge, other: RehearsalClient) -> None:
         for _ in range(3):
             await asyncio.sleep(1.3)
             before, began = len(bridge.entries), asyncio.get_running_loop().time()
@@ -81,7 +81,7 @@ def test_stop_goes_before_everything_that_a_flood_requested() -> None:
 
 
 def test_stop_goes_before_pending_orders_that_survive_it() -> None:
-    async def stopped(bridge: Bridge, other: Visitor) -> None:
+    async def stopped(bridge: Bridge, other: RehearsalClient) -> None:
         for _ in range(5):
             await asyncio.sleep(0.7)
             began = asyncio.get_running_loop().time()
@@ -92,26 +92,26 @@ def test_stop_goes_before_pending_orders_that_survive_it() -> None:
 
 
 def test_hundred_simultaneous_stops_are_sent_as_one() -> None:
-    async def stopped(bridge: Bridge, other: Visitor) -> None:
+    async def stopped(bridge: Bridge, other: RehearsalClient) -> None:
         other.tell(b":RM#:Mn#")
         await asyncio.sleep(2)
         other.tell(b":Q#" * 100)
         names = [getattr(task.get_coro(), "__qualname__", "") for task in asyncio.all_tasks()]
         assert names.count("StopSender._send") == 1
         await asyncio.sleep(3)
-        assert not bridge.controller.wanted.owed
-        assert not bridge.controller.wanted.axes
+        assert not bridge.controller.wanted.stop_owed
+        assert not bridge.controller.wanted.axes_moved_by_hand
 
     flooded(b":GVP#", stopped, presented="lx200", surface="autostar")
 
 
 def test_joystick_does_not_queue_more_than_the_line_carries() -> None:
-    async def steered(bridge: Bridge, other: Visitor) -> None:
+    async def steered(bridge: Bridge, other: RehearsalClient) -> None:
         for key in (1, 2, 3, 4, 5, 6, 7, 8, 9, 7):
             other.tell(bytes((80, 2, 17, 36, key, 0, 0, 0)))
             await asyncio.sleep(0.02)
         await asyncio.sleep(4)
-        keys = [sent[4] for sent in bridge.sent() if sent[:4] == bytes((80, 2, 17, 36))]
+        keys = [sent[4] for sent in bridge.sent_requests() if sent[:4] == bytes((80, 2, 17, 36))]
         assert keys[-1] == 7
         assert len(keys) <= 4
 
@@ -120,7 +120,7 @@ def test_joystick_does_not_queue_more_than_the_line_carries() -> None:
 
 @pytest.mark.parametrize("flood", [COSTLY, COSTLY[:320], COSTLY[320:344], COSTLY[344:]], ids=lambda f: str(len(f)))
 def test_flood_leaves_positions_for_other_clients(flood: bytes) -> None:
-    async def told(bridge: Bridge, other: Visitor) -> None:
+    async def told(bridge: Bridge, other: RehearsalClient) -> None:
         waits = []
         for command in (b"e", b"z", b"t", b"L", b"J") * 2:
             began = asyncio.get_running_loop().time()
@@ -134,29 +134,31 @@ def test_flood_leaves_positions_for_other_clients(flood: bytes) -> None:
 
 
 def test_flood_leaves_another_clients_goto_alone() -> None:
-    async def begun(bridge: Bridge, other: Visitor) -> None:
+    async def begun(bridge: Bridge, other: RehearsalClient) -> None:
         ra, dec = up(bridge, 40.0)
         assert await other.ask(precise(b"r", ra, dec)) == b"#"
         await asyncio.sleep(10)
-        assert any(sent.startswith(b"r") for sent in bridge.sent())
+        assert any(sent.startswith(b"r") for sent in bridge.sent_requests())
 
     flooded(COSTLY[:344], begun)
 
 
 def test_number_of_pending_commands_of_one_client_is_bounded() -> None:
-    async def bounded(bridge: Bridge, other: Visitor) -> None:
-        assert len(asyncio.all_tasks()) < 2 * MAX_BACKGROUND + 30
-        assert len(bridge.controller.line.queue) < MAX_BACKGROUND + 10
+    async def bounded(bridge: Bridge, other: RehearsalClient) -> None:
+        assert len(asyncio.all_tasks()) < 2 * MAX_BACKGROUND_OPERATIONS + 30
+        assert len(bridge.controller.line.queue) < MAX_BACKGROUND_OPERATIONS + 10
 
     flooded(COSTLY * 4, bounded)
 
 
 def test_released_rate_ends_at_once_however_many_came_before() -> None:
-    async def ended(bridge: Bridge, other: Visitor) -> None:
+    async def ended(bridge: Bridge, other: RehearsalClient) -> None:
         other.tell(bytes((80, 2, 17, 36, 9, 0, 0, 0)) * 300 + bytes((80, 2, 17, 36, 0, 0, 0, 0)))
         await asyncio.sleep(2.0)
-        assert 2 not in bridge.controller.wanted.axes
-        assert bridge.sent().count(bytes((80, 2, 17, 36, 9, 0, 0, 0))) <= 1, "a newer one takes the place of the older"
+        assert 2 not in bridge.controller.wanted.axes_moved_by_hand
+        assert bridge.sent_requests().count(bytes((80, 2, 17, 36, 9, 0, 0, 0))) <= 1, (
+            "a newer one takes the place of the older"
+        )
 
     flooded(b"e", ended)
 
@@ -164,7 +166,7 @@ def test_released_rate_ends_at_once_however_many_came_before() -> None:
 def test_repeated_stops_leave_room_for_reads() -> None:
     """Each is several exchanges; a read that waits for all of them is given up after two seconds."""
 
-    async def read(bridge: Bridge, other: Visitor) -> None:
+    async def read(bridge: Bridge, other: RehearsalClient) -> None:
         for _ in range(10):
             assert await seconds(other, b":GA#") < 1.5
             await asyncio.sleep(0.7)
@@ -204,10 +206,10 @@ class _SecondFace:
         from gateway.mount.policy import Limits
 
         face = make_surface(Endpoint("nexstar", "-", "6-8se"), SurfaceConfig(at="-"), Limits())
-        self.acceptor = ConnectionAcceptor(bridge.controller, face, Shared(), bridge.clock)
+        self.acceptor = ConnectionAcceptor(bridge.controller, face, SharedSettings(), bridge.clock)
 
-    async def __aenter__(self) -> Visitor:
-        return Visitor(self, "10.0.0.2")
+    async def __aenter__(self) -> RehearsalClient:
+        return RehearsalClient(self, "10.0.0.2")
 
     async def __aexit__(self, *_: object) -> None:
         """Nothing to do."""

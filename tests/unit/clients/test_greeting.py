@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.clients.strangers import IDLE_BYTES, Greeting, Piece, Recogniser, StrangerFilter, greetings
+from gateway.clients.strangers import IDLE_BYTES, Greeting, ReceivedBytes, StrangerFilter, StrangerRecogniser, greetings
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.lx200.spec import OPENING as LX200_BEGINNING
 from gateway.protocols.nexstar.spec import OPENING as NEXSTAR_BEGINNING
@@ -90,15 +90,15 @@ def can_begin(grammar: list[list[Bytes]], first: tuple[Bytes, ...]) -> bool:
 
 @pytest.mark.parametrize("grammar", [NEXSTAR, LX200], ids=["nexstar", "lx200"])
 def test_no_greeting_of_a_stranger_begins_a_program_command(grammar: list[list[Bytes]]) -> None:
-    assert [greeting for greeting in greetings() if can_begin(grammar, greeting.first)] == []
+    assert [greeting for greeting in greetings() if can_begin(grammar, greeting.pattern)] == []
     assert can_begin(NEXSTAR, tuple(letters("EHe")[:1])) and can_begin(LX200, tuple(letters("#:GR#")))
 
 
 def test_greeting_table_has_a_row_for_every_greeting_and_none_in_vain() -> None:
     for name, data in [*GREETINGS.items(), ("Telnet", TELNET)]:
         for before in (b"", b"#", b"\r\n", b"\0 ?#"):
-            assert isinstance(Recogniser().feed(before + data), Greeting), name
-    texts = [bytes(min(octet) for octet in greeting.first) for greeting in greetings()]
+            assert isinstance(StrangerRecogniser().feed(before + data), Greeting), name
+    texts = [bytes(min(octet) for octet in greeting.pattern) for greeting in greetings()]
     assert len(set(texts)) == len(texts)
 
 
@@ -106,7 +106,7 @@ def test_no_greeting_contains_a_command_that_does_more_than_read() -> None:
     """However it is cut: only these go on before it is known what comes. (Any byte of a row stands for itself here.)"""
     asks = re.compile(rb"(?:[#\r\n\0 ?EeZzVvJLMmtwhipl]|K.)*", re.DOTALL)
     for greeting in greetings():
-        text = bytes(0x80 if octet == EVERY else min(octet) for octet in greeting.first)
+        text = bytes(0x80 if octet == EVERY else min(octet) for octet in greeting.pattern)
         for commands in (NEXSTAR_BEGINNING, LX200_BEGINNING):
             found = re.match(commands, text[:-1])
             assert found and asks.fullmatch(found.group()), greeting.description
@@ -148,7 +148,11 @@ def test_every_command_of_the_manuals_is_handled_by_its_last_byte() -> None:
             heard = b""
             for at in range(0, len(request), size):
                 chunk = request[at : at + size]
-                pieces = [Piece(chunk, 0.0, 0)] if beginning.done else beginning.feed(Piece(chunk, 0.0, 0))
+                pieces = (
+                    [ReceivedBytes(chunk, 0.0, 0)]
+                    if beginning.is_done
+                    else beginning.feed(ReceivedBytes(chunk, 0.0, 0))
+                )
                 heard += b"".join(piece.data for piece in pieces)
             assert beginning.stranger is None and heard == request, request
 
@@ -187,18 +191,18 @@ def test_program_on_a_network_is_answered_as_soon_as_on_a_line(path: Path, trans
 
 def test_bytes_held_back_as_a_possible_greeting_are_bounded() -> None:
     """Never-ending beginnings of every kind: idle bytes, greetings that stop short, anything."""
-    longest = max(len(greeting.first) for greeting in greetings())
+    longest = max(len(greeting.pattern) for greeting in greetings())
     chance = random.Random(5)
     for commands in (NEXSTAR_BEGINNING, LX200_BEGINNING):
         for _ in range(60):
             beginning = StrangerFilter(commands)
-            short = chance.choice(greetings()).first[:-1]
+            short = chance.choice(greetings()).pattern[:-1]
             data = bytes(chance.choice(IDLE_BYTES) for _ in range(100)) + bytes(
                 chance.choice(sorted(set_)) for set_ in short
             )
             for byte in data:
-                if not beginning.done:
-                    beginning.feed(Piece(bytes((byte,)), 0.0, 0))
+                if not beginning.is_done:
+                    beginning.feed(ReceivedBytes(bytes((byte,)), 0.0, 0))
                 assert len(beginning._held_pieces) <= longest
 
 
@@ -215,7 +219,7 @@ async def test_motion_behind_a_stop_in_one_packet_is_begun_on_a_network() -> Non
     async with Bridge() as bridge:
         Caller(bridge.acceptor).tell(b"#:RS#:Q#:Me#")
         await asyncio.sleep(1.0)
-        assert bridge.controller.wanted.axes == {1}
+        assert bridge.controller.wanted.axes_moved_by_hand == {1}
 
 
 async def test_client_on_a_serial_line_is_never_taken_for_a_stranger() -> None:

@@ -6,7 +6,7 @@ import asyncio
 from itertools import pairwise
 from typing import Any
 
-from gateway.clients.commands.command_processor import Pushes
+from gateway.clients.commands.command_processor import Pusher
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import Operation, Position, Slewing
 from gateway.protocols.base.wants import Subscription
@@ -23,7 +23,7 @@ class Client:
         self.waiting = 0
         self.down = False
         self.tasks: list[asyncio.Task[Any]] = []
-        self.pushes = Pushes(subscriptions, self.read, self.send, lambda: self.waiting, self.spawn)
+        self.pushes = Pusher(subscriptions, self.read, self.send, lambda: self.waiting, self.spawn)
 
     def spawn(self, work: Any) -> asyncio.Task[Any]:
         self.tasks.append(self.loop.create_task(work))
@@ -59,7 +59,7 @@ async def test_surface_pushes_at_the_interval_of_each_client() -> None:
 
 
 async def test_surface_pushes_only_on_change_where_configured() -> None:
-    client = Client(Subscription(Position(), 0.25, told, changes=True))
+    client = Client(Subscription(Position(), 0.25, told, only_changes=True))
     await asyncio.sleep(2.1)
     assert client.heard == [(0.0, b"0"), (1.0, b"1"), (2.0, b"2")]
     client.pushes.close()

@@ -9,7 +9,7 @@ from gateway.core import operations as op
 
 
 class Controller:
-    version = 1
+    answer_version = 1
 
     def fresh_until(self, kinds: list[Any]) -> float:
         return 5.0 if op.Position in kinds else 9.0

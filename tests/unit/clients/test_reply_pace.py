@@ -15,7 +15,7 @@ from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.clients.reply_pace import HARDWARE_REPLY_TIME, paced
 from gateway.mount.policy import Limits
-from gateway.transport.handler import Connected
+from gateway.transport.handler import NewConnection
 from tests.support.process import Running
 
 #: How often the script below asks, and what it prints: how many replies it has lost.
@@ -44,9 +44,9 @@ print(lost)
 class Echo:
     """Answers each byte at once, and notes when it acted."""
 
-    def __init__(self, connected: Connected) -> None:
-        self.write, self.change, self.acted = connected.write, connected.change_rate, list[float]()
-        self.answered = True
+    def __init__(self, connected: NewConnection) -> None:
+        self.write, self.change, self.acted = connected.write, connected.change_baud, list[float]()
+        self.all_answered = True
 
     def feed(self, data: bytes) -> None:
         self.acted.append(asyncio.get_running_loop().time())
@@ -67,7 +67,7 @@ async def paced_echo(seconds: float) -> tuple[Any, Echo, list[tuple[float, bytes
     made: list[Echo] = []
     now = asyncio.get_running_loop().time
 
-    def accept(connected: Connected) -> Echo:
+    def accept(connected: NewConnection) -> Echo:
         made.append(Echo(connected))
         return made[0]
 
@@ -80,7 +80,7 @@ async def paced_echo(seconds: float) -> tuple[Any, Echo, list[tuple[float, bytes
         rates.append(baud)
         return 9600
 
-    connected = Connected("x", "x", write, change_rate=change)
+    connected = NewConnection("x", "x", write, change_baud=change)
     return paced(accept, seconds)(connected), made[0], heard, rates
 
 
@@ -89,9 +89,9 @@ async def test_paced_reply_waits_while_its_command_acts_at_once() -> None:
     now = asyncio.get_running_loop().time
     began = now()
     port.feed(b":GR#")
-    assert echo.acted == [began] and not heard and not port.answered
+    assert echo.acted == [began] and not heard and not port.all_answered
     await asyncio.sleep(0.02)
-    assert heard == [(pytest.approx(began + 0.006), b":GR#")] and port.answered
+    assert heard == [(pytest.approx(began + 0.006), b":GR#")] and port.all_answered
 
 
 async def test_pace_delays_a_burst_once_and_a_stream_does_not_starve() -> None:
@@ -117,7 +117,7 @@ async def test_baud_rate_changes_after_its_acknowledgement_and_discards_old_byte
 
 
 def test_reply_without_a_pace_is_written_directly() -> None:
-    def accept(connected: Connected) -> Echo:
+    def accept(connected: NewConnection) -> Echo:
         return Echo(connected)
 
     assert paced(accept, 0.0) is accept

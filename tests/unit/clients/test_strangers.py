@@ -37,7 +37,7 @@ async def own(mount: str, surface: str) -> set[bytes]:
         for _ in range(8):
             await client.ask(QUESTION[surface])
             await asyncio.sleep(5.0)
-        return set(bridge.sent())
+        return set(bridge.sent_requests())
 
 
 @pytest.mark.sampled(1)
@@ -51,7 +51,7 @@ async def test_stranger_moves_and_sets_nothing(mount: str, surface: str, transpo
     async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None, config=settings) as bridge:
         strangers = GREETINGS if transport == "rfc2217" else {**GREETINGS, "Telnet": TELNET}
         for number, (name, data) in enumerate(strangers.items()):
-            before, said = len(bridge.sent()), len(notes(bridge))
+            before, said = len(bridge.sent_requests()), len(notes(bridge))
             caller = Caller(bridge.acceptor, transport, number=50000 + number)
             if way == "whole":
                 caller.tell(data)
@@ -61,7 +61,7 @@ async def test_stranger_moves_and_sets_nothing(mount: str, surface: str, transpo
             assert caller.gone, name
             told = [note for note in notes(bridge)[said:] if "sends" in note]
             assert len(told) == 1 and "the connection is closed" in told[0], (name, told)
-            assert set(bridge.sent()[before:]) <= allowed, (name, bridge.sent()[before:])
+            assert set(bridge.sent_requests()[before:]) <= allowed, (name, bridge.sent_requests()[before:])
             assert not bridge.sim.slewing and not bridge.sim.asleep, name
             if way == "whole":
                 assert caller.heard.startswith(b"HTTP/1.1 400 ") if name in HTTP else True, name
@@ -80,13 +80,13 @@ async def test_stranger_of_the_same_host_keeps_no_arrow_alive(gone: bool, second
         mover = Caller(bridge.acceptor)
         mover.tell(b":RS#:Me#")
         await asyncio.sleep(1.0)
-        assert bridge.controller.wanted.axes == {1}
+        assert bridge.controller.wanted.axes_moved_by_hand == {1}
         if gone:
             mover.close()
         for number in range(seconds // 2):
             Caller(bridge.acceptor, number=50001 + number).tell(GREETINGS["a visit"])
             await asyncio.sleep(2.0)
-        assert bridge.controller.wanted.axes == set()
+        assert bridge.controller.wanted.axes_moved_by_hand == set()
 
 
 async def test_stranger_does_not_count_as_a_program_or_take_over_its_session() -> None:

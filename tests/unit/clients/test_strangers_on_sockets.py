@@ -36,7 +36,7 @@ async def serving(**settings: int) -> AsyncIterator[tuple[list[int], list[str]]]
     try:
         async with asyncio.timeout(60):
             assert await gateway.wait_identified(10)
-            yield [int(port.where.rpartition(":")[2]) for port in gateway.ports], said
+            yield [int(port.address.rpartition(":")[2]) for port in gateway.ports], said
     finally:
         await gateway.close()
 

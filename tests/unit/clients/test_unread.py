@@ -13,7 +13,7 @@ from gateway.app.config.programs import hold
 from gateway.clients.commands.unread import HOLD_TIME
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon
-from gateway.transport.handler import Connected
+from gateway.transport.handler import NewConnection
 from tests.support.fake_gateway import FakeGateway
 
 TARGET, GOTO, TEXT = b":Sr20:00:00#:Sd-30*00:00#", b":MS#", b"Object Below Horizon.#"
@@ -35,7 +35,7 @@ class Line:
         )
         self._heard = b""
         hang_up = (lambda last: None) if network else None
-        self.guest = self.gateway.acceptor.accept(Connected("192.168.4.2:1", "192.168.4.2", self._hear, hang_up))
+        self.guest = self.gateway.acceptor.accept(NewConnection("192.168.4.2:1", "192.168.4.2", self._hear, hang_up))
 
     def _hear(self, data: bytes) -> int:
         self._heard += data

@@ -26,8 +26,8 @@ LX200_ON_NEXSTAR = (
 def _listening(bridge: Bridge) -> list[str]:
     """What a person is told."""
     told: list[str] = []
-    bridge.acceptor.presets.warn = told.append
-    bridge.acceptor.presets.address = "tcp://127.0.0.1:4030"
+    bridge.acceptor.preset_watch.warn = told.append
+    bridge.acceptor.preset_watch.address = "tcp://127.0.0.1:4030"
     return told
 
 
@@ -136,7 +136,7 @@ async def test_status_shows_a_wrong_protocol_for_a_minute_once_per_host() -> Non
         for _ in range(3):
             Caller(bridge.acceptor).tell(b"Ka")
             await asyncio.sleep(4.0)
-        lately = mount_state(bridge.controller).drawn().lately
+        lately = mount_state(bridge.controller).to_state().lately
         assert lately == ("1 s ago, " + NEXSTAR_ON_LX200.format("Ka").replace(":50000 sends", ": sends"),)
 
 

@@ -54,7 +54,7 @@ async def opened(
 
 
 def refusals(own: RehearsalMount) -> list[str]:
-    return [notice.text for notice in own.controller.wire_log.recent if "console" in notice.side]
+    return [notice.text for notice in own.controller.wire_log.recent_notices if "console" in notice.side]
 
 
 def test_tap_on_the_page_moves_as_far_as_at_the_keypad(scripts: Node) -> None:
@@ -64,7 +64,7 @@ def test_tap_on_the_page_moves_as_far_as_at_the_keypad(scripts: Node) -> None:
     async def program(latency: float, seconds: float) -> None:
         async with opened(scripts, 0.0, mount, latency) as (own, [page]):
             speeds: list[float] = []
-            own.controller.reconciler.begins.connect(
+            own.controller.reconciler.acknowledged.connect(
                 lambda one: speeds.append(own.driver.speed(one.rate)) if isinstance(one, op.Move) else None
             )
             axes = Axes(own)
@@ -178,7 +178,7 @@ async def test_rate_changed_while_an_arrow_is_held_is_applied(scripts: Node) -> 
 
 
 class _Nobody:
-    def waiting(self) -> int:
+    def unread_byte_count(self) -> int:
         return 0
 
     async def send(self, text: str) -> None:
@@ -188,19 +188,19 @@ class _Nobody:
 async def test_heartbeat_halts_an_arrow_that_it_does_not_name() -> None:
     async with stage("lx200", "cpc", 0.1) as own:
         session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", may_act=True)
-        session.take('{"do":"jog","direction":"north","rate":7,"press":1}')
-        session.take('{"do":"jog","direction":"east","rate":7,"press":2}')
+        session.receive('{"do":"jog","direction":"north","rate":7,"press":1}')
+        session.receive('{"do":"jog","direction":"east","rate":7,"press":2}')
         await asyncio.sleep(2.0)
-        assert own.controller.wanted.axes == {1, 2}
-        session.take('{"do":"beat","held":[{"mount":0,"direction":"east","press":2}]}')
+        assert own.controller.wanted.axes_moved_by_hand == {1, 2}
+        session.receive('{"do":"beat","held":[{"mount":0,"direction":"east","press":2}]}')
         await asyncio.sleep(0.5)
-        assert own.controller.wanted.axes == {1}
-        session.take('{"do":"beat","held":[{"mount":0,"direction":"east","press":1}]}')
+        assert own.controller.wanted.axes_moved_by_hand == {1}
+        session.receive('{"do":"beat","held":[{"mount":0,"direction":"east","press":1}]}')
         await asyncio.sleep(0.5)
-        assert not own.controller.wanted.axes
-        session.take('{"do":"jog","direction":"east","rate":7,"press":2}')  # an old one
+        assert not own.controller.wanted.axes_moved_by_hand
+        session.receive('{"do":"jog","direction":"east","rate":7,"press":2}')  # an old one
         await asyncio.sleep(1.0)
-        assert not own.controller.wanted.axes
+        assert not own.controller.wanted.axes_moved_by_hand
 
 
 async def test_heartbeat_leaves_a_released_tap_alone() -> None:
@@ -208,10 +208,10 @@ async def test_heartbeat_leaves_a_released_tap_alone() -> None:
         axes = Axes(own)
         await axes.begin()
         session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", may_act=True)
-        session.take('{"do":"jog","direction":"north","rate":7,"press":1}')
+        session.receive('{"do":"jog","direction":"north","rate":7,"press":1}')
         await asyncio.sleep(0.1)
-        session.take('{"do":"let_go","direction":"north","press":1}')
-        session.take('{"do":"beat","held":[]}')
+        session.receive('{"do":"let_go","direction":"north","press":1}')
+        session.receive('{"do":"beat","held":[]}')
         await asyncio.sleep(3.0)
         assert abs(axes.moved) > 0.02
         assert not moving(own.sim)
@@ -224,7 +224,7 @@ async def test_lost_page_cancels_a_pending_press() -> None:
         session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", may_act=True)
         shown = asyncio.ensure_future(session.run())
         await asyncio.sleep(0.0)
-        session.take('{"do":"jog","direction":"north","rate":7,"press":1}')
+        session.receive('{"do":"jog","direction":"north","rate":7,"press":1}')
         await asyncio.sleep(0.1)
         shown.cancel()
         await asyncio.sleep(3.0)

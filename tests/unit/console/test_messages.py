@@ -19,15 +19,18 @@ MINE = {"number": "n", "who": ME}
 
 
 def read(do: str, **fields: Any) -> Any:
-    return messages.read(json.dumps({"do": do, **fields}), ME).wish
+    return messages.read(json.dumps({"do": do, **fields}), ME).request
 
 
 @each(
     ("sent", "wish"),
     [
-        ({"do": "goto", "name": "M42"}, requests.GotoRequest(requests.Named("M42"), **MINE)),
-        ({"do": "goto", "ra": 83, "dec": 22.0}, requests.GotoRequest(requests.Spot(83.0, 22.0), **MINE)),
-        ({"do": "sync", "ra": 1, "dec": 2, "j2000": True}, requests.SyncRequest(requests.Spot(1.0, 2.0, True), **MINE)),
+        ({"do": "goto", "name": "M42"}, requests.GotoRequest(requests.ByName("M42"), **MINE)),
+        ({"do": "goto", "ra": 83, "dec": 22.0}, requests.GotoRequest(requests.SkyPosition(83.0, 22.0), **MINE)),
+        (
+            {"do": "sync", "ra": 1, "dec": 2, "j2000": True},
+            requests.SyncRequest(requests.SkyPosition(1.0, 2.0, True), **MINE),
+        ),
         ({"do": "wake"}, requests.UnparkRequest(**MINE)),
         ({"do": "track", "on": False}, requests.TrackRequest(on=False, **MINE)),
         ({"do": "site", "latitude": 48, "longitude": 11}, requests.SetSiteRequest(48.0, 11.0, **MINE)),
@@ -38,7 +41,7 @@ def read(do: str, **fields: Any) -> Any:
 def test_page_message_is_read_as_the_request_that_it_names(
     sent: dict[str, Any], wish: object, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(requests, "new_number", lambda: "n")
+    monkeypatch.setattr(requests, "new_request_number", lambda: "n")
     assert messages.read(json.dumps({"id": 7, "mount": 2, **sent}), ME) == (7, 2, wish)
 
 
@@ -50,7 +53,7 @@ def test_stop_of_all_mounts_is_confirmed_when_all_have_stopped() -> None:
         return SimpleNamespace(controller=None, carry_out=take)
 
     class Browser:
-        def waiting(self) -> int:
+        def unread_byte_count(self) -> int:
             return 0
 
         async def send(self, text: str) -> None:
@@ -61,7 +64,7 @@ def test_stop_of_all_mounts_is_confirmed_when_all_have_stopped() -> None:
         told = asyncio.get_running_loop().create_future()
         gateways = [gateway(requests.Answer("done", "stopped")), gateway(requests.Answer("failed", "it is silent"))]
         mounts: Any = SimpleNamespace(gateways=gateways, arrows=[[], []])
-        PageSession(mounts, Browser(), "10.0.0.9", may_act=False).take('{"do":"stop","mount":-1,"id":5}')
+        PageSession(mounts, Browser(), "10.0.0.9", may_act=False).receive('{"do":"stop","mount":-1,"id":5}')
         assert await asyncio.wait_for(told, 60.0) == {"id": 5, "ok": False, "words": "stopped; it is silent"}
 
     told: asyncio.Future[Any]

@@ -34,9 +34,9 @@ def test_prometheus_parses_the_metrics_page(tmp_path: Path) -> None:
             assert before["mount_gateway_info", commit(), version()] == 1.0
             assert before["mount_gateway_stops_total", "pier"] == 0.0
             await there.gateway.controller.stop()
-            there.gateway.wire_log.refused("a program", "no")
+            there.gateway.wire_log.log_refusal("a program", "no")
             async with there.page():
-                await until(lambda: there.gateway.controller and there.gateway.controller.line.times.answers)
+                await until(lambda: there.gateway.controller and there.gateway.controller.line.times.reply_count)
             text, after = await figures(there)
             assert after["mount_gateway_stops_total", "pier"] == 1.0
             assert after["mount_gateway_refusals_total", "pier"] == 1.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.console.pin import FREE_TRIES, FREE_TRIES_OF_ALL, TRY_PERIOD, Pin
+from gateway.console.pin import FREE_TRIES, TOTAL_FREE_TRIES, TRY_PERIOD, Pin
 from gateway.core.errors import UserError
 
 HERE, THERE = "192.168.1.20", "192.168.1.66"
@@ -44,7 +44,7 @@ def test_pin_allows_many_addresses_together_ten_tries_a_minute(tried: Tried) -> 
     for second in range(3600):
         tried.now = 1000.0 + second
         compared += sum(tried.outcome("0000", f"10.0.{second % 200}.{one}") is False for one in range(20))
-    assert compared == FREE_TRIES_OF_ALL * 60
+    assert compared == TOTAL_FREE_TRIES * 60
 
 
 def test_pin_tries_of_others_do_not_delay_a_known_address(tried: Tried) -> None:

@@ -32,7 +32,7 @@ class Page:
         self.session = PageSession(mounts, self, "10.0.0.1", may_act=True)
         self.task = asyncio.create_task(self.session.run())
 
-    def waiting(self) -> int:
+    def unread_byte_count(self) -> int:
         return 1000 if self.stalled else 0
 
     async def send(self, text: str) -> None:
@@ -84,7 +84,7 @@ def test_console_sends_ten_messages_a_second_in_motion_and_one_at_rest(tmp_path:
         heard = len(pages[0].texts)
         while len(pages[0].texts) == heard:  # until a message has just come
             await asyncio.sleep(0.01)
-        pages[1].session.take('{"do":"narrow","lowest":1}')
+        pages[1].session.receive('{"do":"narrow","lowest":1}')
         await asyncio.sleep(2.5 * MOTION_PERIOD)
         assert pages[0].told(0.0)[-1]["limits"]["lowest"] == 1.0, "a change is told at once"
         await controller.perform(op.Move(op.Direction.NORTH, op.Rate(key=5)))
@@ -161,7 +161,7 @@ def test_publisher_without_pages_costs_nothing(tmp_path: Path) -> None:
         looking = len(sinks)
         assert looking > before
         for page in pages:
-            page.session.take('{"do":"talk","on":true}')
+            page.session.receive('{"do":"talk","on":true}')
         await asyncio.sleep(0.5)
         assert len(sinks) == looking + 1
         for page in pages:
@@ -178,7 +178,7 @@ def test_publisher_without_pages_costs_nothing(tmp_path: Path) -> None:
 def test_page_that_fell_behind_gets_every_stored_row(tmp_path: Path) -> None:
     async def work(busy: Busy, mounts: Mounts) -> None:
         page = Page(mounts)
-        page.session.take('{"do":"talk","on":true}')
+        page.session.receive('{"do":"talk","on":true}')
         await asyncio.sleep(0.5)
         for number in range(5):
             page.stalled = number in (1, 2, 3)

@@ -85,7 +85,7 @@ async def at_port(gateways: Sequence[Gateway], **page: Any) -> AsyncIterator[str
     server = WebServer(partial(load_console, ConsoleConfig(**page), gateways))
     port = await server.listen("tcp://127.0.0.1:0")
     try:
-        yield port.where.replace("tcp", "http") + "/"
+        yield port.address.replace("tcp", "http") + "/"
     finally:
         await server.close()
 
@@ -105,7 +105,7 @@ async def opened(state: Path, page: dict[str, Any] | None = None, **mount: Any) 
 
 def told(gateway: Gateway) -> list[str]:
     """Return what ``status`` tells of refused requests, without the time."""
-    lately = mount_state(gateway.controller).drawn().lately
+    lately = mount_state(gateway.controller).to_state().lately
     return [line.partition("ago, ")[2] for line in lately if "over HTTP" in line]
 
 
@@ -356,7 +356,7 @@ async def test_wrong_pin_delays_further_tries_but_never_a_stop(tmp_path: Path) -
 
 async def test_console_conversation_shows_related_rows_together_as_text(tmp_path: Path) -> None:
     async with opened(tmp_path) as there, there.page() as page:
-        host, port = there.gateway.ports[0].where.removeprefix("tcp://").split(":")
+        host, port = there.gateway.ports[0].address.removeprefix("tcp://").split(":")
         reader, writer = await asyncio.open_connection(host, int(port))
         writer.write(b":GR#")
         await reader.readuntil(b"#")

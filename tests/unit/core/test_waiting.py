@@ -17,19 +17,19 @@ async def test_timed_event_wakes_waiters_when_set_and_does_not_block_while_set()
     event, loop = TimedEvent(), asyncio.get_running_loop()
     began = loop.time()
     loop.call_later(2.0, event.set)
-    answers = await asyncio.gather(event.wait(), event.within(5.0), event.within(1.0))
+    answers = await asyncio.gather(event.wait(), event.wait_within(5.0), event.wait_within(1.0))
     assert (answers, loop.time() - began) == ([True, True, False], 2.0)
-    assert await event.within(0.0)
+    assert await event.wait_within(0.0)
     await event.wait()
     event.clear()
-    assert not await event.within(0.0)
-    assert not await event.within(-1.0)
+    assert not await event.wait_within(0.0)
+    assert not await event.wait_within(-1.0)
     assert loop.time() - began == 2.0
 
 
 async def test_waiter_that_gives_up_gets_no_event() -> None:
     event = TimedEvent()
-    waiting = [asyncio.create_task(event.within(9.0)), asyncio.create_task(event.wait())]
+    waiting = [asyncio.create_task(event.wait_within(9.0)), asyncio.create_task(event.wait())]
     await asyncio.sleep(1.0)
     for task in waiting:
         task.cancel()

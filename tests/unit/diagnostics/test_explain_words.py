@@ -18,7 +18,7 @@ SAMPLES: dict[type, Any] = {
     float: 12.5, int: 1, str: "GVP", bool: True, op.Direction: op.Direction.NORTH, op.Tracking: op.Tracking.EQ_NORTH,
     op.Rate: op.Rate("max", 9, 2.0), tuple: (), type(None): None,
 }  # fmt: skip
-EVERY = [kind for name in dir(op) if (kind := op.named(name)) is not None]
+EVERY = [kind for name in dir(op) if (kind := op.operation_class(name)) is not None]
 
 
 def made(kind: type[op.Operation]) -> op.Operation:

@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from gateway.core.errors import Fault
-from gateway.diagnostics.metrics import Counts, Histogram
+from gateway.diagnostics.metrics import Histogram, MountCounts
 from tests.support.in_process_gateway import Bridge
 
 
@@ -20,11 +20,11 @@ def test_histogram_bucket_counts_values_up_to_its_bound() -> None:
 
 async def test_metrics_count_exchanges_and_reply_times() -> None:
     async with Bridge() as bridge:
-        counts = Counts(bridge.controller)
-        before = bridge.controller.line.times.answers
+        counts = MountCounts(bridge.controller)
+        before = bridge.controller.line.times.reply_count
         await bridge.client().ask(b":Sr05:34:32#:Sd+22*00:52#:MS#", until=b"0")
-        assert counts.exchanges >= bridge.controller.line.times.answers - before > 0
-        assert sum(counts.answer_times.counts) == counts.exchanges - sum(counts.faults.values())
+        assert counts.exchanges >= bridge.controller.line.times.reply_count - before > 0
+        assert sum(counts.answer_times.counts) == counts.exchanges - sum(counts.fault_counts.values())
         counts.close()
         seen = counts.exchanges
         await bridge.client().ask(b":Q#:GR#", until=b"#")
@@ -33,7 +33,7 @@ async def test_metrics_count_exchanges_and_reply_times() -> None:
 
 async def test_metrics_count_stops_with_their_time_to_acknowledgement() -> None:
     async with Bridge() as bridge:
-        counts = Counts(bridge.controller)
+        counts = MountCounts(bridge.controller)
         await bridge.controller.stop()
         await asyncio.sleep(100.0)
         await bridge.controller.stop()
@@ -43,24 +43,24 @@ async def test_metrics_count_stops_with_their_time_to_acknowledgement() -> None:
 
 async def test_metrics_count_link_faults_by_kind(monkeypatch: pytest.MonkeyPatch) -> None:
     async with Bridge() as bridge:
-        counts = Counts(bridge.controller)
+        counts = MountCounts(bridge.controller)
         with monkeypatch.context() as patch:
             patch.setattr(bridge.controller.line.wire, "write", lambda data: None)
             with pytest.raises(Fault):
                 await bridge.controller.stop()
-        assert counts.faults["NoAnswer"] >= 1 and counts.stop_count == 1 and not sum(counts.stop_times.counts)
+        assert counts.fault_counts["NoAnswer"] >= 1 and counts.stop_count == 1 and not sum(counts.stop_times.counts)
 
 
 async def test_metrics_count_every_refusal_once() -> None:
     async with Bridge() as bridge:
         client, log = bridge.client(), bridge.wire_log
-        assert await client.ask(b":Sr25:00:00#") == b"0" and log.refusals == 1  # the value
-        assert await client.ask(b":Sr25:00:00#" * 3, until=b"000") == b"000" and log.refusals == 4
-        assert (await client.ask(b":MS#")).startswith(b"1") and log.refusals == 5  # no target
+        assert await client.ask(b":Sr25:00:00#") == b"0" and log.refusal_count == 1  # the value
+        assert await client.ask(b":Sr25:00:00#" * 3, until=b"000") == b"000" and log.refusal_count == 4
+        assert (await client.ask(b":MS#")).startswith(b"1") and log.refusal_count == 5  # no target
         said = await client.ask(b":Sr05:34:32#:Sd-80*00:00#:MS#", until=b"#")
-        assert said.startswith(b"111") and log.refusals == 6  # the limits
+        assert said.startswith(b"111") and log.refusal_count == 6  # the limits
         client.tell(b":F9#")  # without a reply
         await asyncio.sleep(1.0)
-        assert log.refusals == 7
+        assert log.refusal_count == 7
         assert await client.ask(b":Sr05:34:32#") == b"1" and await client.ask(b":GR#", until=b"#")
-        assert log.refusals == 7
+        assert log.refusal_count == 7

@@ -5,17 +5,17 @@ from __future__ import annotations
 import pytest
 
 from gateway.diagnostics.rehearsal.explain import explain
-from gateway.diagnostics.rehearsal.samples import example
-from gateway.protocols.registry import pairs
+from gateway.diagnostics.rehearsal.samples import example_request
+from gateway.protocols.registry import protocol_pairs
 from gateway.protocols.wireformat.command_set import load
 from tests.support.sampling import as_a_rule
 
 
-@pytest.mark.parametrize(("client", "mount"), pairs())
+@pytest.mark.parametrize(("client", "mount"), protocol_pairs())
 def test_every_table_row_can_be_explained(client: str, mount: str) -> None:
-    asked = [item for item in load(client).commands.items() if item[1].asked]
+    asked = [item for item in load(client).commands.items() if item[1].requested]
     for name, command in asked[:: as_a_rule(18, whole=1)]:
-        told = explain(client, mount, "".join(f"\\x{byte:02x}" for byte in example(command))).text
+        told = explain(client, mount, "".join(f"\\x{byte:02x}" for byte in example_request(command))).text
         assert command.help in told, name
         assert ": missing" not in told, name
         assert "\nreply: " in told, name

@@ -11,8 +11,8 @@ from gateway.app.config import Source, make_config
 from gateway.app.config.endpoints import Broker, parse_broker
 from gateway.core.errors import UserError
 from gateway.fleet import client as accesses
-from gateway.fleet.client import PASSWORD_VARIABLE, access, connector
-from gateway.fleet.topics import Topics, own_id
+from gateway.fleet.client import PASSWORD_VARIABLE, get_access, make_connect
+from gateway.fleet.topics import Topics, host_id
 from tests.support.each import each
 
 pytest.importorskip("aiomqtt")
@@ -50,28 +50,28 @@ def test_password_in_a_broker_address_is_refused_and_not_repeated() -> None:
 def test_broker_password_comes_from_a_file_or_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (file := tmp_path / "password").write_text("from file\n")
     monkeypatch.setenv(PASSWORD_VARIABLE, "from environment")
-    assert access("mqtt://pi", "eve").password == "from environment"
-    assert access("mqtt://pi", "eve", str(file)).password == "from file"
-    assert access("mqtt://adam@pi", None, str(file)).user == "adam"
+    assert get_access("mqtt://pi", "eve").password == "from environment"
+    assert get_access("mqtt://pi", "eve", str(file)).password == "from file"
+    assert get_access("mqtt://adam@pi", None, str(file)).user == "adam"
     with pytest.raises(UserError, match="no such file"):
-        access("mqtt://pi", "eve", str(tmp_path / "none"))
+        get_access("mqtt://pi", "eve", str(tmp_path / "none"))
     with pytest.raises(UserError, match="write user under"):
-        access("mqtt://pi")
+        get_access("mqtt://pi")
 
 
 def test_unusable_broker_certificates_are_reported_before_connecting(tmp_path: Path) -> None:
     (file := tmp_path / "ca.pem").write_text("no certificate")
-    assert access("mqtts://pi").tls() is not None and access("mqtt://pi").tls() is None
+    assert get_access("mqtts://pi").tls_context() is not None and get_access("mqtt://pi").tls_context() is None
     with pytest.raises(UserError, match="no certificates"):
-        access("mqtts://pi", ca=str(file))
+        get_access("mqtts://pi", ca=str(file))
     with pytest.raises(UserError, match="No such file"):
-        access("mqtts://pi", ca=str(tmp_path / "none"))
+        get_access("mqtts://pi", ca=str(tmp_path / "none"))
 
 
 def test_missing_mqtt_extra_is_reported_with_the_install_command(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(accesses, "find_spec", lambda name: None)
     with pytest.raises(UserError, match=r"aiomqtt is needed; to install it, .*mqtt"):
-        access("mqtt://pi")
+        get_access("mqtt://pi")
 
 
 @each(
@@ -94,11 +94,11 @@ def test_mistakes_in_the_mqtt_settings_are_reported_with_their_place(keys: dict[
 
 def test_mqtt_topics_contain_only_allowed_characters(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("socket.gethostname", lambda: "Pi #4/dome")
-    assert own_id() == "Pi-4-dome"
+    assert host_id() == "Pi-4-dome"
     monkeypatch.setattr("socket.gethostname", lambda: "all")
-    assert own_id() != "all"
+    assert host_id() != "all"
     topics = Topics("a/b", "pier")
-    assert topics.parts("a/b/pier/mount/command") == ["pier", "mount", "command"] and topics.parts("a/bc") == []
+    assert topics.levels_of("a/b/pier/mount/command") == ["pier", "mount", "command"] and topics.levels_of("a/bc") == []
 
 
 #: CONNACK of 3.1.1, OASIS table 3.1: unacceptable protocol level; accepted.
@@ -120,7 +120,7 @@ def test_broker_without_mqtt_5_is_used_with_the_older_version() -> None:
     async def main() -> None:
         server = await asyncio.start_server(old_broker, "127.0.0.1", 0)
         async with server:
-            connect = connector(access(f"mqtt://127.0.0.1:{server.sockets[0].getsockname()[1]}"))
+            connect = make_connect(get_access(f"mqtt://127.0.0.1:{server.sockets[0].getsockname()[1]}"))
             with pytest.raises(Exception, match="protocol"):
                 async with connect(None):
                     raise AssertionError("it was accepted")

@@ -12,7 +12,7 @@ import pytest
 from gateway.fleet import link as links
 from gateway.fleet.client import MAX_MESSAGE_BYTES
 from gateway.fleet.link import BrokerLink
-from gateway.fleet.topics import MAX_EVENTS, MqttMessage, Outbox, Received
+from gateway.fleet.topics import MAX_EVENTS, MqttMessage, Outbox, ReceivedMessage
 from tests.support.each import each
 from tests.support.fake_broker import NOWHERE, FakeBroker, until
 
@@ -32,8 +32,8 @@ def _impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 class There:
     """A link, its broker, and what it has told."""
 
-    def __init__(self, flood: int = links.MAX_FLOOD) -> None:
-        self.broker, self.heard, self.told = FakeBroker(), list[Received](), list[tuple[bool, str]]()
+    def __init__(self, flood: int = links.MAX_MESSAGE_RATE) -> None:
+        self.broker, self.heard, self.told = FakeBroker(), list[ReceivedMessage](), list[tuple[bool, str]]()
         self.link = BrokerLink(
             NOWHERE, ["a/command"], self.heard.append, lambda there, why: self.told.append((there, why)), [HERE],
             [GONE], self.broker.connect, flood,
@@ -41,7 +41,7 @@ class There:
 
 
 @asynccontextmanager
-async def linked(flood: int = links.MAX_FLOOD) -> AsyncIterator[There]:
+async def linked(flood: int = links.MAX_MESSAGE_RATE) -> AsyncIterator[There]:
     there = There(flood)
     there.link.start()
     try:
@@ -56,7 +56,7 @@ def play(work: Coroutine[Any, Any, None]) -> None:
 
 
 def state(payload: bytes) -> MqttMessage:
-    return MqttMessage("a/state", payload, retain=True, newest=True)
+    return MqttMessage("a/state", payload, retain=True, replaces=True)
 
 
 async def test_broker_link_announces_the_gateway_and_its_departure() -> None:
@@ -70,7 +70,7 @@ async def test_broker_message_is_handled_on_the_gateways_event_loop() -> None:
     async with linked() as there:
         there.broker.say("a/command", b"stop", True)
         await until(lambda: there.heard)
-        assert there.heard == [Received("a/command", b"stop", True)]
+        assert there.heard == [ReceivedMessage("a/command", b"stop", True)]
 
 
 async def test_broker_link_publishes_the_newest_state_after_a_loss() -> None:
@@ -153,7 +153,7 @@ async def test_shutdown_does_not_wait_for_a_silent_broker(monkeypatch: pytest.Mo
     ],
 )
 def test_lost_broker_is_reported_with_its_reason(error: Exception, why: str) -> None:
-    assert links._reason(error) == why
+    assert links._failure_reason(error) == why
 
 
 def test_broker_outbox_is_bounded() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from gateway.fleet.overview import server as rosters
 from gateway.fleet.overview.server import Roster
-from gateway.fleet.topics import Received
+from gateway.fleet.topics import ReceivedMessage
 from tests.support.each import each
 
 NOW = 1_000_000.0
@@ -18,7 +18,7 @@ def roster(*heard: tuple[str, object], retained: bool = False) -> Roster:
     made = Roster("club", lambda: NOW)
     for topic, value in heard:
         payload = value if isinstance(value, bytes) else json.dumps(value).encode()
-        made.receive(Received(f"club/{topic}", payload, retained))
+        made.receive(ReceivedMessage(f"club/{topic}", payload, retained))
     return made
 
 
@@ -32,7 +32,7 @@ def test_roster_shows_a_mount_with_its_state_and_whether_its_gateway_is_online()
     assert (pier["gateway"], pier["available"], pier["online"]) == ("pier", False, False)
     assert (west["gateway"], west["mount"], west["available"], west["moving"]) == ("west", "east", True, True)
     assert west["ra"] == 1.5 and west["alt"] is None and west["age"] == 0
-    made.receive(Received("club/west/availability", b"offline", False))
+    made.receive(ReceivedMessage("club/west/availability", b"offline", False))
     assert made.mounts()[1]["available"] is False
 
 
@@ -66,7 +66,7 @@ def test_roster_ignores_messages_of_another_form(payload: bytes) -> None:
 def test_roster_ignores_other_topics(topic: str) -> None:
     assert not roster((topic, {})).mounts()
     made = Roster("club", lambda: NOW)
-    made.receive(Received("clubhouse/a/b/state", b"{}", False))
+    made.receive(ReceivedMessage("clubhouse/a/b/state", b"{}", False))
     assert not made.mounts()
 
 
@@ -74,4 +74,4 @@ def test_roster_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rosters, "MAX_MOUNTS", 3)
     states = [(f"a/{number}/state", {}) for number in range(9)]
     made = roster(*states, *((f"{name}/availability", b"online") for name in "xyzw"))
-    assert len(made.mounts()) == 3 and len(made._available) == 3
+    assert len(made.mounts()) == 3 and len(made._is_online) == 3

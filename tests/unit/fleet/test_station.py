@@ -16,7 +16,7 @@ from gateway.app.config.tables import MqttConfig
 from gateway.app.gateway import Gateway
 from gateway.fleet import station as stations
 from gateway.fleet.client import MAX_MESSAGE_BYTES
-from gateway.fleet.station import Station
+from gateway.fleet.station import MqttService
 from tests.support.fake_broker import NOWHERE, PATIENCE, FakeBroker, until
 
 pytestmark = pytest.mark.real_time
@@ -28,7 +28,7 @@ class There:
 
     def __init__(self, gateway: Gateway, config: MqttConfig) -> None:
         self.gateway, self.broker, self.said = gateway, FakeBroker(), list[str]()
-        self.station = Station(config, NOWHERE, [gateway], self.said.append, self.said.append, self.broker.connect)
+        self.station = MqttService(config, NOWHERE, [gateway], self.said.append, self.said.append, self.broker.connect)
 
     @property
     def state(self) -> dict[str, Any]:
@@ -86,7 +86,7 @@ def test_station_does_not_repeat_an_unchanged_mount(tmp_path: Path, monkeypatch:
                 looks += 1
                 return {**now, "time": None}
 
-            monkeypatch.setattr(stations, "state", same)
+            monkeypatch.setattr(stations, "published_state", same)
             await until(lambda: looks > 1)
             told = len(there.broker.payloads(STATE))
             await until(lambda: looks > 6)
@@ -145,7 +145,7 @@ async def test_disallowed_broker_order_is_refused_in_words(
         await until(lambda: there.happened("refused"))
         assert why in there.happened("refused")[0] and len(there.happened("refused")[0]) < 200
         assert there.gateway.controller.stops == before and not there.happened("done")
-        assert why in there.gateway.wire_log.recent[-1].text
+        assert why in there.gateway.wire_log.recent_notices[-1].text
 
 
 async def test_overlong_order_is_reported_once_and_a_stop_beside_it_arrives(tmp_path: Path) -> None:

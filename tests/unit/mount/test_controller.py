@@ -15,9 +15,9 @@ from tests.support.in_process_gateway import Bridge
 async def test_unpolled_mount_is_asked_twice_in_five_seconds_and_for_status_every_twelve() -> None:
     async with Bridge() as bridge:
         await asyncio.sleep(20)
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         await asyncio.sleep(60)
-        asked = bridge.sent()[before:]
+        asked = bridge.sent_requests()[before:]
         assert 1 <= asked.count(b"e") <= 12
         assert 6 <= asked.count(b"w") <= 12, "its owner may set the site at its keys"
         status = asked.count(b"t") + asked.count(b"J")
@@ -27,10 +27,10 @@ async def test_unpolled_mount_is_asked_twice_in_five_seconds_and_for_status_ever
 async def test_simultaneous_reads_share_one_exchange() -> None:
     async with Bridge(latency=0.3) as bridge:
         await asyncio.sleep(10)
-        before = bridge.sent().count(b"e")
+        before = bridge.sent_requests().count(b"e")
         answers = await asyncio.gather(*(bridge.controller.answer(Position()) for _ in range(50)))
         assert len(set(map(id, answers))) == 1
-        assert bridge.sent().count(b"e") <= before + 1
+        assert bridge.sent_requests().count(b"e") <= before + 1
 
 
 async def test_no_client_waits_for_a_slow_hand_control_while_it_polls() -> None:
@@ -58,7 +58,7 @@ async def test_unaligned_hand_control_refuses_syncs_and_axis_gotos(mount: str, a
     async with Bridge(mount, aligned=False) as bridge:
         reply = await bridge.client().ask(asked, 3.0, until=b"111")
         await asyncio.sleep(3.0)
-        assert not [sent for sent in bridge.sent() if sent[:1] in b"sSbB"]
+        assert not [sent for sent in bridge.sent_requests() if sent[:1] in b"sSbB"]
         assert not bridge.sim.slewing
         assert reply == {b"C": b"11#", b"M": b"111", b"h": b""}[asked.split(b":")[-1][:1]]
         assert any("Mount not aligned" in entry.note for entry in bridge.entries)
@@ -86,7 +86,7 @@ def test_site_and_time_are_sent_to_unaligned_mounts_only() -> None:
             asked = b":St-34*00#:Sg341*30#:SG-05.8#:SL04:00:00#:SC01/16/26#"
             assert (await client.ask(asked, until=b" " * 32 + b"#")).startswith(b"11111Updating")
             await asyncio.sleep(2)
-            written = [sent for sent in bridge.sent() if sent[:1] in b"WH"]
+            written = [sent for sent in bridge.sent_requests() if sent[:1] in b"WH"]
             if aligned:
                 assert written == []
             else:

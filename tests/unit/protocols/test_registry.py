@@ -15,7 +15,7 @@ import pytest
 import gateway
 from gateway.app.config import parse_device
 from gateway.core.errors import UserError
-from gateway.protocols.registry import PROTOCOLS, guess, other_surface, pairs
+from gateway.protocols.registry import PROTOCOLS, guess_protocol, other_surface, protocol_pairs
 from gateway.protocols.wireformat.command_set import mappings_folder
 from tests.support.each import each
 
@@ -115,18 +115,20 @@ def test_adding_a_protocol_takes_two_folders_and_one_registry_entry(tmp_path: Pa
 
 
 def test_registry_lists_the_protocols_with_their_roles() -> None:
-    assert pairs()[:2] == [("lx200", "nexstar"), ("nexstar", "lx200")]
-    assert pairs()[2:6] == [(face, mount) for face in ("stellarium", "alpaca") for mount in ("lx200", "nexstar")]
-    assert pairs()[6:] == [(face, "alpaca") for face in ("lx200", "nexstar", "stellarium")]
+    assert protocol_pairs()[:2] == [("lx200", "nexstar"), ("nexstar", "lx200")]
+    assert protocol_pairs()[2:6] == [
+        (face, mount) for face in ("stellarium", "alpaca") for mount in ("lx200", "nexstar")
+    ]
+    assert protocol_pairs()[6:] == [(face, "alpaca") for face in ("lx200", "nexstar", "stellarium")]
     assert (other_surface("lx200"), other_surface("nexstar")) == ("nexstar", "lx200")
-    assert guess(bytes((20, 0, 0, 0, *bytes(16)))) == "stellarium"
-    assert (guess(b""), guess(b":GR#"), guess(b"\x06"), guess(b"#:GR#"), guess(b"e")) == (
-        None,
-        "lx200",
-        "lx200",
-        "lx200",
-        "nexstar",
-    )
+    assert guess_protocol(bytes((20, 0, 0, 0, *bytes(16)))) == "stellarium"
+    assert (
+        guess_protocol(b""),
+        guess_protocol(b":GR#"),
+        guess_protocol(b"\x06"),
+        guess_protocol(b"#:GR#"),
+        guess_protocol(b"e"),
+    ) == (None, "lx200", "lx200", "lx200", "nexstar")
     for name, spec in PROTOCOLS.items():
         assert spec.name == name == spec.commands.name
         assert spec.default_model in (spec.commands.models or [None])

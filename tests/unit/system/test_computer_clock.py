@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from gateway.core.about import RELEASE_TIME
+from gateway.core.about import EARLIEST_VALID_TIME
 from gateway.mount.site.site_clock import SiteClock
 from gateway.system import computer_clock
-from gateway.system.computer_clock import Kernel, board_without_clock, synchronised
+from gateway.system.computer_clock import ClockCheck, is_clock_synchronised, lacks_hardware_clock
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
 
@@ -28,7 +28,7 @@ def test_board_is_recognised_by_its_device_tree(files: tuple[str, ...], without:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("Raspberry Pi 4 Model B")
     tmp_path.mkdir(exist_ok=True)
-    assert board_without_clock(tmp_path) is without
+    assert lacks_hardware_clock(tmp_path) is without
 
 
 def test_container_without_access_to_the_device_tree_is_no_board(
@@ -40,7 +40,7 @@ def test_container_without_access_to_the_device_tree_is_no_board(
         raise PermissionError(13, "Permission denied", path)
 
     monkeypatch.setattr(os, "stat", refused)
-    assert not board_without_clock(tmp_path)
+    assert not lacks_hardware_clock(tmp_path)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other kernels do not tell")
@@ -48,11 +48,11 @@ def test_clock_is_doubted_only_on_a_board_whose_kernel_reports_it_unset(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     said = [False, True]
-    monkeypatch.setattr(computer_clock, "synchronised", lambda: said.pop(0))
-    assert not Kernel(tmp_path)()
+    monkeypatch.setattr(computer_clock, "is_clock_synchronised", lambda: said.pop(0))
+    assert not ClockCheck(tmp_path)()
     (tmp_path / "proc/device-tree").mkdir(parents=True)
     (tmp_path / TREE).touch()
-    board = Kernel(tmp_path)
+    board = ClockCheck(tmp_path)
     assert board()
     assert board(), "the kernel is asked once a minute"
     monkeypatch.setattr(computer_clock, "_QUESTION_PERIOD", -1.0)
@@ -60,26 +60,26 @@ def test_clock_is_doubted_only_on_a_board_whose_kernel_reports_it_unset(
 
 
 def test_clock_state_is_read_from_the_kernel() -> None:
-    assert synchronised() in (True, False)
+    assert is_clock_synchronised() in (True, False)
 
 
 @each(
     ("choice", "now", "kernel", "doubtful"),
     [
-        ("auto", RELEASE_TIME + 1.0, False, False),
-        ("auto", RELEASE_TIME + 1.0, True, True),
-        ("auto", RELEASE_TIME - 1.0, False, True),
+        ("auto", EARLIEST_VALID_TIME + 1.0, False, False),
+        ("auto", EARLIEST_VALID_TIME + 1.0, True, True),
+        ("auto", EARLIEST_VALID_TIME - 1.0, False, True),
         ("right", 0.0, True, False),
-        ("doubtful", RELEASE_TIME + 1.0, False, True),
+        ("doubtful", EARLIEST_VALID_TIME + 1.0, False, True),
     ],
 )
 def test_owner_setting_overrides_date_and_kernel_for_the_clock(
     choice: str, now: float, kernel: bool, doubtful: bool
 ) -> None:
-    assert SiteClock(lambda: 0.0, lambda: now, None, choice, lambda: kernel).doubts(now) is doubtful
+    assert SiteClock(lambda: 0.0, lambda: now, None, choice, lambda: kernel).doubts_computer_time(now) is doubtful
 
 
 async def test_computer_clock_setting_reaches_the_mount() -> None:
     for choice, doubtful in (("auto", False), ("right", False), ("doubtful", True)):
         async with Bridge("cge", config={"computer_clock": choice}) as bridge:
-            assert bridge.site_clock.doubts(bridge.host()) is doubtful
+            assert bridge.site_clock.doubts_computer_time(bridge.host()) is doubtful

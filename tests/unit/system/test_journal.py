@@ -9,7 +9,7 @@ import pytest
 
 from gateway.cli import main
 from gateway.core.wire_log import Entry
-from gateway.diagnostics.log.printing import Rows, printer
+from gateway.diagnostics.log.printing import RowBuilder, line_printer
 from gateway.system import streams
 
 ASKED = Entry(1768514400.0, "mount", ">", b"V")
@@ -28,10 +28,10 @@ def test_log_lines_have_levels_in_the_journal_and_times_elsewhere(
     with path.open("w") as stream:
         led_to(path, monkeypatch)
         for entry in (ASKED, NOTED):
-            printer(Rows("nexstar", []), stream)(entry)
+            line_printer(RowBuilder("nexstar", []), stream)(entry)
         led_to(tmp_path, monkeypatch)  # the journal's, but another one's
         for entry in (ASKED, NOTED):
-            printer(Rows("nexstar", []), stream)(entry)
+            line_printer(RowBuilder("nexstar", []), stream)(entry)
     in_journal, note, timed, timed_note = path.read_text().splitlines()
     assert in_journal.startswith("<6>mount")
     assert note.startswith("<5>mount") and note.endswith("the mount does not answer")
@@ -42,10 +42,10 @@ def test_log_lines_have_levels_in_the_journal_and_times_elsewhere(
 def test_messages_name_the_program_only_outside_the_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "stream"
     with path.open("w") as stream:
-        assert streams.message("no such port", streams.WARNING, stream) == "mount-gateway: no such port"
+        assert streams.message_line("no such port", streams.WARNING, stream) == "mount-gateway: no such port"
         led_to(path, monkeypatch)
-        assert streams.message("no such port", streams.WARNING, stream) == "<4>no such port"
+        assert streams.message_line("no such port", streams.WARNING, stream) == "<4>no such port"
         monkeypatch.setattr("sys.stderr", stream)
         assert main(["run"]) == 2
-    assert not streams.in_journal(stream)  # a closed one
+    assert not streams.is_read_by_journal(stream)  # a closed one
     assert path.read_text().startswith("<3>command line: which mount?")

@@ -12,16 +12,16 @@ from typing import Any
 import pytest
 
 from gateway.app.config import parse_endpoint
-from gateway.app.state.mount_claim import address, claim
+from gateway.app.state.mount_claim import claim, lock_name
 from gateway.core.errors import UserError
 from gateway.system import runtime_folders as runtime
-from gateway.system.locks import Claim, LockHeld, PidLock, read_pid
-from gateway.system.runtime_folders import folders, user
+from gateway.system.locks import LockHeld, NameClaim, PidLock, read_pid
+from gateway.system.runtime_folders import folders, user_id
 from gateway.transport.device_link import DeviceLink
 from tests.support.each import each
 from tests.support.process import PATIENCE
 
-ROOT = pytest.mark.skipif(user() != 0, reason="only root can make another user's file")
+ROOT = pytest.mark.skipif(user_id() != 0, reason="only root can make another user's file")
 POSIX = pytest.mark.skipif(os.name != "posix", reason="owners and modes")
 
 
@@ -34,7 +34,7 @@ def base(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def _mine(base: Path) -> Path:
-    return base / f"mount-gateway-{user()}"
+    return base / f"mount-gateway-{user_id()}"
 
 
 # --- folders ----------------------------------------------------------------------------------------------------
@@ -132,13 +132,13 @@ def test_lock_is_a_file_and_never_follows_a_link(tmp_path: Path) -> None:
 
 def test_lock_is_exclusive_across_session_and_system_folders(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As of a system service, which has no session, and of the user himself."""
-    service = Claim("x")
+    service = NameClaim("x")
     (base / "session").mkdir()
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(base / "session"))
     with pytest.raises(LockHeld, match=f"process {os.getpid()}"):
-        Claim("x")
+        NameClaim("x")
     service.release()
-    mine = Claim("x")
+    mine = NameClaim("x")
     paths = [folder / "x.lock" for folder in folders()[0]]
     assert [read_pid(path) for path in paths] == [os.getpid()] * 2
     mine.release()
@@ -157,7 +157,7 @@ def test_lock_is_exclusive_across_session_and_system_folders(base: Path, monkeyp
     ("hwgrep://0403:6001", None),
 ])  # fmt: skip
 def test_lock_of_an_address_ignores_its_spelling(where: str, name: str | None) -> None:
-    assert address(where) == name
+    assert lock_name(where) == name
 
 
 # --- links of virtual serial ports ------------------------------------------------------------------------------
@@ -169,7 +169,7 @@ def test_link_of_the_virtual_port_has_no_name_predictable_for_another_user(base:
     for taken in (path.with_name(f"lx200.{os.getpid()}"), *base.glob("mount-gateway-*.lock")):
         taken.mkdir()
     link = DeviceLink(str(path))
-    link.point("/dev/pts/99999")
+    link.create("/dev/pts/99999")
     with pytest.raises(UserError, match=rf"another gateway holds it \(process {os.getpid()}\)"):
         DeviceLink(str(path))
     assert {entry.name for entry in base.iterdir()} == {"lx200", f"lx200.{os.getpid()}", _mine(base).name}
@@ -185,9 +185,9 @@ def test_live_link_of_another_user_is_left_alone(base: Path) -> None:
     os.lchown(path, 1, 1)
     link = DeviceLink(str(path))
     with pytest.raises(UserError, match=f"cannot make {path}: the user daemon"):
-        link.point("/dev/pts/99999")
+        link.create("/dev/pts/99999")
     os.close(master)
     os.close(slave)
-    link.point("/dev/pts/99999")
+    link.create("/dev/pts/99999")
     link.close()
-    assert runtime.user() == 0
+    assert runtime.user_id() == 0

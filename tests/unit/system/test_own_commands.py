@@ -14,6 +14,6 @@ def test_single_file_program_starts_itself_without_an_interpreter(monkeypatch: p
     monkeypatch.setattr(sys, "frozen", True, raising=False)
     assert own_commands.gateway_argv() == [sys.executable]
     assert own_commands.own_command() == sys.executable
-    assert own_commands.script_argv("/a/script.py") == [sys.executable, own_commands.RUN_SCRIPT, "/a/script.py"]
+    assert own_commands.script_argv("/a/script.py") == [sys.executable, own_commands.RUN_SCRIPT_OPTION, "/a/script.py"]
     assert own_commands.pip_command().endswith("cannot be added to: pip")
-    assert "with pip instead of this one file" in own_commands.how_to_add("mqtt")
+    assert "with pip instead of this one file" in own_commands.install_instruction("mqtt")

@@ -12,7 +12,7 @@ from gateway.app.config.reading import read_tables
 from gateway.app.recording.format import is_recording
 from gateway.app.recording.recorder import Recorder
 from gateway.app.state.file import MarkerContent, read_marker, read_state
-from gateway.cli.inspect.detect import write_whole
+from gateway.cli.inspect.detect import write_atomically
 from gateway.cli.serve import sim
 from gateway.core.errors import UserError
 from gateway.system.files import replace_file
@@ -26,11 +26,11 @@ def record(path: Path) -> object:
 
 
 def truth(path: Path) -> object:
-    return sim._open(str(path))
+    return sim._open_truth_file(str(path))
 
 
 def write(path: Path) -> object:
-    return write_whole(path, "", force=True)
+    return write_atomically(path, "", force=True)
 
 
 def replace(path: Path) -> object:

@@ -90,7 +90,7 @@ def test_second_baud_rate_change_falls_back_to_the_first_rate() -> None:
         await asyncio.sleep(1.0)
         assert rates[-1] == 9600
         trial.begin(57600)
-        trial.understood()
+        trial.confirm()
         await asyncio.sleep(2 * baud.TRIAL_TIME)
         assert rates[-1] == 57600
 

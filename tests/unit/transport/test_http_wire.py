@@ -166,15 +166,15 @@ def test_idle_connection_does_not_block_a_server_that_serves_one_at_a_time(kind:
         host, port, beside = watcher.told[0]
         assert beside is not alone
         mount = ServedMount("pier", "", host, str(port), "alone" if alone else "beside")
-        mount.stop = [
+        mount.stop_commands = [
             request_bytes(url, TelescopeHttp(url).request(order)) for order in (b"put abortslew", b"put park")
         ]
-        mount.get_ready()
+        mount.prepare_stop()
         assert len(mount.next_connections) == (0 if alone else 1)
         for _ in range(2):
             wire.write(b"get altitude\n")
             assert await lines.get() == b"true\n"
-        for command in mount.stop:
+        for command in mount.stop_commands:
             await asyncio.to_thread(mount.send, command)
         while sorted(asked[-2:]) != ["abortslew", "park"]:  # each on a connection, and in a thread, of its own
             await asyncio.sleep(0.01)
@@ -223,17 +223,17 @@ def test_line_breaks_in_an_http_answer_do_not_split_the_line(status: int, body: 
 def test_gateway_refuses_to_drive_itself() -> None:
     told = json.dumps({"Value": {"ServerName": "mount-gateway", "Gateways": [chain.own_token(os.getpid())]}})
     telescope = TelescopeHttp("http://127.0.0.1:1/7")
-    telescope.opened(telescope.first[0], 404, b"")
+    telescope.check_first_answer(telescope.first_requests[0], 404, b"")
     with pytest.raises(OSError, match="this very gateway"):
-        telescope.opened(telescope.first[0], 200, told.encode())
+        telescope.check_first_answer(telescope.first_requests[0], 200, told.encode())
 
 
 def test_alpaca_server_without_the_configured_telescope_is_not_opened() -> None:
     telescope = TelescopeHttp("http://127.0.0.1:1/7")
     for status, body in ((404, b"no"), (200, b"<html>")):
         with pytest.raises(OSError, match=r"no telescope 7 \(HTTP status"):
-            telescope.opened(telescope.first[1], status, body)
-    telescope.opened(telescope.first[1], 200, b'{"Value": true}')
+            telescope.check_first_answer(telescope.first_requests[1], status, body)
+    telescope.check_first_answer(telescope.first_requests[1], 200, b'{"Value": true}')
 
 
 async def test_http_read_survives_closed_connections_and_an_order_is_sent_once() -> None:

@@ -80,7 +80,7 @@ def test_pseudo_terminals_have_the_pace_of_a_line_and_tcp_by_option(
         where = f"pty:{tmp_path / 'mount'}" if place == "pty" else place
         [port] = await serve_simulator(SimulatedHandControl("cpc", clock=time.time), [where], 0.0, baud)
         try:
-            return await asyncio.to_thread(ask, port.where)
+            return await asyncio.to_thread(ask, port.address)
         finally:
             await port.close()
 

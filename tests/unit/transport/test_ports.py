@@ -35,7 +35,7 @@ async def serving(*surfaces: str, mount: str = "nexstar@sim") -> AsyncIterator[G
 
 
 def address(gateway: Gateway, index: int = 0) -> tuple[str, int]:
-    host, _, port = gateway.ports[index].where.removeprefix("tcp://").rpartition(":")
+    host, _, port = gateway.ports[index].address.removeprefix("tcp://").rpartition(":")
     return host, int(port)
 
 

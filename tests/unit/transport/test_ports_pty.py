@@ -20,7 +20,7 @@ from typing import Any
 import pytest
 import serial
 
-from gateway.cli.serve.serving import with_loop
+from gateway.cli.serve.serving import run_on_loop
 from gateway.core.errors import UserError
 from gateway.transport.pty import PtyPort
 
@@ -31,7 +31,7 @@ LINUX = pytest.mark.skipif(sys.platform != "linux", reason="the end of a connect
 class Visitor:
     """A guest that answers ``?`` with ``!``, and writes down what happens to it in the house's book."""
 
-    answered = True
+    all_answered = True
 
     def __init__(self, book: list[str], write: Callable[[bytes], Any]) -> None:
         self.book, self.write = book, write
@@ -58,7 +58,7 @@ def on_a_port(path: Path, program: Callable[[PtyPort, list[str]], Awaitable[None
             await port.close()
         return 0
 
-    with_loop(fast, main)
+    run_on_loop(fast, main)
     return book
 
 
@@ -145,7 +145,7 @@ def test_exclusive_use_of_a_virtual_port_ends_with_the_program(tmp_path: Path, m
     folder = Path(tempfile.mkdtemp(dir="/tmp"))
     folder.chmod(0o755)
     path = folder / "lx200"
-    monkeypatch.setattr("gateway.transport.pty.like_a_serial_port", lambda device: os.chmod(device, 0o666))
+    monkeypatch.setattr("gateway.transport.pty.set_serial_permissions", lambda device: os.chmod(device, 0o666))
     real = os.open
 
     def refused(name: Any, flags: int, *more: Any) -> int:

@@ -14,8 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.transport import open_port
-from gateway.transport.handler import Connected, Listener
-from gateway.transport.rfc2217 import over_telnet
+from gateway.transport.handler import Listener, NewConnection
+from gateway.transport.rfc2217 import accept_telnet
 from tests.support.each import each
 from tests.support.sampling import as_a_rule
 from tests.unit.transport.test_ports import ask, serving
@@ -29,7 +29,7 @@ PYSERIAL = pytest.mark.filterwarnings("ignore::DeprecationWarning:serial.*")  # 
 class Echo:
     """A guest that sends back what it hears."""
 
-    answered = True
+    all_answered = True
 
     def __init__(self, write: Callable[[bytes], Any]) -> None:
         self.heard = b""
@@ -53,9 +53,9 @@ class Telnet:
     def __init__(self) -> None:
         self.sent = b""
         self.echo: Echo
-        self.guest = over_telnet(self._arrive)(Connected("test", "127.0.0.1", self._send))
+        self.guest = accept_telnet(self._arrive)(NewConnection("test", "127.0.0.1", self._send))
 
-    def _arrive(self, connected: Connected) -> Echo:
+    def _arrive(self, connected: NewConnection) -> Echo:
         self.echo = Echo(connected.write)
         return self.echo
 
@@ -98,9 +98,9 @@ def _brisk(monkeypatch: pytest.MonkeyPatch) -> None:
 async def test_pyserial_over_rfc2217_sets_any_parameters_and_receives_every_byte() -> None:
     port: Listener = await open_port("rfc2217://127.0.0.1:0", lambda connected: Echo(connected.write))
     try:
-        assert port.where.startswith("rfc2217://127.0.0.1:") and not port.where.endswith(":0")
+        assert port.address.startswith("rfc2217://127.0.0.1:") and not port.address.endswith(":0")
         async with asyncio.timeout(60):
-            heard, rest = await asyncio.to_thread(session, port.where)
+            heard, rest = await asyncio.to_thread(session, port.address)
     finally:
         await port.close()
     assert heard == EVERY_BYTE
@@ -122,7 +122,7 @@ async def test_rfc2217_port_serves_telnet_and_plain_programs_with_binary_data() 
             return done, port.read(9)
 
     async with serving("nexstar@rfc2217://127.0.0.1:0", mount="nexstar@sim") as gateway:
-        where = gateway.ports[0].where
+        where = gateway.ports[0].address
         assert gateway.names()[0].partition("@")[2] == where
         done, told = await asyncio.to_thread(hand_control, where)
         assert done == b"#" and told[6:] == b"\xff\x00#"

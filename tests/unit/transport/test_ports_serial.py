@@ -15,8 +15,8 @@ from gateway.app.config import MountConfig, SurfaceConfig
 from gateway.app.gateway import Gateway
 from gateway.core.errors import UserError
 from gateway.transport import open_port, serial_port
-from gateway.transport.handler import Connected
-from gateway.transport.pty import speed
+from gateway.transport.handler import NewConnection
+from gateway.transport.pty import baud_rate_of
 from gateway.transport.wires import SerialTransport
 from tests.support.each import each
 from tests.unit.transport.test_ports import PATIENCE, serving
@@ -58,7 +58,7 @@ async def test_surface_on_a_serial_port_uses_its_configured_baud_rate() -> None:
     name = os.ttyname(gateway_side)
     gateway = Gateway(MountConfig(at="nexstar@sim"), [SurfaceConfig(at=f"lx200@{name}", baud=38400)])
     await gateway.open()
-    assert speed(gateway_side) == 38400
+    assert baud_rate_of(gateway_side) == 38400
     await gateway.close()
     os.close(program_side)
     os.close(gateway_side)
@@ -89,7 +89,7 @@ async def test_lost_outgoing_socket_is_opened_again(monkeypatch: pytest.MonkeyPa
 async def test_loopback_port_receives_what_it_sends() -> None:
     guests: list[Echo] = []
 
-    def arrive(connected: Connected) -> Echo:
+    def arrive(connected: NewConnection) -> Echo:
         guests.append(Echo(connected.write))
         return guests[0]
 

@@ -13,7 +13,7 @@ import pytest
 
 from gateway.core.errors import UserError
 from gateway.transport import open_port
-from gateway.transport.handler import Connected
+from gateway.transport.handler import NewConnection
 from gateway.transport.listening import split_address
 from gateway.transport.tcp import TcpPort
 from tests.unit.transport.test_ports_rfc2217 import Echo
@@ -28,7 +28,7 @@ async def echo_at(where: str) -> TcpPort:
 
 
 async def reaches(host: str, port: TcpPort) -> bool:
-    reader, writer = await asyncio.open_connection(host, split_address(port.where)[1])
+    reader, writer = await asyncio.open_connection(host, split_address(port.address)[1])
     writer.write(b"?")
     async with asyncio.timeout(60):
         heard = await reader.readexactly(1)
@@ -52,7 +52,7 @@ IPV6 = pytest.mark.skipif(not has_ipv6(), reason="this computer has no IPv6")
 @pytest.mark.parametrize("scheme", ["tcp", "rfc2217"])
 async def test_tcp_surface_serves_ipv6(scheme: str) -> None:
     port = await echo_at(f"{scheme}://[::1]:0")
-    assert port.where.startswith(f"{scheme}://[::1]:")
+    assert port.address.startswith(f"{scheme}://[::1]:")
     assert await reaches("::1", port)
     await port.close()
     both = await echo_at(f"{scheme}://[::]:0")
@@ -63,13 +63,13 @@ async def test_tcp_surface_serves_ipv6(scheme: str) -> None:
 async def test_closed_tcp_port_is_free_again_at_once() -> None:
     """Connections that were closed from this side linger in the system; they must not hold the port."""
     port = await echo_at("tcp://127.0.0.1:0")
-    client = socket.create_connection(("127.0.0.1", split_address(port.where)[1]))
+    client = socket.create_connection(("127.0.0.1", split_address(port.address)[1]))
     while not port.connections:
         await asyncio.sleep(0)
-    where = port.where
+    where = port.address
     await port.close()
     again = await echo_at(where)
-    assert again.where == where
+    assert again.address == where
     with pytest.raises(UserError, match="the port is in use"):
         await echo_at(where)
     client.close()
@@ -79,7 +79,7 @@ async def test_closed_tcp_port_is_free_again_at_once() -> None:
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="the system does not show its timers")
 async def test_tcp_surface_enables_keepalive() -> None:
     port = await echo_at("tcp://127.0.0.1:0")
-    reader, writer = await asyncio.open_connection("127.0.0.1", split_address(port.where)[1])
+    reader, writer = await asyncio.open_connection("127.0.0.1", split_address(port.address)[1])
     writer.write(b"?")
     await reader.readexactly(1)
     (connection,) = port.connections
@@ -108,14 +108,14 @@ def test_tcp_writer_learns_how_much_a_slow_reader_has_pending(scheme: str) -> No
     async def main() -> None:
         writes: list[Callable[[bytes], Any]] = []
 
-        def arrive(connected: Connected) -> Echo:
+        def arrive(connected: NewConnection) -> Echo:
             writes.append(connected.write)
             return Echo(connected.write)
 
         port = await open_port(f"{scheme}://127.0.0.1:0", arrive)
         client = socket.socket()
         client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        client.connect(("127.0.0.1", split_address(port.where)[1]))
+        client.connect(("127.0.0.1", split_address(port.address)[1]))
         async with asyncio.timeout(60):
             while not writes:
                 await asyncio.sleep(0)

@@ -12,7 +12,7 @@ from aiohttp import web
 
 from gateway.core.errors import UserError
 from gateway.transport.listening import split_address
-from gateway.transport.room import RESERVED_PLACES, Room, share
+from gateway.transport.room import RESERVED_PLACES, ConnectionQuota, max_places_of
 from gateway.transport.web_server import IDLE_TIMEOUT, MAX_CONNECTIONS, MAX_EARLY_BYTES, REQUEST_TIMEOUT, WebServer
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
@@ -30,7 +30,7 @@ class Line(asyncio.Transport):
         self.heard, self.closed_after = b"", -1.0
         self._loop = asyncio.get_running_loop()
         self._began = self._loop.time()
-        server.take(self, sent)
+        server.take_over(self, sent)
 
     def set_protocol(self, protocol: asyncio.BaseProtocol) -> None:
         assert isinstance(protocol, asyncio.Protocol)
@@ -170,17 +170,17 @@ async def test_http_client_that_leaves_early_is_not_reported(caplog: pytest.LogC
 def test_one_address_gets_three_quarters_of_the_http_connections_and_this_computer_all(
     host: str, most: int, places: int
 ) -> None:
-    assert share(host, most) == places
+    assert max_places_of(host, most) == places
 
 
 def test_two_http_connections_are_reserved_for_new_addresses() -> None:
-    room = Room(8)
-    assert [room.enter("10.0.0.1") for _ in range(7)] == [True] * 6 + [False]
-    assert room.enter("10.0.0.2") and not room.enter("10.0.0.2")
-    assert room.enter("10.0.0.3") and not room.enter("10.0.0.4"), "all are taken"
-    room.leave("10.0.0.1")
-    assert not room.enter("10.0.0.1"), "the last ones are not for it"
-    assert room.enter("10.0.0.4")
+    room = ConnectionQuota(8)
+    assert [room.take_place("10.0.0.1") for _ in range(7)] == [True] * 6 + [False]
+    assert room.take_place("10.0.0.2") and not room.take_place("10.0.0.2")
+    assert room.take_place("10.0.0.3") and not room.take_place("10.0.0.4"), "all are taken"
+    room.give_back_place("10.0.0.1")
+    assert not room.take_place("10.0.0.1"), "the last ones are not for it"
+    assert room.take_place("10.0.0.4")
 
 
 @each("sent", [b"", HALF, GET])
@@ -197,7 +197,7 @@ async def test_http_attack_from_some_addresses_does_not_block_a_stop(sent: bytes
             await asyncio.sleep(0.5)
             there = [line for line in lines if not line.is_closing()]
             assert len(there) == (
-                share("10.0.0.1", MAX_CONNECTIONS) if hosts == 1 else MAX_CONNECTIONS - RESERVED_PLACES
+                max_places_of("10.0.0.1", MAX_CONNECTIONS) if hosts == 1 else MAX_CONNECTIONS - RESERVED_PLACES
             )
             assert all(b"503" in line.heard for line in lines if line.closed_after == 0.0)
             began = loop.time()
@@ -257,8 +257,8 @@ async def test_web_server_takes_the_next_free_port_and_reports_none_as_an_error(
     server = WebServer()
     with socket.create_server(("127.0.0.1", 0)) as taken:
         where = f"tcp://127.0.0.1:{(number := taken.getsockname()[1])}"
-        port = await server.listen(where, ports_tried=50)
-        assert number < split_address(port.where)[1] <= number + 50
+        port = await server.listen(where, further_port_count=50)
+        assert number < split_address(port.address)[1] <= number + 50
         with pytest.raises(UserError, match="in use"):
             await server.listen(where)
     await server.close()

@@ -20,43 +20,43 @@ from gateway.mount.policy import Limits
 from gateway.mount.safety.admission.contradictions import (
     Contradiction,
     at_length,
-    briefly,
     contradictions_of,
     skies_by_others,
+    summary,
 )
-from gateway.mount.site.astrometry import PointingFrame, Shift, SiteAstrometry
+from gateway.mount.site.astrometry import PointingFrame, SiteAstrometry, SyncShift
 
 
-class Source(NamedTuple):
+class AltitudeSource(NamedTuple):
     """One way to calculate an altitude: by the mount's own data; as if the syncs were wrong, so that the tube is off by
     ``sync_shift``; or by another site and time (``contradiction``), with the astronomy for these in ``sky``.
     """
 
     mount: Context
-    sync_shift: Shift | None = None
+    sync_shift: SyncShift | None = None
     contradicts: Contradiction | None = None
     sky: SiteAstrometry | None = None
 
     @property
-    def own(self) -> bool:
+    def is_mounts_own(self) -> bool:
         """Whether the altitude follows from the mount's own data as they are."""
         return self.sync_shift is None and self.contradicts is None
 
     def altitude(self, position: Equatorial) -> float:
         """Return the altitude of the tube while the mount reports ``position``, degrees."""
-        return (self.sky or self.mount.astrometry).horizon(self.mount.suns.tube(position, self.sync_shift)).alt
+        return (self.sky or self.mount.astrometry).horizontal(self.mount.suns.tube(position, self.sync_shift)).alt
 
     def check(self, limits: Limits, altitude: float) -> None:
         """Check an altitude by this source. Raises BelowHorizon or TooHigh; if the source is not the mount's own data,
         Contradicted, whose text names the source.
         """
         try:
-            (limits if self.own else limits.written()).check_altitude(altitude)
+            (limits if self.is_mounts_own else limits.without_default_altitudes()).check_altitude(altitude)
         except Fault as fault:
             which = "low" if isinstance(fault, BelowHorizon) else "high"
             if self.contradicts is not None:
                 text = f"Too {which}, if {self.contradicts.sources[1]} is right: {at_length(self.contradicts)}"
-                raise Contradicted(text, f"Too {which} by {briefly(self.contradicts)}.") from None
+                raise Contradicted(text, f"Too {which} by {summary(self.contradicts)}.") from None
             if self.sync_shift is None:
                 raise
             off = max(abs(self.sync_shift.first), abs(self.sync_shift.second))
@@ -67,26 +67,26 @@ class Source(NamedTuple):
             ) from None
 
 
-def by_mount(mount: Context) -> Iterator[Source]:
+def mount_sources(mount: Context) -> Iterator[AltitudeSource]:
     """Yield the mount's own data, then those as if the syncs were wrong; nothing without a site."""
     if mount.sources.site() is not None:
-        yield Source(mount)
-        yield from by_syncs(mount, mount.frame())
+        yield AltitudeSource(mount)
+        yield from unsynced_sources(mount, mount.frame())
 
 
-def by_syncs(mount: Context, frame: PointingFrame) -> Iterator[Source]:
+def unsynced_sources(mount: Context, frame: PointingFrame) -> Iterator[AltitudeSource]:
     """Yield the sources as if the syncs were wrong."""
     for shift in frame.shifts:
-        yield Source(mount, sync_shift=shift)
+        yield AltitudeSource(mount, sync_shift=shift)
 
 
-def by_others(mount: Context, limits: Limits) -> Iterator[Source]:
+def contradicting_sources(mount: Context, limits: Limits) -> Iterator[AltitudeSource]:
     """Yield the sources that contradict the mount's site and clock; nothing if the user has set no altitude limit."""
-    written = limits.written()
+    written = limits.without_default_altitudes()
     if written.lowest <= -90.0 and written.highest >= 90.0:
         return
     for contradiction, sky in skies_by_others(mount):
-        yield Source(mount, contradicts=contradiction, sky=sky)
+        yield AltitudeSource(mount, contradicts=contradiction, sky=sky)
 
 
 def check_goal(mount: Context, limits: Limits, goal: Equatorial) -> float:
@@ -94,34 +94,34 @@ def check_goal(mount: Context, limits: Limits, goal: Equatorial) -> float:
     or TooHigh, with the altitude, the time of rising, and the sources that contradict it.
     """
     altitude = check_altitude(mount, limits, goal)
-    for source in (*by_syncs(mount, mount.frame()), *by_others(mount, limits)):
+    for source in (*unsynced_sources(mount, mount.frame()), *contradicting_sources(mount, limits)):
         source.check(limits, source.altitude(goal))
     return altitude
 
 
 def check_altitude(mount: Context, limits: Limits, goal: Equatorial) -> float:
     """Return the altitude of a goal by the mount's own site and clock. Raises BelowHorizon or TooHigh."""
-    altitude = mount.astrometry.horizon(goal).alt
+    altitude = mount.astrometry.horizontal(goal).alt
     try:
         limits.check_altitude(altitude)
     except Fault as fault:
-        text = [f"{_where(limits, altitude)} ({altitude:.0f}°).", *_rises(mount, limits, goal)]
+        text = [f"{_violation_text(limits, altitude)} ({altitude:.0f}°).", *_rise_time_text(mount, limits, goal)]
         text += [at_length(first) for first in list(contradictions_of(mount))[:1]]
         raise type(fault)(" ".join(text), str(fault)) from None
     return altitude
 
 
-def _where(limits: Limits, altitude: float) -> str:
+def _violation_text(limits: Limits, altitude: float) -> str:
     if altitude > limits.highest:
         return f"It is above the highest altitude, {limits.highest:g}°"
     return "It is below the horizon" if limits.lowest <= 0.0 else f"It is below the lowest altitude, {limits.lowest:g}°"
 
 
-def _rises(mount: Context, limits: Limits, goal: Equatorial) -> Iterator[str]:
+def _rise_time_text(mount: Context, limits: Limits, goal: Equatorial) -> Iterator[str]:
     """Yield a sentence on when a goal rises above the lowest altitude, in the mount's local time if known."""
     latitude, dec, height = (radians(angle) for angle in (mount.astrometry.place().latitude, goal.dec, limits.lowest))
     hour_angle = mount.astrometry.sidereal_time() - goal.ra
-    if mount.astrometry.horizon(goal).alt > limits.lowest:
+    if mount.astrometry.horizontal(goal).alt > limits.lowest:
         return
     half = (sin(height) - sin(latitude) * sin(dec)) / max(1e-9, cos(latitude) * cos(dec))
     if half >= 1.0:

@@ -18,14 +18,14 @@ from gateway.core.errors import Fault, Invalid, PastMeridian, Refused
 from gateway.mount.context import Context
 from gateway.mount.policy import LIMIT_TOLERANCE, Limits
 from gateway.mount.readings.cache import Readings
-from gateway.mount.safety.admission.altitudes import Source, by_mount, by_others
-from gateway.mount.safety.admission.contradictions import too_near
+from gateway.mount.safety.admission.altitudes import AltitudeSource, contradicting_sources, mount_sources
+from gateway.mount.safety.admission.contradictions import sun_refusal
 from gateway.mount.safety.admission.slew_paths import MAX_AXIS_TURN
-from gateway.mount.safety.allow import MIN_POSITION_GAP, leaving
-from gateway.mount.safety.hour_angle import past_meridian, reports_axes, turned_by_axes
+from gateway.mount.safety.allow import MIN_POSITION_GAP, is_moving_out
+from gateway.mount.safety.hour_angle import angle_from_axes, past_meridian, reports_axes
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.astrometry import Sun
-from gateway.protocols.base.driver import BY_HAND
+from gateway.protocols.base.driver import BY_HAND_MESSAGE
 
 #: Degrees of axis motion between two points of a stretch that are checked.
 CHECK_STEP = 2.0
@@ -33,25 +33,25 @@ CHECK_STEP = 2.0
 MAX_POSITION_AGE = 6.0
 
 
-class Start(NamedTuple):
+class StretchStart(NamedTuple):
     """The start of a stretch of motion.
 
-    ``altitudes`` are the sources by which altitudes are calculated. ``first_axis_angle`` is the angle of the first axis
+    ``altitudes`` are the sources by which altitudes are calculated. ``angle`` is the angle of the first axis
     west of its middle, degrees; None if it is unknown or the hour angle has no limit. ``suns`` are the possible
     positions of the Sun, by each source.
     """
 
     position: op.Equatorial
     status: op.Status
-    altitudes: tuple[Source, ...] = ()
-    turned: float | None = None
+    altitudes: tuple[AltitudeSource, ...] = ()
+    angle: float | None = None
     suns: tuple[Sun, ...] = ()
 
     def past(self, mount: Context, west: float) -> float | None:
         """Return how far the tube is past the meridian when the first axis has turned west by so many degrees; None if
         unknown.
         """
-        return None if self.turned is None else past_meridian(self.turned + west, mount.driver.german)
+        return None if self.angle is None else past_meridian(self.angle + west, mount.driver.german)
 
 
 def reaction_turn(mount: Context, operation: op.Move | op.MoveAxis) -> float:
@@ -59,10 +59,10 @@ def reaction_turn(mount: Context, operation: op.Move | op.MoveAxis) -> float:
     degrees.
     """
     age = mount.cache.age(op.Position, mount.now()) if mount.wanted.by_hand else 0.0
-    return operation.sense * mount.driver.speed(operation.rate) * (mount.timing.reaction + MIN_POSITION_GAP + age)
+    return operation.sense * mount.driver.speed(operation.rate) * (mount.stop_timing.reaction + MIN_POSITION_GAP + age)
 
 
-def as_motion(pulse: op.Pulse | op.PulseAxis) -> tuple[op.Move | op.MoveAxis, float]:
+def pulse_as_motion(pulse: op.Pulse | op.PulseAxis) -> tuple[op.Move | op.MoveAxis, float]:
     """Return a guide pulse as a motion by hand, and how far it turns its axis at most, degrees."""
     degrees, guide = SIDEREAL_RATE * pulse.ms / 1000.0, op.Rate(name="guide")
     if isinstance(pulse, op.Pulse):
@@ -70,13 +70,13 @@ def as_motion(pulse: op.Pulse | op.PulseAxis) -> tuple[op.Move | op.MoveAxis, fl
     return op.MoveAxis(pulse.axis, pulse.sense, guide), pulse.sense * degrees * (pulse.rate or 1.0)
 
 
-def check_either_way(mount: Context, limits: Limits, start: Start, turns: dict[int, float]) -> None:
+def check_both_directions(mount: Context, limits: Limits, start: StretchStart, turns: dict[int, float]) -> None:
     """Check these degrees per axis in both directions. Raises BelowHorizon, TooHigh, NearSun or PastMeridian."""
     for way in product(*({degrees, -degrees} for degrees in turns.values())):
         check_turns(mount, limits, start, dict(zip(turns, way, strict=True)))
 
 
-def check_turns(mount: Context, limits: Limits, start: Start, turns: dict[int, float]) -> None:
+def check_turns(mount: Context, limits: Limits, start: StretchStart, turns: dict[int, float]) -> None:
     """Check a stretch of motion, degrees per axis. Raises BelowHorizon, TooHigh, NearSun or PastMeridian.
 
     Refuse a stretch that is not finite, or longer than any mount turns: checking it could take for ever.
@@ -89,12 +89,12 @@ def check_turns(mount: Context, limits: Limits, start: Start, turns: dict[int, f
         soon = _after_turns(mount, start, {axis: degrees * step / steps for axis, degrees in turns.items()})
         for source in start.altitudes:
             before, after = source.altitude(position), source.altitude(soon)
-            if leaving(limits if source.own else limits.written(), before, after):
+            if is_moving_out(limits if source.is_mounts_own else limits.without_default_altitudes(), before, after):
                 source.check(limits, after)
         for sun in start.suns:
             distance = mount.suns.distance(soon, sun)
             if distance < mount.suns.limit and distance < mount.suns.distance(position, sun):
-                raise too_near(mount.sources, sun)
+                raise sun_refusal(mount.sources, sun)
         west = turns.get(1, 0.0) * step / steps
         if limits.hour_angle is not None:
             now, then = start.past(mount, turned), start.past(mount, west)
@@ -103,13 +103,13 @@ def check_turns(mount: Context, limits: Limits, start: Start, turns: dict[int, f
         position, turned = soon, west
 
 
-def _after_turns(mount: Context, start: Start, turns: dict[int, float]) -> op.Equatorial:
+def _after_turns(mount: Context, start: StretchStart, turns: dict[int, float]) -> op.Equatorial:
     """Return the position after the axes have turned by ``turns``, degrees."""
     first, second = turns.get(1, 0.0), turns.get(2, 0.0)
     if start.status.equatorial or mount.driver.moves_by_gotos:
         return op.Equatorial(*fold_declination(start.position.ra - first, start.position.dec + second))
-    horizon = mount.astrometry.horizon(start.position)
-    return mount.astrometry.equatorial(op.Horizontal(*fold_declination(horizon.az + first, horizon.alt + second)))
+    horizon = mount.astrometry.horizontal(start.position)
+    return mount.astrometry.equatorial_of(op.Horizontal(*fold_declination(horizon.az + first, horizon.alt + second)))
 
 
 class HandAdmission:
@@ -121,7 +121,7 @@ class HandAdmission:
     async def check(self, operation: op.Move | op.MoveAxis) -> None:
         """Raises BelowHorizon, TooHigh, NearSun or PastMeridian if a stop could not end the motion in time."""
         mount = self._mount
-        start = await self._start()
+        start = await self._read_start()
         if start is None:
             return
         limits = mount.policy.limits
@@ -129,7 +129,7 @@ class HandAdmission:
             limits = limits.narrowed(operation.lowest, operation.highest)
         by_hand = {**mount.wanted.by_hand, operation.axis: operation}
         turns = {axis: reaction_turn(mount, moving) for axis, moving in by_hand.items()}
-        start = start._replace(altitudes=(*start.altitudes, *by_others(mount, limits)))
+        start = start._replace(altitudes=(*start.altitudes, *contradicting_sources(mount, limits)))
         await self._check(limits, start, by_hand, turns)
 
     async def check_pulse(self, pulse: op.Pulse | op.PulseAxis) -> None:
@@ -139,24 +139,24 @@ class HandAdmission:
         Refused while somebody else moves the axis, because the pulse would end that motion.
         """
         if self._watch.others_move(pulse.axis if isinstance(pulse, op.PulseAxis) else pulse.direction.axis):
-            raise Refused(BY_HAND)
-        start = await self._start()
+            raise Refused(BY_HAND_MESSAGE)
+        start = await self._read_start()
         if start is not None:
-            motion, degrees = as_motion(pulse)
+            motion, degrees = pulse_as_motion(pulse)
             start = start._replace(suns=tuple(sun for sun in start.suns if sun.confirmed))
             await self._check(self._mount.policy.limits, start, {motion.axis: motion}, {motion.axis: degrees})
 
     async def _check(
-        self, limits: Limits, start: Start, by_hand: dict[int, op.Move | op.MoveAxis], turns: dict[int, float]
+        self, limits: Limits, start: StretchStart, by_hand: dict[int, op.Move | op.MoveAxis], turns: dict[int, float]
     ) -> None:
         try:
-            check_either_way(self._mount, limits, start, turns)
+            check_both_directions(self._mount, limits, start, turns)
         except Fault:  # a direction is forbidden, so find out in which the motors turn the tube
             for axis, moving in by_hand.items():
-                turns[axis] *= await self._sense(moving, start.status)
+                turns[axis] *= await self._motor_sense(moving, start.status)
             check_turns(self._mount, limits, start, turns)
 
-    async def _start(self) -> Start | None:
+    async def _read_start(self) -> StretchStart | None:
         """Return the position and status of the mount; None if no limit can be calculated."""
         mount, readings = self._mount, self._mount.cache
         if mount.sources.site() is None:
@@ -170,18 +170,18 @@ class HandAdmission:
             position = await self._readings.read(op.Position())
         elif mount.now() - age < self._watch.at_rest_since and not mount.wanted.by_hand:  # it was still moving then
             position = await self._readings.read_now(op.Position())
-        turned = await self._turned(position) if self._watch.hour_angle.watched else None
-        return Start(position, status, tuple(by_mount(mount)), turned, tuple(mount.suns.to_avoid()))
+        turned = await self._axis_angle(position) if self._watch.hour_angle.has_limit else None
+        return StretchStart(position, status, tuple(mount_sources(mount)), turned, tuple(mount.suns.suns_to_avoid()))
 
-    async def _turned(self, position: op.Equatorial) -> float | None:
+    async def _axis_angle(self, position: op.Equatorial) -> float | None:
         """Return how far the first axis is turned from its middle, west positive; None if unknown."""
         mount = self._mount
         if reports_axes(mount):
-            return turned_by_axes(mount, await self._readings.read(op.AxisPosition()))
+            return angle_from_axes(mount, await self._readings.read(op.AxisPosition()))
         side = await self._readings.tube_side() if mount.driver.german else None
-        return self._watch.hour_angle.turned(mount.astrometry.sidereal_time() - position.ra, side)
+        return self._watch.hour_angle.axis_angle(mount.astrometry.sidereal_time() - position.ra, side)
 
-    async def _sense(self, operation: op.Move | op.MoveAxis, status: op.Status) -> int:
+    async def _motor_sense(self, operation: op.Move | op.MoveAxis, status: op.Status) -> int:
         """Return -1 if the tube turns against the nominal direction: in the south, beyond pole or zenith; else 1."""
         mount, by_motor = self._mount, isinstance(operation, op.MoveAxis)
         if mount.driver.moves_by_gotos:
@@ -205,7 +205,7 @@ async def beyond_pole_or_zenith(mount: Context, readings: Readings, watch: Limit
     return abs(wrap180(axes.alt)) > 90.0
 
 
-async def pointing(mount: Context, readings: Readings, watch: LimitWatch) -> set[bool]:
+async def pointings(mount: Context, readings: Readings, watch: LimitWatch) -> set[bool]:
     """Return in which of two ways the axes may point now: the usual (False), the other (True), or both if unknown.
 
     The other way is the west side of the pier in the north, and beyond the pole or zenith on a fork. Both are returned

@@ -13,22 +13,22 @@ from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from typing import NamedTuple
 
-from gateway.core.about import RELEASE_TIME
+from gateway.core.about import EARLIEST_VALID_TIME
 from gateway.core.errors import Fault, NearSun, Unsupported
 from gateway.core.operations import GetStatus, Park, Place
 from gateway.mount.context import Context
-from gateway.mount.policy import check_own_park
-from gateway.mount.site.astrometry import KnownSource, SiteAstrometry, Sun
+from gateway.mount.policy import check_unknown_park
+from gateway.mount.site.astrometry import FixedSiteTime, SiteAstrometry, Sun
 from gateway.mount.site.site_clock import (
     COMPUTER,
     CONFIGURED,
-    FORMER,
+    FORMER_SITE_SOURCE,
     GPS_SOURCE,
-    MOUNT,
+    MOUNT_SOURCE,
     PROGRAM,
-    BestSources,
-    Site,
-    Time,
+    SiteTimeSources,
+    SourcedSite,
+    SourcedTime,
     earth_distance,
 )
 
@@ -37,7 +37,7 @@ SITE_CONTRADICTION, CLOCK_CONTRADICTION = 0.5, 120.0
 #: Kilometres in a degree on the Earth.
 KM_PER_DEGREE = 111.2
 #: The refusal of a goto because the position of the Sun is unknown.
-UNKNOWN_TIME = (
+NO_TIME_TEXT = (
     "The time is unknown: this computer's clock is lost, and neither the mount nor a program has reported it. "
     "Set the time, or sun = 0 at night."
 )
@@ -45,11 +45,11 @@ UNKNOWN_TIME = (
 
 #: By source: how to correct its site. CLOCK_REMEDIES: how to correct its time.
 SITE_SET = {
-    MOUNT: "the mount's at its hand control or in the program that sets it",
+    MOUNT_SOURCE: "the mount's at its hand control or in the program that sets it",
     GPS_SOURCE: "the receiver's by a new fix",
     CONFIGURED: "the key site of the configuration",
     PROGRAM: "the program's",
-    FORMER: "or confirm the new one on the page, at the hand control, by the key site, or by a restart",
+    FORMER_SITE_SOURCE: "or confirm the new one on the page, at the hand control, by the key site, or by a restart",
 }
 CLOCK_REMEDIES = {**SITE_SET, COMPUTER: "the clock of this computer"}
 
@@ -62,12 +62,12 @@ class Contradiction(NamedTuple):
     """
 
     place: Place | None
-    unix: float
+    unix_time: float
     text: str
     sources: tuple[str, str]
-    apart: str
+    difference: str
     remedies: dict[str, str]
-    other: str = ""
+    short_text: str = ""
 
     @property
     def remedy(self) -> str:
@@ -75,14 +75,14 @@ class Contradiction(NamedTuple):
         return f"correct the one that is wrong: {', or '.join(self.remedies[source] for source in self.sources)}"
 
     @property
-    def line(self) -> str:
+    def warning_line(self) -> str:
         """Return the line for the log: both values, and how to correct each."""
         return f"{self.text}, so {self.remedy}"
 
 
-def too_near(sources: BestSources, sun: Sun, way: bool = False) -> NearSun:
-    """Return the refusal of a motion that leads to the Sun, or past it (``on_the_way``), with the source for that."""
-    text = "The way there passes too close to the Sun." if way else NearSun.default_text
+def sun_refusal(sources: SiteTimeSources, sun: Sun, on_path: bool = False) -> NearSun:
+    """Return the refusal of a motion that leads to the Sun, or past it (``on_path``), with the source for that."""
+    text = "The way there passes too close to the Sun." if on_path else NearSun.default_text
     if sun.confirmed and sun.sync_shift is not None:
         off = max(abs(sun.sync_shift.first), abs(sun.sync_shift.second))
         return NearSun(
@@ -95,15 +95,15 @@ def too_near(sources: BestSources, sun: Sun, way: bool = False) -> NearSun:
     if sun.confirmed or contradiction is None:
         return NearSun(text)
     return NearSun(
-        f"{text} {at_length(contradiction)}", f"{'Past' if way else 'Near'} the Sun by {briefly(contradiction)}."
+        f"{text} {at_length(contradiction)}", f"{'Past' if on_path else 'Near'} the Sun by {summary(contradiction)}."
     )
 
 
-def briefly(contradiction: Contradiction) -> str:
+def summary(contradiction: Contradiction) -> str:
     """Return at most 45 characters: ``the computer (2.5 hours from the mount)``."""
     names = {COMPUTER: "the computer", CONFIGURED: "the config", GPS_SOURCE: "the GPS", PROGRAM: "a program"}
     best, other = (names.get(source, source) for source in contradiction.sources)
-    return f"{other} ({contradiction.apart} from {best})"
+    return f"{other} ({contradiction.difference} from {best})"
 
 
 def at_length(contradiction: Contradiction) -> str:
@@ -112,7 +112,7 @@ def at_length(contradiction: Contradiction) -> str:
     return f"{text}. {contradiction.remedy[0].upper()}{contradiction.remedy[1:]}."
 
 
-def contradictions(sites: Sequence[Site], times: Sequence[Time]) -> Iterator[Contradiction]:
+def contradictions(sites: Sequence[SourcedSite], times: Sequence[SourcedTime]) -> Iterator[Contradiction]:
     """Yield the sites and times that differ too much from the best ones, which come first. A site is combined with the
     best time, a time with the best site.
     """
@@ -127,9 +127,9 @@ def contradictions(sites: Sequence[Site], times: Sequence[Time]) -> Iterator[Con
                 yield Contradiction(other.place, unix, text, (sites[0].source, other.source), far, SITE_SET, other_site)
     for time in times[1:]:
         if abs(time.unix - unix) > CLOCK_CONTRADICTION and not time.doubtful:
-            place_of_best, span = sites[0].place if sites else None, _span(time.unix - unix)
+            place_of_best, span = sites[0].place if sites else None, _duration_text(time.unix - unix)
             both = f"{clock_text(unix)} and {clock_text(time.unix)} UTC"
-            text = f"the clocks of {times[0].who} and of {time.source} differ by {span} ({both})"
+            text = f"the clocks of {times[0].source_text} and of {time.source} differ by {span} ({both})"
             yield Contradiction(place_of_best, time.unix, text, (times[0].source, time.source), span, CLOCK_REMEDIES)
 
 
@@ -143,7 +143,7 @@ def skies_by_others(mount: Context) -> Iterator[tuple[Contradiction, SiteAstrome
     own = mount.astrometry
     for contradiction in contradictions_of(mount):
         if contradiction.place is not None:
-            known = KnownSource(contradiction.place, contradiction.unix)
+            known = FixedSiteTime(contradiction.place, contradiction.unix_time)
             yield contradiction, SiteAstrometry(own.sky, known, own.equinox)
 
 
@@ -175,21 +175,21 @@ def likely_mistake(site: Place, other: Place) -> str:
     return ""
 
 
-def _span(seconds: float) -> str:
+def _duration_text(seconds: float) -> str:
     minutes = abs(seconds) / 60.0
     if minutes < 90:
         return f"{minutes:.0f} minutes"
     return f"{minutes / 60:.1f} hours" if minutes < 2880 else f"{minutes / 1440:.0f} days"
 
 
-def time_unknown(best: Time) -> bool:
+def time_unknown(best_time: SourcedTime) -> bool:
     """Whether the time is unknown: this computer's clock is lost, and there is no other source."""
-    return best.doubtful and best.unix < RELEASE_TIME
+    return best_time.doubtful and best_time.unix < EARLIEST_VALID_TIME
 
 
 def contradiction_warning(mount: Context) -> str:
     """Return all contradictions as one warning line, with how to correct each; empty if there are none."""
-    doubts = [doubt.line for doubt in contradictions_of(mount)]
+    doubts = [doubt.warning_line for doubt in contradictions_of(mount)]
     doubts += _park_warning(mount)
     return f"WARNING: {'; '.join(doubts)}" if doubts else ""
 
@@ -208,10 +208,10 @@ def _park_warning(mount: Context) -> Iterator[str]:
     goal = mount.driver.destination(Park())
     try:
         if goal is not None:
-            on_sky = mount.astrometry.from_axes(goal, wedge=not mount.driver.german) if status.equatorial else None
-            limits.check_altitude(goal.alt if on_sky is None else mount.astrometry.horizon(on_sky).alt)
+            on_sky = mount.astrometry.from_axes(goal, on_wedge=not mount.driver.german) if status.equatorial else None
+            limits.check_altitude(goal.alt if on_sky is None else mount.astrometry.horizontal(on_sky).alt)
         elif not mount.policy.own_park:
-            check_own_park(Park(), limits)
+            check_unknown_park(Park(), limits)
     except Unsupported:
         return  # without a site its altitude is unknown
     except Fault:

@@ -23,7 +23,7 @@ from gateway.core.errors import WayBlocked
 from gateway.mount.context import FASTEST_RATE, Context
 from gateway.mount.policy import LIMIT_TOLERANCE, Limits
 from gateway.mount.safety.admission.contradictions import contradictions, skies_by_others
-from gateway.mount.site.astrometry import SUN_UP_ALTITUDE, KnownSource, SiteAstrometry, Sun
+from gateway.mount.site.astrometry import SUN_UP_ALTITUDE, FixedSiteTime, SiteAstrometry, Sun
 
 #: A path: the readings of both axes at its beginning, and by how many degrees each turns.
 Path = tuple[Pair, Pair]
@@ -43,37 +43,37 @@ LIMIT_MARGIN = 3.0
 
 class Journey(NamedTuple):
     """A goto that is to be checked, from ``start`` to ``goal``. ``start_pointings``: in which of the two ways the axes
-    may point at the start (`possible_pointings`).
+    may point at the start (`pointings`).
 
     ``target_readings`` are those of the axes, if the goto is ordered by them; ``sky`` is the astronomy by which the
     mount calculates axis readings, if that is not by its own site and clock.
     """
 
     equatorial: bool
-    position: op.Equatorial
-    others: set[bool]
+    start: op.Equatorial
+    start_pointings: set[bool]
     goal: op.Equatorial
-    axes: Pair | None = None
+    target_readings: Pair | None = None
     sky: SiteAstrometry | None = None
 
 
-def sun_reading(astrometry: SiteAstrometry, direction: op.Equatorial | Sun, equatorial: bool) -> Pair:
+def axis_readings_at(astrometry: SiteAstrometry, direction: op.Equatorial | Sun, equatorial: bool) -> Pair:
     """Return the axis readings at which this mount points in a direction, in the usual of the two ways."""
     sun = op.Equatorial(direction.ra, direction.dec)
     if equatorial:
-        return _geometry(astrometry, Build.GERMAN).axes(_hour_angle(astrometry, sun), sun.dec, False)
-    horizon = astrometry.horizon(sun) if astrometry.site_clock.site() is not None else op.Horizontal(sun.ra, sun.dec)
+        return _geometry_of(astrometry, Build.GERMAN).axes(_hour_angle(astrometry, sun), sun.dec, False)
+    horizon = astrometry.horizontal(sun) if astrometry.site_clock.site() is not None else op.Horizontal(sun.ra, sun.dec)
     return horizon.az, horizon.alt
 
 
-def zeniths(mount: Context, equatorial: bool) -> list[Pair]:
+def zenith_readings(mount: Context, equatorial: bool) -> list[Pair]:
     """Return the axis readings at which this mount points at the zenith: by its site and clock, and by each other."""
     skies = [mount.astrometry, *(sky for _, sky in skies_by_others(mount))]
     overhead = (op.Equatorial(sky.sidereal_time(), sky.place().latitude) for sky in skies)
-    return [sun_reading(mount.astrometry, place, equatorial) for place in overhead]
+    return [axis_readings_at(mount.astrometry, place, equatorial) for place in overhead]
 
 
-def suns_by_others(mount: Context) -> Iterator[tuple[SiteAstrometry, Sun]]:
+def contradicting_suns(mount: Context) -> Iterator[tuple[SiteAstrometry, Sun]]:
     """Yield the Sun, if it is up, by each source that contradicts the mount's site and clock, with that source's
     astronomy: if it is right and the mount is aligned on stars, an alt-azimuth mount turns round that zenith.
     """
@@ -81,9 +81,9 @@ def suns_by_others(mount: Context) -> Iterator[tuple[SiteAstrometry, Sun]]:
     for time, site in product(times, sites):
         if not any(contradictions([sites[0], site], [times[0], time])):
             continue
-        sky = SiteAstrometry(own.sky, KnownSource(site.place, time.unix), own.equinox)
+        sky = SiteAstrometry(own.sky, FixedSiteTime(site.place, time.unix), own.equinox)
         sun = Sun(*own.sky.sun(time.unix), False, time, site)
-        if sky.horizon(op.Equatorial(sun.ra, sun.dec)).alt >= SUN_UP_ALTITUDE:
+        if sky.horizontal(op.Equatorial(sun.ra, sun.dec)).alt >= SUN_UP_ALTITUDE:
             yield sky, sun
 
 
@@ -92,22 +92,22 @@ def paths_of(mount: Context, journey: Journey) -> list[Path]:
     equatorial, position, others, goal, axes, sky = journey
     astrometry = sky or mount.astrometry
     german = mount.driver.german is True and equatorial and astrometry.site_clock.site() is not None
-    geometry = _geometry(astrometry, Build.GERMAN if german else Build.WEDGE if equatorial else Build.ALTAZ)
-    start, end = (sun_reading(astrometry, place, equatorial) for place in (position, goal))
+    geometry = _geometry_of(astrometry, Build.GERMAN if german else Build.WEDGE if equatorial else Build.ALTAZ)
+    start, end = (axis_readings_at(astrometry, place, equatorial) for place in (position, goal))
     if axes is not None:
         end = (axes[0] - geometry.axes(0.0, 0.0, False)[0], axes[1]) if geometry.build is Build.WEDGE else axes
-    flips = sides_at(astrometry, goal) if german and axes is None else {False}
+    flips = pointings_at(astrometry, goal) if german and axes is None else {False}
     paths = []
-    for begin in (_pointing(start, other) for other in others):
-        for target in (_pointing(end, flip) for flip in flips):
-            first, second = (geometry.travel(axis, begin[axis - 1], target[axis - 1]) for axis in (1, 2))
+    for begin in (_reading_of_pointing(start, other) for other in others):
+        for target in (_reading_of_pointing(end, flip) for flip in flips):
+            first, second = (geometry.axis_travel(axis, begin[axis - 1], target[axis - 1]) for axis in (1, 2))
             paths.append((begin, (first, second)))
             if not german and abs(first) > 180.0 - HALF_CIRCLE_TOLERANCE:
                 paths.append((begin, (first - copysign(360.0, first), second)))
     return paths
 
 
-def sides_at(astrometry: SiteAstrometry, goal: op.Equatorial) -> set[bool]:
+def pointings_at(astrometry: SiteAstrometry, goal: op.Equatorial) -> set[bool]:
     """Return in which of two ways a German mount may point after a goto: the other (True), the usual (False), or both.
 
     The hand control chooses by the hour angle. Near the meridian, also below the pole, the choice depends on its own
@@ -116,15 +116,15 @@ def sides_at(astrometry: SiteAstrometry, goal: op.Equatorial) -> set[bool]:
     hour_angle = _hour_angle(astrometry, goal)
     if min(abs(hour_angle), 180.0 - abs(hour_angle), 90.0 - abs(goal.dec)) < MERIDIAN_TOLERANCE:
         return {False, True}
-    return {_geometry(astrometry, Build.GERMAN).other_side(hour_angle)}
+    return {_geometry_of(astrometry, Build.GERMAN).is_flipped(hour_angle)}
 
 
-def _pointing(reading: Pair, other: bool) -> Pair:
+def _reading_of_pointing(reading: Pair, other_way: bool) -> Pair:
     """Return the readings for the same direction in the usual way, or in the other: over the pole or the zenith."""
-    return (reading[0] + 180.0, 180.0 - reading[1]) if other else reading
+    return (reading[0] + 180.0, 180.0 - reading[1]) if other_way else reading
 
 
-def _geometry(astrometry: SiteAstrometry, build: Build) -> Geometry:
+def _geometry_of(astrometry: SiteAstrometry, build: Build) -> Geometry:
     place = astrometry.site_clock.site()
     return Geometry(build, place.latitude if place is not None else 0.0)
 
@@ -134,34 +134,34 @@ def _hour_angle(astrometry: SiteAstrometry, position: op.Equatorial) -> float:
     return wrap180((astrometry.sidereal_time() if astrometry.site_clock.site() is not None else 0.0) - position.ra)
 
 
-def axes_after(start: Pair, turn: Pair, turned: float) -> Pair:
+def readings_after(start: Pair, turn: Pair, degrees: float) -> Pair:
     """Return the readings after so many degrees: both axes are equally fast, and rest at the end of their turn."""
-    first, second = (copysign(min(abs(whole), turned), whole) for whole in turn)
+    first, second = (copysign(min(abs(whole), degrees), whole) for whole in turn)
     return start[0] + first, start[1] + second
 
 
-def is_clear(start: Pair, turn: Pair, place: Pair, limit: float) -> bool:
+def is_clear(start: Pair, turn: Pair, centre: Pair, min_distance: float) -> bool:
     """Whether the path from ``start`` by ``turn`` never comes nearer to ``centre`` than ``min_distance`` degrees.
 
     Far from the circle the steps are large: two axes that turn one degree each move the tube by at most root two.
     Values that are not finite, and a turn that no mount can make, count as not clear.
     """
     length = max(abs(turn[0]), abs(turn[1]))
-    if not (all(map(isfinite, (*start, *turn, *place, limit))) and length <= MAX_AXIS_TURN):
+    if not (all(map(isfinite, (*start, *turn, *centre, min_distance))) and length <= MAX_AXIS_TURN):
         return False
     turned = 0.0
     while True:
-        distance = separation(*axes_after(start, turn, turned), *place)
-        if distance < limit:
+        distance = separation(*readings_after(start, turn, turned), *centre)
+        if distance < min_distance:
             return False
         if turned >= length:
             return True
-        turned = min(length, turned + max(PATH_STEP, (distance - limit) / sqrt(2.0)))
+        turned = min(length, turned + max(PATH_STEP, (distance - min_distance) / sqrt(2.0)))
 
 
-def are_clear(paths: Iterable[Path], place: Pair, limit: float) -> bool:
+def are_clear(paths: Iterable[Path], centre: Pair, limit: float) -> bool:
     """Whether all paths keep this distance from ``centre``; a path that begins nearer must never come nearer still."""
-    return all(is_clear(*path, place, min(limit, separation(*path[0], *place) - 0.01)) for path in paths)
+    return all(is_clear(*path, centre, min(limit, separation(*path[0], *centre) - 0.01)) for path in paths)
 
 
 def path_points(path: Path) -> Iterator[Pair]:
@@ -169,29 +169,29 @@ def path_points(path: Path) -> Iterator[Pair]:
     start, turn = path
     length = min(MAX_AXIS_TURN, max(abs(turn[0]), abs(turn[1])))
     for step in range(int(length / POINT_SPACING) + 1):
-        yield axes_after(start, turn, step * POINT_SPACING)
-    yield axes_after(start, turn, length)
+        yield readings_after(start, turn, step * POINT_SPACING)
+    yield readings_after(start, turn, length)
 
 
 def paths_within(mount: Context, limits: Limits, journey: Journey, stretch: float = MAX_AXIS_TURN) -> list[Path]:
     """Return the possible paths that keep the altitude limits by every source of site and time, at least for the first
     ``stretch`` degrees. A path that begins beyond a limit must lead no farther out.
     """
-    tops = zeniths(mount, journey.equatorial)
+    tops = zenith_readings(mount, journey.equatorial)
     circles = [(top, 90.0 - limits.highest) for top in tops]
     circles += [((top[0] + 180.0, -top[1]), 90.0 + limits.lowest) for top in tops]
 
-    def keeps(path: Path) -> bool:
+    def is_within(path: Path) -> bool:
         start, turn = path[0], _first_part(path[1], stretch)
         return all(
             radius <= 0.0 or is_clear(start, turn, middle, min(radius, separation(*start, *middle)) - LIMIT_TOLERANCE)
             for middle, radius in circles
         )
 
-    return [path for path in paths_of(mount, journey) if keeps(path)]
+    return [path for path in paths_of(mount, journey) if is_within(path)]
 
 
-def all_within(mount: Context, limits: Limits, journey: Journey, stretch: float = MAX_AXIS_TURN) -> bool:
+def all_paths_within(mount: Context, limits: Limits, journey: Journey, stretch: float = MAX_AXIS_TURN) -> bool:
     """Whether every possible path keeps the limits, as in ``paths_within``."""
     return len(paths_within(mount, limits, journey, stretch)) == len(paths_of(mount, journey))
 
@@ -201,30 +201,30 @@ def _first_part(turn: Pair, stretch: float) -> Pair:
     return max(-stretch, min(stretch, turn[0])), max(-stretch, min(stretch, turn[1]))
 
 
-def check_ways(mount: Context, limits: Limits, journey: Journey, unsynced: Sequence[Journey] = ()) -> list[Path]:
+def check_paths(mount: Context, limits: Limits, journey: Journey, unsynced: Sequence[Journey] = ()) -> list[Path]:
     """Like ``paths_within``. Raises WayBlocked if every path leaves the limits, or if one does before a stop could end
-    it, also if the syncs were wrong (``unsynced_journeys``). Its text suggests where to send the mount first, if there
+    it, also if the syncs were wrong (``unsynced``). Its text suggests where to send the mount first, if there
     is such a place, and has at most 60 characters, because LX200 programs show no more.
     """
-    paths, stretch = paths_within(mount, limits, journey), mount.timing.reaction * mount.driver.speed(FASTEST_RATE)
-    if paths and all(all_within(mount, limits, path, stretch) for path in (journey, *unsynced)):
+    paths, stretch = paths_within(mount, limits, journey), mount.stop_timing.reaction * mount.driver.speed(FASTEST_RATE)
+    if paths and all(all_paths_within(mount, limits, path, stretch) for path in (journey, *unsynced)):
         return paths
     where = "low" if paths_within(mount, replace(limits, lowest=-90.0), journey) else "high"
     for azimuth, altitude in INTERMEDIATE_POINTS:
-        place = mount.astrometry.equatorial(op.Horizontal(float(azimuth), float(altitude)))
-        sides = sides_at(mount.astrometry, place) if mount.driver.german else {False}
-        legs = journey._replace(goal=place, axes=None), journey._replace(position=place, others=sides)
+        place = mount.astrometry.equatorial_of(op.Horizontal(float(azimuth), float(altitude)))
+        sides = pointings_at(mount.astrometry, place) if mount.driver.german else {False}
+        legs = journey._replace(goal=place, target_readings=None), journey._replace(start=place, start_pointings=sides)
         inside = limits.lowest + LIMIT_MARGIN <= altitude <= limits.highest - LIMIT_MARGIN
-        if inside and len(sides) == 1 and all(_keeps_clear(mount, limits, leg) for leg in legs):
+        if inside and len(sides) == 1 and all(_is_leg_clear(mount, limits, leg) for leg in legs):
             raise WayBlocked(f"The way is too {where}. Send it first to az {azimuth}, alt {altitude}.")
     raise WayBlocked(
         f"The way is too {where}. {'Raise' if where == 'low' else 'Lower'} the tube with the arrows first."
     )
 
 
-def _keeps_clear(mount: Context, limits: Limits, leg: Journey) -> bool:
+def _is_leg_clear(mount: Context, limits: Limits, leg: Journey) -> bool:
     """Whether no possible path leads beyond the limits or too near to the Sun, or farther so than where it begins."""
-    places = [sun_reading(mount.astrometry, sun, leg.equatorial) for sun in mount.suns.to_avoid()]
-    return all_within(mount, limits, leg) and all(
+    places = [axis_readings_at(mount.astrometry, sun, leg.equatorial) for sun in mount.suns.suns_to_avoid()]
+    return all_paths_within(mount, limits, leg) and all(
         are_clear(paths_of(mount, leg), place, mount.suns.limit) for place in places
     )

@@ -17,8 +17,8 @@ from gateway.mount.context import Context
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import Readings
-from gateway.mount.safety.admission.by_hand import pointing
-from gateway.mount.safety.admission.slew_paths import sun_reading
+from gateway.mount.safety.admission.by_hand import pointings
+from gateway.mount.safety.admission.slew_paths import axis_readings_at
 from gateway.mount.safety.sync_sum import SyncSum, check_sync
 from gateway.mount.safety.watch import LimitWatch
 
@@ -40,31 +40,31 @@ async def admit_sync(
     """
     if mount.movement.slewing:
         await _wait_for_goto_end(mount, readings, sync, activity)
-    if mount.movement.anything or not await _rests(mount, readings, watch):
+    if mount.movement.any_motion or not await _comes_to_rest(mount, readings, watch):
         raise Refused(MOVING_MESSAGE)
     status: op.Status = await readings.read(op.GetStatus())
     if status.aligned:
         position: op.Equatorial = await readings.read(op.Position())
         wanted, so_far = op.Equatorial(sync.ra, sync.dec), mount.synced.value
-        turns = await _turns(mount, readings, watch, position, wanted, status.equatorial)
-        mount.synced.coming = check_sync(mount.policy.limits.sync, so_far, turns, position, wanted)
+        turns = await _sync_turns(mount, readings, watch, position, wanted, status.equatorial)
+        mount.synced.pending = check_sync(mount.policy.limits.sync, so_far, turns, position, wanted)
     else:  # it aligns the mount
-        mount.synced.coming = SyncSum()
-    return mount.astrometry.to_mount(sync)
+        mount.synced.pending = SyncSum()
+    return mount.astrometry.to_mount_equinox(sync)
 
 
-async def _rests(mount: Context, readings: Readings, watch: LimitWatch) -> bool:
+async def _comes_to_rest(mount: Context, readings: Readings, watch: LimitWatch) -> bool:
     """Return whether the mount, which runs on after a stop or is moved at its hand control, soon comes to rest."""
     until = mount.now() + GOTO_END_WAIT
-    while mount.run_on.value is not None or watch.others.moves:
+    while mount.run_on.current is not None or watch.others_watch.is_moving:
         if mount.now() >= until:
             return False
         await readings.read_now(op.Position())
         await asyncio.sleep(CHECK_PERIOD)
-    return not mount.movement.anything
+    return not mount.movement.any_motion
 
 
-async def _turns(
+async def _sync_turns(
     mount: Context, ask: Readings, watch: LimitWatch, position: op.Equatorial, target: op.Equatorial, equatorial: bool
 ) -> list[Pair]:
     """Return by how many degrees a sync turns the readings of the two axes; a second pair if the mount may believe
@@ -73,15 +73,15 @@ async def _turns(
     In the other way (beyond the pole or the zenith, or on the other side of the pier) the second axis turns reversely.
     """
     driver, by_sky, others = mount.driver, mount.driver.emulates_sync, {False}
-    start, end = (sun_reading(mount.astrometry, place, equatorial or by_sky) for place in (position, target))
+    start, end = (axis_readings_at(mount.astrometry, place, equatorial or by_sky) for place in (position, target))
     tells_axes = driver.implementation(op.AxisPosition) is not None
     if not by_sky:  # else by an offset
-        others = await pointing(mount, ask, watch)
+        others = await pointings(mount, ask, watch)
     if driver.german and not tells_axes and watch.observed.upright and len(others) > 1:
         others = {wrap180(start[0]) < 0.0}  # one that does not tell its side has chosen it by the hour angle
     first, sense = wrap180(end[0] - start[0]), 1.0 if False in others else -1.0
     turns = [(first, sense * (end[1] - start[1]))]
-    doubtful = len(others) > 1 or driver.told_beyond or start[1] > 90.0 - POLE_DISTANCE
+    doubtful = len(others) > 1 or driver.reports_beyond_pole or start[1] > 90.0 - POLE_DISTANCE
     if doubtful and not by_sky:
         turns.append((wrap180(first + 180.0), wrap180(sense * (180.0 - end[1] - start[1]))))
     return turns
@@ -96,7 +96,7 @@ async def _wait_for_goto_end(mount: Context, readings: Readings, sync: op.Sync, 
         if not await readings.read_now(op.Slewing()):
             break
         await asyncio.sleep(CHECK_PERIOD)
-    if activity is not None and activity.closed is not None:
+    if activity is not None and activity.closed_at is not None:
         raise Stopped
     position: op.Equatorial = await readings.read(op.Position())
     if separation(position.ra, position.dec, sync.ra, sync.dec) > 2.0 * SAME_TARGET_DEGREES:
@@ -108,9 +108,9 @@ def _is_target(mount: Context, sync: op.Sync) -> bool:
     motion, status, astrometry = mount.wanted.value.motion, mount.cache.value(op.GetStatus), mount.astrometry
     goto = motion.operation if isinstance(motion, Slew) else None
     if isinstance(goto, op.Goto):
-        goal = astrometry.from_mount(op.Equatorial(goto.ra, goto.dec))
+        goal = astrometry.from_mount_equinox(op.Equatorial(goto.ra, goto.dec))
     elif isinstance(goto, op.GotoAxes | op.GotoHorizontal) and status is not None and not status.equatorial:
-        goal = astrometry.equatorial(goto)  # the axes of a fork are azimuth and altitude
+        goal = astrometry.equatorial_of(goto)  # the axes of a fork are azimuth and altitude
     else:
         return False
     return separation(goal.ra, goal.dec, sync.ra, sync.dec) <= SAME_TARGET_DEGREES

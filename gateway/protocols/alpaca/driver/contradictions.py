@@ -15,14 +15,14 @@ from gateway.protocols.base.driver import Remark, Steps
 
 #: Degrees. Equinoxes are compared at altitudes in this range, where refraction is small and the azimuth exact. The
 #: right equinox fits altitude and azimuth to this tolerance; the other is worse by at least the margin.
-HIGH, FITS, WORSE = (30.0, 80.0), 0.05, 0.08
+ALTITUDE_RANGE, FITS, MATCH_MARGIN = (30.0, 80.0), 0.05, 0.08
 #: Degrees by which refraction raises an object at an altitude of 30 degrees.
 REFRACTION = 0.03
 #: A direction is compared after so many degrees of motion, at this speed (degrees a second) or more, and not beyond
 #: this declination (or altitude on an alt-az mount), degrees.
-MOVED, SLOWEST, NEAR_POLE = 0.1, 0.05, 80.0
+MIN_TRAVEL, MIN_SPEED, NEAR_POLE = 0.1, 0.05, 80.0
 #: (axis, sense) -> direction.
-WAYS = {(1, 1): "west", (1, -1): "east", (2, 1): "north", (2, -1): "south"}
+DIRECTION_NAMES = {(1, 1): "west", (1, -1): "east", (2, 1): "north", (2, -1): "south"}
 
 
 class CompareEquinox(op.Operation, frozen=True):
@@ -36,7 +36,7 @@ def compare_equinox(mount: AlpacaDriver, _: CompareEquinox | None = None) -> Ste
     values = []
     for member in ("siderealtime", "rightascension", "declination", "altitude", "azimuth", "sitelatitude", "utcdate"):
         values.append((yield from read_member(mount, member)))
-    if None in values or not HIGH[0] < values[3] < HIGH[1]:
+    if None in values or not ALTITUDE_RANGE[0] < values[3] < ALTITUDE_RANGE[1]:
         return None
     sidereal, ra, dec, altitude, azimuth, latitude, unix = values
     away = {}
@@ -44,10 +44,10 @@ def compare_equinox(mount: AlpacaDriver, _: CompareEquinox | None = None) -> Ste
         calculated = hour_angle_to_horizon(wrap180(sidereal - place[0]), place[1], latitude)
         away[equinox] = separation(*calculated, azimuth, altitude)
     fits = min(away, key=lambda equinox: away[equinox])
-    if away[fits] > FITS + (REFRACTION if mount.refracts else 0.0) or max(away.values()) < away[fits] + WORSE:
+    if away[fits] > FITS + (REFRACTION if mount.refracts else 0.0) or max(away.values()) < away[fits] + MATCH_MARGIN:
         return None
-    mount.compared = True
-    if mount.declared and fits != mount.equinox:
+    mount.equinox_compared = True
+    if mount.declares_equinox and fits != mount.equinox:
         yield Remark(
             f"the server declares {mount.equinox} coordinates, but its altitude and azimuth fit {fits} ones, "
             f"{max(away.values()) * 60.0:.0f} arcminutes from these: if gotos miss by that, write equinox = "
@@ -56,38 +56,38 @@ def compare_equinox(mount: AlpacaDriver, _: CompareEquinox | None = None) -> Ste
     return fits
 
 
-def expect(mount: AlpacaDriver, axis: int, sense: int, side: str) -> None:
+def expect_direction(mount: AlpacaDriver, axis: int, sense: int, pier_side: str) -> None:
     """Note the sense on the sky in which a motion by hand that begins now is to move the tube."""
-    fast = abs(mount.moving.get(axis, 0.0)) >= SLOWEST
-    mount.expected[axis] = (sense, side, None)
-    if mount.reversed is not None or not fast or (axis, side) in mount.proven:
-        mount.expected.pop(axis)
+    fast = abs(mount.hand_rates.get(axis, 0.0)) >= MIN_SPEED
+    mount.directions[axis] = (sense, pier_side, None)
+    if mount.reversed is not None or not fast or (axis, pier_side) in mount.verified_senses:
+        mount.directions.pop(axis)
 
 
-def observe(mount: AlpacaDriver, place: op.Equatorial, horizon: tuple[float, ...] | None) -> str:
+def check_sense(mount: AlpacaDriver, equatorial: op.Equatorial, horizontal: tuple[float, ...] | None) -> str:
     """Compare a new position with the expected direction of motion. If the mount moves the other way, reverse the axis
     and return a message; else return an empty text.
     """
-    position = (-place.ra, place.dec)
+    position = (-equatorial.ra, equatorial.dec)
     if not mount.equatorial:
-        if horizon is None:
+        if horizontal is None:
             return ""
-        position = (horizon[0], horizon[1])
+        position = (horizontal[0], horizontal[1])
     text = ""
-    for axis, (sense, side, since) in list(mount.expected.items()):
-        if abs(position[1]) > NEAR_POLE or axis not in mount.moving:
-            del mount.expected[axis]
+    for axis, (sense, side, since) in list(mount.directions.items()):
+        if abs(position[1]) > NEAR_POLE or axis not in mount.hand_rates:
+            del mount.directions[axis]
         elif since is None:
-            mount.expected[axis] = (sense, side, position)
-        elif abs(way := wrap180(position[axis - 1] - since[axis - 1]) * sense) > MOVED:
-            del mount.expected[axis]
+            mount.directions[axis] = (sense, side, position)
+        elif abs(way := wrap180(position[axis - 1] - since[axis - 1]) * sense) > MIN_TRAVEL:
+            del mount.directions[axis]
             if side or axis == 1 or not mount.german:  # on an unknown side of the pier the next arrow may differ
-                mount.proven.add((axis, side))
+                mount.verified_senses.add((axis, side))
             if way < 0.0:
-                mount.senses[axis, side] = -mount.senses.get((axis, side), 1)
+                mount.signs[axis, side] = -mount.signs.get((axis, side), 1)
                 text = (
-                    f"an arrow to the {WAYS[axis, sense]} has moved the tube to the {WAYS[axis, -sense]}: "
-                    "MoveAxis counts the other way there, so the gateway now reverses arrows; reversed-axes "
-                    "(--reversed-axes) says so before the first arrow"
+                    f"an arrow to the {DIRECTION_NAMES[axis, sense]} has moved the tube to the "
+                    f"{DIRECTION_NAMES[axis, -sense]}: MoveAxis counts the other way there, so the gateway "
+                    "now reverses arrows; reversed-axes (--reversed-axes) says so before the first arrow"
                 )
     return text

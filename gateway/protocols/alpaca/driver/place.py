@@ -5,14 +5,14 @@ from __future__ import annotations
 from gateway.astro.spherical import wrap180
 from gateway.core.errors import Refused, Unsupported
 from gateway.core.operations import GetClock, GetSite, Moment, Place, SetClock, SetSite
-from gateway.protocols.alpaca.driver.pointing import order
+from gateway.protocols.alpaca.driver.pointing import send_order
 from gateway.protocols.alpaca.driver.state import AlpacaDriver
 from gateway.protocols.base.driver import Send, Steps, Wait
 
 #: Degrees by which the site that is read back may differ, and seconds for the time; how many times the driver reads it,
 #: and the seconds between.
-SAME_PLACE, SAME_TIME = 0.02, 3.0
-LOOKS, LOOK_AGAIN = 3, 0.5
+SITE_TOLERANCE, CLOCK_TOLERANCE = 0.02, 3.0
+MAX_CHECKS, CHECK_PERIOD = 3, 0.5
 
 
 def get_site(mount: AlpacaDriver, _: GetSite) -> Steps:
@@ -26,29 +26,29 @@ def set_site(mount: AlpacaDriver, operation: SetSite) -> Steps:
     if operation.latitude is None or operation.longitude is None:
         raise Unsupported("A site has a latitude and a longitude.")
     longitude = wrap180(operation.longitude)
-    yield from order(mount, "set_sitelatitude", latitude=operation.latitude)
-    yield from order(mount, "set_sitelongitude", longitude=longitude)
-    for _look in range(LOOKS):
+    yield from send_order(mount, "set_sitelatitude", latitude=operation.latitude)
+    yield from send_order(mount, "set_sitelongitude", longitude=longitude)
+    for _look in range(MAX_CHECKS):
         place = yield from get_site(mount, GetSite())
         away = max(abs(place.latitude - operation.latitude), abs(wrap180(place.longitude - longitude)))
-        if away < SAME_PLACE:
+        if away < SITE_TOLERANCE:
             return
-        yield Wait(LOOK_AGAIN)
+        yield Wait(CHECK_PERIOD)
     raise Refused("The server has accepted the site, but reports another one.")
 
 
 def get_clock(mount: AlpacaDriver, _: GetClock) -> Steps:
     """Return the Moment. Servers have no time zone, so its UTC offset is the one that was set last."""
-    return Moment((yield Send("utcdate"))["unix"], mount.zone)
+    return Moment((yield Send("utcdate"))["unix"], mount.utc_offset)
 
 
 def set_clock(mount: AlpacaDriver, operation: SetClock) -> Steps:
     """Set UTC. Raises Refused if the server keeps its own time, and Unsupported."""
-    began, mount.zone = mount.now(), operation.offset
-    yield from order(mount, "set_utcdate", unix=operation.unix)
-    for _look in range(LOOKS):
+    began, mount.utc_offset = mount.now(), operation.offset
+    yield from send_order(mount, "set_utcdate", unix=operation.unix)
+    for _look in range(MAX_CHECKS):
         reported = (yield Send("utcdate"))["unix"]
-        if abs(reported - operation.unix - (mount.now() - began)) < SAME_TIME:
+        if abs(reported - operation.unix - (mount.now() - began)) < CLOCK_TOLERANCE:
             return
-        yield Wait(LOOK_AGAIN)
+        yield Wait(CHECK_PERIOD)
     raise Refused("The server has accepted the time, but reports another one.")

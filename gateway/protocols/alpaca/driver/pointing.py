@@ -15,39 +15,39 @@ from typing import Any
 from gateway.astro.spherical import fold_declination, hour_angle_to_horizon, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Fault, Invalid, NoAnswer, Refused, Silence, Unsupported
-from gateway.protocols.alpaca.driver.contradictions import CompareEquinox, observe
+from gateway.protocols.alpaca.driver.contradictions import CompareEquinox, check_sense
 from gateway.protocols.alpaca.driver.identify import read_status
-from gateway.protocols.alpaca.driver.state import AlpacaDriver, device_state, read_member, read_member_again
+from gateway.protocols.alpaca.driver.state import AlpacaDriver, read_member, read_member_again, read_state
 from gateway.protocols.alpaca.tables import Parked
 from gateway.protocols.base.driver import GotoUnderWay, Remark, Schedule, Send, Steps, Wait
 
 #: Seconds that the driver waits for the answer to an order before it reads whether the mount slews: a stop could not be
 #: sent meanwhile.
-ORDER = 1.5
+MAX_WAIT = 1.5
 #: Seconds after the beginning of a goto in which the server may still report that the mount does not slew.
 START_GRACE = 2.0
 #: Seconds from the end of the first goto to the comparison of the declared equinox.
-COMPARE_AFTER = 3.0
+EQUINOX_CHECK_DELAY = 3.0
 #: Seconds from the end of a motion until the driver reads whether the mount tracks; and until a report counts again at
 #: the latest.
-LOOK_AFTER, LOOKED_AT = 1.0, 3.0
+TRACKING_CHECK_DELAY, TRACKING_CHECK_DEADLINE = 1.0, 3.0
 #: Seconds that a goto waits for the end of an earlier motion, and between two checks of that.
-ENDS_WITHIN, LOOK_AGAIN = 10.0, 0.5
+MOTION_END_TIMEOUT, END_CHECK_PERIOD = 10.0, 0.5
 #: Degrees from the meridian within which a German mount may go to either side of the pier.
-EITHER_SIDE = 10.0
+EITHER_SIDE_ANGLE = 10.0
 #: Orders that ASCOM allows only while the mount tracks; those that it allows while the mount is parked.
-WHILE_TRACKING = ("slewtocoordinates", "slewtocoordinatesasync", "synctocoordinates")
-OF_PARKED = ("unpark", "set_tracking")
+TRACKING_ONLY_ORDERS = ("slewtocoordinates", "slewtocoordinatesasync", "synctocoordinates")
+ALLOWED_WHILE_PARKED = ("unpark", "set_tracking")
 #: The messages for a parked mount, and for a refusal without a known reason.
-PARKED = "The mount is parked: unpark it first (mount-gateway unpark)."
-REFUSED = "The mount refused this."
+PARKED_MESSAGE = "The mount is parked: unpark it first (mount-gateway unpark)."
+REFUSED_MESSAGE = "The mount refused this."
 
 
 def position(mount: AlpacaDriver, _: op.Position) -> Steps:
     """Return the Equatorial position, as the server reports it."""
     place, state = None, {}
     if mount.lists_state:
-        state, mount.read_at = (yield from device_state(mount)), None
+        state, mount.read_at = (yield from read_state(mount)), None
         place = _numbers(state, "RightAscension", "Declination")
         if place is not None and not (0.0 <= place[0] <= 24.0 and abs(place[1]) <= 90.0):
             place = None
@@ -57,7 +57,7 @@ def position(mount: AlpacaDriver, _: op.Position) -> Steps:
         place = ra / 15.0, (yield Send("declination"))["dec"]
         mount.read_at = since, mount.now()
     present = op.Equatorial(*fold_declination(place[0] * 15.0, place[1]))
-    if mount.expected and (contradiction := observe(mount, present, _numbers(state, "Azimuth", "Altitude"))):
+    if mount.directions and (contradiction := check_sense(mount, present, _numbers(state, "Azimuth", "Altitude"))):
         yield Remark(contradiction)
     return present
 
@@ -78,7 +78,7 @@ def horizontal_position(mount: AlpacaDriver, _: op.HorizontalPosition) -> Steps:
 
 def pier_side(mount: AlpacaDriver, _: op.PierSide) -> Steps:
     """Return the tube's side of the pier, E or W. Raises Unsupported if it is unknown or the mount is not German."""
-    ask = read_member if mount.side_untold else read_member_again
+    ask = read_member if mount.hides_pier_side else read_member_again
     side = (yield from ask(mount, "sideofpier")) if mount.german else None
     if side not in (0, 1):
         raise Unsupported("The server does not report the side of the pier.")
@@ -90,105 +90,105 @@ def slewing(mount: AlpacaDriver, _: op.Slewing) -> Steps:
     slews = bool((yield Send("slewing"))["value"])
     state = mount.goto
     if state is None:
-        mount.by_hand = mount.by_hand and (slews or bool(mount.moving))
-        return slews and not mount.by_hand
+        mount.moved_by_hand = mount.moved_by_hand and (slews or bool(mount.hand_rates))
+        return slews and not mount.moved_by_hand
     if slews:
         state.slew_reported, state.unconfirmed = True, False
         return True
     if not state.slew_reported and mount.now() - state.since < START_GRACE:
         return True
     mount.goto = None
-    if state.then == "park":
+    if state.purpose == "park":
         mount.parked = bool((yield from read_member(mount, "atpark", True)))
         mount.tracks = mount.tracks and not mount.parked
-    elif not mount.compared:
-        yield Schedule(COMPARE_AFTER, CompareEquinox())
-    if state.then == "home":
+    elif not mount.equinox_compared:
+        yield Schedule(EQUINOX_CHECK_DELAY, CompareEquinox())
+    if state.purpose == "home":
         mount.home_state = int(bool((yield from read_member(mount, "athome", True))))
-    elif state.then is None:
-        yield from look_at_tracking(mount, 0.0)
+    elif state.purpose is None:
+        yield from schedule_tracking_check(mount, 0.0)
     return False
 
 
-def _begin(mount: AlpacaDriver, steps: Steps, then_command: str | None = None, side: str = "") -> Steps:
+def _begin_goto(mount: AlpacaDriver, steps: Steps, then_command: str | None = None, side: str = "") -> Steps:
     """Begin a goto with these steps; ``side`` is the tube's side of the pier at the goal, empty if unknown. If no
     answer shows that it has begun, end it: the mount may begin it late.
     """
     try:
-        yield from mount.begin_goto(GotoUnderWay(then=then_command), steps, _slews)
+        yield from mount.begin_goto(GotoUnderWay(purpose=then_command), steps, _is_slewing)
     except NoAnswer:
         with suppress(Fault):
-            yield Send("abortslew", patience=ORDER)
+            yield Send("abortslew", timeout=MAX_WAIT)
         raise
     mount.goto_side = side
 
 
-def _slews(mount: AlpacaDriver) -> Steps:
+def _is_slewing(mount: AlpacaDriver) -> Steps:
     return bool((yield Send("slewing"))["value"])
 
 
 # --- orders -----------------------------------------------------------------------------------------------------------
 
 
-def order(mount: AlpacaDriver, command: str, goal: op.Equatorial | None = None, **values: object) -> Steps:
+def send_order(mount: AlpacaDriver, command: str, goal: op.Equatorial | None = None, **values: object) -> Steps:
     """Send a command that changes the mount's state. Raises NoAnswer if no answer arrives soon, and other Faults."""
     try:
-        yield Send(command, values, patience=ORDER)
+        yield Send(command, values, timeout=MAX_WAIT)
     except Silence:
         raise NoAnswer from None
     except Parked as fault:
         mount.parked = True
-        raise Parked(_with_text(REFUSED if command == "unpark" else PARKED, fault)) from None
+        raise Parked(_with_server_text(REFUSED_MESSAGE if command == "unpark" else PARKED_MESSAGE, fault)) from None
     except (Refused, Invalid) as fault:
-        raise (yield from _reason(mount, command, fault, goal)) from None
+        raise (yield from _explained_refusal(mount, command, fault, goal)) from None
 
 
-def _reason(mount: AlpacaDriver, command: str, fault: Fault, goal: op.Equatorial | None) -> Steps:
+def _explained_refusal(mount: AlpacaDriver, command: str, fault: Fault, goal: op.Equatorial | None) -> Steps:
     """Return the fault of a refused order with a text that explains it, from what the mount reports now."""
-    if command not in OF_PARKED and (yield from read_member(mount, "atpark", False)):
+    if command not in ALLOWED_WHILE_PARKED and (yield from read_member(mount, "atpark", False)):
         mount.parked = True
-        return Parked(_with_text(PARKED, fault))
-    if command in WHILE_TRACKING and not (yield from read_member(mount, "tracking", True)):
-        return Refused(_with_text("The mount does not track: turn tracking on first.", fault))
+        return Parked(_with_server_text(PARKED_MESSAGE, fault))
+    if command in TRACKING_ONLY_ORDERS and not (yield from read_member(mount, "tracking", True)):
+        return Refused(_with_server_text("The mount does not track: turn tracking on first.", fault))
     if goal is not None:
         sidereal = yield from read_member(mount, "siderealtime")
         latitude = yield from read_member(mount, "sitelatitude")
         if None not in (sidereal, latitude):
             altitude = hour_angle_to_horizon(wrap180(sidereal - goal.ra), goal.dec, latitude)[1]
             if altitude < 0.0:
-                return BelowHorizon(_with_text("The goal is below the horizon.", fault))
-    return type(fault)(_with_text(REFUSED, fault))
+                return BelowHorizon(_with_server_text("The goal is below the horizon.", fault))
+    return type(fault)(_with_server_text(REFUSED_MESSAGE, fault))
 
 
-def _with_text(text: str, fault: Fault) -> str:
+def _with_server_text(text: str, fault: Fault) -> str:
     return f'{text} Its server says: "{fault}"'
 
 
 def goto(mount: AlpacaDriver, operation: op.Goto) -> Steps:
     """Slew to a position, with the asynchronous request if the server has it. Turn tracking on first if possible."""
     yield from stop_current_motion(mount)
-    if mount.now() < mount.doubted_until:
+    if mount.now() < mount.untrusted_until:
         yield from keep_tracking(mount)
     if operation.track and mount.tracks is False and not mount.parked and mount.supports("set_tracking"):
-        yield from order(mount, "set_tracking", on=True)
+        yield from send_order(mount, "set_tracking", on=True)
         mount.tracks = True
     goal = op.Equatorial(operation.ra, operation.dec)
-    side = (yield from _side_of(mount, goal)) if mount.side_untold else ""
+    side = (yield from _future_side(mount, goal)) if mount.hides_pier_side else ""
     command = "slewtocoordinatesasync" if mount.supports("slewtocoordinatesasync") else "slewtocoordinates"
-    steps = order(mount, command, goal, ra=operation.ra, dec=operation.dec)
-    yield from _begin(mount, steps, side=side)
+    steps = send_order(mount, command, goal, ra=operation.ra, dec=operation.dec)
+    yield from _begin_goto(mount, steps, side=side)
 
 
-def _side_of(mount: AlpacaDriver, goal: op.Equatorial) -> Steps:
+def _future_side(mount: AlpacaDriver, goal: op.Equatorial) -> Steps:
     """Return the tube's side of the pier after a goto to this goal; empty near the meridian, where it is uncertain.
     Forget the direction of the second axis if it was observed on an unknown side.
     """
     sidereal = yield from read_member(mount, "siderealtime")
     hour_angle = 0.0 if sidereal is None else wrap180(sidereal - goal.ra)
-    if abs(hour_angle) < EITHER_SIDE:
+    if abs(hour_angle) < EITHER_SIDE_ANGLE:
         return ""
     if not mount.goto_side:
-        mount.senses.pop((2, ""), None)
+        mount.signs.pop((2, ""), None)
     return "E" if hour_angle > 0.0 else "W"
 
 
@@ -201,50 +201,50 @@ def goto_axes(mount: AlpacaDriver, operation: op.GotoAxes | op.GotoHorizontal) -
     yield from stop_current_motion(mount)
     suspends = mount.tracks is not False and mount.supports("set_tracking")
     if suspends:
-        yield from order(mount, "set_tracking", on=False)
+        yield from send_order(mount, "set_tracking", on=False)
     command = "slewtoaltazasync" if mount.supports("slewtoaltazasync") else "slewtoaltaz"
     try:
-        yield from _begin(mount, order(mount, command, None, az=operation.az % 360.0, alt=operation.alt))
+        yield from _begin_goto(mount, send_order(mount, command, None, az=operation.az % 360.0, alt=operation.alt))
     except Fault:
         if suspends and mount.tracks:
             with suppress(Fault):
-                yield Send("set_tracking", {"on": True}, patience=ORDER)
+                yield Send("set_tracking", {"on": True}, timeout=MAX_WAIT)
         raise
 
 
 def stop_current_motion(mount: AlpacaDriver) -> Steps:
     """End a goto or a motion by hand before a newer goto, and wait until the mount rests, as some servers require."""
-    moves = bool(mount.moving) or mount.goto is not None
-    for axis in sorted(mount.moving):
+    moves = bool(mount.hand_rates) or mount.goto is not None
+    for axis in sorted(mount.hand_rates):
         yield Send("moveaxis", {"axis": axis - 1, "rate": 0.0})
-        mount.moving.pop(axis, None)
+        mount.hand_rates.pop(axis, None)
     yield from resume_tracking(mount)
     if mount.goto is not None:
         yield from abort_slew(mount, op.AbortSlew())
-    until = mount.now() + ENDS_WITHIN
+    until = mount.now() + MOTION_END_TIMEOUT
     while moves and mount.now() < until and (yield from read_member(mount, "slewing", False)):
-        yield Wait(LOOK_AGAIN)
+        yield Wait(END_CHECK_PERIOD)
 
 
 def abort_slew(mount: AlpacaDriver, _: op.AbortSlew) -> Steps:
     """End the goto under way. This also ends motion by hand."""
     mount.give_up_goto()
     yield Send("abortslew")
-    mount.moving.clear()
+    mount.hand_rates.clear()
     yield from resume_tracking(mount)
-    yield from look_at_tracking(mount)
+    yield from schedule_tracking_check(mount)
 
 
 def resume_tracking(mount: AlpacaDriver) -> Steps:
     """Turn on tracking that was turned off for slow motion. If that fails, a later check tries again."""
-    mount.slow.clear()
-    mount.following.clear()
-    mount.pulsed.clear()
-    suspended, mount.suspended = mount.suspended, False
+    mount.slow_speeds.clear()
+    mount.following_speeds.clear()
+    mount.pulse_directions.clear()
+    suspended, mount.tracking_paused = mount.tracking_paused, False
     if suspended and mount.tracks:
         with suppress(Fault):
-            yield Send("set_tracking", {"on": True}, patience=ORDER)
-        yield from look_at_tracking(mount)
+            yield Send("set_tracking", {"on": True}, timeout=MAX_WAIT)
+        yield from schedule_tracking_check(mount)
 
 
 class KeepTracking(op.Operation, frozen=True):
@@ -253,39 +253,39 @@ class KeepTracking(op.Operation, frozen=True):
     survives_abort = True
 
 
-def look_at_tracking(mount: AlpacaDriver, after: float = LOOK_AFTER) -> Steps:
+def schedule_tracking_check(mount: AlpacaDriver, delay: float = TRACKING_CHECK_DELAY) -> Steps:
     """Schedule a check of tracking some seconds after a motion, which may have turned it off."""
-    mount.doubted_until = mount.now() + LOOKED_AT
-    yield Schedule(after, KeepTracking(), not_while_busy=True)
+    mount.untrusted_until = mount.now() + TRACKING_CHECK_DEADLINE
+    yield Schedule(delay, KeepTracking(), not_while_busy=True)
 
 
 def keep_tracking(mount: AlpacaDriver, _: KeepTracking | None = None) -> Steps:
     """Turn tracking on again if it is off after a motion; do nothing if the mount moves again."""
-    if mount.moving or mount.goto is not None or mount.parked or not mount.tracks:
+    if mount.hand_rates or mount.goto is not None or mount.parked or not mount.tracks:
         return
-    mount.doubted_until = mount.now()
+    mount.untrusted_until = mount.now()
     yield from read_status(mount)
     if not (mount.tracks or mount.parked) and mount.supports("set_tracking"):
-        yield from order(mount, "set_tracking", on=True)
+        yield from send_order(mount, "set_tracking", on=True)
         mount.tracks = True
         yield Remark("tracking was off after a motion: it is turned on again")
 
 
 def sync(mount: AlpacaDriver, operation: op.Sync) -> Steps:
-    yield from order(mount, "synctocoordinates", None, ra=operation.ra, dec=operation.dec)
+    yield from send_order(mount, "synctocoordinates", None, ra=operation.ra, dec=operation.dec)
 
 
 def park(mount: AlpacaDriver, _: op.Park) -> Steps:
     """Send the mount to its park position, where it does not track."""
     yield from stop_current_motion(mount)
-    yield from _begin(mount, order(mount, "park"), then_command="park")
+    yield from _begin_goto(mount, send_order(mount, "park"), then_command="park")
 
 
 def home(mount: AlpacaDriver, _: op.Home) -> Steps:
     """Send the mount to its home position."""
     yield from stop_current_motion(mount)
     mount.home_state = 0
-    yield from _begin(mount, order(mount, "findhome"), then_command="home")
+    yield from _begin_goto(mount, send_order(mount, "findhome"), then_command="home")
 
 
 def set_home(mount: AlpacaDriver, _: op.SetHome) -> Steps:
@@ -297,6 +297,6 @@ def set_home(mount: AlpacaDriver, _: op.SetHome) -> Steps:
 def home_state(mount: AlpacaDriver, _: op.HomeState) -> Steps:
     """Return 2 on the way to the home or park position, 1 at that position, else 0."""
     yield from ()
-    if mount.goto is not None and mount.goto.then in ("home", "park"):
+    if mount.goto is not None and mount.goto.purpose in ("home", "park"):
         return 2
     return 1 if mount.parked else mount.home_state

@@ -14,37 +14,37 @@ from typing import Any
 from gateway.core import errors
 from gateway.core.errors import Fault, Invalid, NoAnswer, Refused
 from gateway.core.operations import Values
-from gateway.protocols.alpaca.tables import NotConnected, Parked, Untold, numbers
+from gateway.protocols.alpaca.tables import NotConnected, Parked, UnreadableMember, number_by_fault
 from gateway.protocols.base.driver import Send
-from gateway.protocols.base.reply_rules import Expected, ReplyRules
+from gateway.protocols.base.reply_rules import ExpectedReply, ReplyRules
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load
 from gateway.protocols.wireformat.fields import CODECS
 
 #: Seconds that an answer may take; seconds that a stop waits for the answer to an earlier order.
-TIMEOUT, ORDER_GIVES_WAY = 5.0, 0.3
+REPLY_TIMEOUT, MAX_STOP_WAIT = 5.0, 0.3
 #: Error numbers that some servers send for any failure, and (ASCOM: invalid value) for a value that they do not have.
-ANYTHING, INVALID = 1, 0x401
+GENERAL_ERROR, INVALID_VALUE = 1, 0x401
 
 
 class AlpacaReplyRules(ReplyRules):
     """Encodes the requests to an Alpaca telescope, parses its answers, and notes whether it is still connected."""
 
     protocol: CommandSet = load("alpaca")
-    #: HTTP delivers no partial requests, so ``closing`` is a blank line, which has no meaning.
-    closing, padding = b"\n", b""
+    #: HTTP delivers no partial requests, so ``half_command_end`` is a blank line, which has no meaning.
+    half_command_end, padding = b"\n", b""
 
     def __init__(self) -> None:
-        self._dropped = False
+        self._mount_disconnected = False
 
-    def expected(self, ask: Send) -> Expected:
-        question = self.protocol.commands[ask.command].question
-        return Expected(None, TIMEOUT, unterminated=False, gives_way=0.0 if question else ORDER_GIVES_WAY)
+    def expected_reply(self, request: Send) -> ExpectedReply:
+        question = self.protocol.commands[request.command].is_query
+        return ExpectedReply(None, REPLY_TIMEOUT, unterminated=False, max_stop_wait=0.0 if question else MAX_STOP_WAIT)
 
     def ambiguous_with(self, sent: Send, other: Send) -> bool:
         return False
 
-    def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
+    def parse_reply(self, request: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
         """Return the answer that the buffer begins with and its length; None while it is incomplete.
 
         Raises ValueError for a value that has not the type of the member.
@@ -52,45 +52,45 @@ class AlpacaReplyRules(ReplyRules):
         line, end, _ = buffer.partition(b"\n")
         if not end:
             return None
-        answer, command = json.loads(line), self.protocol.commands[ask.command]
+        answer, command = json.loads(line), self.protocol.commands[request.command]
         if isinstance(answer, dict) and "ErrorNumber" in answer:
             return self._fault(command, int(answer["ErrorNumber"]), str(answer["ErrorMessage"])), len(line) + 1
-        return _values(command, answer), len(line) + 1
+        return _reply_values(command, answer), len(line) + 1
 
     def _fault(self, command: Command, number: int, text: str) -> Fault:
-        if number in (ANYTHING, INVALID) and command.question and not command.request.fields:
-            return Untold(text)  # nothing was given that could be invalid
-        kind = _faults().get(number, Refused)
+        if number in (GENERAL_ERROR, INVALID_VALUE) and command.is_query and not command.request.fields:
+            return UnreadableMember(text)  # nothing was given that could be invalid
+        kind = _fault_by_number().get(number, Refused)
         if kind is NotConnected:
-            self._dropped = True
+            self._mount_disconnected = True
             return NoAnswer(f"The server has lost the mount: {text}")
         return kind(text or f"The server reports error 0x{number:X}, without a text.")
 
-    def resync_commands(self, number: int) -> Iterator[Send]:
+    def resync_commands(self, check_number: int) -> Iterator[Send]:
         """Yield the commands whose replies show that the telescope can be used again."""
-        if self._dropped:
+        if self._mount_disconnected:
             yield Send("set_connected", {"on": True})
         yield Send("connected")
 
-    def is_resync_reply(self, ask: Send, values: Values) -> bool:
-        if ask.command == "connected":
-            self._dropped = not values["value"]
+    def is_resync_reply(self, request: Send, values: Values) -> bool:
+        if request.command == "connected":
+            self._mount_disconnected = not values["value"]
             return bool(values["value"])
         return True
 
 
 @cache
-def _faults() -> dict[int, type[Fault]]:
+def _fault_by_number() -> dict[int, type[Fault]]:
     """Return ASCOM's error number -> class of fault; all other numbers are ``Refused``."""
     named: dict[str, type[Fault]] = {"NotConnected": NotConnected, "Parked": Parked}
     several = [Invalid.__name__, "NoTarget", "Unsupported", *named]
-    return {numbers()[name]: named.get(name) or getattr(errors, name) for name in several}
+    return {number_by_fault()[name]: named.get(name) or getattr(errors, name) for name in several}
 
 
-def _values(command: Command, value: Any) -> Values | Fault:
+def _reply_values(command: Command, value: Any) -> Values | Fault:
     """Return the value of an answer, with its field name of the table. Raises ValueError if it has another type."""
-    if value is None and command.question:
-        return Untold("The server gives no value.")
+    if value is None and command.is_query:
+        return UnreadableMember("The server gives no value.")
     for name, codec in command.replies[0][1].fields.items():
         if codec is CODECS["truth"] and value in (0, 1):  # False and True are among these
             return {name: bool(value)}

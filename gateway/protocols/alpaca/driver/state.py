@@ -12,21 +12,21 @@ from typing import Any
 from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, Refused, Unsupported
-from gateway.protocols.alpaca.tables import Untold
-from gateway.protocols.base.driver import SLEWING, Driver, Handler, SavedValues, Send, Step, Steps, Wait
+from gateway.protocols.alpaca.tables import UnreadableMember
+from gateway.protocols.base.driver import SLEWING_MESSAGE, Driver, Handler, SavedValues, Send, Step, Steps, Wait
 from gateway.protocols.base.spec import DriverSettings
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model
 
 #: Request -> the member that reports whether the mount can carry it out.
-TOLD_BY = {
+ABILITY_MEMBERS = {
     "findhome": "canfindhome", "park": "canpark", "unpark": "canunpark", "pulseguide": "canpulseguide",
     "set_tracking": "cansettracking", "synctocoordinates": "cansync", "slewtocoordinates": "canslew",
     "slewtocoordinatesasync": "canslewasync", "slewtoaltaz": "canslewaltaz", "slewtoaltazasync": "canslewaltazasync",
     "set_guideraterightascension": "cansetguiderates", "set_guideratedeclination": "cansetguiderates",
 }  # fmt: skip
 #: Operation -> the reason in the message if the mount cannot carry it out.
-MISSING = {
+MISSING_ABILITY_TEXTS = {
     "Goto": "it has no gotos", "GotoAxes": "it has no gotos to an azimuth and altitude", "Sync": "it cannot be synced",
     "Park": "it cannot be parked", "Unpark": "it cannot be unparked", "Home": "it has no home position",
     "SetTracking": "its tracking cannot be turned on or off", "Pulse": "it cannot be guided",
@@ -36,18 +36,18 @@ MISSING = {
 #: The sidereal rate, degrees a second.
 SIDEREAL = SIDEREAL_ARCSECONDS / 3600.0
 #: Rate name -> speed, and the speeds of the nine rate keys of a hand control, degrees a second.
-NAMED = {"guide": SIDEREAL, "center": 16 * SIDEREAL, "find": 0.5, "max": math.inf}
-KEYS = (0.5 * SIDEREAL, SIDEREAL, 4 * SIDEREAL, 16 * SIDEREAL, 0.13, 0.25, 0.5, 1.5, math.inf)
+NAMED_SPEEDS = {"guide": SIDEREAL, "center": 16 * SIDEREAL, "find": 0.5, "max": math.inf}
+KEY_SPEEDS = (0.5 * SIDEREAL, SIDEREAL, 4 * SIDEREAL, 16 * SIDEREAL, 0.13, 0.25, 0.5, 1.5, math.inf)
 #: From this speed on, degrees a second, tracking makes no visible difference to a motion by hand.
-SLOW = 0.1
+SLOW_MOTION_LIMIT = 0.1
 #: The greatest speed that is used, degrees a second: beyond it the gateway could not enforce limits.
 FASTEST = 8.0
 #: Value of ``reversed-axes`` -> axes.
-REVERSED = {"none": (), "first": (1,), "second": (2,), "both": (1, 2)}
+REVERSED_AXES = {"none": (), "first": (1,), "second": (2,), "both": (1, 2)}
 #: The models in the order of ASCOM's numbers of alignment modes.
 MODELS = ("altaz", "polar", "german")
 #: How many times an important member is read until that succeeds, and the seconds between.
-TIMES, AGAIN = 2, 0.5
+READ_ATTEMPTS, READ_RETRY_DELAY = 2, 0.5
 
 
 class AlpacaDriver(Driver):
@@ -67,33 +67,33 @@ class AlpacaDriver(Driver):
         self.model: str | None = settings.model
         self.home_state = 0
         #: Local time minus UTC, hours, as it was set last: servers have no time zone.
-        self.zone = 0.0
+        self.utc_offset = 0.0
         #: Whether it tracks while nothing moves it, by the last report or order; None before that.
         self.tracks: bool | None = None
         #: Until this time of ``now``, reports of tracking may still describe the last motion, and are ignored.
-        self.doubted_until = -math.inf
+        self.untrusted_until = -math.inf
         #: Axis moved by hand -> the rate sent for it, degrees a second, signed as MoveAxis counts.
-        self.moving: dict[int, float] = {}
+        self.hand_rates: dict[int, float] = {}
         #: Whether the driver has turned tracking off for slow motion by hand.
-        self.suspended = False
+        self.tracking_paused = False
         #: Axis in slow motion -> its speed on the sky in the motor's sense, degrees a second.
-        self.slow: dict[int, float] = {}
+        self.slow_speeds: dict[int, float] = {}
         #: Axis that only follows the sky during slow motion of the other -> the rate sent for it, degrees a second.
-        self.following: dict[int, float] = {}
+        self.following_speeds: dict[int, float] = {}
         #: Axis that is moved by hand in guide pulses -> their direction.
-        self.pulsed: dict[int, op.Direction] = {}
+        self.pulse_directions: dict[int, op.Direction] = {}
         #: Whether the last motion was by hand: the server may report Slewing until the motors stand still.
-        self.by_hand = False
+        self.moved_by_hand = False
         #: The axes whose MoveAxis counts the other way, as configured; None: observed motions decide.
-        self.reversed = REVERSED.get(settings.reversed_axes or "")
+        self.reversed = REVERSED_AXES.get(settings.reversed_axes or "")
         self.line_was_lost()
 
     def line_was_lost(self) -> None:
         """Forget the reports of the server: another server may listen at this address now."""
         #: Members that the server lacks, and requests that the mount cannot carry out.
-        self.absent: set[str] = set()
+        self.absent_members: set[str] = set()
         #: Members whose value the server has sent.
-        self.present: set[str] = set()
+        self.present_members: set[str] = set()
         #: Axis -> the ranges of its speeds, degrees a second, up to FASTEST; axis -> whether it can be moved by hand.
         self.ranges: dict[int, tuple[tuple[float, float], ...]] = {}
         self.movable: dict[int, bool] = {}
@@ -102,17 +102,17 @@ class AlpacaDriver(Driver):
         #: The guide rates of the two axes as fractions of sidereal.
         self.rates: tuple[float, float] = (0.5, 0.5)
         #: Whether it is a German mount that does not report the side of the pier.
-        self.side_untold = False
+        self.hides_pier_side = False
         #: The side of the pier by the hour angle of the last goto's target; empty if unknown.
         self.goto_side = ""
         #: (axis, side of the pier) -> -1 where a motion has shown that MoveAxis counts the other way.
-        self.senses: dict[tuple[int, str], int] = {}
+        self.signs: dict[tuple[int, str], int] = {}
         #: (axis, side of the pier) where a motion has shown which way MoveAxis counts.
-        self.proven: set[tuple[int, str]] = set()
+        self.verified_senses: set[tuple[int, str]] = set()
         #: Axis whose motion is being compared -> expected sense on the sky, side of the pier, first position.
-        self.expected: dict[int, tuple[int, str, tuple[float, float] | None]] = {}
+        self.directions: dict[int, tuple[int, str, tuple[float, float] | None]] = {}
         #: Whether the server declares an equinox; whether that was compared with its altitude and azimuth.
-        self.declared = self.compared = False
+        self.declares_equinox = self.equinox_compared = False
         #: Whether the altitudes that the server reports may include refraction.
         self.refracts = False
 
@@ -137,23 +137,23 @@ class AlpacaDriver(Driver):
     def position_reads(self) -> int:  # type: ignore[override]
         return 1 if self.lists_state else 2
 
-    def sign(self, axis: int, side: str) -> int:
+    def moveaxis_sign(self, axis: int, pier_side: str) -> int:
         """Return -1 if MoveAxis of this axis counts against the sense of the motor, else 1."""
-        return self.senses.get((axis, side), 1) if self.reversed is None else -1 if axis in self.reversed else 1
+        return self.signs.get((axis, pier_side), 1) if self.reversed is None else -1 if axis in self.reversed else 1
 
     def may_move(self, axis: int) -> bool:
         """Whether this axis may be in motion by hand, of any program, so that a stop must include it."""
-        return axis in self.moving or self.movable.get(axis, True)
+        return axis in self.hand_rates or self.movable.get(axis, True)
 
     def supports(self, name: str) -> bool:
         """Whether the mount can carry out a request, by what the server has reported."""
         if name == "moveaxis" and self.ranges:
             return any(self.ranges.values())
-        return name not in self.absent and super().supports(name)
+        return name not in self.absent_members and super().supports(name)
 
     def perform(self, operation: op.Operation[Any]) -> Generator[Step, Any, Any]:
         """Carry out an operation. Raises Unsupported, with a text that says what the mount lacks, and other Faults."""
-        if (missing := self._missing(operation)) is not None:
+        if (missing := self._missing_ability(operation)) is not None:
             raise missing
         return (yield from super().perform(operation))
 
@@ -163,59 +163,59 @@ class AlpacaDriver(Driver):
         self.goto = None
 
     def saved_state(self, moving: bool) -> SavedValues:
-        return {"suspended": True} if self.suspended else {}
+        return {"suspended": True} if self.tracking_paused else {}
 
     def restore_state(self, saved_values: SavedValues, moving: bool) -> None:
         if moving and saved_values.get("suspended") is True:  # the stop that is owed turns tracking on again
-            self.suspended = self.tracks = True
+            self.tracking_paused = self.tracks = True
 
-    def impossible(self, operation: op.Operation) -> Fault | None:
+    def certain_fault(self, operation: op.Operation) -> Fault | None:
         if self.goto is not None and isinstance(operation, op.Pulse | op.PulseAxis):
-            return Refused(SLEWING)
-        return self._missing(operation)
+            return Refused(SLEWING_MESSAGE)
+        return self._missing_ability(operation)
 
-    def _missing(self, operation: op.Operation) -> Fault | None:
-        missing = MISSING.get(type(operation).__name__)
+    def _missing_ability(self, operation: op.Operation) -> Fault | None:
+        missing = MISSING_ABILITY_TEXTS.get(type(operation).__name__)
         if missing is None or self.implementation(type(operation)) is not None:
             return None
         return Unsupported(f"The server of this mount reports that {missing}.")
 
     @property
-    def tells_side(self) -> bool:  # type: ignore[override]
-        return not self.side_untold
+    def reports_pier_side(self) -> bool:  # type: ignore[override]
+        return not self.hides_pier_side
 
     def tube_side(self, reported: str) -> str | None:
         return (reported or None) if self.german else None
 
-    def fastest(self, axis: int | None = None) -> float:
+    def max_speed(self, axis: int | None = None) -> float:
         several = [high for of_axis, ranges in self.ranges.items() if axis in (None, of_axis) for _, high in ranges]
         return min(FASTEST, max(several, default=FASTEST))
 
     def speed(self, rate: op.Rate) -> float:
-        return self.rates[0] * SIDEREAL if self.by_pulses(rate) else max(self.fit(axis, rate) for axis in (1, 2))
+        return self.rates[0] * SIDEREAL if self.moves_by_pulses(rate) else max(self.fit(axis, rate) for axis in (1, 2))
 
-    def by_pulses(self, rate: op.Rate) -> bool:
+    def moves_by_pulses(self, rate: op.Rate) -> bool:
         """Whether motion by hand at this rate consists of guide pulses: no speed is near tracking plus this rate."""
-        wanted = self.wanted(rate)
-        if wanted >= SLOW or not (self.equatorial and self.times_pulses and self.tracks):
+        wanted = self.requested_speed(rate)
+        if wanted >= SLOW_MOTION_LIMIT or not (self.equatorial and self.times_pulses and self.tracks):
             return False
         sums = (SIDEREAL + wanted, SIDEREAL - wanted)
-        return any(abs(self.nearest(1, total) - total) > wanted / 2.0 for total in sums)
+        return any(abs(self.nearest_rate(1, total) - total) > wanted / 2.0 for total in sums)
 
-    def wanted(self, rate: op.Rate) -> float:
+    def requested_speed(self, rate: op.Rate) -> float:
         """Return the speed that a rate of motion by hand stands for, degrees a second."""
-        wanted = KEYS[(rate.key or 1) - 1] if rate.name is None else NAMED[rate.name]
+        wanted = KEY_SPEEDS[(rate.key or 1) - 1] if rate.name is None else NAMED_SPEEDS[rate.name]
         if rate.degrees is not None:
             wanted = min(wanted, rate.degrees) if rate.name == "max" else rate.degrees
         return abs(wanted)
 
     def fit(self, axis: int, rate: op.Rate) -> float:
         """Return the speed of this axis that is nearest to a rate of motion by hand, degrees a second."""
-        wanted = max(1e-6, min(self.wanted(rate), self.fastest(axis)))
+        wanted = max(1e-6, min(self.requested_speed(rate), self.max_speed(axis)))
         near = [max(low, min(high, wanted)) for low, high in self.ranges.get(axis, ())]
         return min(near, key=lambda speed: abs(math.log(max(speed, 1e-6) / wanted)), default=wanted)
 
-    def nearest(self, axis: int, rate: float) -> float:
+    def nearest_rate(self, axis: int, rate: float) -> float:
         """Return the rate of this axis that is nearest to ``rate``, with its sign, or 0; degrees a second."""
         low = [max(low, min(high, abs(rate))) for low, high in self.ranges.get(axis, ())]
         return math.copysign(min((*low, 0.0), key=lambda speed: abs(speed - abs(rate))), rate)
@@ -230,35 +230,35 @@ def read_member(mount: AlpacaDriver, member: str, default: Any = None, **values:
 
     If the server reports that it lacks the member, and has never sent its value, the driver does not request it again.
     """
-    if member in mount.absent:
+    if member in mount.absent_members:
         return default
     try:
         answer = yield Send(member, values)
     except NoAnswer:
         raise
     except Fault as fault:
-        missing = isinstance(fault, Unsupported) and not isinstance(fault, Untold)
-        if missing and not values and member not in mount.present:
-            mount.absent.add(member)
+        missing = isinstance(fault, Unsupported) and not isinstance(fault, UnreadableMember)
+        if missing and not values and member not in mount.present_members:
+            mount.absent_members.add(member)
         return default
-    mount.present.add(member)
+    mount.present_members.add(member)
     return next(iter(answer.values()), default)
 
 
 def read_member_again(mount: AlpacaDriver, member: str, default: Any = None, **values: object) -> Steps:
     """Return the value of a member like ``read_member``, but read it again after a failure, which may be temporary."""
-    for left in reversed(range(TIMES)):
+    for left in reversed(range(READ_ATTEMPTS)):
         value = yield from read_member(mount, member, **values)
         if value is not None:
             return value
-        if left and member not in mount.absent:
-            yield Wait(AGAIN)
+        if left and member not in mount.absent_members:
+            yield Wait(READ_RETRY_DELAY)
     return default
 
 
-def device_state(mount: AlpacaDriver, ask: Callable[..., Steps] = read_member) -> Steps:
+def read_state(mount: AlpacaDriver, reader: Callable[..., Steps] = read_member) -> Steps:
     """Return name -> value for the values in the answer to DeviceState; empty if the server lacks that, or fails."""
-    listed = yield from ask(mount, "devicestate", [])
+    listed = yield from reader(mount, "devicestate", [])
     if not isinstance(listed, list):
         return {}
     return {str(entry.get("Name")): entry.get("Value") for entry in listed if isinstance(entry, dict)}

@@ -14,45 +14,45 @@ from itertools import count
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
-from gateway.protocols.alpaca.http.chain import check
+from gateway.protocols.alpaca.http.chain import check_for_loop
 from gateway.transport.http_wire import HttpRequest
 
 #: The HTTP status of success, and those for a member or a parameter that a server does not have.
-OK, NOT_THERE = 200, (400, 404, 405, 422, 501)
+HTTP_OK, NOT_THERE = 200, (400, 404, 405, 422, 501)
 #: The path at which a server describes itself.
-DESCRIPTION = "/management/v1/description"
+DESCRIPTION_PATH = "/management/v1/description"
 #: ASCOM's error numbers for "not implemented" and for an unspecified error.
 NOT_IMPLEMENTED, UNSPECIFIED = 0x400, 0x500
 #: The beginnings of the names of members that set the mount moving.
-BEGINS = ("slewto", "moveaxis", "park", "findhome")
+MOTION_PREFIXES = ("slewto", "moveaxis", "park", "findhome")
 #: The longest error text that is passed on, characters.
-LONGEST = 600
+MAX_ERROR_TEXT = 600
 #: Old ASCOM drivers add this to error numbers: 0x80040400 is 0x400.
-COM = 0x80040000
+HRESULT = 0x80040000
 
 
 class TelescopeHttp:
     """Converts between lines and HTTP for a telescope, ``http://HOST:PORT[/NUMBER]``."""
 
     def __init__(self, url: str) -> None:
-        self._url, self._number = url, urlsplit(url).path.strip("/") or "0"
-        self._path = f"/api/v1/telescope/{self._number}/"
-        self._client, self._requests = random.randrange(1, 2**32), count(1)
-        self.first = (HttpRequest("GET", DESCRIPTION, {}), self.request(b"get connected\n"))
+        self._url, self._device_number = url, urlsplit(url).path.strip("/") or "0"
+        self._path = f"/api/v1/telescope/{self._device_number}/"
+        self._client_id, self._transaction_ids = random.randrange(1, 2**32), count(1)
+        self.first_requests = (HttpRequest("GET", DESCRIPTION_PATH, {}), self.request(b"get connected\n"))
 
-    def opened(self, request: HttpRequest, status: int, body: bytes) -> None:
+    def check_first_answer(self, request: HttpRequest, status: int, body: bytes) -> None:
         """Check the answer to one of the first requests: the server must have this telescope, and must not be this
         gateway itself, directly or through another gateway. Raises OSError.
         """
         answer: Any = None
-        if status == OK:
+        if status == HTTP_OK:
             with suppress(ValueError):
                 answer = json.loads(body)
-        if request.path == DESCRIPTION:  # some servers have none
+        if request.path == DESCRIPTION_PATH:  # some servers have none
             value = answer.get("Value") if isinstance(answer, dict) else None
-            check(self._url, value if isinstance(value, dict) else {})
+            check_for_loop(self._url, value if isinstance(value, dict) else {})
         elif not isinstance(answer, dict):
-            which = f"it has no telescope {self._number} (HTTP status {status})"
+            which = f"it has no telescope {self._device_number} (HTTP status {status})"
             raise OSError(errno.ENODEV, f"no Alpaca server is there, or {which}")
 
     def request(self, line: bytes) -> HttpRequest:
@@ -62,29 +62,29 @@ class TelescopeHttp:
             name, _, value = word.partition("=")
             fields[name] = value.capitalize() if value in ("true", "false") else unquote(value)
         ends = member == "abortslew" or (member == "moveaxis" and not float(fields["Rate"]))
-        moves = False if ends else True if verb == "put" and member.startswith(BEGINS) else None
-        numbers = {"ClientID": str(self._client), "ClientTransactionID": str(next(self._requests) % 2**32)}
+        moves = False if ends else True if verb == "put" and member.startswith(MOTION_PREFIXES) else None
+        numbers = {"ClientID": str(self._client_id), "ClientTransactionID": str(next(self._transaction_ids) % 2**32)}
         return HttpRequest(verb.upper(), self._path + member, fields | numbers, moves)
 
     def reply(self, status: int, body: bytes) -> bytes:
-        if status != OK:
+        if status != HTTP_OK:
             text = " ".join(body.decode("utf-8", "replace").split())
-            return _error(NOT_IMPLEMENTED if status in NOT_THERE else UNSPECIFIED, f"HTTP {status}: {text}")
+            return _error_line(NOT_IMPLEMENTED if status in NOT_THERE else UNSPECIFIED, f"HTTP {status}: {text}")
         try:
             answer = json.loads(body)
             number = int(answer.get("ErrorNumber") or 0)
         except (ValueError, AttributeError, TypeError):
-            return _error(UNSPECIFIED, "The reply is not a JSON object of Alpaca.")
+            return _error_line(UNSPECIFIED, "The reply is not a JSON object of Alpaca.")
         if number:
-            return _error(
-                number & 0xFFF if number & ~0xFFF in (COM, COM - 2**32) else number, answer.get("ErrorMessage")
+            return _error_line(
+                number & 0xFFF if number & ~0xFFF in (HRESULT, HRESULT - 2**32) else number, answer.get("ErrorMessage")
             )
-        return _line(answer.get("Value"))
+        return _reply_line(answer.get("Value"))
 
 
-def _error(number: int, text: Any) -> bytes:
-    return _line({"ErrorNumber": number, "ErrorMessage": str(text or "")[:LONGEST]})
+def _error_line(number: int, text: Any) -> bytes:
+    return _reply_line({"ErrorNumber": number, "ErrorMessage": str(text or "")[:MAX_ERROR_TEXT]})
 
 
-def _line(value: Any) -> bytes:
+def _reply_line(value: Any) -> bytes:
     return json.dumps(value, separators=(",", ":")).encode("ascii") + b"\n"

@@ -19,47 +19,47 @@ from typing import Any, cast
 from gateway.system.own_names import interface_addresses
 from gateway.transport.web_server import WebDevice
 
-PORT, GROUP = 32227, "ff12::a1:9aca"
+DISCOVERY_PORT, MULTICAST_GROUP = 32227, "ff12::a1:9aca"
 #: The beginning of a discovery request; its last digit is the version.
-QUESTION = b"alpacadiscovery1"
+DISCOVERY_REQUEST = b"alpacadiscovery1"
 
 #: The numeric address and the port that a server listens on.
-Place = tuple[str, int]
+HostAndPort = tuple[str, int]
 
 
-class _Answering(asyncio.DatagramProtocol):
-    def __init__(self, places: Sequence[Place]) -> None:
-        self._places = places
+class _DiscoveryResponder(asyncio.DatagramProtocol):
+    def __init__(self, addresses: Sequence[HostAndPort]) -> None:
+        self._addresses = addresses
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = cast(asyncio.DatagramTransport, transport)
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
-        for reply in answers(data, self._places, addr[0]):
+        for reply in discovery_replies(data, self._addresses, addr[0]):
             with contextlib.suppress(OSError):
                 self._transport.sendto(reply, addr)
 
 
-def answers(question: bytes, places: Sequence[Place], asker: str) -> Iterable[bytes]:
-    """Yield an answer for each port that ``asker`` can reach; nothing if ``question`` is no discovery request."""
-    if not question.startswith(QUESTION):
+def discovery_replies(request: bytes, addresses: Sequence[HostAndPort], client_host: str) -> Iterable[bytes]:
+    """Yield an answer for each port that ``client_host`` can reach; nothing if ``request`` is no discovery request."""
+    if not request.startswith(DISCOVERY_REQUEST):
         return
-    theirs = ip_address(asker.partition("%")[0])
+    theirs = ip_address(client_host.partition("%")[0])
     local = theirs.is_loopback or theirs in (address for _, address in interface_addresses())
-    for host, port in places:
+    for host, port in addresses:
         ours = ip_address(host.partition("%")[0])
         if (local or not ours.is_loopback) and (ours.version == theirs.version or host == "::"):
             yield json.dumps({"AlpacaPort": port}).encode()
 
 
-async def answer_discovery(places: Sequence[Place], port: int = PORT) -> Callable[[], None]:
+async def answer_discovery(addresses: Sequence[HostAndPort], port: int = DISCOVERY_PORT) -> Callable[[], None]:
     """Answer discovery until the returned function is called. Raises OSError if the UDP port cannot be opened."""
     loop = asyncio.get_running_loop()
-    sockets = [_ipv4(port)]
-    if any(":" in host for host, _ in places):
+    sockets = [_ipv4_socket(port)]
+    if any(":" in host for host, _ in addresses):
         with contextlib.suppress(OSError):  # without IPv6, answer over IPv4 only
-            sockets.append(_ipv6(port))
-    made = [await loop.create_datagram_endpoint(lambda: _Answering(places), sock=sock) for sock in sockets]
+            sockets.append(_ipv6_socket(port))
+    made = [await loop.create_datagram_endpoint(lambda: _DiscoveryResponder(addresses), sock=sock) for sock in sockets]
 
     def end() -> None:
         for transport, _ in made:
@@ -68,7 +68,7 @@ async def answer_discovery(places: Sequence[Place], port: int = PORT) -> Callabl
     return end
 
 
-def _shared(family: socket.AddressFamily) -> socket.socket:
+def _shared_port_socket(family: socket.AddressFamily) -> socket.socket:
     """Return a UDP socket that shares its port with other programs."""
     made = socket.socket(family, socket.SOCK_DGRAM)
     made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -78,8 +78,8 @@ def _shared(family: socket.AddressFamily) -> socket.socket:
     return made
 
 
-def _ipv4(port: int) -> socket.socket:
-    made = _shared(socket.AF_INET)
+def _ipv4_socket(port: int) -> socket.socket:
+    made = _shared_port_socket(socket.AF_INET)
     try:
         made.bind(("0.0.0.0", port))
     except OSError as error:
@@ -88,9 +88,9 @@ def _ipv4(port: int) -> socket.socket:
     return made
 
 
-def _ipv6(port: int) -> socket.socket:
+def _ipv6_socket(port: int) -> socket.socket:
     """Return a socket that has joined the multicast group on every interface that allows it."""
-    made = _shared(socket.AF_INET6)
+    made = _shared_port_socket(socket.AF_INET6)
     try:
         made.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
         made.bind(("::", port))
@@ -98,7 +98,7 @@ def _ipv6(port: int) -> socket.socket:
         made.close()
         raise
     for number, _ in socket.if_nameindex():
-        member = socket.inet_pton(socket.AF_INET6, GROUP) + struct.pack("@I", number)
+        member = socket.inet_pton(socket.AF_INET6, MULTICAST_GROUP) + struct.pack("@I", number)
         with contextlib.suppress(OSError):
             made.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_JOIN_GROUP, member)
     return made
@@ -110,7 +110,7 @@ def _ipv6(port: int) -> socket.socket:
 class AlpacaWeb:
     """Alpaca's part of the web server. The modules that serve requests are imported when the first client connects."""
 
-    def load(self) -> None:
+    def load_modules(self) -> None:
         """Import the modules that serve requests, and with them aiohttp."""
         import_module("gateway.protocols.alpaca.http.server")
 
@@ -120,6 +120,6 @@ class AlpacaWeb:
 
         AlpacaServer(devices).add_to(app)
 
-    async def answer_discovery(self, places: Sequence[tuple[str, int]]) -> Callable[[], None]:
+    async def answer_discovery(self, addresses: Sequence[tuple[str, int]]) -> Callable[[], None]:
         """Answer ASCOM's discovery; return the function that ends this. Raises OSError."""
-        return await answer_discovery(places)
+        return await answer_discovery(addresses)

@@ -15,25 +15,25 @@ from itertools import count
 from typing import Any
 
 from gateway.core.errors import NoAnswer, Refused
-from gateway.protocols.alpaca.http.requests import Asked
-from gateway.protocols.alpaca.tables import member, refused
-from gateway.transport.handler import Accept, Connected, ConnectionRefused
+from gateway.protocols.alpaca.http.requests import AlpacaRequest
+from gateway.protocols.alpaca.tables import conditions_of, error_members
+from gateway.transport.handler import Accept, ConnectionRefused, NewConnection
 from gateway.transport.web_server import WebDevice
 
 #: Seconds until a request times out, and until the connection of a silent program is closed.
-TIMEOUT, FORGET = 5.0, 600.0
+REQUEST_TIMEOUT, FORGET_AFTER = 5.0, 600.0
 #: The maximum number of programs of a mount, and of waiting requests of a program.
-MOST, WAITING = 64, 64
+MAX_PROGRAMS, MAX_WAITING_REQUESTS = 64, 64
 #: The beginning of a request that only reads.
-READS = b"get "
+READ_PREFIX = b"get "
 #: Seconds between two checks whether a goto has ended, and how long the gateway waits for its end.
-CHECK_EVERY, LONGEST = 0.25, 900.0
+CHECK_PERIOD, MAX_GOTO_DURATION = 0.25, 900.0
 #: The requests of these checks, and the reply to the second if no goto is under way.
-CONNECT, SLEWING, RESTS = b"put connect\n", b"get slewing\n", b"false"
+CONNECT_LINE, SLEWING_LINE, NOT_SLEWING_REPLY = b"put connect\n", b"get slewing\n", b"false"
 #: The request for the reason why a goto ended before its goal.
-ENDED_SHORT = b'put action Action="GotoEndedShort" Parameters=""\n'
+ENDED_SHORT_LINE = b'put action Action="GotoEndedShort" Parameters=""\n'
 #: The command that is never refused.
-STOP = "abortslew"
+STOP_COMMAND = "abortslew"
 
 
 class NoAnswerInTime(Exception):
@@ -45,52 +45,52 @@ class AlpacaClient:
 
     def __init__(self, accept: Accept, name: str, host: str) -> None:
         self._loop = asyncio.get_running_loop()
-        self._waiting: deque[asyncio.Future[bytes]] = deque()
+        self._pending_replies: deque[asyncio.Future[bytes]] = deque()
         self._partial_line = b""
-        self.last = self._loop.time()
-        self.gone = False
+        self.last_at = self._loop.time()
+        self.is_closed = False
         #: Whether it has ever sent a request that is no read: it is then no web page, whose writes are refused.
-        self.acts = False
-        self._handler = accept(Connected(name, host, self._hear, lambda last: self.close()))
+        self.writes = False
+        self._handler = accept(NewConnection(name, host, self._receive, lambda last: self.close()))
 
     @property
     def idle(self) -> bool:
-        return not self._waiting
+        return not self._pending_replies
 
     async def ask(self, line: bytes, stop: bool = False) -> bytes:
         """Send a line and return its reply; a ``stop`` is sent however many requests wait. Raises NoAnswerInTime."""
-        if self.gone or (len(self._waiting) >= WAITING and not stop):
+        if self.is_closed or (len(self._pending_replies) >= MAX_WAITING_REQUESTS and not stop):
             raise NoAnswerInTime("Too many requests of this program wait for an answer.")
-        self.last = self._loop.time()
-        self.acts |= not line.startswith(READS)
+        self.last_at = self._loop.time()
+        self.writes |= not line.startswith(READ_PREFIX)
         answer: asyncio.Future[bytes] = self._loop.create_future()
-        self._waiting.append(answer)
+        self._pending_replies.append(answer)
         self._handler.feed(line)
         try:
-            async with asyncio.timeout(TIMEOUT):
+            async with asyncio.timeout(REQUEST_TIMEOUT):
                 return await answer
         except TimeoutError:
             self.close()  # a late reply would be taken for the reply to the next request
-            raise NoAnswerInTime(f"The mount has not answered within {TIMEOUT:g} s.") from None
+            raise NoAnswerInTime(f"The mount has not answered within {REQUEST_TIMEOUT:g} s.") from None
 
-    def _hear(self, data: bytes) -> int:
+    def _receive(self, data: bytes) -> int:
         *lines, self._partial_line = (self._partial_line + data).split(b"\n")
         for line in lines:
-            answer = self._waiting.popleft() if self._waiting else None
+            answer = self._pending_replies.popleft() if self._pending_replies else None
             if answer is not None and not answer.done():
                 answer.set_result(line)
         return 0
 
     def close(self) -> None:
         """Close the connection; waiting requests fail."""
-        if not self.gone:
-            self.gone = True
+        if not self.is_closed:
+            self.is_closed = True
             self._handler.close()
-            for answer in self._waiting:
+            for answer in self._pending_replies:
                 if not answer.done():
                     answer.set_exception(NoAnswerInTime("The mount does not answer."))
                     answer.exception()
-            self._waiting.clear()
+            self._pending_replies.clear()
 
 
 class Programs:
@@ -100,31 +100,31 @@ class Programs:
         self._accept = accept
         self._known: dict[tuple[str, int], AlpacaClient] = {}
 
-    def of(self, host: str, client: int, stop: bool = False) -> AlpacaClient:
+    def program_of(self, host: str, client_id: int, stop: bool = False) -> AlpacaClient:
         """Return the program of a ClientID on a host. Raises ConnectionRefused for too many, except for a ``stop``."""
-        self._sweep()
-        program = self._known.get((host, client))
-        if program is None or program.gone:
-            if len(self._known) >= MOST and not stop:
+        self._forget_idle()
+        program = self._known.get((host, client_id))
+        if program is None or program.is_closed:
+            if len(self._known) >= MAX_PROGRAMS and not stop:
                 raise ConnectionRefused
-            program = self._known[host, client] = AlpacaClient(self._accept, _name(host, client), host)
+            program = self._known[host, client_id] = AlpacaClient(self._accept, _client_name(host, client_id), host)
         return program
 
-    def extra_connection(self, host: str, client: int) -> AlpacaClient:
+    def extra_connection(self, host: str, client_id: int) -> AlpacaClient:
         """Return a second connection, on which the gateway polls for a program. Raises ConnectionRefused."""
-        return AlpacaClient(self._accept, f"{_name(host, client)}-arrival", host)
+        return AlpacaClient(self._accept, f"{_client_name(host, client_id)}-arrival", host)
 
-    def _sweep(self) -> None:
+    def _forget_idle(self) -> None:
         """Forget closed and silent programs; of too many also an idle one, preferably one that has only read."""
         now = asyncio.get_running_loop().time()
         for key, program in list(self._known.items()):
-            if program.gone or (program.idle and now - program.last > FORGET):
+            if program.is_closed or (program.idle and now - program.last_at > FORGET_AFTER):
                 program.close()
                 del self._known[key]
-        if len(self._known) >= MOST:
+        if len(self._known) >= MAX_PROGRAMS:
             idle = [key for key, program in self._known.items() if program.idle]
             if idle:
-                self._known.pop(min(idle, key=lambda key: (self._known[key].acts, self._known[key].last))).close()
+                self._known.pop(min(idle, key=lambda key: (self._known[key].writes, self._known[key].last_at))).close()
 
     def close(self) -> None:
         """Close the connections of all programs."""
@@ -133,49 +133,49 @@ class Programs:
         self._known.clear()
 
 
-def _name(host: str, client: int) -> str:
-    return f"[{host}]:id-{client}" if ":" in host else f"{host}:id-{client}"
+def _client_name(host: str, client_id: int) -> str:
+    return f"[{host}]:id-{client_id}" if ":" in host else f"{host}:id-{client_id}"
 
 
 # --- the device ----------------------------------------------------------------------------------------------------
 
 
-class Device:
+class AlpacaDevice:
     """One mount as an Alpaca device."""
 
-    def __init__(self, web: WebDevice) -> None:
-        self.web, self.programs = web, Programs(web.accept)
+    def __init__(self, web_device: WebDevice) -> None:
+        self.web_device, self.programs = web_device, Programs(web_device.accept)
 
-    async def answer(self, request: Asked, host: str) -> dict[str, Any]:
+    async def answer(self, request: AlpacaRequest, host: str) -> dict[str, Any]:
         """Return the value or the error as the members of a JSON object. Raises ConnectionRefused."""
-        stop = request.command.name == STOP
-        program = self.programs.of(host, request.client, stop)
+        stop = request.command.name == STOP_COMMAND
+        program = self.programs.program_of(host, request.client_id, stop)
         try:
-            reply = _parsed(await program.ask(request.line, stop))
-            if not reply["ErrorNumber"] and member(request.command.name).arrival:
-                refusal = await _arrival(self.programs.extra_connection(host, request.client))
-                reply = refused(Refused(refusal)) if refusal else reply
+            reply = _parse_reply(await program.ask(request.line, stop))
+            if not reply["ErrorNumber"] and conditions_of(request.command.name).arrival:
+                refusal = await _wait_for_arrival(self.programs.extra_connection(host, request.client_id))
+                reply = error_members(Refused(refusal)) if refusal else reply
         except NoAnswerInTime as error:
-            reply = refused(NoAnswer(str(error)))
+            reply = error_members(NoAnswer(str(error)))
         return reply
 
 
-async def _arrival(extra: AlpacaClient) -> str:
+async def _wait_for_arrival(connection: AlpacaClient) -> str:
     """Wait for the end of a goto; return the reason if it ended before its goal, else an empty text."""
     loop = asyncio.get_running_loop()
-    end = loop.time() + LONGEST
+    end = loop.time() + MAX_GOTO_DURATION
     try:
-        await extra.ask(CONNECT)
+        await connection.ask(CONNECT_LINE)
         while loop.time() < end:
-            await asyncio.sleep(CHECK_EVERY)
-            if await extra.ask(SLEWING) == RESTS:
-                return str(_parsed(await extra.ask(ENDED_SHORT)).get("Value", ""))
+            await asyncio.sleep(CHECK_PERIOD)
+            if await connection.ask(SLEWING_LINE) == NOT_SLEWING_REPLY:
+                return str(_parse_reply(await connection.ask(ENDED_SHORT_LINE)).get("Value", ""))
         return ""
     finally:
-        extra.close()
+        connection.close()
 
 
-def _parsed(line: bytes) -> dict[str, Any]:
+def _parse_reply(line: bytes) -> dict[str, Any]:
     """Return the members of the JSON answer for a reply of the surface, which is a value, null or an error."""
     value = json.loads(line)
     if isinstance(value, dict) and "ErrorNumber" in value:
@@ -183,10 +183,10 @@ def _parsed(line: bytes) -> dict[str, Any]:
     return {"ErrorNumber": 0, "ErrorMessage": ""} | ({} if value is None else {"Value": value})
 
 
-_transactions = count(1)
+_server_transaction_ids = count(1)
 
 
-def numbered(reply: dict[str, Any], transaction: int) -> dict[str, Any]:
+def with_ids(reply: dict[str, Any], transaction: int) -> dict[str, Any]:
     """Add the transaction ids of the program and of the server to a reply."""
-    server = next(_transactions) % 2**32
+    server = next(_server_transaction_ids) % 2**32
     return {**reply, "ClientTransactionID": transaction, "ServerTransactionID": server}

@@ -12,21 +12,21 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import NamedTuple
 
-from gateway.protocols.base.frames import WholeFramer
+from gateway.protocols.base.frames import WholeCommandFramer
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.numerals import quoted
 
 #: The greatest ClientID and ClientTransactionID.
-MOST = 2**32 - 1
+MAX_NUMBER = 2**32 - 1
 #: Bytes of the longest line.
-LONGEST = 4096
+MAX_LINE_BYTES = 4096
 #: Why the bytes of a long line are dropped, for the log.
 TOO_LONG = "longer than any request"
 _PARAMETER = re.compile(r" (\w+)=\{(\w+):")
 _PLAIN_NUMBER = re.compile(r"[0-9]{1,10}")
 #: Names and values of parameters.
-Pairs = Sequence[tuple[str, str]]
+ParameterPairs = Sequence[tuple[str, str]]
 
 
 class BadRequest(Exception):
@@ -34,16 +34,16 @@ class BadRequest(Exception):
 
     def __init__(self, text: str, allowed_methods: str = "") -> None:
         super().__init__(text)
-        self.allow = allowed_methods
+        self.allowed_methods = allowed_methods
 
 
-class Asked(NamedTuple):
+class AlpacaRequest(NamedTuple):
     """A request for a member: its line and command, ClientID and ClientTransactionID (0 if they are missing)."""
 
     line: bytes
     command: Command
-    client: int
-    transaction: int
+    client_id: int
+    transaction_id: int
 
 
 class Signature(NamedTuple):
@@ -64,7 +64,7 @@ def signatures() -> Mapping[tuple[str, str], Signature]:
     return table
 
 
-def parse_request(method: str, member: str, pairs: Pairs) -> Asked:
+def parse_request(method: str, member: str, pairs: ParameterPairs) -> AlpacaRequest:
     """Convert a request with these parameters. Raises BadRequest."""
     verb = method.lower()
     match = signatures().get((verb, member))
@@ -73,49 +73,49 @@ def parse_request(method: str, member: str, pairs: Pairs) -> Asked:
         if others:
             raise BadRequest(f"{member} has no {method}", allowed_methods=", ".join(others).upper())
         raise BadRequest(f"A telescope has no member {member!r}")
-    given = _Given(pairs, any_case=verb == "get")
+    given = _Parameters(pairs, any_case=verb == "get")
     fields = [f"{name}={quoted(given.value(name)).decode('ascii')}" for name in match.parameters]
     line = " ".join([verb, member, *fields]).encode("ascii") + b"\n"
     try:
         match.command.request.decode(line)
     except (ValueError, OverflowError) as error:
         raise BadRequest(f"{member}: {error}") from None
-    return Asked(line, match.command, *client_numbers(pairs, any_case=verb == "get"))
+    return AlpacaRequest(line, match.command, *client_and_transaction(pairs, any_case=verb == "get"))
 
 
-def client_numbers(pairs: Pairs, *, any_case: bool) -> tuple[int, int]:
+def client_and_transaction(pairs: ParameterPairs, *, any_case: bool) -> tuple[int, int]:
     """Return ClientID and ClientTransactionID. Raises BadRequest if either is not a valid number."""
-    given = _Given(pairs, any_case)
+    given = _Parameters(pairs, any_case)
     return given.number("ClientID"), given.number("ClientTransactionID")
 
 
-class _Given:
-    def __init__(self, pairs: Pairs, any_case: bool) -> None:
-        self._fold = str.lower if any_case else str
+class _Parameters:
+    def __init__(self, pairs: ParameterPairs, any_case: bool) -> None:
+        self._fold_case = str.lower if any_case else str
         self._values: dict[str, str] = {}
         for name, value in pairs:
-            self._values.setdefault(self._fold(name), value)
+            self._values.setdefault(self._fold_case(name), value)
 
     def value(self, name: str) -> str:
         try:
-            return self._values[self._fold(name)]
+            return self._values[self._fold_case(name)]
         except KeyError:
             raise BadRequest(f"The parameter {name} is missing") from None
 
     def number(self, name: str) -> int:
-        text = self._values.get(self._fold(name), "0")
-        if not _PLAIN_NUMBER.fullmatch(text) or int(text) > MOST:
-            raise BadRequest(f"{name} is {text!r}; it must be a whole number from 0 to {MOST}")
+        text = self._values.get(self._fold_case(name), "0")
+        if not _PLAIN_NUMBER.fullmatch(text) or int(text) > MAX_NUMBER:
+            raise BadRequest(f"{name} is {text!r}; it must be a whole number from 0 to {MAX_NUMBER}")
         return int(text)
 
 
 # --- lines ------------------------------------------------------------------------------------------------------------
 
 
-class LineFramer(WholeFramer):
+class LineFramer(WholeCommandFramer):
     """Cuts the byte stream of a client into lines."""
 
-    cut_off = "half a request, whose end did not arrive"
+    cut_off_reason = "half a request, whose end did not arrive"
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
         """Return the lines that these bytes complete, in order."""
@@ -125,7 +125,7 @@ class LineFramer(WholeFramer):
         if self._dropping and frames:
             self.dropped.add(frames.pop(0), TOO_LONG)
             self._dropping = False
-        if len(rest) > LONGEST:
+        if len(rest) > MAX_LINE_BYTES:
             self.dropped.add(rest, TOO_LONG)
             rest, self._dropping = b"", True
         self._pending = bytearray(rest)

@@ -19,52 +19,52 @@ from aiohttp import web
 
 from gateway.core.about import full_version, version
 from gateway.core.errors import ReadOnly
-from gateway.protocols.alpaca.http.chain import MEMBER, SERVER, tokens
-from gateway.protocols.alpaca.http.programs import Device, numbered
-from gateway.protocols.alpaca.http.requests import BadRequest, Pairs, client_numbers, parse_request
-from gateway.protocols.alpaca.tables import empty_value, member, refused
+from gateway.protocols.alpaca.http.chain import SERVER_NAME, TOKENS_MEMBER, tokens
+from gateway.protocols.alpaca.http.programs import AlpacaDevice, with_ids
+from gateway.protocols.alpaca.http.requests import BadRequest, ParameterPairs, client_and_transaction, parse_request
+from gateway.protocols.alpaca.tables import conditions_of, empty_value, error_members
 from gateway.transport.handler import ConnectionRefused
-from gateway.transport.http_requests import READ_ONLY, Handler, local_address
+from gateway.transport.http_requests import READ_ONLY_KEY, Handler, local_address
 from gateway.transport.web_server import WebDevice
 
 #: The UUID namespace of the devices' identifiers, which depend on the computer's name and the mount's title.
-_SPACE = uuid.UUID("6f3d2c1e-7c1b-5d0e-9a53-6d6f756e7467")
+_UUID_NAMESPACE = uuid.UUID("6f3d2c1e-7c1b-5d0e-9a53-6d6f756e7467")
 
 
 class AlpacaServer:
     """Serves the requests for Alpaca devices."""
 
     def __init__(self, devices: Sequence[WebDevice]) -> None:
-        self._every = [Device(device) for device in devices]
+        self._all_devices = [AlpacaDevice(device) for device in devices]
 
     def add_to(self, app: web.Application) -> None:
         """Add the routes that ASCOM defines."""
-        serve = self._guarded
+        serve = self._checked_handler
         app.add_routes([
             web.get("/management/{about:apiversions|v1/description|v1/configureddevices}", serve(self._management)),
-            web.get("/setup", serve(self._setup)),
-            web.get("/setup/v1/{kind}/{number}/setup", serve(self._setup)),
-            web.route("*", "/api/v1/{kind}/{number}/{member}", serve(self._member)),
-            web.route("*", "/{tail:(?:api|management)(?:/.*)?}", serve(self._unknown)),
+            web.get("/setup", serve(self._serve_setup)),
+            web.get("/setup/v1/{kind}/{number}/setup", serve(self._serve_setup)),
+            web.route("*", "/api/v1/{kind}/{number}/{member}", serve(self._serve_member)),
+            web.route("*", "/{tail:(?:api|management)(?:/.*)?}", serve(self._refuse_unknown)),
         ])  # fmt: skip
         app.on_shutdown.append(self._close)
 
     async def _close(self, app: web.Application) -> None:
         """Close the connections of all programs."""
-        for device in self._every:
+        for device in self._all_devices:
             device.programs.close()
 
     # --- the check of requests --------------------------------------------------------------------------------------
 
-    def _guarded(self, handler: Handler) -> Handler:
+    def _checked_handler(self, handler: Handler) -> Handler:
         async def guarded(request: web.Request) -> web.StreamResponse:
             if "Origin" in request.headers or request.headers.get("Sec-Fetch-Site", "none") != "none":
                 return web.Response(status=403, text="Requests from web pages are refused.\n")
             try:
                 return await handler(request)
             except BadRequest as error:
-                headers = {"Allow": error.allow} if error.allow else None
-                return web.Response(status=405 if error.allow else 400, text=f"{error}\n", headers=headers)
+                headers = {"Allow": error.allowed_methods} if error.allowed_methods else None
+                return web.Response(status=405 if error.allowed_methods else 400, text=f"{error}\n", headers=headers)
             except ConnectionRefused:
                 return web.Response(status=403, text="This computer may not use this mount, or too many do.\n")
 
@@ -72,28 +72,28 @@ class AlpacaServer:
 
     # --- the device -------------------------------------------------------------------------------------------------
 
-    async def _member(self, request: web.Request) -> web.StreamResponse:
-        device = self._device(request)
-        pairs = await _parameters(request)
+    async def _serve_member(self, request: web.Request) -> web.StreamResponse:
+        device = self._requested_device(request)
+        pairs = await _read_parameters(request)
         asked = parse_request(request.method, request.match_info["member"], pairs)
-        harmless = request.method == "GET" or member(asked.command.name).always
-        if harmless or not request.app[READ_ONLY](request):
+        harmless = request.method == "GET" or conditions_of(asked.command.name).always
+        if harmless or not request.app[READ_ONLY_KEY](request):
             reply = await device.answer(asked, request.remote or "?")
         else:
-            reply = refused(ReadOnly())
+            reply = error_members(ReadOnly())
         if request.method == "GET":
             reply = {**empty_value(asked.command), **reply}
-        return web.json_response(numbered(reply, asked.transaction))
+        return web.json_response(with_ids(reply, asked.transaction_id))
 
-    def _devices(self, request: web.Request) -> list[Device]:
+    def _devices_at_port(self, request: web.Request) -> list[AlpacaDevice]:
         """Return the devices that are served at the port of a request."""
         port = local_address(request)[1]
-        offered = [device for device in self._every if device.web.port == port]
-        return offered or [device for device in self._every if not device.web.port]
+        offered = [device for device in self._all_devices if device.web_device.port == port]
+        return offered or [device for device in self._all_devices if not device.web_device.port]
 
-    def _device(self, request: web.Request) -> Device:
+    def _requested_device(self, request: web.Request) -> AlpacaDevice:
         """Return the device that the path of a request names. Raises BadRequest."""
-        devices = self._devices(request)
+        devices = self._devices_at_port(request)
         kind, number = request.match_info["kind"], request.match_info["number"]
         if kind != "telescope":
             raise BadRequest(f"There is no device of type {kind!r} here; the only type is telescope")
@@ -101,32 +101,32 @@ class AlpacaServer:
             raise BadRequest(f"There is no telescope {number!r} here; the numbers are 0 to {len(devices) - 1}")
         return devices[int(number)]
 
-    async def _unknown(self, request: web.Request) -> web.StreamResponse:
+    async def _refuse_unknown(self, request: web.Request) -> web.StreamResponse:
         raise BadRequest("There is nothing at this address: use /api/v1/telescope/0/ and a member in lower case")
 
     # --- management -------------------------------------------------------------------------------------------------
 
     async def _management(self, request: web.Request) -> web.StreamResponse:
         server = {
-            "ServerName": SERVER, "Manufacturer": "the mount-gateway developers",
-            "ManufacturerVersion": version(), "Location": "", MEMBER: tokens(),
+            "ServerName": SERVER_NAME, "Manufacturer": "the mount-gateway developers",
+            "ManufacturerVersion": version(), "Location": "", TOKENS_MEMBER: tokens(),
         }  # fmt: skip
         devices = [
-            {"DeviceName": device.web.title, "DeviceType": "Telescope", "DeviceNumber": number,
-             "UniqueID": str(uuid.uuid5(_SPACE, f"{socket.gethostname()} {device.web.title}"))}
-            for number, device in enumerate(self._devices(request))
+            {"DeviceName": device.web_device.title, "DeviceType": "Telescope", "DeviceNumber": number,
+             "UniqueID": str(uuid.uuid5(_UUID_NAMESPACE, f"{socket.gethostname()} {device.web_device.title}"))}
+            for number, device in enumerate(self._devices_at_port(request))
         ]  # fmt: skip
         values = {"apiversions": [1], "v1/description": server, "v1/configureddevices": devices}
-        _, transaction = client_numbers(list(request.query.items()), any_case=True)
+        _, transaction = client_and_transaction(list(request.query.items()), any_case=True)
         value = values[request.match_info["about"]]
-        return web.json_response(numbered({"Value": value, "ErrorNumber": 0, "ErrorMessage": ""}, transaction))
+        return web.json_response(with_ids({"Value": value, "ErrorNumber": 0, "ErrorMessage": ""}, transaction))
 
-    async def _setup(self, request: web.Request) -> web.StreamResponse:
+    async def _serve_setup(self, request: web.Request) -> web.StreamResponse:
         if "kind" in request.match_info:
-            self._device(request)
+            self._requested_device(request)
         rows = "".join(
-            f"<li>telescope {number}: {html.escape(device.web.title)}"
-            for number, device in enumerate(self._devices(request))
+            f"<li>telescope {number}: {html.escape(device.web_device.title)}"
+            for number, device in enumerate(self._devices_at_port(request))
         )
         page = (
             '<!doctype html>\n<html lang="en">\n<meta charset="utf-8">\n<title>mount-gateway</title>\n'
@@ -138,14 +138,14 @@ class AlpacaServer:
         return web.Response(text=page, content_type="text/html")
 
 
-async def _parameters(request: web.Request) -> Pairs:
+async def _read_parameters(request: web.Request) -> ParameterPairs:
     """Return the parameters of the query, or of the body of a PUT. Raises BadRequest."""
     if request.method != "PUT":
         return list(request.query.items())
     body = await request.read()
     try:
         if body.startswith(b"--"):
-            pairs = _form_data(body)
+            pairs = _parse_form_data(body)
         else:
             pairs = parse_qsl(body.decode("utf-8"), keep_blank_values=True, max_num_fields=100, errors="strict")
         return [(name, value.strip()) for name, value in pairs]  # a + that is not encoded is a blank
@@ -153,7 +153,7 @@ async def _parameters(request: web.Request) -> Pairs:
         raise BadRequest("The parameters cannot be decoded") from None
 
 
-def _form_data(body: bytes) -> Pairs:
+def _parse_form_data(body: bytes) -> ParameterPairs:
     """Return the parameters of a multipart/form-data body. Raises ValueError if it is incomplete."""
     boundary = body.partition(b"\n")[0].strip().removeprefix(b"--")
     form: Any = message_from_bytes(b'Content-Type: multipart/form-data; boundary="%s"\r\n\r\n' % boundary + body)

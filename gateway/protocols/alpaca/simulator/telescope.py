@@ -32,9 +32,9 @@ from gateway.protocols.wireformat.command_set import load
 NOT_IMPLEMENTED, INVALID_VALUE, NOT_SET, NOT_CONNECTED = 0x400, 0x401, 0x402, 0x407
 PARKED, INVALID_OPERATION, NO_ACTION = 0x408, 0x40B, 0x40C
 #: Seconds that ``connect`` takes.
-CONNECTING = 0.5
+CONNECT_DURATION = 0.5
 #: The fastest rate of each axis, degrees a second.
-FASTEST = 4.0
+MAX_RATE = 4.0
 
 
 class AlpacaError(Exception):
@@ -49,21 +49,21 @@ class SimulatedKind(NamedTuple):
     """The properties of a kind of simulated mount."""
 
     build: Build
-    mode: int  # ASCOM's AlignmentMode
-    start: Pair  # the positions of the axes at power-on on the northern hemisphere, degrees
-    rates: tuple[Pair, ...]  # AxisRates: least and greatest rate of each range, degrees a second
+    alignment_mode: int  # ASCOM's AlignmentMode
+    power_on_axes: Pair  # the positions of the axes at power-on on the northern hemisphere, degrees
+    rate_ranges: tuple[Pair, ...]  # AxisRates: least and greatest rate of each range, degrees a second
 
 
 KINDS = {
-    "german": SimulatedKind(Build.GERMAN, 2, (90.0, 90.0), ((0.001, FASTEST),)),
-    "altaz": SimulatedKind(Build.ALTAZ, 0, (180.0, 45.0), ((0.001, 0.5), (1.0, FASTEST))),
+    "german": SimulatedKind(Build.GERMAN, 2, (90.0, 90.0), ((0.001, MAX_RATE),)),
+    "altaz": SimulatedKind(Build.ALTAZ, 0, (180.0, 45.0), ((0.001, 0.5), (1.0, MAX_RATE))),
     "polar": SimulatedKind(
-        Build.WEDGE, 1, (180.0, 0.0), tuple((rate, rate) for rate in (0.0042, 0.067, 0.5, 2.0, FASTEST))
+        Build.WEDGE, 1, (180.0, 0.0), tuple((rate, rate) for rate in (0.0042, 0.067, 0.5, 2.0, MAX_RATE))
     ),
 }
 
 
-def ranged(value: float, low: float, high: float, name: str) -> float:
+def check_range(value: float, low: float, high: float, name: str) -> float:
     """Return the value. Raises AlpacaError if it is out of range."""
     if not low <= value <= high:
         raise AlpacaError(INVALID_VALUE, f"{name} {value:g} is out of range, {low:g} to {high:g}")
@@ -71,9 +71,9 @@ def ranged(value: float, low: float, high: float, name: str) -> float:
 
 
 @cache
-def rows() -> dict[str, Any]:
+def members() -> dict[str, Any]:
     """Return the tables of ``simulator.toml``: parameters and conditions of the telescope's members."""
-    return load("alpaca").extra("simulator.toml")
+    return load("alpaca").extra_table("simulator.toml")
 
 
 class AlpacaTelescope(Simulated):
@@ -106,27 +106,27 @@ class AlpacaTelescope(Simulated):
             raise UserError(f"no simulated Alpaca telescope is called {model!r}; there are {', '.join(KINDS)}")
         self.model, self.kind, self.unique_id = model, KINDS[model], str(uuid.uuid4())
         self.clock, self.now = clock, clock()
-        self.platform, self.tells, self.senses = platform, dict(answers or {}), senses
-        self.lacks = lacks | set(rows()["which"]["absent"]) | set(rows()["lacks"][model])
+        self.platform, self.answers, self.senses = platform, dict(answers or {}), senses
+        self.lacks = lacks | set(members()["which"]["absent"]) | set(members()["lacks"][model])
         self.lowest, self.blocks, self.quiet_axes = lowest, blocks, quiet_axes
         self.sends_j2000, self.keeps_clock, self._ephemeris = sends_j2000, keeps_clock, Sky()
-        first, second = self.kind.start
+        first, second = self.kind.power_on_axes
         if site[0] < 0.0 and self.kind.build is not Build.GERMAN:
             first = 0.0
-        self.start: Pair = (first, second)
-        self.park_at = self.start
-        self.mechanics = Mechanics(self.kind.build, Observer(*site), self.now, self.start)
-        self.mechanics.fastest, self.mechanics.speed = FASTEST, speed
-        self.mechanics.acceleration = FASTEST / RAMP_SECONDS if ramps else math.inf
+        self.power_on_axes: Pair = (first, second)
+        self.park_at = self.power_on_axes
+        self.mechanics = Mechanics(self.kind.build, Observer(*site), self.now, self.power_on_axes)
+        self.mechanics.max_rate, self.mechanics.speedup = MAX_RATE, speed
+        self.mechanics.acceleration = MAX_RATE / RAMP_SECONDS if ramps else math.inf
         self.connected_since, self.elevation = math.inf, 100.0
         self.target: list[float | None] = [None, None]
         self.drive_rate, self.guides = 0, [SIDEREAL_RATE / 2.0, SIDEREAL_RATE / 2.0]
         self.adds_tracking = adds_tracking
-        self.moved: set[int] = set()
+        self.moving: set[int] = set()
         #: Axis moved by MoveAxis -> the speed at which it tracked before, degrees a second.
         self.follows: dict[int, float] = {}
         #: The position that it slews to, and the one at which it rests: ``park``, ``home``, or empty for any other.
-        self.going, self.at = "", "park" if parked else ""
+        self.destination, self.at = "", "park" if parked else ""
         self.tracks = False
         self.track(aligned and not parked)
 
@@ -134,8 +134,8 @@ class AlpacaTelescope(Simulated):
         """Advance the simulation to the present time, and note the arrival at the park or home position."""
         self.now = self.clock()
         self.mechanics.advance(self.now)
-        if self.going and not self.mechanics.slewing(self.now):
-            self.at, self.going = self.going, ""
+        if self.destination and not self.mechanics.slewing(self.now):
+            self.at, self.destination = self.destination, ""
 
     # --- what it says of itself ---------------------------------------------------------------------------------------
 
@@ -149,25 +149,27 @@ class AlpacaTelescope(Simulated):
         return self.mechanics.sky
 
     @property
-    def moves(self) -> bool:
+    def reports_slewing(self) -> bool:
         """The value of Slewing: true during a slew or MoveAxis, and until the motors have reached the ordered speed."""
         if self.mechanics.slewing(self.now):
             return True
-        return not self.quiet_axes and (bool(self.moved) or (self.mechanics.runs_on(self.now) and not self.pulses))
+        return not self.quiet_axes and (
+            bool(self.moving) or (self.mechanics.is_ramping(self.now) and not self.is_pulsing)
+        )
 
     @property
-    def pulses(self) -> bool:
+    def is_pulsing(self) -> bool:
         return any(self.mechanics.pulsing(self.now, axis) for axis in (1, 2))
 
-    def place(self) -> Pair:
+    def reported_position(self) -> Pair:
         """Return right ascension and declination in the equinox that the server uses, degrees."""
-        position = fold_declination(*self.mechanics.believed(self.now))
+        position = fold_declination(*self.mechanics.believed_position(self.now))
         return self._ephemeris.to_j2000(*position, self.utc()) if self.sends_j2000 else position
 
-    def horizon(self) -> Pair:
+    def azimuth_altitude(self) -> Pair:
         """Return azimuth and altitude, degrees."""
-        ra, dec = fold_declination(*self.mechanics.believed(self.now))
-        return hour_angle_to_horizon(wrap180(self.sky.sidereal(self.now) - ra), dec, self.sky.latitude)
+        ra, dec = fold_declination(*self.mechanics.believed_position(self.now))
+        return hour_angle_to_horizon(wrap180(self.sky.lst(self.now) - ra), dec, self.sky.latitude)
 
     def utc(self) -> float:
         """Return the time of the mount's clock, Unix seconds."""
@@ -178,7 +180,7 @@ class AlpacaTelescope(Simulated):
     def track(self, on: bool) -> None:
         self.tracks = on
         self.follows.clear()
-        self.mechanics.track(self.now, on, self.mechanics.geometry.pole)
+        self.mechanics.track(self.now, on, self.mechanics.geometry.ns_sign)
 
     def of_date(self, ra: float, dec: float) -> Pair:
         """Convert coordinates of a program to the equinox of date."""
@@ -189,7 +191,7 @@ class AlpacaTelescope(Simulated):
         if not self.tracks:
             raise AlpacaError(INVALID_OPERATION, "SlewToCoordinates is not allowed when tracking is False")
         ra, dec = self.of_date(ra, dec)
-        self._reachable(hour_angle_to_horizon(wrap180(self.sky.sidereal(self.now) - ra), dec, self.sky.latitude)[1])
+        self._check_alt(hour_angle_to_horizon(wrap180(self.sky.lst(self.now) - ra), dec, self.sky.latitude)[1])
         self.release()
         self.mechanics.goto_sky(self.now, ra, dec)
 
@@ -197,28 +199,28 @@ class AlpacaTelescope(Simulated):
         """Slew to an azimuth and altitude and rest there. Raises AlpacaError while tracking, and for a low altitude."""
         if self.tracks:
             raise AlpacaError(INVALID_OPERATION, "SlewToAltAz is not allowed when tracking is True")
-        ranged(azimuth, 0.0, 360.0, "Azimuth")
-        self._reachable(ranged(altitude, -90.0, 90.0, "Altitude"))
+        check_range(azimuth, 0.0, 360.0, "Azimuth")
+        self._check_alt(check_range(altitude, -90.0, 90.0, "Altitude"))
         goal = horizon_to_hour_angle(azimuth, altitude, self.sky.latitude)
-        geometry, correction = self.mechanics.geometry, self.mechanics.correction
-        first, second = geometry.axes(*goal, geometry.other_side(goal[0]))
-        self.go((wrap360(first - correction[0]), second - correction[1]))
+        geometry, correction = self.mechanics.geometry, self.mechanics.sync_correction
+        first, second = geometry.axes(*goal, geometry.is_flipped(goal[0]))
+        self.slew_to_axes((wrap360(first - correction[0]), second - correction[1]))
 
-    def _reachable(self, altitude: float) -> None:
+    def _check_alt(self, altitude: float) -> None:
         if altitude < self.lowest:
             raise AlpacaError(INVALID_OPERATION, f"The target is below the limit of {self.lowest:g} degrees")
 
-    def go(self, axes: Pair, target: str = "") -> None:
+    def slew_to_axes(self, axes: Pair, target: str = "") -> None:
         """Slew to axis positions. ``target`` is ``park`` or ``home`` if they are that position; tracking then ends."""
         self.release()
         if target:
             self.track(False)
         self.mechanics.goto_axes(self.now, *axes)
-        self.going = target
+        self.destination = target
 
     def park(self) -> None:
         if self.at != "park":
-            self.go(self.park_at, "park")
+            self.slew_to_axes(self.park_at, "park")
 
     def set_clock(self, text: str) -> None:
         """Set the mount's clock to an ISO date and time. Raises AlpacaError if the text is no date."""
@@ -231,34 +233,34 @@ class AlpacaTelescope(Simulated):
 
     def move_at_rate(self, axis: int, rate: float) -> None:
         """Carry out MoveAxis for axis 0 or 1. Raises AlpacaError for a rate that AxisRates does not have."""
-        if ranged(axis, 0, 2, "Axis") == 2:
+        if check_range(axis, 0, 2, "Axis") == 2:
             raise AlpacaError(NOT_IMPLEMENTED, "There is no third axis")
-        if rate and not any(low <= abs(rate) <= high for low, high in self.kind.rates):
+        if rate and not any(low <= abs(rate) <= high for low, high in self.kind.rate_ranges):
             raise AlpacaError(INVALID_VALUE, f"Rate {rate:g} is not in AxisRates")
         self.move_axis(axis + 1, rate)
 
     def move_axis(self, axis: int, rate: float) -> None:
         """Move axis 1 or 2 by hand, at a rate in degrees a second; rate 0 ends this and resumes tracking."""
         self.mechanics.cancel(self.now)
-        self.at = self.going = ""
+        self.at = self.destination = ""
         if rate:
             follows = (
-                self.mechanics.speeds(self.now)[axis - 1] if axis not in self.moved else self.follows.get(axis, 0.0)
+                self.mechanics.speeds(self.now)[axis - 1] if axis not in self.moving else self.follows.get(axis, 0.0)
             )
             self.follows[axis] = follows if self.adds_tracking and self.tracks else 0.0
-            self.moved.add(axis)
+            self.moving.add(axis)
             self.mechanics.move(self.now, axis, self.senses[axis - 1] * rate + self.follows[axis])
-        elif axis in self.moved:
-            self.moved.discard(axis)
+        elif axis in self.moving:
+            self.moving.discard(axis)
             self.mechanics.resume_axis(self.now, axis)
-            if not self.moved:
-                self.mechanics.resume(self.now)
+            if not self.moving:
+                self.mechanics.resume_tracking(self.now)
 
     def release(self) -> None:
         """End motion by hand. The mount then counts as neither at nor on the way to its park or home position."""
-        for axis in tuple(self.moved):
+        for axis in tuple(self.moving):
             self.move_axis(axis, 0.0)
-        self.at = self.going = ""
+        self.at = self.destination = ""
 
     def abort(self) -> None:
         """End every motion, including slews to the park and home positions."""
@@ -268,7 +270,7 @@ class AlpacaTelescope(Simulated):
     def pulse(self, direction: int, seconds: float) -> None:
         """Send a guide pulse in an ASCOM direction: 0 raises the declination, 1 lowers it, 2 is east, 3 west."""
         axis = 2 if direction < 2 else 1
-        sense = self.mechanics.geometry.pole * (1.0 if direction in (0, 3) else -1.0)
+        sense = self.mechanics.geometry.ns_sign * (1.0 if direction in (0, 3) else -1.0)
         if axis == 2 and self.mechanics.flipped:
             sense = -sense
         self.mechanics.pulse(self.now, axis, sense * self.guides[axis - 1], seconds)

@@ -9,7 +9,7 @@ from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Unsupported
 from gateway.core.operations import Values
-from gateway.protocols.alpaca.surface.client import AlpacaSession, axis, place
+from gateway.protocols.alpaca.surface.client import AlpacaSession, axis_number, target_coordinates
 from gateway.protocols.base.surface import Handler
 from gateway.protocols.base.wants import Handling
 from gateway.protocols.wireformat.command import Command
@@ -43,7 +43,7 @@ def side_of_pier() -> Handling:
 
 def destination_side(values: Values) -> Handling:
     """Return the side of the pier after a goto: east for a position west of the meridian, west for one east of it."""
-    ra, _ = place(values)
+    ra, _ = target_coordinates(values)
     if not (yield op.GetAbilities()).german:
         return UNKNOWN
     return EAST if wrap180((yield op.SiderealTime()) - ra) >= 0.0 else WEST
@@ -51,17 +51,17 @@ def destination_side(values: Values) -> Handling:
 
 def axis_rates(values: Values) -> Handling:
     """Return the speed ranges of an axis, degrees per second; a third axis has none."""
-    third = axis(values) == 2
+    third = axis_number(values) == 2
     speeds = (yield op.GetAbilities()).speeds
     return {"value": [] if third else [{"Minimum": low, "Maximum": high} for low, high in speeds]}
 
 
 def can_move_axis(values: Values) -> Handling:
-    third = axis(values) == 2
+    third = axis_number(values) == 2
     return not third and op.MoveAxis.__name__ in (yield op.GetAbilities()).can
 
 
-def _able(*operations: type[op.Operation]) -> Handler:
+def _ability_handler(*operations: type[op.Operation]) -> Handler:
     """Return the handler of a member that reports whether the mount can carry out all of these operations."""
 
     def able(session: AlpacaSession, command: Command, values: Values) -> Handling:
@@ -71,11 +71,11 @@ def _able(*operations: type[op.Operation]) -> Handler:
     return able
 
 
-can_find_home = _able(op.Home)
-can_park = _able(op.Park)
+can_find_home = _ability_handler(op.Home)
+can_park = _ability_handler(op.Park)
 #: A mount that cannot park cannot unpark either.
-can_unpark = _able(op.Park, op.Unpark)
-can_pulse_guide = _able(op.Pulse)
-can_set_guide_rates = _able(op.SetGuideRate)
-can_set_tracking = _able(op.SetTracking)
-can_sync = _able(op.Sync)
+can_unpark = _ability_handler(op.Park, op.Unpark)
+can_pulse_guide = _ability_handler(op.Pulse)
+can_set_guide_rates = _ability_handler(op.SetGuideRate)
+can_set_tracking = _ability_handler(op.SetTracking)
+can_sync = _ability_handler(op.Sync)

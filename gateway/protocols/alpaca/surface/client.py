@@ -11,7 +11,7 @@ from typing import Any
 
 from gateway.core.errors import Invalid, Refused, Unsupported
 from gateway.core.operations import GetAbilities, GetActivity, GetStatus, SetTracking, Tracking, Values
-from gateway.protocols.alpaca.tables import NotConnected, Parked, is_refusal, member, refusal
+from gateway.protocols.alpaca.tables import NotConnected, Parked, conditions_of, error_line, is_refusal
 from gateway.protocols.base.session import ClientState, Session
 from gateway.protocols.base.surface import Handler, Surface
 from gateway.protocols.base.wants import Handling, decoded
@@ -33,8 +33,8 @@ class AlpacaClientState(ClientState):
 class AlpacaSession(Session):
     """The session of a program, which is a ClientID on one computer."""
 
-    inherits = False  # another ClientID on the same computer is another program
-    state = AlpacaClientState
+    inherits_settings = False  # another ClientID on the same computer is another program
+    client_state_type = AlpacaClientState
     client: AlpacaClientState
 
 
@@ -42,22 +42,22 @@ class AlpacaSurface(Surface):
     """Answers every request: with a value, with null, or with the number and the text of a refusal."""
 
     def __init__(self, protocol: CommandSet, handlers: Mapping[str, Handler]) -> None:
-        super().__init__(protocol, handlers, refusal)
-        self.session, self.is_refusal = AlpacaSession, is_refusal
+        super().__init__(protocol, handlers, error_line)
+        self.session_type, self.is_refusal = AlpacaSession, is_refusal
 
-    def _act(self, session: Session, command: Command, row: SurfaceRow, values: Values) -> Handling:
-        yield from _admitted(session, command)
-        reply = yield from super()._act(session, command, row, values)
+    def _carry_out(self, session: Session, command: Command, row: SurfaceRow, values: Values) -> Handling:
+        yield from _check_conditions(session, command)
+        reply = yield from super()._carry_out(session, command, row, values)
         if command.urgent and (yield GetActivity()).parked:
             raise Parked  # ASCOM's rule for a parked mount; the stop was sent all the same
         return reply
 
 
-def _admitted(session: Session, command: Command) -> Handling:
+def _check_conditions(session: Session, command: Command) -> Handling:
     """Check the conditions of a member: a connected program, an unparked mount, tracking. Raises Fault if not met."""
     assert isinstance(session, AlpacaSession)
-    needs, client = member(command.name), session.client
-    if not (needs.always or client.connected or (client.connected is None and reads(command))):
+    needs, client = conditions_of(command.name), session.client
+    if not (needs.always or client.connected or (client.connected is None and is_read(command))):
         raise NotConnected
     if needs.unparked and (yield GetActivity()).parked:
         raise Parked
@@ -72,7 +72,7 @@ def _admitted(session: Session, command: Command) -> Handling:
             )  # fmt: skip
 
 
-def reads(command: Command) -> bool:
+def is_read(command: Command) -> bool:
     """Whether a request is a GET, which changes nothing."""
     return str(command.request.source).startswith("get ")
 
@@ -80,23 +80,23 @@ def reads(command: Command) -> bool:
 # --- parameters -----------------------------------------------------------------------------------------------------
 
 
-def within(values: Values, field: str, name: str, low: float, high: float, per: float = 1.0) -> Any:
+def value_in_range(values: Values, field: str, name: str, low: float, high: float, unit: float = 1.0) -> Any:
     """Return the parameter ``field``. Raises Invalid if it is out of range; the message shows the values divided by
-    ``per``, so that it has the client's unit.
+    ``unit``, so that it has the client's unit.
     """
     value = decoded(values)[field]
     if not low <= value <= high:
-        raise Invalid(f"{name} is {value / per:.10g}; it must be from {low / per:.6g} to {high / per:.6g}.")
+        raise Invalid(f"{name} is {value / unit:.10g}; it must be from {low / unit:.6g} to {high / unit:.6g}.")
     return value
 
 
-def place(values: Values) -> tuple[float, float]:
+def target_coordinates(values: Values) -> tuple[float, float]:
     """Return right ascension and declination, degrees. Raises Invalid."""
-    ra = within(values, "ra", "RightAscension", 0.0, 360.0, per=15.0)
-    return ra % 360.0, within(values, "dec", "Declination", -90.0, 90.0)
+    ra = value_in_range(values, "ra", "RightAscension", 0.0, 360.0, unit=15.0)
+    return ra % 360.0, value_in_range(values, "dec", "Declination", -90.0, 90.0)
 
 
-def axis(values: Values) -> int:
+def axis_number(values: Values) -> int:
     """Return 0 for the first axis, 1 for the second, 2 for a third, which no mount has. Raises Invalid."""
-    number: int = within(values, "axis", "Axis", 0, 2)
+    number: int = value_in_range(values, "axis", "Axis", 0, 2)
     return number

@@ -16,21 +16,21 @@ from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.numerals import moment
 
 #: The name of the action that returns why the last goto ended before its goal; an empty text if it did not.
-ENDED_SHORT = "GotoEndedShort"
+ENDED_SHORT_ACTION = "GotoEndedShort"
 
 
 def action(values: Values) -> Handling:
     """Return why the last goto ended before its goal, the only action. Raises Unsupported for any other action."""
-    if decoded(values)["action"].casefold() != ENDED_SHORT.casefold():
-        raise Unsupported(f"The only action is {ENDED_SHORT}.")
+    if decoded(values)["action"].casefold() != ENDED_SHORT_ACTION.casefold():
+        raise Unsupported(f"The only action is {ENDED_SHORT_ACTION}.")
     return {"value": (yield op.GetActivity()).short}
 
 
 def supported_actions() -> dict[str, Any]:
-    return {"value": [ENDED_SHORT]}
+    return {"value": [ENDED_SHORT_ACTION]}
 
 
-def not_here(command: Command) -> None:
+def refuse_member(command: Command) -> None:
     """Raise Unsupported: the gateway does not have this member."""
     raise Unsupported(f"Not available: {command.help}.")
 
@@ -82,7 +82,7 @@ def driver_version() -> dict[str, str]:
 def device_state(session: AlpacaSession) -> Handling:
     """Return the values that programs poll, in one reply; values that the mount does not report now are left out."""
     state: list[dict[str, Any]] = []
-    for label, reading in _polled(session):
+    for label, reading in _polled_values(session):
         try:
             state.append({"Name": label, "Value": (yield from reading)})
         except Fault:
@@ -90,29 +90,29 @@ def device_state(session: AlpacaSession) -> Handling:
     return {"value": [*state, {"Name": "TimeStamp", "Value": moment(session.clock()).decode()}]}
 
 
-def _polled(session: AlpacaSession) -> Iterator[tuple[str, Handling]]:
-    yield "Altitude", _of(op.HorizontalPosition(), "alt")
+def _polled_values(session: AlpacaSession) -> Iterator[tuple[str, Handling]]:
+    yield "Altitude", _read_field(op.HorizontalPosition(), "alt")
     yield "AtHome", motion.at_home()
     yield "AtPark", motion.at_park()
-    yield "Azimuth", _of(op.HorizontalPosition(), "az")
-    yield "Declination", _of(op.Position(), "dec")
+    yield "Azimuth", _read_field(op.HorizontalPosition(), "az")
+    yield "Declination", _read_field(op.Position(), "dec")
     yield "IsPulseGuiding", motion.is_pulse_guiding()
-    yield "RightAscension", _hours(_of(op.Position(), "ra"))
+    yield "RightAscension", _in_hours(_read_field(op.Position(), "ra"))
     yield "SideOfPier", abilities.side_of_pier()
-    yield "SiderealTime", _hours(_of(op.SiderealTime()))
+    yield "SiderealTime", _in_hours(_read_field(op.SiderealTime()))
     yield "Slewing", motion.slewing()
     yield "Tracking", motion.tracking()
-    yield "UTCDate", _utc()
+    yield "UTCDate", _read_utc()
 
 
-def _of(operation: op.Operation, field: str = "") -> Handling:
+def _read_field(operation: op.Operation, field: str = "") -> Handling:
     value = yield operation
     return getattr(value, field) if field else value
 
 
-def _hours(degrees: Handling) -> Handling:
+def _in_hours(degrees: Handling) -> Handling:
     return ((yield from degrees) / 15.0) % 24.0
 
 
-def _utc() -> Handling:
+def _read_utc() -> Handling:
     return moment((yield op.GetClock()).unix).decode()

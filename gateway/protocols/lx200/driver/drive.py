@@ -12,22 +12,22 @@ from contextlib import suppress
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Refused, Unsupported
 from gateway.protocols.base.driver import Steps, Wait
-from gateway.protocols.lx200.driver.ends import FOCUSER, count_motion, end
+from gateway.protocols.lx200.driver.ends import FOCUSER_AXIS, count_motion, end_motion
 from gateway.protocols.lx200.driver.identify import native_mode, read_status
 from gateway.protocols.lx200.driver.speeds import NAMED_DRIVES, SIDEREAL_HERTZ
-from gateway.protocols.lx200.driver.speeds import SIDEREAL_SHOWN as _SIDEREAL
+from gateway.protocols.lx200.driver.speeds import SIDEREAL_HERTZ_RANGE as _SIDEREAL
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 
-_DRIVES = {"sidereal": "TQ", "solar": "TS", "lunar": "TL"}
+_COMMAND_BY_DRIVE_RATE = {"sidereal": "TQ", "solar": "TS", "lunar": "TL"}
 #: Hertz: a displayed frequency below the first is the lunar rate, from the second on it is the sidereal rate.
-_LUNAR_BELOW, _LOOKS_SIDEREAL = 59.0, 60.0
+_LUNAR_MAX_HERTZ, _SIDEREAL_MIN_HERTZ = 59.0, 60.0
 #: Hertz: the lunar rate, and how far a displayed frequency may be from the rate that it means.
-_LUNAR, _DIGIT = 57.9, 0.2
+_LUNAR, _HZ_TOL = 57.9, 0.2
 #: Seconds until a drive rate is read again before a motion replaces it.
-_DRIVE_AGE = 60.0
-_KEEPS_TRACKING = "The mount keeps tracking: switching it off would destroy its alignment."
+_DRIVE_RATE_MAX_AGE = 60.0
+_CANNOT_STOP_TRACKING = "The mount keeps tracking: switching it off would destroy its alignment."
 #: How often the status is read after tracking was turned on or off, until it shows that, and the seconds between.
-_LOOKS, _LOOK_AGAIN = 3, 0.5
+_STATUS_READS, _STATUS_READ_INTERVAL = 3, 0.5
 #: From this focuser speed on, a classic uses the faster of its two speeds.
 _FAST_FOCUS = 3
 
@@ -45,54 +45,54 @@ def set_tracking(mount: Lx200Driver, operation: op.SetTracking) -> Steps:
     wanted = native_mode(mount) if operation.on else op.Tracking.OFF
     if wanted is mount.tracking and not (operation.on and (mount.parked or mount.land)):
         return
-    if not mount.tells_status:
-        raise Unsupported(_KEEPS_TRACKING)
-    meade = {"on": {"A": "AA", "P": "AP", "G": "AP"}[mount.home_letter], "off": "AL"}
+    if not mount.has_status:
+        raise Unsupported(_CANNOT_STOP_TRACKING)
+    meade = {"on": {"A": "AA", "P": "AP", "G": "AP"}[mount.mounting], "off": "AL"}
     yield from ask(mount, mount.dialect.get("switch", meade)["on" if operation.on else "off"])
     mount.tracking, mount.land = wanted, not operation.on
-    for _ in range(_LOOKS if operation.heard else 0):
+    for _ in range(_STATUS_READS if operation.heard else 0):
         yield from read_status(mount)
         if mount.tracking is wanted:
             return
-        yield Wait(_LOOK_AGAIN)
+        yield Wait(_STATUS_READ_INTERVAL)
     if operation.heard:
         state = "on" if operation.on else "off"
         raise Refused(f"The mount did not turn tracking {state}: it reports the same as before.")
 
 
-def rest(mount: Lx200Driver, _: op.Hibernate) -> Steps:
+def emulate_sleep(mount: Lx200Driver, _: op.Hibernate) -> Steps:
     """Hibernate on a telescope that cannot sleep: tracking off. Raises Unsupported, also if the telescope is parked."""
-    if not mount.tells_status:
-        raise Unsupported(_KEEPS_TRACKING)
+    if not mount.has_status:
+        raise Unsupported(_CANNOT_STOP_TRACKING)
     yield from set_tracking(mount, op.SetTracking(on=False))
 
 
-def rise(mount: Lx200Driver, _: op.Wake) -> Steps:
+def emulate_wake(mount: Lx200Driver, _: op.Wake) -> Steps:
     """Wake on a telescope that cannot sleep: tracking on."""
     yield from set_tracking(mount, op.SetTracking(on=True))
 
 
-def track_rate(mount: Lx200Driver, operation: op.TrackRate) -> Steps:
+def set_drive_rate(mount: Lx200Driver, operation: op.TrackRate) -> Steps:
     """:TQ :TS :TL, or any other rate in hertz; 60.1 to 60.2 is sidereal. Raises Refused outside the model's range."""
-    mount.drive_shown, mount.drive_read = None, -math.inf
-    yield from _drive(mount, operation)
+    mount.drive_hertz_shown, mount.drive_rate_read_at = None, -math.inf
+    yield from _send_drive_rate(mount, operation)
 
 
-def _drive(mount: Lx200Driver, operation: op.TrackRate) -> Steps:
-    mount.drive_changed = False
+def _send_drive_rate(mount: Lx200Driver, operation: op.TrackRate) -> Steps:
+    mount.drive_rate_changed = False
     hertz = round((operation.factor or 1.0) * SIDEREAL_HERTZ, 1)
     if operation.name is not None or _SIDEREAL[0] <= hertz <= _SIDEREAL[1]:
-        mount.rate = operation
-        yield from _named(mount, operation.name or "sidereal")
+        mount.drive_rate = operation
+        yield from _set_named_rate(mount, operation.name or "sidereal")
         return
     low, high = mount.facts["hertz"]
     if not low <= hertz <= high:
         raise Refused(f"The mount tracks at {low} to {high} hertz: {hertz} hertz is refused.")
-    mount.rate = operation
-    yield from drive_at(mount, hertz)
+    mount.drive_rate = operation
+    yield from set_drive_hertz(mount, hertz)
 
 
-def drive_at(mount: Lx200Driver, hertz: float) -> Steps:
+def set_drive_hertz(mount: Lx200Driver, hertz: float) -> Steps:
     """Set the drive rate by :ST, on a Meade after :TM (manual mode). Tracking stays off if it was off."""
     if not mount.dialect:
         yield from ask(mount, "TM")
@@ -101,71 +101,71 @@ def drive_at(mount: Lx200Driver, hertz: float) -> Steps:
         yield from ask(mount, mount.dialect["switch"]["off"])
 
 
-def look_at_drive_rate(mount: Lx200Driver) -> Steps:
+def note_drive_rate(mount: Lx200Driver) -> Steps:
     """:GT - read the drive rate that a motion is about to replace, once a minute at most."""
-    if mount.drive_changed or mount.now() - mount.drive_read < _DRIVE_AGE:
+    if mount.drive_rate_changed or mount.now() - mount.drive_rate_read_at < _DRIVE_RATE_MAX_AGE:
         return
-    mount.drive_read = mount.now()
+    mount.drive_rate_read_at = mount.now()
     with suppress(Fault):
-        mount.drive_shown = (yield from ask(mount, "GT"))["hertz"]
+        mount.drive_hertz_shown = (yield from ask(mount, "GT"))["hertz"]
 
 
 def restore_drive_rate(mount: Lx200Driver) -> Steps:
     """Restore the drive rate, if a motion in right ascension has changed it: to the last requested rate, or to the rate
     that the telescope showed before the motion if that was set at the hand control.
     """
-    if not mount.drive_changed:
+    if not mount.drive_rate_changed:
         return
-    asked, shown = mount.rate or op.TrackRate(name="sidereal"), mount.drive_shown
-    if shown is not None and not _shows(shown, asked):
-        name = next((name for name in _DRIVES if _shows(shown, op.TrackRate(name=name))), None)
+    asked, shown = mount.drive_rate or op.TrackRate(name="sidereal"), mount.drive_hertz_shown
+    if shown is not None and not _hertz_fits_rate(shown, asked):
+        name = next((name for name in _COMMAND_BY_DRIVE_RATE if _hertz_fits_rate(shown, op.TrackRate(name=name))), None)
         asked = op.TrackRate(name=name, factor=None if name else shown / SIDEREAL_HERTZ)
-    yield from _drive(mount, asked)
+    yield from _send_drive_rate(mount, asked)
 
 
-def _shows(hertz: float, rate: op.TrackRate) -> bool:
+def _hertz_fits_rate(hertz: float, rate: op.TrackRate) -> bool:
     """Whether a telescope that shows this frequency has this drive rate: some show sidereal and solar alike."""
     if rate.name is None:
-        return abs(hertz - (rate.factor or 1.0) * SIDEREAL_HERTZ) < _DIGIT
-    low, high = (_LUNAR - _DIGIT, _LUNAR + _DIGIT) if rate.name == "lunar" else (_LOOKS_SIDEREAL, _SIDEREAL[1])
+        return abs(hertz - (rate.factor or 1.0) * SIDEREAL_HERTZ) < _HZ_TOL
+    low, high = (_LUNAR - _HZ_TOL, _LUNAR + _HZ_TOL) if rate.name == "lunar" else (_SIDEREAL_MIN_HERTZ, _SIDEREAL[1])
     return low <= hertz <= high
 
 
 def drive_rate(mount: Lx200Driver, _: op.DriveRate) -> Steps:
     """:GT - return the displayed rate as a multiple of sidereal. Some telescopes show 60.0 for sidereal and solar."""
     shown: float = (yield from ask(mount, "GT"))["hertz"]
-    asked = mount.rate or op.TrackRate(name="sidereal")
+    asked = mount.drive_rate or op.TrackRate(name="sidereal")
     if not shown:  # another maker's that does not track
         return asked.factor or NAMED_DRIVES[asked.name or "sidereal"]
     solar = asked.name == "solar"
-    return 1.0 if _LOOKS_SIDEREAL <= shown <= _SIDEREAL[1] and not solar else shown / SIDEREAL_HERTZ
+    return 1.0 if _SIDEREAL_MIN_HERTZ <= shown <= _SIDEREAL[1] and not solar else shown / SIDEREAL_HERTZ
 
 
-def _named(mount: Lx200Driver, name: str) -> Steps:
+def _set_named_rate(mount: Lx200Driver, name: str) -> Steps:
     """Set a named rate, retry once, raise Refused if another rate is displayed. Only lunar differs from the others."""
     for _ in range(2):
-        yield from ask(mount, _DRIVES[name])
+        yield from ask(mount, _COMMAND_BY_DRIVE_RATE[name])
         shown = (yield from ask(mount, "GT"))["hertz"]
-        if not shown or (shown < _LUNAR_BELOW) == (name == "lunar"):
+        if not shown or (shown < _LUNAR_MAX_HERTZ) == (name == "lunar"):
             return
     raise Refused(f"The mount shows {shown} hertz instead of the {name} rate.")
 
 
-def backlash(mount: Lx200Driver, operation: op.Backlash) -> Steps:
+def set_backlash(mount: Lx200Driver, operation: op.Backlash) -> Steps:
     """Set the backlash compensation of an axis by :$BA or :$BZ, which an LX200GPS has."""
     yield from ask(mount, "$BZ" if operation.axis == 1 else "$BA", value=operation.value)
 
 
-def periodic_error(mount: Lx200Driver, operation: op.PeriodicError) -> Steps:
+def switch_pec(mount: Lx200Driver, operation: op.PeriodicError) -> Steps:
     """Turn PEC on or off: :$QZ :$QA. A classic only toggles it (:$Q), so its state is counted from power-on."""
-    wanted = not mount.corrects if operation.on is None else operation.on
+    wanted = not mount.pec_axes if operation.on is None else operation.on
     axes = (1, 2) if operation.axis is None or not mount.supports("$QZ+") else (operation.axis,)
     if mount.supports("$QZ+"):
         for axis in axes:
             yield from ask(mount, f"$Q{'Z' if axis == 1 else 'A'}{'+' if wanted else '-'}")
-    elif wanted is not bool(mount.corrects):
+    elif wanted is not bool(mount.pec_axes):
         yield from ask(mount, "$Q")
-    mount.corrects = mount.corrects | set(axes) if wanted else mount.corrects - set(axes)
+    mount.pec_axes = mount.pec_axes | set(axes) if wanted else mount.pec_axes - set(axes)
 
 
 def focus(mount: Lx200Driver, operation: op.Focus) -> Steps:
@@ -176,8 +176,8 @@ def focus(mount: Lx200Driver, operation: op.Focus) -> Steps:
         yield from ask(mount, "FF" if operation.speed >= _FAST_FOCUS else "FS")
     if not operation.direction:
         moved, mount.focusing = mount.focusing, False
-        yield from end(mount, "FQ", (FOCUSER,), moved)
+        yield from end_motion(mount, "FQ", (FOCUSER_AXIS,), moved)
         return
-    count_motion(mount, FOCUSER)
+    count_motion(mount, FOCUSER_AXIS)
     mount.focusing = True
     yield from ask(mount, {1: "F+", -1: "F-"}[operation.direction])

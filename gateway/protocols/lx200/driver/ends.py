@@ -20,14 +20,14 @@ from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 #: Seconds until an end command is repeated.
 REPEAT_AFTER = 0.3
 #: Both axes of the mount; the focuser has a number of its own.
-MOUNT, FOCUSER = (1, 2), 3
+MOUNT_AXES, FOCUSER_AXIS = (1, 2), 3
 #: Seconds after a motion until rates are restored: a program that moves again at once finds its rate unchanged.
 RESTORE_AFTER = 1.0
 #: Guide rates that differ by less than this fraction of sidereal are equal: :Rg has tenths of an arcsecond.
-SAME = 0.003
+GUIDE_RATE_TOLERANCE = 0.003
 
 
-class EndAgain(Operation, frozen=True):
+class RepeatEnd(Operation, frozen=True):
     """Internal: send an end command again unless a newer motion has begun. It is as urgent as a stop."""
 
     survives_abort = True
@@ -41,18 +41,18 @@ def count_motion(mount: Lx200Driver, *axes: int) -> None:
         mount.motions_begun[axis] = mount.motions_begun.get(axis, 0) + 1
 
 
-def end(mount: Lx200Driver, command: str, axes: tuple[int, ...], moved: bool) -> Steps:
+def end_motion(mount: Lx200Driver, command: str, axes: tuple[int, ...], was_moving: bool) -> Steps:
     """Send the command that ends the motion of these axes, and repeat it later if they were known to move."""
-    if moved:
-        mount.ended[command] = {axis: mount.motions_begun.get(axis, 0) for axis in axes}
+    if was_moving:
+        mount.motions_at_end[command] = {axis: mount.motions_begun.get(axis, 0) for axis in axes}
     yield from ask(mount, command)
-    if moved:
-        yield Schedule(REPEAT_AFTER, EndAgain(command), urgent=True, not_while_busy=command != "Q")
+    if was_moving:
+        yield Schedule(REPEAT_AFTER, RepeatEnd(command), urgent=True, not_while_busy=command != "Q")
 
 
-def repeat_end(mount: Lx200Driver, operation: EndAgain) -> Steps:
+def repeat_end(mount: Lx200Driver, operation: RepeatEnd) -> Steps:
     """Repeat an end command. A busy telescope has received a newer command: the repetition is dropped."""
-    begun = mount.ended.pop(operation.command, None)
+    begun = mount.motions_at_end.pop(operation.command, None)
     if begun is not None and all(mount.motions_begun.get(axis, 0) == number for axis, number in begun.items()):
         with contextlib.suppress(Busy):
             yield from ask(mount, operation.command)
@@ -61,7 +61,7 @@ def repeat_end(mount: Lx200Driver, operation: EndAgain) -> Steps:
 # --- rates that a motion has changed --------------------------------------------------------------------------------
 
 
-class PutBack(Operation, frozen=True):
+class RestoreRates(Operation, frozen=True):
     """Internal: restore the rates that a motion has changed, unless something moves again."""
 
     survives_abort = True
@@ -69,45 +69,45 @@ class PutBack(Operation, frozen=True):
 
 def restore_rates_later(mount: Lx200Driver) -> Steps:
     """Schedule the restoration of the rates if any was changed."""
-    if _changed(mount):
-        yield Schedule(RESTORE_AFTER, PutBack(), not_while_busy=True)
+    if _rates_changed(mount):
+        yield Schedule(RESTORE_AFTER, RestoreRates(), not_while_busy=True)
 
 
-def restore_rates(mount: Lx200Driver, _: PutBack) -> Steps:
+def restore_rates(mount: Lx200Driver, _: RestoreRates) -> Steps:
     """Restore the rates. During a manual motion nothing is done: its end schedules this again."""
-    if mount.moving or mount.pulsing or not _changed(mount):
+    if mount.moving or mount.pulsing or not _rates_changed(mount):
         return
     if mount.goto is not None or mount.seeking or mount.now() < mount.pulses_until:
-        yield Schedule(RESTORE_AFTER, PutBack(), not_while_busy=True)
+        yield Schedule(RESTORE_AFTER, RestoreRates(), not_while_busy=True)
         return
-    if mount.keys_rate is not None:
-        if mount.pulses_before not in (None, mount.keys_rate):  # a slow rate of the keys is that of pulses, too
-            yield from ask(mount, mount.pulses_before or "")
-        yield from ask(mount, mount.keys_rate)
+    if mount.keypad_rate is not None:
+        if mount.old_pulse_rate not in (None, mount.keypad_rate):  # a slow rate of the keys is that of pulses, too
+            yield from ask(mount, mount.old_pulse_rate or "")
+        yield from ask(mount, mount.keypad_rate)
         mount.rate_sent = None
         return
-    for axis in sorted(mount.free_axes):
+    for axis in sorted(mount.axes_with_rate):
         yield from ask(mount, "RA" if axis == 1 else "RE", rate=float(mount.facts["max_rate"]))
-        mount.free_axes.discard(axis)
-    yield from set_fastest(mount, None)
-    yield from use_guide_rate(mount, mount.guide_rate)
+        mount.axes_with_rate.discard(axis)
+    yield from set_max_speed(mount, None)
+    yield from send_guide_rate(mount, mount.guide_rate)
     yield Remark(
         f"the gateway sets hand-control speeds that a motion has changed to {mount.facts['max_rate']} degrees a "
         f"second, and {mount.guide_rate:.0%} of sidereal for guiding: this Meade does not report the earlier ones"
     )
 
 
-def set_fastest(mount: Lx200Driver, degrees: float | None) -> Steps:
+def set_max_speed(mount: Lx200Driver, speed: float | None) -> Steps:
     """:Sw - set the speed of :RS and of gotos, degrees per second; None: the value at power-on."""
     usual = int(mount.facts["max_rate"])
     lowest, highest = mount.facts["max_rates"]
-    wanted = usual if degrees is None else int(max(lowest, min(highest, degrees)))
-    if mount.supports("Sw") and wanted != (mount.fastest or usual):
+    wanted = usual if speed is None else int(max(lowest, min(highest, speed)))
+    if mount.supports("Sw") and wanted != (mount.max_speed_sent or usual):
         yield from ask(mount, "Sw", rate=wanted)
-        mount.fastest = wanted
+        mount.max_speed_sent = wanted
 
 
-def use_guide_rate(mount: Lx200Driver, fraction: float) -> Steps:
+def send_guide_rate(mount: Lx200Driver, fraction: float) -> Steps:
     """:Rg - set the guide rate if the model has :Rg and the last value sent was different; it cannot be read."""
     if _guide_rate_differs(mount, fraction):
         yield from ask(mount, "Rg", rate=min(1.0, fraction) * SIDEREAL_ARCSECONDS)
@@ -115,11 +115,11 @@ def use_guide_rate(mount: Lx200Driver, fraction: float) -> Steps:
 
 
 def _guide_rate_differs(mount: Lx200Driver, fraction: float) -> bool:
-    return mount.supports("Rg") and abs(fraction - mount.guide_rate_sent) > SAME
+    return mount.supports("Rg") and abs(fraction - mount.guide_rate_sent) > GUIDE_RATE_TOLERANCE
 
 
-def _changed(mount: Lx200Driver) -> bool:
-    if mount.keys_rate is not None:
-        return mount.rate_sent not in (None, mount.keys_rate)
-    fastest_differs = mount.fastest not in (None, mount.facts["max_rate"])
-    return _guide_rate_differs(mount, mount.guide_rate) or bool(mount.free_axes) or fastest_differs
+def _rates_changed(mount: Lx200Driver) -> bool:
+    if mount.keypad_rate is not None:
+        return mount.rate_sent not in (None, mount.keypad_rate)
+    fastest_differs = mount.max_speed_sent not in (None, mount.facts["max_rate"])
+    return _guide_rate_differs(mount, mount.guide_rate) or bool(mount.axes_with_rate) or fastest_differs

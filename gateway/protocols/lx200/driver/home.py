@@ -12,27 +12,27 @@ from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, NoAnswer, Refused, Unsupported
 from gateway.protocols.base.driver import Schedule, Steps, Wait
 from gateway.protocols.lx200.driver.dialect import read_report
-from gateway.protocols.lx200.driver.drive import periodic_error, set_tracking, track_rate
-from gateway.protocols.lx200.driver.ends import MOUNT, count_motion, restore_rates_later
+from gateway.protocols.lx200.driver.drive import set_drive_rate, set_tracking, switch_pec
+from gateway.protocols.lx200.driver.ends import MOUNT_AXES, count_motion, restore_rates_later
 from gateway.protocols.lx200.driver.identify import ask_repeatedly, read_status
-from gateway.protocols.lx200.driver.pointing import begin, still_seeking, stop_current_motion
+from gateway.protocols.lx200.driver.pointing import begin_goto, is_seeking_home, stop_current_motion
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 
 #: Seconds from ending other motion to the search for home, and between two checks whether the search has ended.
-SETTLE, SEEK_EVERY = 0.5, 2.0
+SETTLE_TIME, HOME_CHECK_INTERVAL = 0.5, 2.0
 
 
-class SeekOn(op.Operation, frozen=True):
+class CheckHomeSearch(op.Operation, frozen=True):
     """Internal: check whether the search for home has ended."""
 
 
 def park(mount: Lx200Driver, _: op.Park) -> Steps:
     """:hP - park; the telescope turns its drives off when it has arrived."""
     yield from stop_current_motion(mount)
-    yield from begin(mount, "hP", then_command="park")
+    yield from begin_goto(mount, "hP", then_command="park")
 
 
-def seek(mount: Lx200Driver, operation: op.Home | op.SetHome) -> Steps:
+def seek_home(mount: Lx200Driver, operation: op.Home | op.SetHome) -> Steps:
     """Search for home by :hF, or by :hS, which also stores the positions of the home switches.
 
     A mount that reported no name is asked for it again first, because an OnStep takes :hF as "this is home".
@@ -42,37 +42,37 @@ def seek(mount: Lx200Driver, operation: op.Home | op.SetHome) -> Steps:
         raise Refused("The mount has reported its name only now. Reconnect it to identify it.")
     yield from stop_current_motion(mount)
     mount.seeking = True  # from here on no other command is sent; requests in the queue are answered first
-    yield Wait(SETTLE)
-    count_motion(mount, *MOUNT)
+    yield Wait(SETTLE_TIME)
+    count_motion(mount, *MOUNT_AXES)
     try:
         yield from ask(mount, "hS" if isinstance(operation, op.SetHome) else "hF")
     except Fault:
         mount.seeking = False
         raise
     mount.seeking = True
-    yield Schedule(SEEK_EVERY, SeekOn())
+    yield Schedule(HOME_CHECK_INTERVAL, CheckHomeSearch())
 
 
-def check_home_search(mount: Lx200Driver, _: SeekOn) -> Steps:
+def check_home_search(mount: Lx200Driver, _: CheckHomeSearch) -> Steps:
     """Check regularly whether the search for home has ended: other commands wait for it even if no client asks."""
     if not mount.seeking:
         return
     with contextlib.suppress(Busy, NoAnswer):
-        if not (yield from still_seeking(mount)):
+        if not (yield from is_seeking_home(mount)):
             return
-    yield Schedule(SEEK_EVERY, SeekOn())
+    yield Schedule(HOME_CHECK_INTERVAL, CheckHomeSearch())
 
 
 def go_home(mount: Lx200Driver, _: op.Home) -> Steps:
     """:hC - a goto to the home position of another maker's mount, which needs no search."""
     yield from stop_current_motion(mount)
-    yield from begin(mount, "hC", then_command="home")
+    yield from begin_goto(mount, "hC", then_command="home")
 
 
 def home_state(mount: Lx200Driver, _: op.HomeState) -> Steps:
     """:h? -> 0 failed, 1 found, 2 searching; another maker's is 1 at home or parked, 2 on the way to either."""
     if mount.dialect:
-        if mount.goto is not None and mount.goto.then:
+        if mount.goto is not None and mount.goto.purpose:
             return 2
         state = yield from read_report(mount)
         return int(state.home or state.parked)
@@ -91,18 +91,18 @@ def unpark(mount: Lx200Driver, _: op.Unpark) -> Steps:
     elif mount.parked and mount.supports("I"):
         with contextlib.suppress(NoAnswer):
             yield from ask(mount, "I")
-        corrected = mount.corrects
+        corrected = mount.pec_axes
         mount.power_on()  # :I restarts the telescope with its default rates, and without corrections
-        if mount.rate is not None:
-            yield from track_rate(mount, mount.rate)
+        if mount.drive_rate is not None:
+            yield from set_drive_rate(mount, mount.drive_rate)
         for axis in sorted(corrected):
-            yield from periodic_error(mount, op.PeriodicError(axis, True))
+            yield from switch_pec(mount, op.PeriodicError(axis, True))
         yield from restore_rates_later(mount)
-    elif mount.parked and not mount.tells_status:
+    elif mount.parked and not mount.has_status:
         raise Unsupported("This telescope has no command to unpark: the next goto unparks it.")
     mount.parked = False
     yield from read_status(mount)
-    if mount.tells_status and mount.tracking is op.Tracking.OFF:
+    if mount.has_status and mount.tracking is op.Tracking.OFF:
         yield from set_tracking(mount, op.SetTracking(on=True))
 
 

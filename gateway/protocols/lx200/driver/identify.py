@@ -14,34 +14,34 @@ from gateway.core.errors import Fault, Garbled, NoAnswer, Silence
 from gateway.core.operations import Equatorial, GetStatus, Identity, Operation, Status, Tracking
 from gateway.protocols.base.driver import Remark, Send, Steps, Wait
 from gateway.protocols.lx200.driver.dialect import learn_speeds, read_report
-from gateway.protocols.lx200.driver.state import OWN_PATIENCE, PUSHED, Lx200Driver, ask, ask_unless
+from gateway.protocols.lx200.driver.state import KNOWN_COMMAND_TIMEOUT, PUSHED_MESSAGE, Lx200Driver, ask, send_command
 from gateway.protocols.wireformat.command_set import load
 
 #: Timeout of a question that may stay unanswered: a multiple of the usual reply time, and its minimum in seconds.
-TIMES, AT_LEAST = 2.0, 0.6
+FACTOR, MIN_PROBE_TIMEOUT = 2.0, 0.6
 #: Questions to an unknown controller, and what remains unknown without an answer.
-UNKNOWN = {"GVN": "its version", "ACK": "how it is mounted", "GW": "whether it tracks"}
+UNKNOWN_BY_COMMAND = {"GVN": "its version", "ACK": "how it is mounted", "GW": "whether it tracks"}
 #: How many positions, so many seconds apart, show whether a mount with bars moves.
-LOOKS, STILL = 3, 1.5
+POSITION_READS, POSITION_READ_INTERVAL = 3, 1.5
 #: How often another maker's mount is asked for its status: without an answer it counts as an unknown controller.
-ASKED_FOR_STATE = 3
+STATUS_TRIES = 3
 #: The length of a right ascension in high precision.
-HIGH = len("HH:MM:SS#")
+HIGH_PRECISION_LENGTH = len("HH:MM:SS#")
 
 
 def contact(mount: Lx200Driver, _: object = None) -> Steps:
     """Read the position by ACK, :GR and :GD in high precision, so that clients can be served before identification."""
-    corrects = mount.corrects
+    corrects = mount.pec_axes
     mount.power_on()
-    mount.corrects, mount.pushed = corrects, False
-    mount.mute, mount.reply_time = frozenset(), OWN_PATIENCE
+    mount.pec_axes, mount.pushed_by_hand = corrects, False
+    mount.mute, mount.reply_time = frozenset(), KNOWN_COMMAND_TIMEOUT
     yield from _probe(mount, "ACK", unverified_ok=True)
     began = mount.now()
-    first = yield from high_precision(mount)
+    first = yield from switch_to_high_precision(mount)
     since = mount.now()
     second = yield from ask(mount, "GD")
     mount.read_at = since, mount.now()
-    mount.reply_time, mount.contacted = min(OWN_PATIENCE, since - began, mount.now() - since), True
+    mount.reply_time, mount.contacted = min(KNOWN_COMMAND_TIMEOUT, since - began, mount.now() - since), True
     return Equatorial(*fold_declination(first["ra"], second["dec"]))
 
 
@@ -52,27 +52,27 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
     mount.contacted = False
     letter = yield from _probe(mount, "ACK")
     if letter is not None:
-        _learn_letter(mount, letter["mode"])
+        _note_mounting(mount, letter["mode"])
         mount.land = letter["mode"] == "L"
     times = 1 if mount.named_model is not None else 3 if mount.product else 2
     product = yield from ask_repeatedly(mount, "GVP", times - ("GVP" in mount.mute))
     mount.product = product["product"] if product else ""
     if mount.named_model is None:
-        mount.count_as((yield from _model(mount, mount.product)))
-    mount.tells_status = False
+        mount.assume_model((yield from _find_model(mount, mount.product)))
+    mount.has_status = False
     if product:
         firmware = yield from _probe(mount, "GVN")
         mount.firmware = firmware["firmware"] if firmware else ""
-        times = ASKED_FOR_STATE if mount.dialect else 1
-        mount.tells_status = (yield from ask_repeatedly(mount, mount.status_command, times)) is not None
-        if mount.dialect and not mount.tells_status:
-            mount.count_as("other")
-    mount.extra_commands = frozenset({mount.status_command} if mount.tells_status else ())
+        times = STATUS_TRIES if mount.dialect else 1
+        mount.has_status = (yield from ask_repeatedly(mount, mount.status_command, times)) is not None
+        if mount.dialect and not mount.has_status:
+            mount.assume_model("other")
+    mount.extra_commands = frozenset({mount.status_command} if mount.has_status else ())
     if mount.dialect:
         yield from learn_speeds(mount)
     if mount.model == "other":
-        unknown = [text for command, text in UNKNOWN.items() if command in mount.mute]
-        unnamed = load("lx200").by_product(mount.product) == "other"
+        unknown = [text for command, text in UNKNOWN_BY_COMMAND.items() if command in mount.mute]
+        unnamed = load("lx200").model_of_product(mount.product) == "other"
         untold = "and does not report its state (a TeenAstro does from 1.5.1 on)"
         known = "which the gateway does not know" if unnamed else untold
         yield Remark(
@@ -81,7 +81,7 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
             + (f"; it did not report {' nor '.join(unknown)}" if unknown else "")
             + ". If it is a Meade, name it: lx200:autostar"
         )
-        yield from _see_whether_pushed(mount)
+        yield from _detect_pushed_by_hand(mount)
     try:
         yield from read_status(mount)
     except Fault as fault:  # a refusal is an answer too: the telescope is connected
@@ -90,19 +90,19 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
     return Identity(product=mount.product or "LX200", version=mount.firmware or "?", model=mount.model or "autostar")
 
 
-def _see_whether_pushed(mount: Lx200Driver) -> Steps:
+def _detect_pushed_by_hand(mount: Lx200Driver) -> Steps:
     """Detect a telescope that is pushed by hand: it always shows bars and stands still."""
     places: list[Equatorial] = []
-    for _ in range(LOOKS):
+    for _ in range(POSITION_READS):
         if not ((yield from _probe(mount, "D")) or {"bars": ""})["bars"].strip():
             return
         ra, dec = (yield from ask(mount, "GR"))["ra"], (yield from ask(mount, "GD"))["dec"]
         places.append(Equatorial(ra, dec))
-        yield Wait(STILL)
+        yield Wait(POSITION_READ_INTERVAL)
     moved = max(max(abs(wrap180(place.ra - ra)), abs(place.dec - dec)) for place in places)
-    mount.pushed = moved < mount.resolution
-    if mount.pushed:
-        yield Remark(PUSHED)
+    mount.pushed_by_hand = moved < mount.resolution
+    if mount.pushed_by_hand:
+        yield Remark(PUSHED_MESSAGE)
 
 
 def ask_repeatedly(mount: Lx200Driver, command: str, times: int) -> Steps:
@@ -120,8 +120,8 @@ def _probe(mount: Lx200Driver, command: str, unverified_ok: bool = False) -> Ste
     if command in mount.mute or command not in mount.protocol.commands:
         return None
     try:
-        patience = min(OWN_PATIENCE, max(AT_LEAST, TIMES * mount.reply_time))
-        return (yield Send(command, patience=patience, unverified_ok=unverified_ok))
+        patience = min(KNOWN_COMMAND_TIMEOUT, max(MIN_PROBE_TIMEOUT, FACTOR * mount.reply_time))
+        return (yield Send(command, timeout=patience, unverified_ok=unverified_ok))
     except (Garbled, Silence):
         mount.mute |= {command}
     except Fault as fault:  # a busy telescope may answer this question later
@@ -130,7 +130,7 @@ def _probe(mount: Lx200Driver, command: str, unverified_ok: bool = False) -> Ste
     return None
 
 
-def _model(mount: Lx200Driver, product: str) -> Steps:
+def _find_model(mount: Lx200Driver, product: str) -> Steps:
     """Return the model for a product text; without a text, the 16 inch if the mount answers :h?, else a classic."""
     if product.startswith(("LX2001", "LX200GPS")):
         return "lx200gps"
@@ -139,16 +139,16 @@ def _model(mount: Lx200Driver, product: str) -> Steps:
     if product.startswith("LX200 "):
         return "lx200"
     if product:
-        return load("lx200").by_product(product) or "autostar"
+        return load("lx200").model_of_product(product) or "autostar"
     return "lx200-16" if (yield from _probe(mount, "h?")) is not None else "lx200"
 
 
-def _is_low(answer: Mapping[str, object]) -> bool:
+def _is_low_precision(answer: Mapping[str, object]) -> bool:
     length = answer.get("length")
-    return isinstance(length, int) and length < HIGH
+    return isinstance(length, int) and length < HIGH_PRECISION_LENGTH
 
 
-def high_precision(mount: Lx200Driver) -> Steps:
+def switch_to_high_precision(mount: Lx200Driver) -> Steps:
     """Switch to high precision: read :GR, toggle (:U) if the reply is short, read again; return the last reply.
 
     Another maker's mount is not switched, because it has questions that it answers in high precision in any mode. If it
@@ -156,28 +156,28 @@ def high_precision(mount: Lx200Driver) -> Steps:
     """
     mount.low, began = False, mount.now()
     for attempt in range(3):
-        answer = yield from ask_unless(mount, "GR", {}, _is_low)  # only its length counts then
-        mount.low = _is_low(answer)
+        answer = yield from send_command(mount, "GR", {}, _is_low_precision)  # only its length counts then
+        mount.low = _is_low_precision(answer)
         if not mount.low or attempt == 2:
             break
         if mount.model is None:
-            mount.reply_time = min(OWN_PATIENCE, mount.now() - began)
+            mount.reply_time = min(KNOWN_COMMAND_TIMEOUT, mount.now() - began)
             if (product := (yield from _probe(mount, "GVP"))) is not None:
-                mount.count_as((yield from _model(mount, product["product"])))
+                mount.assume_model((yield from _find_model(mount, product["product"])))
         for _ in range(2 if mount.dialect else 0):
             with suppress(Garbled, Silence):
-                return (yield Send("GR", {"low": True}, patience=OWN_PATIENCE))
+                return (yield Send("GR", {"low": True}, timeout=KNOWN_COMMAND_TIMEOUT))
         if mount.dialect:
-            mount.count_as("other")
+            mount.assume_model("other")
         if not mount.supports("U"):
             break
         yield from ask(mount, "U")
     return answer
 
 
-def _learn_letter(mount: Lx200Driver, letter: str) -> None:
+def _note_mounting(mount: Lx200Driver, letter: str) -> None:
     if letter != "L":
-        mount.home_letter = letter
+        mount.mounting = letter
 
 
 def read_status(mount: Lx200Driver) -> Steps:
@@ -187,29 +187,29 @@ def read_status(mount: Lx200Driver) -> Steps:
     So its last report at rest counts during a motion. Another maker's mount is asked during a motion too.
     """
     command = mount.status_command
-    if mount.product and not mount.tells_status and command not in mount.mute:  # it was too busy when it was identified
-        mount.tells_status = (yield from _probe(mount, command)) is not None
-    if mount.dialect and mount.tells_status:
-        mount.reported = None
+    if mount.product and not mount.has_status and command not in mount.mute:  # it was too busy when it was identified
+        mount.has_status = (yield from _probe(mount, command)) is not None
+    if mount.dialect and mount.has_status:
+        mount.last_report = None
         state = yield from read_report(mount)
-        _learn_letter(mount, state.build or mount.home_letter)
+        _note_mounting(mount, state.build or mount.mounting)
         mount.aligned, mount.land = True, False
         if mount.goto is None:
             mount.parked = state.parked
         if mount.goto is None and not mount.moving:
             mount.tracking = native_mode(mount) if state.tracks else Tracking.OFF
         return None
-    answer = (yield from ask(mount, "GW")) if mount.tells_status else None
+    answer = (yield from ask(mount, "GW")) if mount.has_status else None
     if answer is not None:
         tracks = answer["tracking"] == "T"
         if answer["build"] == "L":
             mount.land = True
-        elif answer["build"] in "PG" or mount.home_letter == "A":
-            _learn_letter(mount, answer["build"])
+        elif answer["build"] in "PG" or mount.mounting == "A":
+            _note_mounting(mount, answer["build"])
         else:
             mount.land = yield from _in_land_mode(mount)
             if not mount.land:
-                _learn_letter(mount, answer["build"])
+                _note_mounting(mount, answer["build"])
         mount.land = mount.land and not (tracks and mount.goto is None)
         mount.aligned = answer["aligned"] not in "0"
         mount.powerless = mount.powerless and not tracks  # the user has woken it on the hand control
@@ -218,9 +218,9 @@ def read_status(mount: Lx200Driver) -> Steps:
         if answer is None:
             mount.aligned, mount.tracking = True, Tracking.OFF if mount.parked else native_mode(mount)
             return None
-        _learn_letter(mount, answer["mode"])
+        _note_mounting(mount, answer["mode"])
         mount.aligned, tracks = True, answer["mode"] != "L" and not mount.parked
-    if not (mount.tells_status and (mount.moving or mount.goto is not None)):
+    if not (mount.has_status and (mount.moving or mount.goto is not None)):
         mount.tracking = native_mode(mount) if tracks else Tracking.OFF
     return None
 
@@ -242,7 +242,7 @@ def native_mode(mount: Lx200Driver) -> Tracking:
 def status(mount: Lx200Driver, _: GetStatus) -> Steps:
     """Return Status by :GW, :GU or ACK. If :D shows no bars now, the mount no longer counts as one pushed by hand."""
     try:
-        mount.pushed = mount.pushed and bool((yield from ask(mount, "D"))["bars"].strip())
+        mount.pushed_by_hand = mount.pushed_by_hand and bool((yield from ask(mount, "D"))["bars"].strip())
         yield from read_status(mount)
     except Fault:
         if mount.goto is None:  # some do not answer this while they slew

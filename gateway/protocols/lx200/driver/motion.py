@@ -13,30 +13,30 @@ import math
 from gateway.astro.spherical import declination_rates, hour_angle_rates
 from gateway.core import operations as op
 from gateway.core.errors import Refused, Unsupported
-from gateway.protocols.base.driver import BY_HAND, SLEWING, Remark, Steps
+from gateway.protocols.base.driver import BY_HAND_MESSAGE, SLEWING_MESSAGE, Remark, Steps
 from gateway.protocols.lx200.driver.dialect import watch_arrow
-from gateway.protocols.lx200.driver.drive import drive_at, look_at_drive_rate, restore_drive_rate
+from gateway.protocols.lx200.driver.drive import note_drive_rate, restore_drive_rate, set_drive_hertz
 from gateway.protocols.lx200.driver.ends import (
-    MOUNT,
+    MOUNT_AXES,
     count_motion,
-    end,
+    end_motion,
     restore_rates_later,
-    set_fastest,
-    use_guide_rate,
+    send_guide_rate,
+    set_max_speed,
 )
 from gateway.protocols.lx200.driver.pointing import beyond_pole, horizontal_position
-from gateway.protocols.lx200.driver.speeds import NAMED_DRIVES, SPEEDS, Speed, instead_of_tracking, nearest, ratio_error
+from gateway.protocols.lx200.driver.speeds import NAMED_DRIVES, SPEEDS, Speed, nearest, nearest_total_speed, ratio_error
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask, rate_command
-from gateway.protocols.lx200.reply_rules import PACE
+from gateway.protocols.lx200.reply_rules import PAUSE_AFTER_COMMAND
 
-LONGEST_PULSE = 9999  # milliseconds: the four digits of :Mg
+MAX_PULSE_MS = 9999  # milliseconds: the four digits of :Mg
 #: Guide rates that differ by less, in fractions of sidereal, are the same.
 SAME_RATE = 0.01
 #: A speed that deviates from the request by more than this ratio is reported in the log.
-_REPORT_FROM = math.log(1.1)
+_REMARK_THRESHOLD = math.log(1.1)
 
 
-def _letter(mount: Lx200Driver, axis: int, sense: int) -> Steps:
+def _direction_letter(mount: Lx200Driver, axis: int, sense: int) -> Steps:
     """Return the letter of the sky direction for a sense of a motor."""
     if axis == 2 and mount.equatorial and not mount.german and mount.southern:  # lifting is towards the southern pole
         sense = -sense
@@ -53,52 +53,52 @@ def move(mount: Lx200Driver, operation: op.Move) -> Steps:
     """Move in a sky direction by :Mn :Ms :Me :Mw. A tap at guide rate becomes a guide pulse if the model has them."""
     if operation.ms is not None and mount.times_pulses:
         rate = None if mount.supports("Rg") else 1.0
-        return (yield from _pulse(mount, operation.axis, operation.direction.value, operation.ms, rate))
-    speed = yield from _speed(mount, operation.rate)
-    yield from _move(mount, operation.axis, operation.direction.value, operation.rate, speed)
+        return (yield from _send_pulse(mount, operation.axis, operation.direction.value, operation.ms, rate))
+    speed = yield from _choose_speed(mount, operation.rate)
+    yield from _begin_motion(mount, operation.axis, operation.direction.value, operation.rate, speed)
 
 
 def move_axis(mount: Lx200Driver, operation: op.MoveAxis) -> Steps:
     """Move in a motor direction. A variable rate in right ascension is the total speed, tracking included."""
     axis, rate = operation.axis, operation.rate
-    letter = yield from _letter(mount, axis, operation.sense)
+    letter = yield from _direction_letter(mount, axis, operation.sense)
     tracks = mount.equatorial and not mount.land and mount.tracking is not op.Tracking.OFF
     if axis != 1 or rate.degrees is None or rate.key is not None or rate.name is not None or not tracks:
-        speed = yield from _speed(mount, rate)
-        yield from _move(mount, axis, letter, rate, speed)
+        speed = yield from _choose_speed(mount, rate)
+        yield from _begin_motion(mount, axis, letter, rate, speed)
         return
     west = rate.degrees if letter == "w" else -rate.degrees
-    speed = instead_of_tracking(mount.abilities, west, _drive(mount))
-    yield from _remark_other_speed(west, speed.degrees)
+    speed = nearest_total_speed(mount.model_speeds, west, _tracking_speed(mount))
+    yield from _remark_deviation(west, speed.degrees)
     if speed.hertz is not None:
-        yield from look_at_drive_rate(mount)
-        mount.drive_changed = True
-        yield from drive_at(mount, speed.hertz)
+        yield from note_drive_rate(mount)
+        mount.drive_rate_changed = True
+        yield from set_drive_hertz(mount, speed.hertz)
     else:
         yield from restore_drive_rate(mount)
     if speed.west is not None:
         letter = "w" if speed.west else "e"
-    yield from _move(mount, axis, letter, rate, speed)
+    yield from _begin_motion(mount, axis, letter, rate, speed)
 
 
-def _drive(mount: Lx200Driver) -> float:
+def _tracking_speed(mount: Lx200Driver) -> float:
     """Return the current tracking speed, degrees per second."""
-    rate = mount.rate
+    rate = mount.drive_rate
     factor = 1.0 if rate is None else rate.factor if rate.factor is not None else NAMED_DRIVES[rate.name or "sidereal"]
     return factor * SPEEDS["RG"]
 
 
-def _speed(mount: Lx200Driver, rate: op.Rate) -> Steps:
+def _choose_speed(mount: Lx200Driver, rate: op.Rate) -> Steps:
     """Return the speed nearest to a variable rate; None for a named rate or a hand-control key."""
     if rate.name is not None or rate.degrees is None:
         return None
-    speed = nearest(mount.abilities, rate.degrees)
-    yield from _remark_other_speed(rate.degrees, speed.degrees)
+    speed = nearest(mount.model_speeds, rate.degrees)
+    yield from _remark_deviation(rate.degrees, speed.degrees)
     return speed
 
 
-def _remark_other_speed(requested: float, actual: float) -> Steps:
-    if ratio_error(requested, actual) > _REPORT_FROM:
+def _remark_deviation(requested: float, actual: float) -> Steps:
+    if ratio_error(requested, actual) > _REMARK_THRESHOLD:
         yield Remark(
             f"a motion at {abs(requested) * 3600:.5g} arcseconds per second is done at "
             f"{actual * math.copysign(3600, requested):.5g}: this mount has no nearer speed",
@@ -106,9 +106,9 @@ def _remark_other_speed(requested: float, actual: float) -> Steps:
         )
 
 
-def _move(mount: Lx200Driver, axis: int, letter: str, rate: op.Rate, speed: Speed | None) -> Steps:
+def _begin_motion(mount: Lx200Driver, axis: int, letter: str, rate: op.Rate, speed: Speed | None) -> Steps:
     """Begin a motion by hand. Without ``speed`` the rate is named; a speed without a command is tracking alone."""
-    mount.must_move()
+    mount.check_movable()
     old = mount.moving.get(axis)
     none = speed is not None and speed.command is None
     if old and (old != letter or none):
@@ -116,51 +116,51 @@ def _move(mount: Lx200Driver, axis: int, letter: str, rate: op.Rate, speed: Spee
     if none:
         mount.moving[axis], mount.parked = "", False
         return
-    yield from (_named(mount, axis, rate) if speed is None else _chosen(mount, axis, speed))
+    yield from (_send_named_rate(mount, axis, rate) if speed is None else _send_chosen_rate(mount, axis, speed))
     count_motion(mount, axis)
     yield from ask(mount, f"M{letter}")
     mount.moving[axis], mount.parked = letter, False
     yield from watch_arrow(mount, axis)
 
 
-def _named(mount: Lx200Driver, axis: int, rate: op.Rate) -> Steps:
+def _send_named_rate(mount: Lx200Driver, axis: int, rate: op.Rate) -> Steps:
     """Set a named rate."""
     command = rate_command(mount, rate)
     mount.rate_sent = command
     if command == "RS" and not mount.dialect:
-        yield from _fastest(mount, axis, rate.degrees if rate.name == "max" else None)
+        yield from _send_max_speed(mount, axis, rate.degrees if rate.name == "max" else None)
     elif command == "RG" and not mount.dialect:
-        yield from use_guide_rate(mount, mount.guide_rate)
+        yield from send_guide_rate(mount, mount.guide_rate)
     yield from ask(mount, command)
 
 
-def _chosen(mount: Lx200Driver, axis: int, speed: Speed) -> Steps:
+def _send_chosen_rate(mount: Lx200Driver, axis: int, speed: Speed) -> Steps:
     """Set the rate of a chosen speed, and the values that define it."""
     if speed.guide is not None:
-        yield from use_guide_rate(mount, speed.guide)
-    if speed.command == "RS" and speed.free is None and not mount.dialect:
-        yield from _fastest(mount, axis, speed.fastest)
+        yield from send_guide_rate(mount, speed.guide)
+    if speed.command == "RS" and speed.axis_rate is None and not mount.dialect:
+        yield from _send_max_speed(mount, axis, speed.max_speed)
     assert speed.command is not None
     mount.rate_sent = speed.command
     yield from ask(mount, speed.command)
-    if speed.free is not None:
-        yield from ask(mount, "RA" if axis == 1 else "RE", rate=speed.free)
-        mount.free_axes.add(axis)
+    if speed.axis_rate is not None:
+        yield from ask(mount, "RA" if axis == 1 else "RE", rate=speed.axis_rate)
+        mount.axes_with_rate.add(axis)
 
 
-def _fastest(mount: Lx200Driver, axis: int, degrees: float | None) -> Steps:
+def _send_max_speed(mount: Lx200Driver, axis: int, speed: float | None) -> Steps:
     """Set the speed of :RS; on this axis it replaces the axis's own rate (:RA :RE)."""
-    yield from set_fastest(mount, degrees)
-    if axis in mount.free_axes:
-        fastest = float(mount.fastest or mount.facts["max_rate"])
+    yield from set_max_speed(mount, speed)
+    if axis in mount.axes_with_rate:
+        fastest = float(mount.max_speed_sent or mount.facts["max_rate"])
         yield from ask(mount, "RA" if axis == 1 else "RE", rate=fastest)
-        mount.free_axes.discard(axis)
+        mount.axes_with_rate.discard(axis)
 
 
 def set_guide_rate(mount: Lx200Driver, operation: op.SetGuideRate) -> Steps:
     """Set the guide rate, a fraction of sidereal, and send :Rg if the model has it and the rate differs."""
-    mount.guide_rate, mount.guide_rate_asked = min(1.0, operation.rate), True
-    yield from use_guide_rate(mount, mount.guide_rate)
+    mount.guide_rate, mount.guide_rate_requested = min(1.0, operation.rate), True
+    yield from send_guide_rate(mount, mount.guide_rate)
 
 
 def stop_axis(mount: Lx200Driver, operation: op.StopAxis) -> Steps:
@@ -170,7 +170,7 @@ def stop_axis(mount: Lx200Driver, operation: op.StopAxis) -> Steps:
     if moved != "" or pulsed:
         letters = [letter] if letter else (["e", "w"] if operation.axis == 1 else ["n", "s"])
         for sense in letters:
-            yield from end(mount, f"Q{sense}", (operation.axis,), letter is not None)
+            yield from end_motion(mount, f"Q{sense}", (operation.axis,), letter is not None)
     if operation.axis == 1:
         yield from restore_drive_rate(mount)
     yield from restore_rates_later(mount)
@@ -182,8 +182,8 @@ def abort_motion(mount: Lx200Driver, _: op.AbortMotion) -> Steps:
     mount.goto = None
     mount.moving.clear()
     mount.pulsing.clear()
-    mount.shares.clear()
-    yield from end(mount, "Q", MOUNT, moved)
+    mount.pulse_shares.clear()
+    yield from end_motion(mount, "Q", MOUNT_AXES, moved)
     mount.seeking = False
     yield from restore_drive_rate(mount)
     yield from restore_rates_later(mount)
@@ -195,11 +195,11 @@ def abort_motion(mount: Lx200Driver, _: op.AbortMotion) -> Steps:
 def pulse(mount: Lx200Driver, operation: op.Pulse) -> Steps:
     """Send a guide pulse by :Mg, at most 9999 ms; without :Mg begin a motion that the caller ends. Return Pulsed."""
     if operation.sky and not mount.equatorial and operation.ms > 0:
-        return (yield from _pulse_by_both(mount, operation.direction, operation.ms))
-    return (yield from _pulse(mount, operation.direction.axis, operation.direction.value, operation.ms, None))
+        return (yield from _pulse_both_axes(mount, operation.direction, operation.ms))
+    return (yield from _send_pulse(mount, operation.direction.axis, operation.direction.value, operation.ms, None))
 
 
-def _pulse_by_both(mount: Lx200Driver, direction: op.Direction, ms: int) -> Steps:
+def _pulse_both_axes(mount: Lx200Driver, direction: op.Direction, ms: int) -> Steps:
     """Guide in right ascension or declination with both motors of an alt-az mount, each for its share of the time."""
     horizon = (yield from horizontal_position(mount, op.HorizontalPosition())) if mount.site is not None else None
     if horizon is None or mount.site is None or not mount.times_pulses:
@@ -208,23 +208,23 @@ def _pulse_by_both(mount: Lx200Driver, direction: op.Direction, ms: int) -> Step
         )
     ratios = hour_angle_rates if direction.axis == 1 else declination_rates
     shares = ratios(horizon.az, horizon.alt, mount.site.latitude)
-    piece, now = min(ms, int(LONGEST_PULSE / max(1.0, *map(abs, shares)))), mount.now()
+    piece, now = min(ms, int(MAX_PULSE_MS / max(1.0, *map(abs, shares)))), mount.now()
     for axis, share in enumerate(shares, 1):
-        left = mount.shares.get(axis, (0.0, now))  # of a pulse in the other direction: a new pulse replaces it
+        left = mount.pulse_shares.get(axis, (0.0, now))  # of a pulse in the other direction: a new pulse replaces it
         total = direction.sense * share * piece + math.copysign(max(0.0, left[1] - now) * 1000.0, left[0])
         letter = {(1, True): "w", (1, False): "e", (2, True): "n", (2, False): "s"}[axis, total >= 0.0]
         if (
-            pulsed := (yield from _pulse(mount, axis, letter, round(min(LONGEST_PULSE, abs(total))), None))
+            pulsed := (yield from _send_pulse(mount, axis, letter, round(min(MAX_PULSE_MS, abs(total))), None))
         ) is not None:
-            mount.shares[axis] = total, mount.now() + pulsed.seconds
-    ends = max((ends for _, ends in mount.shares.values()), default=now)
+            mount.pulse_shares[axis] = total, mount.now() + pulsed.seconds
+    ends = max((ends for _, ends in mount.pulse_shares.values()), default=now)
     return op.Pulsed(max(0.0, ends - mount.now()), ends=True, left=ms - piece)
 
 
 def pulse_axis(mount: Lx200Driver, operation: op.PulseAxis) -> Steps:
     """Like ``pulse``, in a motor direction and at the rate of the operation."""
-    letter = yield from _letter(mount, operation.axis, operation.sense)
-    return (yield from _pulse(mount, operation.axis, letter, operation.ms, operation.rate))
+    letter = yield from _direction_letter(mount, operation.axis, operation.sense)
+    return (yield from _send_pulse(mount, operation.axis, letter, operation.ms, operation.rate))
 
 
 def _pulse_rate(mount: Lx200Driver, fraction: float) -> Steps:
@@ -235,25 +235,25 @@ def _pulse_rate(mount: Lx200Driver, fraction: float) -> Steps:
     command = next((name for name, speed in speeds.items() if speed > fraction - SAME_RATE), pulses["rates"][-1])
     if pulses["send"]:
         if mount.moving:  # it would go on at this rate, or the pulse at its own
-            raise Refused(BY_HAND)
+            raise Refused(BY_HAND_MESSAGE)
         mount.rate_sent = command
         yield from ask(mount, command)
     return speeds[command]
 
 
-def _pulse(mount: Lx200Driver, axis: int, letter: str, ms: int, rate: float | None) -> Steps:
+def _send_pulse(mount: Lx200Driver, axis: int, letter: str, ms: int, rate: float | None) -> Steps:
     """Send a guide pulse. A model with a fixed guide rate gets a proportionally shorter pulse. Raises Refused."""
-    mount.must_move()
+    mount.check_movable()
     if mount.goto is not None:
-        raise Refused(SLEWING)
+        raise Refused(SLEWING_MESSAGE)
     fraction = mount.guide_rate if rate is None else rate
     shorter = 1.0 if mount.supports("Rg") else fraction / (yield from _pulse_rate(mount, fraction))
-    yield from use_guide_rate(mount, fraction)
+    yield from send_guide_rate(mount, fraction)
     ms = round(ms * shorter)
     if ms <= 0:
         return None
     if mount.times_pulses:
-        piece = min(ms, LONGEST_PULSE)
+        piece = min(ms, MAX_PULSE_MS)
         count_motion(mount, axis)
         yield from ask(mount, "Mg", direction=letter, ms=piece)
         mount.pulses_until = max(mount.pulses_until, mount.now() + piece / 1000.0)
@@ -263,4 +263,4 @@ def _pulse(mount: Lx200Driver, axis: int, letter: str, ms: int, rate: float | No
     count_motion(mount, axis)
     mount.pulsing[axis] = letter  # a stop that comes meanwhile must know
     yield from ask(mount, f"M{letter}")
-    return op.Pulsed(max(0.0, ms / 1000.0 - PACE), ends=False)  # the line has paused since the command
+    return op.Pulsed(max(0.0, ms / 1000.0 - PAUSE_AFTER_COMMAND), ends=False)  # the line has paused since the command

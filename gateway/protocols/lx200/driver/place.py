@@ -12,15 +12,15 @@ from gateway.core.errors import Busy, Invalid, Refused, Silence, Unsupported
 from gateway.core.operations import ClockFromGps, GetClock, GetGps, GetSite, Gps, Moment, Place, SetClock, SetSite
 from gateway.protocols.base.driver import Send, Steps
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask
-from gateway.protocols.lx200.nmea import fix
+from gateway.protocols.lx200.nmea import parse_fix
 
 ARCMINUTE = 1.0 / 60.0
 #: The forms of a longitude: an unknown controller that refuses the first form may take the other.
-LONGITUDES = ("Sg", "Sg360")
+LONGITUDE_COMMANDS = ("Sg", "Sg360")
 #: Seconds by which a clock that was set may differ.
-CLOCK_DIFFERS = 10.0
+CLOCK_TOLERANCE = 10.0
 #: The most NMEA sentences that are read to find site and time, and seconds for each: they are sent in blocks.
-SENTENCES, NEXT_SENTENCE = 8, 2.5
+MAX_SENTENCES, SENTENCE_TIMEOUT = 8, 2.5
 
 
 def get_site(mount: Lx200Driver, _: GetSite) -> Steps:
@@ -31,7 +31,7 @@ def get_site(mount: Lx200Driver, _: GetSite) -> Steps:
     return mount.site
 
 
-def _twice(attempt: Callable[[], Steps]) -> Steps:
+def _retry_once(attempt: Callable[[], Steps]) -> Steps:
     """Try a setting again if it is refused: a byte of it may have been lost on the line. Raises Invalid, Refused."""
     try:
         yield from attempt()
@@ -41,7 +41,7 @@ def _twice(attempt: Callable[[], Steps]) -> Steps:
 
 def set_site(mount: Lx200Driver, operation: SetSite) -> Steps:
     """:St :Sg - the site is read back, as some reply 0 to a valid one. Raises Refused if it differs, Unsupported."""
-    yield from _twice(lambda: _send_site(mount, operation))
+    yield from _retry_once(lambda: _send_site(mount, operation))
 
 
 def _send_site(mount: Lx200Driver, operation: SetSite) -> Steps:
@@ -49,7 +49,7 @@ def _send_site(mount: Lx200Driver, operation: SetSite) -> Steps:
         raise Unsupported("A site has a latitude and a longitude.")
     with suppress(Invalid):
         yield from ask(mount, "St", latitude=operation.latitude)
-    for form in filter(mount.supports, LONGITUDES):
+    for form in filter(mount.supports, LONGITUDE_COMMANDS):
         with suppress(Invalid):
             yield from ask(mount, form, longitude=-operation.longitude)
         place = yield from get_site(mount, GetSite())
@@ -71,11 +71,11 @@ def get_clock(mount: Lx200Driver, _: GetClock) -> Steps:
     return Moment(calendar.timegm(day.timetuple()) + seconds - offset * 3600.0, offset)
 
 
-def gps(mount: Lx200Driver, _: GetGps) -> Steps:
+def read_gps(mount: Lx200Driver, _: GetGps) -> Steps:
     """:gps until a sentence has site and time -> Gps; a receiver that is silent or off has no fix."""
-    for _attempt in range(SENTENCES):
+    for _attempt in range(MAX_SENTENCES):
         try:
-            position = fix((yield Send("gps", patience=NEXT_SENTENCE))["text"])
+            position = parse_fix((yield Send("gps", timeout=SENTENCE_TIMEOUT))["text"])
         except (Silence, Busy):
             break
         if position is not None:
@@ -83,7 +83,7 @@ def gps(mount: Lx200Driver, _: GetGps) -> Steps:
     return Gps(linked=False)
 
 
-def clock_from_gps(mount: Lx200Driver, _: ClockFromGps) -> Steps:
+def set_clock_from_gps(mount: Lx200Driver, _: ClockFromGps) -> Steps:
     """:gT - takes minutes, during which the hand control is blocked. Raises Busy while the mount moves, NoDevice."""
     if mount.goto is not None or mount.moving or mount.seeking:
         raise Busy("The mount is moving: it can set its clock by GPS when it stands still.")
@@ -105,28 +105,28 @@ def set_clock(mount: Lx200Driver, operation: SetClock) -> Steps:
     whole hours are tried, then an offset of 0. The local time is set to match, so that UTC is right.
     """
     ahead = operation.unix - mount.now()
-    yield from _twice(lambda: _send_clock(mount, ahead, operation.offset * 2 // 1 / 2))
+    yield from _retry_once(lambda: _send_clock(mount, ahead, operation.offset * 2 // 1 / 2))
 
 
-def _send_clock(mount: Lx200Driver, ahead: float, zone: float) -> Steps:
-    """Set a clock that is ``ahead`` of the driver's, seconds, in a zone (hours)."""
+def _send_clock(mount: Lx200Driver, clock_ahead: float, zone: float) -> Steps:
+    """Set a clock that is ``clock_ahead`` of the driver's, seconds, in a zone (hours)."""
     offset = yield from _set_zone(mount, zone)
     if mount.supports("SXT2"):
-        yield from ask(mount, "SXT2", unix=round(mount.now() + ahead))
-        yield from _see_clock(mount, ahead)
+        yield from ask(mount, "SXT2", unix=round(mount.now() + clock_ahead))
+        yield from _verify_clock(mount, clock_ahead)
         return
-    universal = datetime.fromtimestamp(round(mount.now() + ahead), UTC)  # :SG may have taken long
+    universal = datetime.fromtimestamp(round(mount.now() + clock_ahead), UTC)  # :SG may have taken long
     local = universal + timedelta(hours=offset)
     day = universal.date() if mount.facts["utc_date"] else local.date()
     yield from ask(mount, "SL", time=local.hour * 3600 + local.minute * 60 + local.second)
     yield from ask(mount, "SC", date=day)
     if mount.dialect:
-        yield from _see_clock(mount, ahead)
+        yield from _verify_clock(mount, clock_ahead)
 
 
-def _see_clock(mount: Lx200Driver, ahead: float) -> Steps:
-    """Read the clock back: it must be ``ahead`` of the driver's, seconds. Raises Refused if it differs."""
+def _verify_clock(mount: Lx200Driver, clock_ahead: float) -> Steps:
+    """Read the clock back: it must be ``clock_ahead`` of the driver's, seconds. Raises Refused if it differs."""
     moment = yield from get_clock(mount, GetClock())
-    if abs(moment.unix - mount.now() - ahead) > CLOCK_DIFFERS:
+    if abs(moment.unix - mount.now() - clock_ahead) > CLOCK_TOLERANCE:
         shown = datetime.fromtimestamp(moment.unix, UTC)
         raise Refused(f"The mount did not take the time: it reports {shown:%Y-%m-%d %H:%M:%S} UTC.")

@@ -14,40 +14,40 @@ from gateway.astro.spherical import SIDEREAL_ARCSECONDS, fold_declination, separ
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Garbled, Refused, Silence, TooHigh, Unsupported
 from gateway.protocols.base.driver import Remark, Send, Steps, Wait
-from gateway.protocols.lx200.driver.dialect import read_report, reported_side
-from gateway.protocols.lx200.driver.ends import MOUNT, count_motion, end, restore_rates_later, set_fastest
-from gateway.protocols.lx200.driver.identify import HIGH, high_precision
-from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Lx200Driver, Lx200GotoState, ask
+from gateway.protocols.lx200.driver.dialect import read_pier_side, read_report
+from gateway.protocols.lx200.driver.ends import MOUNT_AXES, count_motion, end_motion, restore_rates_later, set_max_speed
+from gateway.protocols.lx200.driver.identify import HIGH_PRECISION_LENGTH, switch_to_high_precision
+from gateway.protocols.lx200.driver.state import KNOWN_COMMAND_TIMEOUT, Lx200Driver, Lx200GotoState, ask
 
 #: A goto counts as under way for at least so many seconds, and until so many replies to :D# have had no bars.
 START_GRACE = 0.8
-QUIET = 2
+REPLIES_WITHOUT_BARS = 2
 #: A goto is over, whatever :D# shows, if both coordinates have stayed within so many degrees for so many seconds: a
 #: telescope pushed by hand may always show bars. Without tracking the right ascension changes by less in that time.
-STANDS_WITHIN, STANDS = 0.1, 15.0
+STILL_TOLERANCE, STILL_PERIOD = 0.1, 15.0
 #: How often another maker's mount is asked whether it stands still before a new goto, how often whether it has taken a
 #: sync, and the seconds between two questions.
-SETTLES, LOOKS, SETTLE_WAIT = 20, 3, 0.5
+SETTLE_CHECKS, SYNC_CHECKS, CHECK_INTERVAL = 20, 3, 0.5
 #: Seconds allowed between the two reads of a position, and how often both are repeated until they are close enough.
-INSTANT, PAIR_TRIES, HORIZONTAL_TRIES = 0.5, 5, 2
+MAX_PAIR_DELAY, PAIR_TRIES, HORIZONTAL_TRIES = 0.5, 5, 2
 #: After so many missing replies in a row, azimuth and altitude are not asked for any more.
-GIVEN_UP = 2
+MAX_MISSING_REPLIES = 2
 #: A reply may take this many times longer than before without counting as delayed.
-SLOWER = 1.25
+REPLY_TIME_FACTOR = 1.25
 #: Degrees: targets this near to each other are the same, because they are reported in whole seconds.
-SAME = 20.0 / 3600.0
+TARGET_TOLERANCE = 20.0 / 3600.0
 
 
 def position(mount: Lx200Driver, _: op.Position) -> Steps:
     """:GR :GD -> Equatorial. After a restart the telescope replies in low precision: switch to high again."""
     first, second, _ = yield from _read_pair(mount, "GR", "GD", PAIR_TRIES)
-    if not mount.low and first["length"] < HIGH:
-        yield from high_precision(mount)
-    place = mount.last = op.Equatorial(*fold_declination(first["ra"], second["dec"]))
+    if not mount.low and first["length"] < HIGH_PRECISION_LENGTH:
+        yield from switch_to_high_precision(mount)
+    place = mount.last_position = op.Equatorial(*fold_declination(first["ra"], second["dec"]))
     if (state := mount.goto) is not None:
-        state.read, old = mount.now(), state.place
-        if old is None or max(abs(wrap180(place.ra - old.ra)), abs(place.dec - old.dec)) > STANDS_WITHIN:
-            state.place, state.moved = place, state.read
+        state.position_read_at, old = mount.now(), state.moved_to
+        if old is None or max(abs(wrap180(place.ra - old.ra)), abs(place.dec - old.dec)) > STILL_TOLERANCE:
+            state.moved_to, state.moved_at = place, state.position_read_at
     return place
 
 
@@ -61,11 +61,11 @@ def horizontal_position(mount: Lx200Driver, _: op.HorizontalPosition) -> Steps:
     try:
         first, second, together = yield from _read_pair(mount, "GZ", "GA", HORIZONTAL_TRIES)
     except (Garbled, Silence):
-        mount.unanswered += 1
-        if mount.unanswered >= GIVEN_UP:
+        mount.missing_replies += 1
+        if mount.missing_replies >= MAX_MISSING_REPLIES:
             mount.mute |= {"GZ", "GA"}
         return None
-    mount.unanswered = 0
+    mount.missing_replies = 0
     return op.Horizontal(first["az"], second["alt"]) if together else None
 
 
@@ -81,7 +81,7 @@ def _read_pair(mount: Lx200Driver, first: str, second: str, tries: int) -> Steps
         other = yield from ask(mount, second)
         mount.read_at = since, mount.now()
         nearest = min(nearest, mount.now() - since)
-        if mount.now() - since <= max(INSTANT, SLOWER * mount.reply_time):
+        if mount.now() - since <= max(MAX_PAIR_DELAY, REPLY_TIME_FACTOR * mount.reply_time):
             return value, other, True
     mount.reply_time = nearest
     return value, other, False
@@ -93,44 +93,44 @@ def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
     Without a goto of the gateway, :D is sent only while something else, such as the hand control, moves the mount.
     """
     if mount.seeking:
-        return (yield from still_seeking(mount))
+        return (yield from is_seeking_home(mount))
     unordered = mount.goto is None
-    if mount.pushed:
+    if mount.pushed_by_hand:
         return False
     if unordered and not mount.moved_by_others:
         return False
-    moves: bool = yield from _bars(mount)
+    moves: bool = yield from _bars_show_goto(mount)
     state = mount.goto
     if state is None:
         return unordered and moves
-    if moves and not _stands(mount, state):
-        state.quiet = 0
+    if moves and not _stands_still(mount, state):
+        state.replies_without_bars = 0
         return True
-    state.quiet += mount.now() >= state.since
-    if mount.now() - state.since < START_GRACE or state.quiet < QUIET:
+    state.replies_without_bars += mount.now() >= state.since
+    if mount.now() - state.since < START_GRACE or state.replies_without_bars < REPLIES_WITHOUT_BARS:
         return True
     mount.goto = None
-    mount.parked = state.then == "park"
-    if state.then and mount.dialect and mount.tells_status:
-        mount.reported = None
+    mount.parked = state.purpose == "park"
+    if state.purpose and mount.dialect and mount.has_status:
+        mount.last_report = None
         status = yield from read_report(mount)
         mount.parked = status.parked
-        if not (status.parked if state.then == "park" else status.home):
-            place = "parked" if state.then == "park" else "at its home"
+        if not (status.parked if state.purpose == "park" else status.home):
+            place = "parked" if state.purpose == "park" else "at its home"
             yield Remark(f"the mount stands still, and reports that it is not {place}")
     return False
 
 
-def _stands(mount: Lx200Driver, state: Lx200GotoState) -> bool:
+def _stands_still(mount: Lx200Driver, state: Lx200GotoState) -> bool:
     """Whether the position shows that the telescope has not moved for a while since it was sent to a goal.
 
     The bars of a mount that reports its state are right: an OnStep's goto may wait for a person at the meridian.
     """
-    reports = mount.dialect and mount.tells_status
-    return state.then is None and not reports and state.read - state.moved > STANDS
+    reports = mount.dialect and mount.has_status
+    return state.purpose is None and not reports and state.position_read_at - state.moved_at > STILL_PERIOD
 
 
-def still_seeking(mount: Lx200Driver) -> Steps:
+def is_seeking_home(mount: Lx200Driver) -> Steps:
     """:h? -> whether the telescope still seeks its home."""
     mount.seeking = (yield from ask(mount, "h?"))["state"] == "2"
     return mount.seeking
@@ -139,14 +139,14 @@ def still_seeking(mount: Lx200Driver) -> Steps:
 def goto(mount: Lx200Driver, operation: op.Goto) -> Steps:
     """:Sr :Sd :MS - slew to a position; a refusal carries the telescope's own text."""
     yield from stop_current_motion(mount)
-    yield from set_fastest(mount, operation.fastest)
-    yield from aim(mount, operation.ra, operation.dec)
-    yield from begin(mount, "MS")
+    yield from set_max_speed(mount, operation.fastest)
+    yield from set_target(mount, operation.ra, operation.dec)
+    yield from begin_goto(mount, "MS")
     note_chosen_side(mount, operation.ra)
     yield from restore_rates_later(mount)
 
 
-def aim(mount: Lx200Driver, ra: float, dec: float) -> Steps:
+def set_target(mount: Lx200Driver, ra: float, dec: float) -> Steps:
     """:Sr :Sd - set the target."""
     yield from ask(mount, "Sr", ra=ra)
     yield from ask(mount, "Sd", dec=dec)
@@ -155,33 +155,33 @@ def aim(mount: Lx200Driver, ra: float, dec: float) -> Steps:
 def goto_axes(mount: Lx200Driver, operation: op.GotoAxes) -> Steps:
     """:Sz :Sa :MA - slew to an azimuth and altitude."""
     yield from stop_current_motion(mount)
-    yield from set_fastest(mount, operation.fastest)
+    yield from set_max_speed(mount, operation.fastest)
     yield from ask(mount, "Sz", az=operation.az)
     yield from ask(mount, "Sa", alt=operation.alt)
-    yield from begin(mount, "MA")
+    yield from begin_goto(mount, "MA")
     yield from restore_rates_later(mount)
 
 
-def begin(mount: Lx200Driver, command: str, then_command: str | None = None) -> Steps:
+def begin_goto(mount: Lx200Driver, command: str, then_command: str | None = None) -> Steps:
     """Send the command that begins a goto."""
-    mount.must_move()
-    count_motion(mount, *MOUNT)
-    yield from mount.begin_goto(Lx200GotoState(then=then_command), _order(mount, command), _bars)
+    mount.check_movable()
+    count_motion(mount, *MOUNT_AXES)
+    yield from mount.begin_goto(Lx200GotoState(purpose=then_command), _send_goto(mount, command), _bars_show_goto)
 
 
-def _order(mount: Lx200Driver, command: str) -> Steps:
+def _send_goto(mount: Lx200Driver, command: str) -> Steps:
     """Send it. What looks like a refusal is none if the mount is judged by the effect, and slews."""
     try:
         yield from ask(mount, command)
     except (BelowHorizon, TooHigh, Refused):
-        if not mount.facts.get("by_effect") or not (yield from _bars(mount)):
+        if not mount.facts.get("by_effect") or not (yield from _bars_show_goto(mount)):
             raise
 
 
-def _bars(mount: Lx200Driver) -> Steps:
+def _bars_show_goto(mount: Lx200Driver) -> Steps:
     """:D -> whether its bars show that a goto is under way; bars do not show a search for home by switches."""
-    if mount.goto is not None and mount.goto.then and mount.dialect and mount.tells_status:
-        mount.reported = None
+    if mount.goto is not None and mount.goto.purpose and mount.dialect and mount.has_status:
+        mount.last_report = None
         status = yield from read_report(mount)
         if status.slews is not None:
             return status.slews or status.moves
@@ -195,10 +195,10 @@ def stop_current_motion(mount: Lx200Driver) -> Steps:
         mount.goto, mount.seeking = None, False
         mount.moving.clear()
         mount.pulsing.clear()
-        for _ in range(SETTLES if mount.dialect else 0):  # until it has slowed down it refuses another goto
-            if not (yield from _bars(mount)):
+        for _ in range(SETTLE_CHECKS if mount.dialect else 0):  # until it has slowed down it refuses another goto
+            if not (yield from _bars_show_goto(mount)):
                 break
-            yield Wait(SETTLE_WAIT)
+            yield Wait(CHECK_INTERVAL)
 
 
 def abort_slew(mount: Lx200Driver, _: op.AbortSlew) -> Steps:
@@ -207,14 +207,14 @@ def abort_slew(mount: Lx200Driver, _: op.AbortSlew) -> Steps:
     by_hand = mount.moving or mount.pulsing or mount.now() < mount.pulses_until
     if known or not by_hand:
         mount.goto = None
-        yield from end(mount, "Q", MOUNT, known)
+        yield from end_motion(mount, "Q", MOUNT_AXES, known)
         mount.seeking = False
 
 
 def sync(mount: Lx200Driver, operation: op.Sync) -> Steps:
     """:Sr :Sd :CM - sync. An empty text is a refusal; if no words are replied, the position is read back."""
-    mount.must_move()
-    yield from aim(mount, operation.ra, operation.dec)
+    mount.check_movable()
+    yield from set_target(mount, operation.ra, operation.dec)
     said = ""
     with suppress(Garbled, Silence):
         answer = yield from ask(mount, "CM")
@@ -223,10 +223,10 @@ def sync(mount: Lx200Driver, operation: op.Sync) -> Steps:
     worded = not said.isdigit() and said != ""
     if worded and not mount.facts.get("by_effect"):
         return
-    within = STANDS_WITHIN if worded else 2.0 * mount.resolution
-    for look in range(LOOKS if worded else LOOKS - 1):  # each maker has words of its own for a refusal
+    within = STILL_TOLERANCE if worded else 2.0 * mount.resolution
+    for look in range(SYNC_CHECKS if worded else SYNC_CHECKS - 1):  # each maker has words of its own for a refusal
         if look:
-            yield Wait(SETTLE_WAIT)
+            yield Wait(CHECK_INTERVAL)
         place = yield from position(mount, op.Position())
         if separation(place.ra, place.dec, operation.ra, operation.dec) < within:
             return
@@ -238,22 +238,22 @@ def sync(mount: Lx200Driver, operation: op.Sync) -> Steps:
 
 def note_chosen_side(mount: Lx200Driver, ra: float) -> None:
     """Note the side of the pier that the mount has chosen for a goto to this right ascension."""
-    mount.side_by, mount.beyond_pole = (ra, mount.now()), None
+    mount.pier_side_basis, mount.beyond_pole = (ra, mount.now()), None
 
 
 def beyond_pole(mount: Lx200Driver) -> Steps:
     """Return whether the second axis is turned beyond the pole, by report or by the last goto. False for a fork."""
     if not mount.german:
         return False
-    if (side := (yield from reported_side(mount))) is not None:
+    if (side := (yield from read_pier_side(mount))) is not None:
         mount.beyond_pole = (side == "W") is not mount.southern
         return mount.beyond_pole
     if mount.beyond_pole is None:
-        if mount.side_by is None:
+        if mount.pier_side_basis is None:
             note_chosen_side(mount, (yield from ask(mount, "GR"))["ra"])
         sidereal = (yield from ask(mount, "GS"))["sidereal"]
-        assert mount.side_by is not None
-        ra, then = mount.side_by
+        assert mount.pier_side_basis is not None
+        ra, then = mount.pier_side_basis
         hour_angle = wrap180(sidereal - (mount.now() - then) * SIDEREAL_ARCSECONDS / 3600.0 - ra)
         mount.beyond_pole = (hour_angle > 0.0) if mount.southern else (hour_angle < 0.0)
     return mount.beyond_pole
@@ -272,20 +272,20 @@ def pier_side(mount: Lx200Driver, _: op.PierSide) -> Steps:
 # --- the telescope's own object library, for clients of its protocol --------------------------------------------------
 
 
-def choose(mount: Lx200Driver, operation: op.Choose) -> Steps:
+def choose_object(mount: Lx200Driver, operation: op.Choose) -> Steps:
     """:Sr :Sd, the client's command, :LI :Gr :Gd -> Chosen, as one operation, so that no goto or sync comes between.
 
     The telescope has one target for all clients. So the target of this client is set first: if the object is not found,
     it stays unchanged, as on the telescope itself.
     """
-    yield from aim(mount, operation.ra, operation.dec)
+    yield from set_target(mount, operation.ra, operation.dec)
     for name, fields in operation.first:
         yield from ask(mount, name, **dict(fields))
     reply = yield from _raw_reply(mount, operation.command, dict(operation.fields))
     text = yield from _raw_reply(mount, "LI", {})
     ra = (yield from ask(mount, "Gr"))["ra"]
     dec = (yield from ask(mount, "Gd"))["dec"]
-    same = abs(wrap180(ra - operation.ra)) < SAME and abs(dec - operation.dec) < SAME
+    same = abs(wrap180(ra - operation.ra)) < TARGET_TOLERANCE and abs(dec - operation.dec) < TARGET_TOLERANCE
     return op.Chosen(None if same else op.Equatorial(ra, dec), text.decode("latin-1").rstrip("#"), reply)
 
 
@@ -295,6 +295,6 @@ def _raw_reply(mount: Lx200Driver, command: str, values: dict[str, object]) -> S
         yield from ask(mount, command, **values)
         return b""
     try:
-        return (yield Send(command, {**values, "low": mount.low}, OWN_PATIENCE, raw=True))["raw"]
+        return (yield Send(command, {**values, "low": mount.low}, KNOWN_COMMAND_TIMEOUT, include_raw=True))["raw"]
     except Silence:
         return b""

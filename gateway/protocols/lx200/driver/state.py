@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, Refused, Unsupported
 from gateway.core.motion_kinds import MOVERS
-from gateway.protocols.base.driver import SLEWING, Driver, GotoUnderWay, Handler, SavedValues, Send, Steps, Wait
+from gateway.protocols.base.driver import SLEWING_MESSAGE, Driver, GotoUnderWay, Handler, SavedValues, Send, Steps, Wait
 from gateway.protocols.base.spec import DriverSettings
 from gateway.protocols.lx200.driver.speeds import SPEEDS, ModelSpeeds, nearest
 from gateway.protocols.wireformat.command_set import load
@@ -22,26 +22,26 @@ BUSY_RETRIES, BUSY_WAIT = 5, 0.4
 #: Questions whose answers are of one moment only: they are accepted without verification.
 ONCE = frozenset({"GS", "Gr", "Gd"})
 #: Stands for an unknown value of a rate register: it differs from every rate.
-UNKNOWN = -1
-_NAMES = {"guide": "RG", "center": "RC", "find": "RM", "max": "RS"}
+UNKNOWN_RATE = -1
+_COMMAND_BY_RATE_NAME = {"guide": "RG", "center": "RC", "find": "RM", "max": "RS"}
 #: The commands that identify it; telescopes without a product name answer none of them.
-NAMES = frozenset({"GVP", "GVN", "GVD", "GVT", "GVF"})
+NAME_COMMANDS = frozenset({"GVP", "GVN", "GVD", "GVT", "GVF"})
 #: Timeout in seconds of commands that some firmware lacks: a telescope that has the command replies within it.
-OWN_PATIENCE = 1.5
-PUSHED = "This device only reports where the telescope points. You push it by hand."
+KNOWN_COMMAND_TIMEOUT = 1.5
+PUSHED_MESSAGE = "This device only reports where the telescope points. You push it by hand."
 #: Hand-control keys 1-9 as Meade's four rates.
-_KEYS = {1: "RG", 2: "RG", 3: "RC", 4: "RC", 5: "RC", 6: "RM", 7: "RM", 8: "RS", 9: "RS"}
+_COMMAND_BY_KEY = {1: "RG", 2: "RG", 3: "RC", 4: "RC", 5: "RC", 6: "RM", 7: "RM", 8: "RS", 9: "RS"}
 
 
 class Lx200GotoState(GotoUnderWay):
-    """A goto under way. ``quiet`` counts the replies to :D# without bars. ``read`` is when a position was last read,
-    ``moved`` when it last differed, and ``place`` the position at that time.
+    """A goto under way. ``replies_without_bars`` counts the replies to :D# without bars. ``position_read_at`` is when a
+    position was last read, ``moved_at`` when it last differed, and ``moved_to`` the position at that time.
     """
 
-    quiet: int = 0
-    read: float = 0.0
-    moved: float = 0.0
-    place: op.Equatorial | None = None
+    replies_without_bars: int = 0
+    position_read_at: float = 0.0
+    moved_at: float = 0.0
+    moved_to: op.Equatorial | None = None
 
 
 class ControllerReport(Struct, frozen=True):
@@ -64,9 +64,9 @@ class Lx200Driver(Driver):
     """The driver's state of a Meade, or of another maker's mount by its dialect. ``now`` is monotonic seconds."""
 
     takes_site_aligned = True
-    patience = OWN_PATIENCE
+    silence_timeout = KNOWN_COMMAND_TIMEOUT
     #: The year has two digits on the wire; from 51 on they mean the 20th century.
-    years = range(1951, 2051)
+    clock_years = range(1951, 2051)
     position_reads = 2
 
     def __init__(
@@ -78,31 +78,31 @@ class Lx200Driver(Driver):
         super().__init__(handlers)
         self.now, self.measured = now, settings.rates
         self.named_model = settings.model
-        self.count_as(settings.model)
+        self.assume_model(settings.model)
         self.product, self.firmware = "", ""
         #: Whether it replies in low precision; another maker's mount is then sent the second form of a request.
         self.low = False
         # alignment and tracking
-        self.home_letter = "A"  # the mounting in :GW# or ACK: A, P or G
+        self.mounting = "A"  # the mounting in :GW# or ACK: A, P or G
         #: Whether it is in land mode, in which it does not track.
         self.land = False
         #: Whether it answers :GW#.
-        self.tells_status = False
+        self.has_status = False
         #: The questions that it did not answer, or not in a known form; and how long a reply takes, seconds.
         self.mute: frozenset[str] = frozenset()
         self.reply_time = 0.0
         #: How many reads of azimuth and altitude in a row had no reply.
-        self.unanswered = 0
+        self.missing_replies = 0
         #: Whether it has answered, but is not identified yet.
         self.contacted = False
         #: Commands that it has beyond those of its model: some that report a classic's name have more than a classic.
         self.extra_commands: frozenset[str] = frozenset()
         #: Whether it only reports the position of a telescope that the user pushes by hand.
-        self.pushed = False
+        self.pushed_by_hand = False
         self.aligned = True
         self.tracking = op.Tracking.ALTAZ
         #: The drive rate that was requested last; None for the telescope's default.
-        self.rate: op.TrackRate | None = None
+        self.drive_rate: op.TrackRate | None = None
         # motion
         self.goto: Lx200GotoState | None = None
         self.moving: dict[int, str] = {}  # axis -> letter of the direction of a motion by hand
@@ -110,33 +110,33 @@ class Lx200Driver(Driver):
         #: When the last pulse that the telescope times itself ends.
         self.pulses_until = -math.inf
         #: By axis of an alt-az mount, its part of the last pulse on the sky, signed milliseconds, and when it ends.
-        self.shares: dict[int, tuple[float, float]] = {}
+        self.pulse_shares: dict[int, tuple[float, float]] = {}
         self.focusing = False
         #: How many motions were begun on each axis; and for each end command sent, these numbers at that time.
         self.motions_begun: dict[int, int] = {}
-        self.ended: dict[str, dict[int, int]] = {}
+        self.motions_at_end: dict[str, dict[int, int]] = {}
         #: The configured guide rate, a fraction of sidereal; on models with a fixed rate, pulses are shortened by it.
-        self.guide_rate, self.guide_rate_chosen = settings.guide_rate or 1.0, settings.guide_rate is not None
-        self.guide_rate_asked = False
+        self.guide_rate, self.guide_rate_configured = settings.guide_rate or 1.0, settings.guide_rate is not None
+        self.guide_rate_requested = False
         #: The last value sent with :Sw, degrees per second; None before the first.
-        self.fastest: int | None = None
+        self.max_speed_sent: int | None = None
         #: Axes with a rate of their own (:RA :RE); and the guide rate sent last (:Rg).
-        self.free_axes: set[int] = set()
+        self.axes_with_rate: set[int] = set()
         self.guide_rate_sent = 1.0
         #: Whether a motion in right ascension has changed the drive rate.
-        self.drive_changed = False
+        self.drive_rate_changed = False
         # another maker's mount: its last status report, and when it came; the speeds it reported, degrees per second
-        self.reported: tuple[float, ControllerReport] | None = None
-        self.own_speeds: dict[str, float] = {}
+        self.last_report: tuple[float, ControllerReport] | None = None
+        self.reported_speeds: dict[str, float] = {}
         #: Rate commands: the last one sent; and as the mount reports them, that of its guide pulses, that of its pulses
         #: before the gateway sent one, and that of its keypad.
         self.rate_sent: str | None = None
         self.pulse_rate: str | None = None
-        self.pulses_before: str | None = None
-        self.keys_rate: str | None = None
+        self.old_pulse_rate: str | None = None
+        self.keypad_rate: str | None = None
         #: The drive rate displayed before a motion, maybe set at the hand control, hertz; and when it was read.
-        self.drive_shown: float | None = None
-        self.drive_read = -math.inf
+        self.drive_hertz_shown: float | None = None
+        self.drive_rate_read_at = -math.inf
         self.power_on()
 
     def power_on(self) -> None:
@@ -148,24 +148,24 @@ class Lx200Driver(Driver):
         self.seeking = False
         #: Whether it was put to sleep: its motors have no power, although it may accept a goto.
         self.powerless = False
-        if self.fastest is not None:
-            self.fastest = UNKNOWN
+        if self.max_speed_sent is not None:
+            self.max_speed_sent = UNKNOWN_RATE
         if self.guide_rate_sent != 1.0:
-            self.guide_rate_sent = float(UNKNOWN)
+            self.guide_rate_sent = float(UNKNOWN_RATE)
         #: The right ascension of the last goto, and when it began: by these a German mount chose its side of the pier.
-        self.side_by: tuple[float, float] | None = None
+        self.pier_side_basis: tuple[float, float] | None = None
         #: Whether its second axis is turned beyond the pole since then; None until this is computed.
         self.beyond_pole: bool | None = None
         #: The axes whose periodic error is corrected, as was requested.
-        self.corrects: frozenset[int] = frozenset()
+        self.pec_axes: frozenset[int] = frozenset()
 
     def supports(self, name: str) -> bool:
         """Whether the telescope has a command, according to the manual or because it has answered it."""
         return name in self.extra_commands or super().supports(name)
 
-    def count_as(self, model: str | None) -> None:
+    def assume_model(self, model: str | None) -> None:
         """Assume that the telescope is of this model, and speak the model's dialect."""
-        self.model, self.protocol = model, load("lx200").of(model)
+        self.model, self.protocol = model, load("lx200").in_dialect_of(model)
         #: The facts of its dialect, none for a Meade; and the command for its state.
         self.dialect: Mapping[str, Any] = {} if self.protocol.other is None else self.protocol.other.facts
         self.status_command = str(self.dialect.get("status", {}).get("command", "GW"))
@@ -181,7 +181,7 @@ class Lx200Driver(Driver):
         return (90.0 if self.low and not self.dialect else 20.0) / 3600.0
 
     @property
-    def ticks(self) -> tuple[float, float]:  # type: ignore[override]
+    def angle_steps(self) -> tuple[float, float]:  # type: ignore[override]
         return (90.0 / 3600.0, 60.0 / 3600.0) if self.low and not self.dialect else (15.0 / 3600.0, 1.0 / 3600.0)
 
     @property
@@ -194,21 +194,21 @@ class Lx200Driver(Driver):
 
     @property
     def equatorial(self) -> bool:
-        return self.home_letter in "PG"
+        return self.mounting in "PG"
 
-    def must_move(self) -> None:
+    def check_movable(self) -> None:
         """Raise Refused if the telescope has no motors: the user pushes it by hand."""
-        if self.pushed:
-            raise Refused(PUSHED)
+        if self.pushed_by_hand:
+            raise Refused(PUSHED_MESSAGE)
 
-    def impossible(self, operation: op.Operation) -> Fault | None:
-        if self.pushed and isinstance(operation, (*MOVERS, op.Sync)):
-            return Refused(PUSHED)
+    def certain_fault(self, operation: op.Operation) -> Fault | None:
+        if self.pushed_by_hand and isinstance(operation, (*MOVERS, op.Sync)):
+            return Refused(PUSHED_MESSAGE)
         if self.goto is not None and isinstance(operation, op.Pulse | op.PulseAxis):
-            return Refused(SLEWING)
+            return Refused(SLEWING_MESSAGE)
         return None
 
-    def presented(self) -> Model:
+    def presented_model(self) -> Model:
         """Return the row of its model and the commands that it does not answer, such as those for its name.
 
         Programs for a Meade see an Autostar instead of another maker's mount.
@@ -222,8 +222,8 @@ class Lx200Driver(Driver):
             **self.facts,
             "name": self.model or "autostar",
             "own": True,
-            "build": self.home_letter,
-            "lacking": frozenset(lacking if self.product else lacking | NAMES),
+            "build": self.mounting,
+            "lacking": frozenset(lacking if self.product else lacking | NAME_COMMANDS),
         }
 
     def reported_model(self, identity: op.Identity) -> str | None:
@@ -241,72 +241,72 @@ class Lx200Driver(Driver):
 
         Raises Busy while the telescope seeks its home, and Unsupported if the model lacks the command.
         """
-        if self.seeking and not self.protocol.commands[operation.command].while_seeking:
+        if self.seeking and not self.protocol.commands[operation.command].allowed_while_homing:
             raise Busy("The mount seeks its home.")
         if (self.protocol.dialect and operation.keep != "dialect") or not self.supports(operation.command):
             raise Unsupported
         values = {**dict(operation.fields), "low": self.low}
-        return (yield Send(operation.command, values, OWN_PATIENCE, raw=True))["raw"]
+        return (yield Send(operation.command, values, KNOWN_COMMAND_TIMEOUT, include_raw=True))["raw"]
 
     def saved_state(self, moving: bool) -> SavedValues:
         """Return the values to save that no command can read, such as parked or a changed drive rate.
 
         In land mode the mounting is saved too, because some telescopes do not report it then.
         """
-        stands = {"stands": self.home_letter} if self.land and self.equatorial else {}
-        driven = {"driven": True} if self.drive_changed else {}
-        guides = {"guides": self.guide_rate} if self.guide_rate_asked else {}
-        corrects = {"corrects": sorted(self.corrects)} if self.corrects else {}
-        sent = {"rates": [self.rate_sent, self.pulses_before, self.keys_rate]} if moving and self.rate_sent else {}
+        stands = {"stands": self.mounting} if self.land and self.equatorial else {}
+        driven = {"driven": True} if self.drive_rate_changed else {}
+        guides = {"guides": self.guide_rate} if self.guide_rate_requested else {}
+        corrects = {"corrects": sorted(self.pec_axes)} if self.pec_axes else {}
+        sent = {"rates": [self.rate_sent, self.old_pulse_rate, self.keypad_rate]} if moving and self.rate_sent else {}
         return {**stands, **({"parked": True} if self.parked else {}), **driven, **guides, **corrects, **sent}
 
     def restore_state(self, saved_values: SavedValues, moving: bool) -> None:
-        self.parked, self.drive_changed = saved_values.get("parked") is True, saved_values.get("driven") is True
+        self.parked, self.drive_rate_changed = saved_values.get("parked") is True, saved_values.get("driven") is True
         if saved_values.get("stands") in ("P", "G"):
-            self.home_letter = saved_values["stands"]
+            self.mounting = saved_values["stands"]
         if isinstance(guides := saved_values.get("guides"), float) and 0.0 < guides <= 1.0:
-            self.guide_rate, self.guide_rate_sent = guides, float(UNKNOWN)
-            self.guide_rate_chosen = self.guide_rate_asked = True
+            self.guide_rate, self.guide_rate_sent = guides, float(UNKNOWN_RATE)
+            self.guide_rate_configured = self.guide_rate_requested = True
         if moving and isinstance(rates := saved_values.get("rates"), list) and len(rates) == 3:
-            self.rate_sent, self.pulses_before, self.keys_rate = (str(rate) if rate else None for rate in rates)
+            self.rate_sent, self.old_pulse_rate, self.keypad_rate = (str(rate) if rate else None for rate in rates)
         if isinstance(corrects := saved_values.get("corrects"), list):
-            self.corrects = frozenset({1, 2}.intersection(corrects))
+            self.pec_axes = frozenset({1, 2}.intersection(corrects))
 
     @property
     def emulated(self) -> str:
         """What is wrong after a power cycle: the counted PEC toggle. Empty for a model with on and off commands."""
-        known = not self.corrects or self.supports("$QZ+")
+        known = not self.pec_axes or self.supports("$QZ+")
         return "" if known else "its periodic error counts as not corrected"
 
     def forget_emulated(self) -> Steps:
         yield from ()
-        self.corrects = frozenset()
+        self.pec_axes = frozenset()
 
     @property
     def german(self) -> bool | None:  # type: ignore[override]
         """Whether it is a German mount: True for the letter G, False for A; P is a fork on a wedge, but of some Meades
         perhaps a German mount.
         """
-        return {"G": True, "A": False}.get(self.home_letter, False if self.dialect or self.facts.get("fork") else None)
+        return {"G": True, "A": False}.get(self.mounting, False if self.dialect or self.facts.get("fork") else None)
 
     @property
-    def seeks_unseen(self) -> bool:  # type: ignore[override]
+    def no_position_while_homing(self) -> bool:  # type: ignore[override]
         return not self.dialect
 
     @property
-    def tells_side(self) -> bool:  # type: ignore[override]
-        return bool(self.dialect) and self.tells_status
+    def reports_pier_side(self) -> bool:  # type: ignore[override]
+        return bool(self.dialect) and self.has_status
 
     def tube_side(self, reported: str) -> str | None:
         """Return the tube's pier side: the reported letter, swapped in the southern hemisphere; None if unknown."""
-        if not (self.german and self.tells_side and reported):
+        if not (self.german and self.reports_pier_side and reported):
             return None
         return {"E": "W", "W": "E"}[reported] if self.southern else reported
 
     def speed(self, rate: op.Rate) -> float:
         """Return the speed at a hand rate, degrees per second; if several are possible, the greatest."""
         if rate.name is None and rate.degrees is not None:
-            speed = nearest(self.abilities, rate.degrees).degrees
+            speed = nearest(self.model_speeds, rate.degrees).degrees
             return max(min(rate.degrees, max(self.speeds.values())), speed) if rate.key is None else speed
         return self.measured[rate.key - 1] if self.measured and rate.key else self.speeds[rate_command(self, rate)]
 
@@ -315,15 +315,15 @@ class Lx200Driver(Driver):
         """The speeds of its rate commands, degrees per second, as far as they are known."""
         table = self.dialect.get("speeds", {})
         known = {name: times * SPEEDS["RG"] for name, times in table.items() if isinstance(times, float)}
-        return {**known, **self.own_speeds} or SPEEDS
+        return {**known, **self.reported_speeds} or SPEEDS
 
     def can_do(self, equatorial: bool) -> op.Abilities:
         can = super().can_do(equatorial)
-        able = can.can - {kind.__name__ for kind in (*MOVERS, op.Sync)} if self.pushed else can.can
+        able = can.can - {kind.__name__ for kind in (*MOVERS, op.Sync)} if self.pushed_by_hand else can.can
         return replace(can, can=able, guides=(self.guide_rate, self.guide_rate))
 
     @property
-    def abilities(self) -> ModelSpeeds:
+    def model_speeds(self) -> ModelSpeeds:
         """The speeds that its model can run at, to choose the nearest from."""
         low, high = self.facts["max_rates"]
         slow, fast = self.facts["hertz"]
@@ -343,15 +343,15 @@ def rate_command(mount: Lx200Driver, rate: op.Rate) -> str:
     if keys := mount.dialect.get("keys"):
         command: str = keys[rate.name or str(rate.key or 1)]
         return command if command in mount.speeds else max(mount.speeds, key=mount.speeds.__getitem__)
-    return _NAMES[rate.name] if rate.name is not None else _KEYS[rate.key or 1]
+    return _COMMAND_BY_RATE_NAME[rate.name] if rate.name is not None else _COMMAND_BY_KEY[rate.key or 1]
 
 
 def ask(mount: Lx200Driver, command: str, **values: object) -> Steps:
-    """Send a command with these values and return the verified reply; errors are those of ``ask_unless``."""
-    return (yield from ask_unless(mount, command, values, False))
+    """Send a command with these values and return the verified reply; errors are those of ``send_command``."""
+    return (yield from send_command(mount, command, values, False))
 
 
-def ask_unless(
+def send_command(
     mount: Lx200Driver,
     command: str,
     values: Mapping[str, object],
@@ -365,13 +365,13 @@ def ask_unless(
     if not mount.supports(command):
         raise Unsupported(f"This model does not have the command {command if command == 'ACK' else f':{command}#'}.")
     row = mount.protocol.commands[command]
-    if row.answer is None:
-        mount.reported = None
-    if mount.seeking and not row.while_seeking:
+    if row.answer_kind is None:
+        mount.last_report = None
+    if mount.seeking and not row.allowed_while_homing:
         raise Busy("The mount seeks its home.")
-    if mount.powerless and row.while_asleep is False:
+    if mount.powerless and row.allowed_while_asleep is False:
         raise Refused("The mount is asleep: wake it first.")
-    patience = row.long or (OWN_PATIENCE if row.may_be_silent else None)
+    patience = row.long or (KNOWN_COMMAND_TIMEOUT if row.may_be_silent else None)
     asked, once = {**values, "low": mount.low}, command in ONCE
     send = Send(command, asked, patience, row.long is not None, row.by_hand, once=once, unverified_ok=unverified_ok)
     for _ in range(0 if row.by_hand else BUSY_RETRIES):

@@ -14,7 +14,7 @@ from gateway.protocols.lx200.simulator.motion import altitude
 from gateway.protocols.lx200.simulator.telescope import Handler, MeadeTelescope
 
 
-class Thing(NamedTuple):
+class LibraryObject(NamedTuple):
     """An object of the library; right ascension and declination in degrees, J2000."""
 
     messier: int
@@ -25,53 +25,55 @@ class Thing(NamedTuple):
 
 
 #: NGC 0 means none: the Pleiades are not in that catalogue.
-_THINGS = (
-    Thing(1, 1952, "SNR", 83.633, 22.015),
-    Thing(13, 6205, "GLOB CLUS", 250.423, 36.461),
-    Thing(31, 224, "GALAXY", 10.685, 41.269),
-    Thing(42, 1976, "DIFF NEB", 83.822, -5.391),
-    Thing(45, 0, "OPEN CLUS", 56.75, 24.117),
-    Thing(57, 6720, "PLAN NEB", 283.396, 33.029),
+_OBJECTS = (
+    LibraryObject(1, 1952, "SNR", 83.633, 22.015),
+    LibraryObject(13, 6205, "GLOB CLUS", 250.423, 36.461),
+    LibraryObject(31, 224, "GALAXY", 10.685, 41.269),
+    LibraryObject(42, 1976, "DIFF NEB", 83.822, -5.391),
+    LibraryObject(45, 0, "OPEN CLUS", 56.75, 24.117),
+    LibraryObject(57, 6720, "PLAN NEB", 283.396, 33.029),
 )
 _STARS = {7: (37.955, 89.264), 308: (279.234, 38.784)}  # of the STAR library: Polaris, Vega
-_DEEP_SKY, _STAR_CATALOGUES = (0, 1, 2), (0, 1, 2)
+_DEEP_SKY_CATALOGUES, _STAR_CATALOGUES = (0, 1, 2), (0, 1, 2)
 _STEPS = {"LF": 0, "LN": 1, "LB": -1}
 _SKY = Sky()
 
 
-def _aim(sim: MeadeTelescope, ra: float, dec: float, name: str) -> None:
-    sim.stored["ra"], sim.stored["dec"] = _SKY.to_of_date(ra, dec, sim.utc())
-    sim.stored["object"] = name
+def _set_target(sim: MeadeTelescope, ra: float, dec: float, name: str) -> None:
+    sim.stored_values["ra"], sim.stored_values["dec"] = _SKY.to_of_date(ra, dec, sim.utc())
+    sim.stored_values["object"] = name
 
 
-def choose(sim: MeadeTelescope, name: str, values: Values) -> None:
+def select_object(sim: MeadeTelescope, name: str, values: Values) -> None:
     """:LM :LC - select a Messier or catalogue object."""
     number = values["number"]
-    for thing in _THINGS:
+    for thing in _OBJECTS:
         if number and number == (thing.messier if name == "LM" else thing.ngc):
-            _aim(sim, thing.ra, thing.dec, f"{'M' if name == 'LM' else 'CNGC'}{number} {thing.kind}")
+            _set_target(sim, thing.ra, thing.dec, f"{'M' if name == 'LM' else 'CNGC'}{number} {thing.kind}")
 
 
-def star(sim: MeadeTelescope, name: str, values: Values) -> None:
+def select_star(sim: MeadeTelescope, name: str, values: Values) -> None:
     """:LS - select a star."""
     place = _STARS.get(values["number"])
     if place is not None:
-        _aim(sim, *place, f"STAR{values['number']}")
+        _set_target(sim, *place, f"STAR{values['number']}")
 
 
-def step(sim: MeadeTelescope, name: str, _: Values) -> None:
+def step_object(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:LF :LN :LB - the first, next or previous object above the horizon; only on a classic."""
     if not sim.classic:
         return
-    up = [thing for thing in _THINGS if altitude(sim, *_SKY.to_of_date(thing.ra, thing.dec, sim.utc())) > 0]
+    up = [thing for thing in _OBJECTS if altitude(sim, *_SKY.to_of_date(thing.ra, thing.dec, sim.utc())) > 0]
     if up:
-        place = sim.stored["step"] = (sim.stored.get("step", 0) + _STEPS[name]) % len(up) if _STEPS[name] else 0
-        _aim(sim, up[place].ra, up[place].dec, f"M{up[place].messier} {up[place].kind}")
+        place = sim.stored_values["step"] = (
+            (sim.stored_values.get("step", 0) + _STEPS[name]) % len(up) if _STEPS[name] else 0
+        )
+        _set_target(sim, up[place].ra, up[place].dec, f"M{up[place].messier} {up[place].kind}")
 
 
-def catalogue(sim: MeadeTelescope, name: str, values: Values) -> bytes:
+def select_catalogue(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:Lo :Ls - select a catalogue; "not found" is 0 for :Lo and 2 for :Ls, and only a classic sends it."""
-    present = values["catalog"] in (_DEEP_SKY if name == "Lo" else _STAR_CATALOGUES)
+    present = values["catalog"] in (_DEEP_SKY_CATALOGUES if name == "Lo" else _STAR_CATALOGUES)
     if present or not sim.classic:
         return b"1"
     return b"0" if name == "Lo" else b"2"
@@ -81,19 +83,20 @@ def describe(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:LI :Lf - describe the selected object, or the objects in the field."""
     if not sim.classic:
         return f"{sim.row['object_text' if name == 'LI' else 'find_text']}#".encode()
-    return f"{sim.stored.get('object', 'No object')}#".encode() if name == "LI" else b"0 - Objects found#"
+    return f"{sim.stored_values.get('object', 'No object')}#".encode() if name == "LI" else b"0 - Objects found#"
 
 
-def moon(sim: MeadeTelescope, name: str, values: Values) -> bytes:
+def select_moon(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:SE :Se - aim at the Moon's centre for every feature; 0 while the Moon is below the horizon."""
     ra, dec, _ = _SKY.moon(sim.utc(), *sim.site)
     if altitude(sim, ra, dec) <= 0:
         return b"0"
-    sim.stored["ra"], sim.stored["dec"], sim.stored["object"] = ra, dec, "MOON"
+    sim.stored_values["ra"], sim.stored_values["dec"], sim.stored_values["object"] = ra, dec, "MOON"
     return b"1"
 
 
 HANDLERS: dict[str, Handler] = {
-    "LM": choose, "LC": choose, "LS": star, "LF": step, "LN": step, "LB": step, "Lo": catalogue, "Ls": catalogue,
-    "LI": describe, "Lf": describe, "SE": moon, "Se": moon,
+    "LM": select_object, "LC": select_object, "LS": select_star, "LF": step_object, "LN": step_object,
+    "LB": step_object, "Lo": select_catalogue, "Ls": select_catalogue, "LI": describe, "Lf": describe,
+    "SE": select_moon, "Se": select_moon,
 }  # fmt: skip

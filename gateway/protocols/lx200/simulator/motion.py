@@ -13,47 +13,49 @@ from gateway.core.operations import Values
 from gateway.protocols.lx200.simulator.telescope import Handler, MeadeTelescope
 
 #: :RG and :RC in multiples of the sidereal rate, :RM in degrees per second; :RS is the fastest rate.
-GUIDE, CENTER, FIND = 1.0, 16.0, 2.0
-_BELOW = {True: b"1Object below    horizon.        #", False: b"1Object Below Horizon.#"}
-_ABOVE = {True: b"2Object above    higher limit.  #", False: b"2Object Below Higher.#"}
-_SIDEREAL = SIDEREAL_RATE * 3600.0  # arcseconds per second
+GUIDE_RATE, CENTER_RATE, FIND_RATE = 1.0, 16.0, 2.0
+_BELOW_REPLY_BY_CLASSIC = {True: b"1Object below    horizon.        #", False: b"1Object Below Horizon.#"}
+_ABOVE_REPLY_BY_CLASSIC = {True: b"2Object above    higher limit.  #", False: b"2Object Below Higher.#"}
+_SIDEREAL_ARCSECONDS = SIDEREAL_RATE * 3600.0  # arcseconds per second
 
 
 def set_target(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:Sr :Sd :Sa :Sz - set one coordinate of the target."""
-    sim.stored.update(values)
+    sim.stored_values.update(values)
     return b"1"
 
 
 def altitude(sim: MeadeTelescope, ra: float, dec: float) -> float:
     """Return the altitude of a position of date at the selected site, degrees."""
-    hour_angle = wrap180(sim.mechanics.sky.sidereal(sim.now) - ra)
+    hour_angle = wrap180(sim.mechanics.sky.lst(sim.now) - ra)
     return hour_angle_to_horizon(hour_angle, dec, sim.site[0])[1]
 
 
 def slew(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:MS - slew to the target."""
-    ra, dec = sim.stored.get("ra", 0.0), sim.stored.get("dec", 0.0)
-    return _slew(sim, ra, dec, altitude(sim, ra, dec)) or b"0"
+    ra, dec = sim.stored_values.get("ra", 0.0), sim.stored_values.get("dec", 0.0)
+    return _begin_slew(sim, ra, dec, altitude(sim, ra, dec)) or b"0"
 
 
-def from_horizon(sim: MeadeTelescope) -> Pair:
+def target_from_horizontal(sim: MeadeTelescope) -> Pair:
     """Return right ascension and declination of the target of :Sz and :Sa."""
-    hour_angle, dec = horizon_to_hour_angle(sim.stored.get("az", 0.0), sim.stored.get("alt", 0.0), sim.site[0])
-    return wrap360(sim.mechanics.sky.sidereal(sim.now) - hour_angle), dec
+    hour_angle, dec = horizon_to_hour_angle(
+        sim.stored_values.get("az", 0.0), sim.stored_values.get("alt", 0.0), sim.site[0]
+    )
+    return wrap360(sim.mechanics.sky.lst(sim.now) - hour_angle), dec
 
 
 def slew_horizontal(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:MA - slew to azimuth and altitude; the reply 1 is a refusal."""
-    return b"1" if _slew(sim, *from_horizon(sim), sim.stored.get("alt", 0.0)) else b"0"
+    return b"1" if _begin_slew(sim, *target_from_horizontal(sim), sim.stored_values.get("alt", 0.0)) else b"0"
 
 
-def _slew(sim: MeadeTelescope, ra: float, dec: float, height: float) -> bytes | None:
+def _begin_slew(sim: MeadeTelescope, ra: float, dec: float, target_altitude: float) -> bytes | None:
     """Begin a slew, or return the refusal."""
-    if height < sim.stored["lowest"] - 1e-3:
-        return _BELOW[sim.classic]
-    if height > sim.stored["highest"] + 1e-3:
-        return _ABOVE[sim.classic]
+    if target_altitude < sim.stored_values["lowest"] - 1e-3:
+        return _BELOW_REPLY_BY_CLASSIC[sim.classic]
+    if target_altitude > sim.stored_values["highest"] + 1e-3:
+        return _ABOVE_REPLY_BY_CLASSIC[sim.classic]
     unpark(sim)
     sim.goal = (ra, dec), False
     sim.mechanics.goto_sky(sim.now, ra, dec)
@@ -72,68 +74,68 @@ def unpark(sim: MeadeTelescope) -> None:
     release(sim)
     if sim.parked:
         sim.parked = False
-        sim.track(sim.letter != "L")
+        sim.track(sim.mode_letter != "L")
 
 
 def sync(sim: MeadeTelescope, name: str, _: Values) -> bytes | None:
     """:CM :CL - sync on the target."""
-    sim.mechanics.sync(sim.now, sim.stored.get("ra", 0.0), sim.stored.get("dec", 0.0))
+    sim.mechanics.sync(sim.now, sim.stored_values.get("ra", 0.0), sim.stored_values.get("dec", 0.0))
     sim.aligned = True
     return f"{sim.row['sync_text']}#".encode() if name == "CM" else None
 
 
-def rate(sim: MeadeTelescope, name: str, _: Values) -> None:
+def select_rate(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:RG :RC :RM :RS - select the rate of motion by hand."""
-    sim.stored["rate"] = name
+    sim.stored_values["rate"] = name
 
 
-def key_rate(sim: MeadeTelescope, name: str, values: Values) -> None:
+def select_key_rate(sim: MeadeTelescope, name: str, values: Values) -> None:
     """:R<n> - select the rate of a key."""
     key = values["key"]
-    sim.stored["rate"] = "RG" if key <= 2 else "RC" if key <= 5 else "RM" if key <= 7 else "RS"
+    sim.stored_values["rate"] = "RG" if key <= 2 else "RC" if key <= 5 else "RM" if key <= 7 else "RS"
 
 
-def free_rate(sim: MeadeTelescope, name: str, values: Values) -> None:
+def set_rate(sim: MeadeTelescope, name: str, values: Values) -> None:
     """:RA :RE :Rg - set the rate of :RS, degrees per second, or of :RG, arcseconds per second."""
-    sim.stored[name] = min(_SIDEREAL, values["rate"]) if name == "Rg" else values["rate"]
+    sim.stored_values[name] = min(_SIDEREAL_ARCSECONDS, values["rate"]) if name == "Rg" else values["rate"]
 
 
-def max_rate(sim: MeadeTelescope, name: str, values: Values) -> bytes:
+def set_max_rate(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:Sw - set the fastest slew rate."""
     low, high = sim.row["max_rates"]
     if not low <= values["rate"] <= high:
         return b"0"
-    sim.mechanics.fastest = float(values["rate"])
+    sim.mechanics.max_rate = float(values["rate"])
     return b"1"
 
 
 def _guide_speed(sim: MeadeTelescope) -> float:
-    return float(sim.stored.get("Rg", GUIDE * _SIDEREAL)) / 3600.0
+    return float(sim.stored_values.get("Rg", GUIDE_RATE * _SIDEREAL_ARCSECONDS)) / 3600.0
 
 
-def _speed(sim: MeadeTelescope, axis: int) -> float:
+def _hand_speed(sim: MeadeTelescope, axis: int) -> float:
     """Return the current rate of motion by hand, degrees per second."""
-    name = sim.stored["rate"]
+    name = sim.stored_values["rate"]
     if name == "RG":
         return _guide_speed(sim)
     if name == "RC":
-        return CENTER * SIDEREAL_RATE
+        return CENTER_RATE * SIDEREAL_RATE
     if name == "RM":
-        return FIND
-    return float(sim.stored.get("RA" if axis == 1 else "RE") or sim.mechanics.fastest)
+        return FIND_RATE
+    return float(sim.stored_values.get("RA" if axis == 1 else "RE") or sim.mechanics.max_rate)
 
 
 def axis_of(sim: MeadeTelescope, letter: str) -> tuple[int, float]:
     """Return the motor and its sense for a direction: north increases declination, west follows the stars."""
     axis, sense = (2 if letter in "ns" else 1), (1.0 if letter in "nw" else -1.0)
     if sim.mechanics.build is not Build.ALTAZ:
-        sense *= sim.mechanics.geometry.pole
+        sense *= sim.mechanics.geometry.ns_sign
     if axis == 2 and sim.mechanics.build is Build.GERMAN and sim.mechanics.flipped:
         sense = -sense
     return axis, sense
 
 
-def arrow(sim: MeadeTelescope, name: str, _: Values) -> None:
+def press_arrow(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:Mn :Ms :Me :Mw - press a direction key: the guide rate is added to tracking, the other rates replace it."""
     axis, sense = axis_of(sim, name[1])
     if set(sim.arrows) - {axis}:
@@ -141,11 +143,11 @@ def arrow(sim: MeadeTelescope, name: str, _: Values) -> None:
     else:
         unpark(sim)
     sim.mechanics.cancel(sim.now)
-    gentle = sim.stored["rate"] == "RG"
+    gentle = sim.stored_values["rate"] == "RG"
     if gentle:
-        sim.mechanics.pulse(sim.now, axis, sense * _speed(sim, axis), math.inf)
+        sim.mechanics.pulse(sim.now, axis, sense * _hand_speed(sim, axis), math.inf)
     else:
-        sim.mechanics.move(sim.now, axis, sense * _speed(sim, axis))
+        sim.mechanics.move(sim.now, axis, sense * _hand_speed(sim, axis))
     sim.arrows[axis] = gentle
 
 
@@ -161,10 +163,10 @@ def release(sim: MeadeTelescope, *axes: int) -> None:
         else:
             sim.mechanics.resume_axis(sim.now, axis)
     if pressed and not sim.arrows:
-        sim.mechanics.resume(sim.now)
+        sim.mechanics.resume_tracking(sim.now)
 
 
-def let_go(sim: MeadeTelescope, name: str, _: Values) -> None:
+def release_arrow(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:Qn :Qs :Qe :Qw - end the motion in a direction."""
     release(sim, axis_of(sim, name[1])[0])
 
@@ -176,7 +178,7 @@ def stop(sim: MeadeTelescope, name: str, _: Values) -> None:
         sim.mechanics.cancel(sim.now)
         unpark(sim)
     if sim.seeking:
-        sim.seeking, sim.home = False, 0
+        sim.seeking, sim.home_state = False, 0
 
 
 def pulse(sim: MeadeTelescope, name: str, values: Values) -> None:
@@ -187,7 +189,8 @@ def pulse(sim: MeadeTelescope, name: str, values: Values) -> None:
 
 HANDLERS: dict[str, Handler] = {
     "Sr": set_target, "Sd": set_target, "Sa": set_target, "Sz": set_target, "MS": slew, "MA": slew_horizontal,
-    "CM": sync, "CL": sync, "RG": rate, "RC": rate, "RM": rate, "RS": rate, "R": key_rate, "RA": free_rate,
-    "RE": free_rate, "Rg": free_rate, "Sw": max_rate, "Mn": arrow, "Ms": arrow, "Me": arrow, "Mw": arrow,
-    "Qn": let_go, "Qs": let_go, "Qe": let_go, "Qw": let_go, "Q": stop, "Mg": pulse,
+    "CM": sync, "CL": sync, "RG": select_rate, "RC": select_rate, "RM": select_rate, "RS": select_rate,
+    "R": select_key_rate, "RA": set_rate, "RE": set_rate, "Rg": set_rate, "Sw": set_max_rate, "Mn": press_arrow,
+    "Ms": press_arrow, "Me": press_arrow, "Mw": press_arrow, "Qn": release_arrow, "Qs": release_arrow,
+    "Qe": release_arrow, "Qw": release_arrow, "Q": stop, "Mg": pulse,
 }  # fmt: skip

@@ -26,14 +26,14 @@ from gateway.protocols.base.frames import Suspect, Unterminated
 from gateway.protocols.lx200.framing import ACK, Lx200Framer, setter
 from gateway.protocols.lx200.simulator import answers, library, motion, settings, tracking
 from gateway.protocols.lx200.simulator.telescope import Handler, MeadeTelescope
-from gateway.protocols.mechanics.simulated import Later
+from gateway.protocols.mechanics.simulated import SendLater
 from gateway.protocols.wireformat.command import Command
 
 NAK = b"\x15"
 #: The commands that are accepted while the telescope is busy.
-WHILE_BUSY = frozenset({"Q", "h?", "ACK"})
+ACCEPTED_WHILE_BUSY = frozenset({"Q", "h?", "ACK"})
 #: The commands that turn a motor -> the reply of a sleeping telescope.
-TURNS_MOTORS: dict[str, bytes] = {
+ASLEEP_REPLY_BY_COMMAND: dict[str, bytes] = {
     **dict.fromkeys(("MS", "MA", "Aa"), b"0"), **dict.fromkeys(("Mn", "Ms", "Me", "Mw", "Mg", "hP", "hS", "hF"), b""),
 }  # fmt: skip
 HANDLERS: dict[str, Handler] = {
@@ -42,30 +42,30 @@ HANDLERS: dict[str, Handler] = {
 #: The arguments of commands in exactly the manual's notation.
 _DEGREE, _MINUTES = rb"[*\xdf:]", rb"[0-5]\d"
 _SECONDS = rb"(?:[:']" + _MINUTES + rb")?"
-_NINETY = rb"[+-](?:[0-8]\d" + _DEGREE + _MINUTES + _SECONDS + rb"|90" + _DEGREE + rb"00(?:[:']00)?)"
-_TURN = rb"(?:[0-2]\d\d|3[0-5]\d)" + _DEGREE + _MINUTES
+_DECLINATION = rb"[+-](?:[0-8]\d" + _DEGREE + _MINUTES + _SECONDS + rb"|90" + _DEGREE + rb"00(?:[:']00)?)"
+_AZIMUTH = rb"(?:[0-2]\d\d|3[0-5]\d)" + _DEGREE + _MINUTES
 _TIME = rb"(?:[01]\d|2[0-3]):" + _MINUTES + rb":" + _MINUTES
-_FORMS = {
+_ARGS = {
     "$BA": rb"\d\d", "$BZ": rb"\d\d", "B": rb"\d", "BD": rb"\d|1[0-5]", "F": rb"[1-4]",
     "LC": rb"\d{1,4}", "LM": rb"\d{1,4}", "LS": rb"\d{1,6}", "Lo": rb"\d", "Ls": rb"\d",
     "RA": rb"\d\d[.]\d", "RE": rb"\d\d[.]\d", "Rg": rb"\d\d[.]\d",
-    "Sa": _NINETY, "Sd": _NINETY, "SE": _NINETY,
+    "Sa": _DECLINATION, "Sd": _DECLINATION, "SE": _DECLINATION,
     "St": rb"[+-](?:[0-8]\d" + _DEGREE + _MINUTES + rb"|90" + _DEGREE + rb"00)",
     "Se": rb"[+-](?:0\d\d|1[0-7]\d)" + _DEGREE + _MINUTES + rb"|[+-]180" + _DEGREE + rb"00",
     "Sb": rb"[+-]\d\d[.]\d", "Sf": rb"[+-]\d\d[.]\d", "SB": rb"[1-9]", "SC": rb"\d\d/\d\d/\d\d",
-    "SF": rb"\d{3}", "Sl": rb"\d{3}", "Ss": rb"\d{3}", "Sg": _TURN, "SG": rb"[+-]\d\d[.]\d", "Sh": rb"\d\d",
+    "SF": rb"\d{3}", "Sl": rb"\d{3}", "Ss": rb"\d{3}", "Sg": _AZIMUTH, "SG": rb"[+-]\d\d[.]\d", "Sh": rb"\d\d",
     "So": rb"\d\d[*\xdf]", "SL": _TIME, "SS": _TIME,
     "Sr": rb"(?:[01]\d|2[0-3]):" + _MINUTES + rb"(?::" + _MINUTES + rb"|[.]\d)",
-    "ST": rb"\d{3}[.]\d", "Sw": rb"[2-8]", "Sz": _TURN + _SECONDS, "T": rb"\d{3}[.]\d{3}", "W": rb"\d",
+    "ST": rb"\d{3}[.]\d", "Sw": rb"[2-8]", "Sz": _AZIMUTH + _SECONDS, "T": rb"\d{3}[.]\d{3}", "W": rb"\d",
 }  # fmt: skip
-_CHECKS = {name: re.compile(b":" + re.escape(name.encode()) + b"(?:" + form + b")#") for name, form in _FORMS.items()}
+_PATTERNS = {name: re.compile(b":" + re.escape(name.encode()) + b"(?:" + form + b")#") for name, form in _ARGS.items()}
 LINE = 15  # characters between the colon and the #
-_LOWEST, _HIGHEST = 0x20, 0x7F
+_MIN_BYTE, _MAX_BYTE = 0x20, 0x7F
 
 
 def well_formed(name: str, frame: bytes) -> bool:
     """Whether a whole command is in the manual's notation."""
-    check = _CHECKS.get(name)
+    check = _PATTERNS.get(name)
     return check is None or check.fullmatch(frame) is not None
 
 
@@ -76,7 +76,7 @@ class ClassicFramer(Lx200Framer):
         """Return the commands that these bytes complete, in order. ``now`` is a monotonic time in seconds."""
         frames: list[bytes] = []
         for byte in data:
-            if _LOWEST <= byte <= _HIGHEST or byte == ACK:
+            if _MIN_BYTE <= byte <= _MAX_BYTE or byte == ACK:
                 frames += super().feed(bytes((byte,)), now)
                 if len(self._frame) > LINE + 1:
                     self._drop()
@@ -87,7 +87,7 @@ class ClassicFramer(Lx200Framer):
     def _drop(self) -> None:
         """Drop an incomplete command; if it had an argument, the commands that arrive with it are suspect."""
         self._suspect = self._suspect or setter(bytes(self._frame)) is not None
-        self._begin()
+        self._begin_command()
 
 
 class SimulatedLx200(MeadeTelescope):
@@ -96,7 +96,7 @@ class SimulatedLx200(MeadeTelescope):
     def framer(self) -> Lx200Framer:
         return ClassicFramer() if self.classic else Lx200Framer()
 
-    def answer(self, frame: bytes, send_later: Later | None) -> bytes:
+    def answer(self, frame: bytes, send_later: SendLater | None) -> bytes:
         if isinstance(frame, Unterminated):
             name = frame.names[0]
             return self._no(self.protocol.commands[name]) if name and self.supports(name) and not frame.late else b""
@@ -104,9 +104,9 @@ class SimulatedLx200(MeadeTelescope):
         if match is None or not self.supports(match[0].name) or match[0].name not in HANDLERS:
             return b""
         command, template = match
-        if self.busy and command.name not in WHILE_BUSY:
+        if self.busy and command.name not in ACCEPTED_WHILE_BUSY:
             return NAK if self.model == "lx200gps" else b""
-        if isinstance(frame, Suspect) and may_begin_motion(self.protocol.surface[command.name].operations):
+        if isinstance(frame, Suspect) and may_begin_motion(self.protocol.surface_rows[command.name].operations):
             return b""
         if not self.tolerant and not well_formed(command.name, frame):
             return self._no(command)
@@ -114,10 +114,10 @@ class SimulatedLx200(MeadeTelescope):
             values = template.decode(frame)
         except ValueError:
             return self._no(command)
-        if self.asleep and command.name in TURNS_MOTORS:
-            return TURNS_MOTORS[command.name]
+        if self.asleep and command.name in ASLEEP_REPLY_BY_COMMAND:
+            return ASLEEP_REPLY_BY_COMMAND[command.name]
         reply = HANDLERS[command.name](self, command.name, values) or b""
-        return self._take_time(command.name, reply, send_later)
+        return self._split_slow_reply(command.name, reply, send_later)
 
     @staticmethod
     def _no(command: Command) -> bytes:
@@ -125,9 +125,9 @@ class SimulatedLx200(MeadeTelescope):
         refusals = [form for reply, form in command.replies if reply.fault]
         return refusals[0].encode({}) if refusals and not refusals[0].fields else b""
 
-    def _take_time(self, name: str, reply: bytes, later: Later | None) -> bytes:
+    def _split_slow_reply(self, name: str, reply: bytes, later: SendLater | None) -> bytes:
         """Return the part of a slow reply that is sent at once; pass the rest to ``later`` with the seconds to wait."""
-        seconds = settings.takes(self, name)
+        seconds = settings.reply_duration(self, name)
         if later is None or not seconds or reply == b"0":
             return reply
         self.busy_until = self.now + seconds

@@ -8,17 +8,17 @@ from datetime import UTC, date, datetime, timedelta
 
 from gateway.astro.spherical import wrap180
 from gateway.core.operations import Values
-from gateway.protocols.lx200.simulator.answers import form
+from gateway.protocols.lx200.simulator.answers import encode
 from gateway.protocols.lx200.simulator.telescope import Handler, MeadeTelescope
-from gateway.protocols.lx200.simulator.tracking import ALIGNING
+from gateway.protocols.lx200.simulator.tracking import ALIGN_TIME
 from gateway.protocols.wireformat import sexagesimal
 
 #: Seconds in which a classic computes its planets after a new date, and an LX200GPS finds satellites.
-PLANETS, GPS_FIX = 5.0, 60.0
+PLANETS_DURATION, GPS_FIX_DURATION = 5.0, 60.0
 _MARKED = b"\x02"  # marks the selected site in a classic's menu
 _NAME = 12  # columns of that menu
 _TYPES = re.compile("[Gg][Pp][Dd][Cc][Oo]")
-_SEARCH = {
+_SEARCH_LIMIT_BY_LETTER = {
     "b": ("magnitude", -5.5),
     "f": ("magnitude", 20.0),
     "F": ("field", 15),
@@ -30,47 +30,47 @@ _SEARCH = {
 _QUALITIES = ("SU", "EX", "VG", "GD", "FR", "PR", "VP")
 
 
-def takes(sim: MeadeTelescope, name: str) -> float:
+def reply_duration(sim: MeadeTelescope, name: str) -> float:
     """Return how many seconds pass before the last part of this command's reply."""
-    return {"SC": PLANETS if sim.classic else 0.0, "gT": GPS_FIX, "Aa": ALIGNING}.get(name, 0.0)
+    return {"SC": PLANETS_DURATION if sim.classic else 0.0, "gT": GPS_FIX_DURATION, "Aa": ALIGN_TIME}.get(name, 0.0)
 
 
-def _local(sim: MeadeTelescope) -> datetime:
-    return datetime.fromtimestamp(sim.utc() + sim.offset * 3600.0, UTC)
+def _local_time(sim: MeadeTelescope) -> datetime:
+    return datetime.fromtimestamp(sim.utc() + sim.utc_offset * 3600.0, UTC)
 
 
 def clock(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:GL :Ga :GC - local time and date."""
-    local = _local(sim)
-    return form(sim, name, time=local.hour * 3600 + local.minute * 60 + local.second, date=local.date())
+    local = _local_time(sim)
+    return encode(sim, name, time=local.hour * 3600 + local.minute * 60 + local.second, date=local.date())
 
 
 def offset(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:GG - the offset from UTC, without padding on a classic."""
-    if sim.classic and sim.offset == int(sim.offset):
-        return f"{-int(sim.offset):+d}#".encode()
-    return form(sim, name, offset=-sim.offset)
+    if sim.classic and sim.utc_offset == int(sim.utc_offset):
+        return f"{-int(sim.utc_offset):+d}#".encode()
+    return encode(sim, name, offset=-sim.utc_offset)
 
 
 def sidereal(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:GS - the sidereal time: as set by :SS, else by clock and site."""
-    return form(sim, name, sidereal=sim.mechanics.sky.sidereal(sim.now) + sim.stored.get("sidereal ahead", 0.0))
+    return encode(sim, name, sidereal=sim.mechanics.sky.lst(sim.now) + sim.stored_values.get("sidereal ahead", 0.0))
 
 
 def set_sidereal(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:SS - changes only the displayed time: the motors use clock and site."""
-    sim.stored["sidereal ahead"] = values["sidereal"] - sim.mechanics.sky.sidereal(sim.now)
+    sim.stored_values["sidereal ahead"] = values["sidereal"] - sim.mechanics.sky.lst(sim.now)
     return b"1"
 
 
 def _set_clock(sim: MeadeTelescope, local_time: datetime) -> None:
-    sim.ahead = calendar.timegm(local_time.timetuple()) - sim.offset * 3600.0 - sim.now
+    sim.clock_ahead = calendar.timegm(local_time.timetuple()) - sim.utc_offset * 3600.0 - sim.now
     sim.relocate()
 
 
 def set_time(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:SL - set the local time."""
-    midnight = _local(sim).replace(hour=0, minute=0, second=0)
+    midnight = _local_time(sim).replace(hour=0, minute=0, second=0)
     _set_clock(sim, midnight + timedelta(seconds=int(values["time"])))
     return b"1"
 
@@ -79,10 +79,10 @@ def set_date(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:SC - set the date; an LX200GPS expects the UTC date."""
     new: date = values["date"]
     if sim.row["utc_date"]:
-        sim.ahead += (new - datetime.fromtimestamp(sim.utc(), UTC).date()).total_seconds()
+        sim.clock_ahead += (new - datetime.fromtimestamp(sim.utc(), UTC).date()).total_seconds()
         sim.relocate()
     else:
-        _set_clock(sim, _local(sim).replace(year=new.year, month=new.month, day=new.day))
+        _set_clock(sim, _local_time(sim).replace(year=new.year, month=new.month, day=new.day))
     if sim.classic:
         return b"1Updating        planetary data. #" + b" " * 32 + b"#"
     return b"1Updating Planetary Data#" + b" " * 24 + b"#"
@@ -90,13 +90,13 @@ def set_date(sim: MeadeTelescope, name: str, values: Values) -> bytes:
 
 def set_offset(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:SG - set the offset from UTC and keep the local time."""
-    sim.ahead += (sim.offset + values["offset"]) * 3600.0
-    sim.offset = -values["offset"]
+    sim.clock_ahead += (sim.utc_offset + values["offset"]) * 3600.0
+    sim.utc_offset = -values["offset"]
     sim.relocate()
     return b"1"
 
 
-def stamp(sim: MeadeTelescope, name: str, values: Values) -> bytes:
+def set_date_and_time(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:hI - set date and time together."""
     try:
         _set_clock(sim, datetime.strptime(values["stamp"], "%y%m%d%H%M%S").replace(tzinfo=UTC))
@@ -105,9 +105,9 @@ def stamp(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     return b"1"
 
 
-def gps_time(sim: MeadeTelescope, name: str, _: Values) -> bytes:
+def set_clock_from_gps(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:gT - set the clock by GPS."""
-    sim.ahead = 0.0
+    sim.clock_ahead = 0.0
     sim.relocate()
     return b"1"
 
@@ -115,24 +115,24 @@ def gps_time(sim: MeadeTelescope, name: str, _: Values) -> bytes:
 def latitude(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:Gt - the latitude, with seconds on an LX200GPS."""
     if sim.model != "lx200gps":
-        return form(sim, name, latitude=sim.site[0])
-    return _angle(sexagesimal.signed(sim.site[0]))
+        return encode(sim, name, latitude=sim.site[0])
+    return _angle_reply(sexagesimal.signed(sim.site[0]))
 
 
 def longitude(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:Gg - the longitude, west positive: signed on an Autostar, unsigned on others, with seconds on an LX200GPS."""
     west = -sim.site[1] % 360.0
     if sim.model == "autostar":
-        return form(sim, name, longitude=wrap180(west))
-    return _angle(sexagesimal.azimuth_low(west) if sim.classic else sexagesimal.azimuth(west))
+        return encode(sim, name, longitude=wrap180(west))
+    return _angle_reply(sexagesimal.azimuth_low(west) if sim.classic else sexagesimal.azimuth(west))
 
 
-def _angle(text: str) -> bytes:
+def _angle_reply(text: str) -> bytes:
     """Return the reply with the degree byte of real hardware."""
     return text.replace("*", "\xdf").encode("latin-1") + b"#"
 
 
-def set_half(sim: MeadeTelescope, name: str, values: Values) -> bytes:
+def set_site_coordinate(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:St :Sg - set latitude or longitude of the site; an Autostar replies 0 to a valid latitude."""
     north, east = sim.site
     sim.sites[sim.site_number] = values.get("latitude", north), wrap180(-values.get("longitude", -east))
@@ -140,7 +140,7 @@ def set_half(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     return b"0" if name == "St" and sim.model == "autostar" else b"1"
 
 
-def select(sim: MeadeTelescope, name: str, values: Values) -> None:
+def select_site(sim: MeadeTelescope, name: str, values: Values) -> None:
     """:W - select a site. Models count from 0 or from 1; those that count from 1 accept 0 for the first."""
     number = max(0, values["site"] - sim.row["first_site"])
     if number < len(sim.sites):
@@ -167,55 +167,55 @@ def set_site_name(sim: MeadeTelescope, name: str, values: Values) -> bytes:
 
 def set_limit(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:So :Sh - set the lowest or highest altitude."""
-    sim.stored["lowest" if name == "So" else "highest"] = float(values["limit"])
+    sim.stored_values["lowest" if name == "So" else "highest"] = float(values["limit"])
     return b"1"
 
 
-def search(sim: MeadeTelescope, name: str, _: Values) -> bytes:
+def search_limit(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:Gb :Gf :GF :Gl :Gs :Gy :Gq - the limits of a search."""
-    field, default = _SEARCH[name[1]]
-    return form(sim, name, **{field: sim.stored.get("search " + name[1], default)})
+    field, default = _SEARCH_LIMIT_BY_LETTER[name[1]]
+    return encode(sim, name, **{field: sim.stored_values.get("search " + name[1], default)})
 
 
-def set_search(sim: MeadeTelescope, name: str, values: Values) -> bytes:
+def set_search_limit(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:Sb :Sf :SF :Sl :Ss :Sy - set a limit of searches."""
     if name == "Sy" and not _TYPES.fullmatch(values["types"]):
         return b"0"
-    sim.stored["search " + name[1]] = next(iter(values.values()))
+    sim.stored_values["search " + name[1]] = next(iter(values.values()))
     return b"1"
 
 
 def step_quality(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:Sq - step to the next quality of searches."""
-    present = sim.stored.get("search q", "VP")
-    sim.stored["search q"] = _QUALITIES[(_QUALITIES.index(present) + 1) % len(_QUALITIES)]
+    present = sim.stored_values.get("search q", "VP")
+    sim.stored_values["search q"] = _QUALITIES[(_QUALITIES.index(present) + 1) % len(_QUALITIES)]
 
 
-def toggle_format(sim: MeadeTelescope, name: str, _: Values) -> None:
+def toggle_precision(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:U - switch between low and high precision."""
-    sim.high = not sim.high
+    sim.high_precision = not sim.high_precision
 
 
 def toggle_pointing(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:P - toggle high-precision pointing."""
-    on = sim.stored["pointing"] = not sim.stored.get("pointing", False)
+    on = sim.stored_values["pointing"] = not sim.stored_values.get("pointing", False)
     return b"HIGH PRECISION" if on else b"LOW  PRECISION"
 
 
 def toggle_hours(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:H - switch between 12 and 24 hours."""
-    sim.stored["twelve"] = not sim.stored.get("twelve", False)
+    sim.stored_values["twelve"] = not sim.stored_values.get("twelve", False)
 
 
 HANDLERS: dict[str, Handler] = {
     "GL": clock, "Ga": clock, "GC": clock, "GG": offset, "GS": sidereal, "SL": set_time, "SC": set_date,
-    "SG": set_offset, "hI": stamp, "gT": gps_time, "Gt": latitude, "Gg": longitude, "St": set_half, "Sg": set_half,
-    "W": select, "So": set_limit, "Sh": set_limit, "Sq": step_quality, "U": toggle_format,
-    "Go": lambda sim, name, _: form(sim, name, limit=sim.stored["lowest"]),
-    "Gh": lambda sim, name, _: form(sim, name, limit=sim.stored["highest"]),
-    "P": toggle_pointing, "H": toggle_hours, "SS": set_sidereal,
-    "Gc": lambda sim, name, _: b"12#" if sim.stored.get("twelve") else b"24#", "SB": lambda sim, name, _: b"1",
+    "SG": set_offset, "hI": set_date_and_time, "gT": set_clock_from_gps, "Gt": latitude, "Gg": longitude,
+    "St": set_site_coordinate, "Sg": set_site_coordinate, "W": select_site, "So": set_limit, "Sh": set_limit,
+    "Sq": step_quality, "U": toggle_precision, "P": toggle_pointing, "H": toggle_hours, "SS": set_sidereal,
+    "Go": lambda sim, name, _: encode(sim, name, limit=sim.stored_values["lowest"]),
+    "Gh": lambda sim, name, _: encode(sim, name, limit=sim.stored_values["highest"]),
+    "Gc": lambda sim, name, _: b"12#" if sim.stored_values.get("twelve") else b"24#", "SB": lambda sim, name, _: b"1",
     **dict.fromkeys(("GM", "GN", "GO", "GP"), site_name), **dict.fromkeys(("SM", "SN", "SO", "SP"), set_site_name),
-    **dict.fromkeys(("Gb", "Gf", "GF", "Gl", "Gs", "Gy", "Gq"), search),
-    **dict.fromkeys(("Sb", "Sf", "SF", "Sl", "Ss", "Sy"), set_search),
+    **dict.fromkeys(("Gb", "Gf", "GF", "Gl", "Gs", "Gy", "Gq"), search_limit),
+    **dict.fromkeys(("Sb", "Sf", "SF", "Sl", "Ss", "Sy"), set_search_limit),
 }  # fmt: skip

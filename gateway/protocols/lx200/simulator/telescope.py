@@ -21,13 +21,13 @@ from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model
 
 #: Commands beyond the manual, and the models that have them; no model has any other command beyond the manual.
-BEYOND = {
+MODELS_BY_COMMAND = {
     "Mg": {"autostar", "lx200gps"}, "GW": {"autostar", "lx200gps"}, "GVF": {"autostar"}, "hI": {"lx200gps"},
     "TS": {"autostar", "lx200", "lx200-16", "lx200gps"}, "R": {"autostar", "lx200gps"},
 }  # fmt: skip
 #: The commands for the telescope's name, which a classic does not have.
-NAMELESS = {"GVP", "GVN", "GVD", "GVT", "GVF"}
-STARTS_HIGH = {"lx200gps"}
+NAME_COMMANDS = {"GVP", "GVN", "GVD", "GVT", "GVF"}
+HIGH_PRECISION_MODELS = {"lx200gps"}
 SITES = 4
 
 
@@ -52,7 +52,7 @@ class MeadeTelescope(Simulated):
         tolerant: bool = False,
         ramps: bool = True,
     ) -> None:
-        self.protocol = load("lx200").of(model)
+        self.protocol = load("lx200").in_dialect_of(model)
         if model not in self.protocol.models:
             raise UserError(f"no LX200 model is called {model!r}; there are {', '.join(self.protocol.models)}")
         self.model: str = model
@@ -62,30 +62,30 @@ class MeadeTelescope(Simulated):
         self.sites: list[Pair] = [site] * SITES
         self.names = [f"SITE {number}" if not self.classic else f"ST{number}" for number in range(1, SITES + 1)]
         self.site_number = 0
-        self.ahead, self.offset = 0.0, utc_offset
+        self.clock_ahead, self.utc_offset = 0.0, utc_offset
         self.aligned: bool = aligned
         dialect = bool(self.protocol.dialect)
-        self.letter: str = "P" if self.classic else "G" if dialect else "A"
+        self.mode_letter: str = "P" if self.classic else "G" if dialect else "A"
         #: The goal of a slew, and whether it is in axis positions instead of right ascension and declination.
         self.goal: tuple[Pair, bool] = (0.0, 0.0), False
         #: Axes moved by hand, and whether that motion is added to tracking instead of replacing it.
         self.arrows: dict[int, bool] = {}
         self.busy_until = 0.0
-        self.seeking, self.home = False, 0
+        self.seeking, self.home_state = False, 0
         self.land_tells_altaz, self.tolerant = land_tells_altaz, tolerant
-        build = Build.GERMAN if dialect else Build.WEDGE if self.letter == "P" else Build.ALTAZ
-        self.mechanics = Mechanics(build, Observer(*site), self.now, self.start(build))
-        self.mechanics.speed = speed
+        build = Build.GERMAN if dialect else Build.WEDGE if self.mode_letter == "P" else Build.ALTAZ
+        self.mechanics = Mechanics(build, Observer(*site), self.now, self.power_on_axes(build))
+        self.mechanics.speedup = speed
         self.mechanics.acceleration = self.row["max_rate"] / RAMP_SECONDS if ramps else math.inf
         self.power_on()
 
     def power_on(self) -> None:
         """Reset formats, rates and target as at power-on; site, clock and names are kept."""
-        self.high: bool = self.model in STARTS_HIGH
+        self.high_precision: bool = self.model in HIGH_PRECISION_MODELS
         self.degree = b"\xdf"
-        self.parts: dict[str, Any] = {}
-        self.stored: dict[str, Any] = {"rate": "RC", "lowest": 0.0, "highest": 90.0}
-        self.mechanics.fastest = float(self.row["max_rate"])
+        self.accessories: dict[str, Any] = {}
+        self.stored_values: dict[str, Any] = {"rate": "RC", "lowest": 0.0, "highest": 90.0}
+        self.mechanics.max_rate = float(self.row["max_rate"])
         self.mechanics.set_drive_rate(self.now, SIDEREAL_RATE)
         self.parked = self.asleep = False
         self.track(self.aligned)
@@ -94,10 +94,10 @@ class MeadeTelescope(Simulated):
         """Whether this model has a command, according to the manual or to real telescopes."""
         command = self.protocol.commands[name]
         if command.beyond:
-            return self.model in BEYOND.get(name, ())
-        if name in NAMELESS and self.classic:
+            return self.model in MODELS_BY_COMMAND.get(name, ())
+        if name in NAME_COMMANDS and self.classic:
             return False
-        return command.known_to(self.model, None)
+        return command.exists_on(self.model, None)
 
     # --- what it is -----------------------------------------------------------------------------------------------
 
@@ -113,9 +113,9 @@ class MeadeTelescope(Simulated):
 
     def utc(self) -> float:
         """The telescope's own clock, Unix seconds."""
-        return self.now + self.ahead
+        return self.now + self.clock_ahead
 
-    def start(self, build: Build) -> Pair:
+    def power_on_axes(self, build: Build) -> Pair:
         """Return the axis positions at power-on: on the meridian, at 45 degrees altitude or on the equator."""
         if build is Build.GERMAN:
             return 90.0, 90.0
@@ -123,29 +123,29 @@ class MeadeTelescope(Simulated):
 
     def track(self, on: bool) -> None:
         """Turn tracking on or off; asleep it stays off."""
-        self.mechanics.track(self.now, on and not self.asleep, self.mechanics.geometry.pole)
+        self.mechanics.track(self.now, on and not self.asleep, self.mechanics.geometry.ns_sign)
 
-    def forget(self) -> None:
+    def lose_alignment(self) -> None:
         """Lose the alignment: the telescope assumes that the tube is at its power-on position."""
         first, second = self.mechanics.axes(self.now)
-        start = self.start(self.mechanics.build)
+        start = self.power_on_axes(self.mechanics.build)
         self.mechanics.correct(self.now, (wrap180(start[0] - first), wrap180(start[1] - second)))
         self.aligned = False
 
     def relocate(self) -> None:
         """Apply a new site or time to the mechanics."""
-        self.mechanics.relocate(self.now, Observer(*self.site, self.ahead))
+        self.mechanics.relocate(self.now, Observer(*self.site, self.clock_ahead))
 
     def position(self) -> Pair:
         """Return right ascension and declination of date according to the telescope's alignment, degrees."""
-        return fold_declination(*self.mechanics.believed(self.now))
+        return fold_declination(*self.mechanics.believed_position(self.now))
 
     def advance_to_now(self) -> None:
         """Advance the motion, and a search for home, to the present time."""
         self.now = self.clock()
         self.mechanics.advance(self.now)
         if self.seeking and not self.mechanics.slewing(self.now):
-            self.seeking, self.home, self.aligned = False, 1, True
+            self.seeking, self.home_state, self.aligned = False, 1, True
             self.mechanics.correct(self.now, (0.0, 0.0))
 
 

@@ -1,6 +1,6 @@
 """Tracking rates, alignment modes, park, home and sleep of a simulated Meade, and its accessories.
 
-Focuser, smart drive, backlash, fan, derotator, reticle and GPS power have no effect but their state in ``parts``.
+Focuser, smart drive, backlash, fan, derotator, reticle and GPS power have no effect but their state in ``accessories``.
 """
 
 from __future__ import annotations
@@ -8,79 +8,79 @@ from __future__ import annotations
 from gateway.astro.axes import Build, Pair
 from gateway.astro.spherical import SIDEREAL_RATE
 from gateway.core.operations import Values
-from gateway.protocols.lx200.simulator.answers import form
+from gateway.protocols.lx200.simulator.answers import encode
 from gateway.protocols.lx200.simulator.motion import release, slew_axes, unpark
 from gateway.protocols.lx200.simulator.telescope import Handler, MeadeTelescope
 from gateway.protocols.mechanics.axis_motor import LUNAR_RATE, SOLAR_RATE
 
 #: Seconds in which an LX200GPS aligns itself.
-ALIGNING = 120.0
+ALIGN_TIME = 120.0
 #: The displayed rate in hertz, and degrees per second.
-_DRIVES = {"TQ": (60.1, SIDEREAL_RATE), "TS": (60.0, SOLAR_RATE), "TL": (57.9, LUNAR_RATE)}
+_DRIVE_RATE_BY_COMMAND = {"TQ": (60.1, SIDEREAL_RATE), "TS": (60.0, SOLAR_RATE), "TL": (57.9, LUNAR_RATE)}
 _SIDEREAL_HERTZ = (60.1, 60.2)
 _CLASSIC_HERTZ, _ANY_HERTZ = (56.4, 60.1), (0.0, 99.9)
-_LEVEL: Pair = (0.0, 0.0)  # north, on the horizon
-_POLE = 90.0
-_SLOWEST, _FASTEST = 1, 4
-_SWITCHES = {"f": "fan", "r": "derotator", "g": "gps"}
+_PARK_AXES: Pair = (0.0, 0.0)  # north, on the horizon
+_POLE_AXIS = 90.0
+_MIN_FOCUS_SPEED, _MAX_FOCUS_SPEED = 1, 4
+_ACCESSORY_BY_LETTER = {"f": "fan", "r": "derotator", "g": "gps"}
 
 
-def _drive(sim: MeadeTelescope, hertz: float, rate: float) -> None:
-    sim.stored["hertz"] = hertz
+def _set_drive_rate(sim: MeadeTelescope, hertz: float, rate: float) -> None:
+    sim.stored_values["hertz"] = hertz
     sim.mechanics.set_drive_rate(sim.now, rate)
 
 
-def _drive_manually(sim: MeadeTelescope) -> None:
-    hertz = sim.stored.get("custom", 60.1)
+def _use_manual_rate(sim: MeadeTelescope) -> None:
+    hertz = sim.stored_values.get("custom", 60.1)
     low, high = _SIDEREAL_HERTZ
-    _drive(sim, hertz, SIDEREAL_RATE if low <= round(hertz, 1) <= high else hertz / 60.0 * SOLAR_RATE)
+    _set_drive_rate(sim, hertz, SIDEREAL_RATE if low <= round(hertz, 1) <= high else hertz / 60.0 * SOLAR_RATE)
 
 
-def drive(sim: MeadeTelescope, name: str, _: Values) -> None:
+def select_drive_rate(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:TQ :TS :TL :TM - select the tracking rate."""
-    sim.stored["manual"] = name == "TM"
+    sim.stored_values["manual"] = name == "TM"
     if name == "TM":
-        _drive_manually(sim)
+        _use_manual_rate(sim)
     else:
-        _drive(sim, *_DRIVES[name])
+        _set_drive_rate(sim, *_DRIVE_RATE_BY_COMMAND[name])
 
 
-def set_drive(sim: MeadeTelescope, name: str, values: Values) -> bytes:
+def set_drive_hertz(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     """:ST :T - set the tracking rate, hertz: a classic accepts only 56.4 to 60.1, and :ST only in manual mode."""
     low, high = _CLASSIC_HERTZ if sim.classic else _ANY_HERTZ
     hertz = values["hertz"]
-    if not low <= round(hertz, 1) <= high or (sim.classic and name == "ST" and not sim.stored.get("manual")):
+    if not low <= round(hertz, 1) <= high or (sim.classic and name == "ST" and not sim.stored_values.get("manual")):
         return b"0" if name == "ST" else b""
-    sim.stored["custom"], sim.stored["manual"] = hertz, True
-    _drive_manually(sim)
+    sim.stored_values["custom"], sim.stored_values["manual"] = hertz, True
+    _use_manual_rate(sim)
     return b"1"
 
 
-def step_drive(sim: MeadeTelescope, name: str, _: Values) -> None:
+def step_drive_hertz(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:T+ :T- - change the manual rate, whether it is in use or not."""
     low, high = _CLASSIC_HERTZ if sim.classic else _ANY_HERTZ
-    hertz = round(sim.stored.get("custom", 60.1) + (0.1 if name == "T+" else -0.1), 1)
-    sim.stored["custom"] = max(low, min(high, hertz))
-    if sim.stored.get("manual"):
-        _drive_manually(sim)
+    hertz = round(sim.stored_values.get("custom", 60.1) + (0.1 if name == "T+" else -0.1), 1)
+    sim.stored_values["custom"] = max(low, min(high, hertz))
+    if sim.stored_values.get("manual"):
+        _use_manual_rate(sim)
 
 
-def align(sim: MeadeTelescope, name: str, _: Values) -> None:
+def set_alignment_mode(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:AA :AP :AL - set the alignment mode; on a telescope without :GW the alignment is lost."""
     release(sim)
-    sim.letter = {"AA": "A", "AP": "P", "AL": "L"}[name]
-    if sim.letter != "L" and sim.mechanics.build is not Build.GERMAN:
-        sim.mechanics.rebuild(sim.now, Build.WEDGE if sim.letter == "P" else Build.ALTAZ)
+    sim.mode_letter = {"AA": "A", "AP": "P", "AL": "L"}[name]
+    if sim.mode_letter != "L" and sim.mechanics.build is not Build.GERMAN:
+        sim.mechanics.rebuild(sim.now, Build.WEDGE if sim.mode_letter == "P" else Build.ALTAZ)
     sim.parked = False
-    sim.track(sim.letter != "L")
+    sim.track(sim.mode_letter != "L")
     if not sim.supports("GW"):
         sim.mechanics.cancel(sim.now)
-        sim.forget()
+        sim.lose_alignment()
 
 
 def auto_align(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:Aa - align automatically."""
-    if sim.letter != "A":
+    if sim.mode_letter != "A":
         return b"0"
     unpark(sim)
     sim.mechanics.cancel(sim.now)
@@ -97,15 +97,15 @@ def park(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:hP - slew to the horizon in the north, or to the pole; tracking is off."""
     sim.track(False)
     build = sim.mechanics.build
-    slew_axes(sim, _LEVEL if build is Build.ALTAZ else (sim.start(build)[0], _POLE))
+    slew_axes(sim, _PARK_AXES if build is Build.ALTAZ else (sim.power_on_axes(build)[0], _POLE_AXIS))
     sim.parked = True
 
 
 def seek_home(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:hS :hF - search for home; until it is found, hardly any command is accepted."""
     unpark(sim)
-    slew_axes(sim, sim.start(sim.mechanics.build))
-    sim.seeking, sim.home = True, 0
+    slew_axes(sim, sim.power_on_axes(sim.mechanics.build))
+    sim.seeking, sim.home_state = True, 0
 
 
 def sleep(sim: MeadeTelescope, name: str, _: Values) -> None:
@@ -120,7 +120,7 @@ def wake(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:hW - wake from sleep."""
     if sim.asleep:
         sim.asleep = False
-        sim.track(sim.letter != "L" and not sim.parked)
+        sim.track(sim.mode_letter != "L" and not sim.parked)
 
 
 def restart(sim: MeadeTelescope, name: str, _: Values) -> bytes:
@@ -136,47 +136,48 @@ def restart(sim: MeadeTelescope, name: str, _: Values) -> bytes:
 
 def focus(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:F+ :F- :FQ - move the focuser in or out, or stop it."""
-    sim.parts["focuser"] = {"+": 1, "-": -1, "Q": 0}[name[1]]
+    sim.accessories["focuser"] = {"+": 1, "-": -1, "Q": 0}[name[1]]
 
 
-def focus_speed(sim: MeadeTelescope, name: str, values: Values) -> None:
+def set_focus_speed(sim: MeadeTelescope, name: str, values: Values) -> None:
     """:FF :FS :F<n> - select the speed of the focuser."""
-    sim.parts["focus speed"] = {"FF": _FASTEST, "FS": _SLOWEST}.get(name) or values["speed"]
+    sim.accessories["focus speed"] = {"FF": _MAX_FOCUS_SPEED, "FS": _MIN_FOCUS_SPEED}.get(name) or values["speed"]
 
 
-def switch(sim: MeadeTelescope, name: str, _: Values) -> None:
+def switch_accessory(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:f+ :f- :r+ :r- :g+ :g- - switch an accessory."""
-    sim.parts[_SWITCHES[name[0]]] = name[1] == "+"
+    sim.accessories[_ACCESSORY_BY_LETTER[name[0]]] = name[1] == "+"
 
 
-def backlash(sim: MeadeTelescope, name: str, values: Values) -> None:
+def set_backlash(sim: MeadeTelescope, name: str, values: Values) -> None:
     """:$BA :$BZ - store the backlash of the second axis or of the first."""
-    sim.parts[f"backlash {2 if name == '$BA' else 1}"] = values["value"]
+    sim.accessories[f"backlash {2 if name == '$BA' else 1}"] = values["value"]
 
 
-def correct(sim: MeadeTelescope, name: str, _: Values) -> None:
+def switch_pec(sim: MeadeTelescope, name: str, _: Values) -> None:
     """$Q :$QA :$QZ - turn correction of the periodic error on or off: $Q toggles both axes, the others set one axis."""
     if name == "$Q":
-        wanted = not sim.parts.get("pec 1", False)
-        sim.parts["pec 1"] = sim.parts["pec 2"] = wanted
+        wanted = not sim.accessories.get("pec 1", False)
+        sim.accessories["pec 1"] = sim.accessories["pec 2"] = wanted
     else:
-        sim.parts[f"pec {2 if name[2] == 'A' else 1}"] = name.endswith("+")
+        sim.accessories[f"pec {2 if name[2] == 'A' else 1}"] = name.endswith("+")
 
 
-def reticle(sim: MeadeTelescope, name: str, values: Values) -> None:
+def set_reticle(sim: MeadeTelescope, name: str, values: Values) -> None:
     """:B+ :B- :B<n> :BD - set the brightness and the blinking of the reticle."""
     if name in ("B+", "B-"):
-        sim.parts["reticle"] = sim.parts.get("reticle", 0) + (1 if name == "B+" else -1)
+        sim.accessories["reticle"] = sim.accessories.get("reticle", 0) + (1 if name == "B+" else -1)
     else:
-        sim.parts["reticle flash" if name == "B" else "reticle duty"] = next(iter(values.values()))
+        sim.accessories["reticle flash" if name == "B" else "reticle duty"] = next(iter(values.values()))
 
 
 HANDLERS: dict[str, Handler] = {
-    "TQ": drive, "TS": drive, "TL": drive, "TM": drive, "ST": set_drive, "T": set_drive, "T+": step_drive,
-    "T-": step_drive, "AA": align, "AP": align, "AL": align, "Aa": auto_align, "hP": park, "hS": seek_home,
-    "hF": seek_home, "hN": sleep, "hW": wake, "I": restart,
-    **dict.fromkeys(("F+", "F-", "FQ"), focus), **dict.fromkeys(("FF", "FS", "F"), focus_speed),
-    **dict.fromkeys(("f+", "f-", "r+", "r-", "g+", "g-"), switch), "$BA": backlash, "$BZ": backlash,
-    **dict.fromkeys(("$Q", "$QA+", "$QA-", "$QZ+", "$QZ-"), correct), **dict.fromkeys(("B+", "B-", "B", "BD"), reticle),
-    "fT": lambda sim, name, _: form(sim, name, value=12.5),
+    "TQ": select_drive_rate, "TS": select_drive_rate, "TL": select_drive_rate, "TM": select_drive_rate,
+    "ST": set_drive_hertz, "T": set_drive_hertz, "T+": step_drive_hertz, "T-": step_drive_hertz,
+    "AA": set_alignment_mode, "AP": set_alignment_mode, "AL": set_alignment_mode, "Aa": auto_align, "hP": park,
+    "hS": seek_home, "hF": seek_home, "hN": sleep, "hW": wake, "I": restart, **dict.fromkeys(("F+", "F-", "FQ"), focus),
+    **dict.fromkeys(("FF", "FS", "F"), set_focus_speed),
+    **dict.fromkeys(("f+", "f-", "r+", "r-", "g+", "g-"), switch_accessory), "$BA": set_backlash, "$BZ": set_backlash,
+    **dict.fromkeys(("$Q", "$QA+", "$QA-", "$QZ+", "$QZ-"), switch_pec),
+    **dict.fromkeys(("B+", "B-", "B", "BD"), set_reticle), "fT": lambda sim, name, _: encode(sim, name, value=12.5),
 }  # fmt: skip

@@ -15,8 +15,8 @@ from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
 #: Digit of :SB -> baud rate. The manual prints the first rate as 56.7K.
-RATES = {1: 57600, 2: 38400, 3: 28800, 4: 19200, 5: 14400, 6: 9600, 7: 4800, 8: 2400, 9: 1200}
-_STEPS = {"??": None, "?+": 1, "?-": -1}
+BAUD_RATE_BY_DIGIT = {1: 57600, 2: 38400, 3: 28800, 4: 19200, 5: 14400, 6: 9600, 7: 4800, 8: 2400, 9: 1200}
+_LINE_STEP_BY_COMMAND = {"??": None, "?+": 1, "?-": -1}
 #: These lines have no hash sign, because it would end the line.
 _USAGE = (
     "Every command ends with a hash sign",
@@ -39,16 +39,16 @@ def toggle_precision(session: LxSession) -> None:
     session.client.precision = "low" if session.client.precision == "high" else "high"
 
 
-def baud(values: op.Values) -> Handling:
+def change_baud_rate(values: op.Values) -> Handling:
     """:SB - reply 1 at the old baud rate, then change it if the client is on a serial port. Raises Invalid."""
-    if values.get("rate") not in RATES:
+    if values.get("rate") not in BAUD_RATE_BY_DIGIT:
         raise Invalid("The baud rates are 1 to 9.")
-    yield ChangeBaudRate(RATES[values["rate"]])
+    yield ChangeBaudRate(BAUD_RATE_BY_DIGIT[values["rate"]])
 
 
 def restart(session: LxSession) -> Handling:
     """:I - unpark, and reset this client's settings. As an urgent command it stopped the mount when it arrived."""
-    session.forget()
+    session.reset_client()
     yield FireAndForget(op.Unpark())
 
 
@@ -66,7 +66,7 @@ def focus(session: LxSession, command: Command) -> Handling:
     yield FireAndForget(op.Focus(direction, session.client.focus_speed))
 
 
-def focus_speed(session: LxSession, command: Command, values: op.Values) -> None:
+def set_focus_speed(session: LxSession, command: Command, values: op.Values) -> None:
     """:FF :FS :F<n> - set the focuser's speed, 1 to 4. Raises Invalid for any other number."""
     speed = {"FF": 4, "FS": 1}.get(command.name) or decoded(values)["speed"]
     if not 1 <= speed <= 4:
@@ -74,12 +74,12 @@ def focus_speed(session: LxSession, command: Command, values: op.Values) -> None
     session.client.focus_speed = speed
 
 
-def backlash(command: Command, values: op.Values) -> Handling:
+def set_backlash(command: Command, values: op.Values) -> Handling:
     """:$BA :$BZ - set the backlash of the declination motor or of the right ascension motor."""
     yield FireAndForget(op.Backlash(2 if command.name == "$BA" else 1, decoded(values)["value"]))
 
 
-def periodic_error(session: LxSession, command: Command) -> Handling:
+def switch_pec(session: LxSession, command: Command) -> Handling:
     """$Q :$QA :$QZ - turn PEC on or off: $Q toggles both axes by the state of right ascension, the others set one."""
     if command.name.startswith("$QA"):
         yield FireAndForget(op.PeriodicError(2, command.name.endswith("+")))
@@ -103,16 +103,16 @@ def help_line(session: LxSession, command: Command) -> Handling:
     if not session.model["help"]:
         return b""
     client = session.client
-    step = _STEPS[command.name]
-    if step is None or not client.help:
-        client.help = yield from _text()
+    step = _LINE_STEP_BY_COMMAND[command.name]
+    if step is None or not client.help_lines:
+        client.help_lines = yield from _help_text()
         client.help_line = 0
     else:
-        client.help_line = max(-1, min(len(client.help), client.help_line + step))
-    return {"text": client.help[client.help_line] if 0 <= client.help_line < len(client.help) else ""}
+        client.help_line = max(-1, min(len(client.help_lines), client.help_line + step))
+    return {"text": client.help_lines[client.help_line] if 0 <= client.help_line < len(client.help_lines) else ""}
 
 
-def _text() -> Handling:
+def _help_text() -> Handling:
     """Return the lines of the help text, with the present state of the mount."""
     try:
         identity: op.Identity = yield op.GetIdentity()

@@ -16,16 +16,16 @@ from gateway.protocols.base.wants import FireAndForget, Handling, decoded
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
-_NAMES = {"RG": "guide", "RC": "center", "RM": "find", "RS": "max"}
-LONGEST_PULSE = 60_000  # milliseconds
+_RATE_NAME_BY_COMMAND = {"RG": "guide", "RC": "center", "RM": "find", "RS": "max"}
+MAX_PULSE_MS = 60_000  # milliseconds
 SIDEREAL_HERTZ = 60.16427
 #: Accepted: a drive rate in hertz, a guide rate in arcseconds a second (up to twice sidereal), the rate of an axis in
 #: degrees a second. Other values have another meaning, such as iOptron's :ST1#, which starts tracking.
-HERTZ, GUIDES, AXES = (50.0, 70.0), (0.0, 30.1), (0.0, 20.0)
+HERTZ, GUIDES, AXIS_RATE_RANGE = (50.0, 70.0), (0.0, 30.1), (0.0, 20.0)
 #: The range that counts as sidereal, and the value reported for it; the highest frequency that can be reported.
-_SIDEREAL, _SIDEREAL_TOLD, _MOST = (60.1, 60.2), 60.1, 99.9
-_DRIVES = {"TQ": "sidereal", "TS": "solar", "TL": "lunar"}
-_MENU = ("ALTAZ", "POLAR", "LAND")
+_SIDEREAL_RANGE, _REPORTED_SIDEREAL, _MAX_HZ = (60.1, 60.2), 60.1, 99.9
+_DRIVE_RATE_BY_COMMAND = {"TQ": "sidereal", "TS": "solar", "TL": "lunar"}
+_MODE_NAMES = ("ALTAZ", "POLAR", "LAND")
 
 
 def move(session: LxSession, command: Command) -> Handling:
@@ -51,21 +51,21 @@ def _in_range(limits: tuple[float, float], value: float, unit: str) -> float:
 
 def choose_rate(session: LxSession, command: Command, values: op.Values) -> None:
     """:RG :RC :RM :RS, and :R<n> with the number of a key (0 is the slowest)."""
-    name = _NAMES.get(command.name)
+    name = _RATE_NAME_BY_COMMAND.get(command.name)
     session.client.rate = op.Rate(name=name) if name else op.Rate(key=max(1, decoded(values)["key"]))
     session.client.rate_ra = session.client.rate_dec = None
 
 
-def axis_rate(session: LxSession, command: Command, values: op.Values) -> None:
+def set_axis_rate(session: LxSession, command: Command, values: op.Values) -> None:
     """:RA :RE - the rate of motion by hand of one axis, degrees per second, until another rate is chosen."""
-    rate = _in_range(AXES, decoded(values)["rate"], "degrees a second") or None
+    rate = _in_range(AXIS_RATE_RANGE, decoded(values)["rate"], "degrees a second") or None
     if command.name == "RA":
         session.client.rate_ra = rate
     else:
         session.client.rate_dec = rate
 
 
-def max_rate(session: LxSession, values: op.Values) -> None:
+def set_max_rate(session: LxSession, values: op.Values) -> None:
     """:Sw - set the fastest rate of this client and choose it: some programs use the command as a rate slider."""
     low, high = session.model["max_rates"]
     if "fault" in values or not low <= values["rate"] <= max(high, 8):
@@ -74,7 +74,7 @@ def max_rate(session: LxSession, values: op.Values) -> None:
     session.client.rate = op.Rate(name="max")
 
 
-def guide_rate(values: op.Values) -> Handling:
+def set_guide_rate(values: op.Values) -> Handling:
     """:Rg - the guide rate of both axes, arcseconds per second, at most sidereal."""
     fraction = min(1.0, _in_range(GUIDES, decoded(values)["rate"], "arcseconds a second") / SIDEREAL_ARCSECONDS)
     for axis in (1, 2):
@@ -85,7 +85,7 @@ def pulse(session: LxSession, values: op.Values) -> Handling:
     """:Mg - a timed guide pulse in milliseconds."""
     values = decoded(values)
     direction, by_sky = op.Direction(values["direction"]), session.settings.guides_by_sky
-    yield FireAndForget(op.Pulse(direction, min(values["ms"], LONGEST_PULSE), by_sky))
+    yield FireAndForget(op.Pulse(direction, min(values["ms"], MAX_PULSE_MS), by_sky))
 
 
 # --- tracking ---------------------------------------------------------------------------------------------------------
@@ -93,21 +93,21 @@ def pulse(session: LxSession, values: op.Values) -> Handling:
 
 def alignment(session: LxSession) -> Handling:
     """ACK - the alignment mode. L is only sent to a client that requested land mode: some programs fail on it."""
-    return {"mode": (yield from _letter(session))}
+    return {"mode": (yield from _mode_letter(session))}
 
 
-def _letter(session: LxSession) -> Handling:
+def _mode_letter(session: LxSession) -> Handling:
     status: op.Status = yield op.GetStatus()
-    if session.client.land and status.tracking is op.Tracking.OFF:
+    if session.client.land_mode and status.tracking is op.Tracking.OFF:
         return "L"
     return "P" if status.equatorial else "A"
 
 
-def menu(session: LxSession, command: Command) -> Handling:
+def tell_menu_line(session: LxSession, command: Command) -> Handling:
     """:G0 :G1 :G2 - a line of the alignment menu, with a mark if it shows the present mode."""
     index = int(command.name[1])
-    letter = yield from _letter(session)
-    return {"text": f"{'>' if _MENU[index].startswith(letter) else ' '}{_MENU[index]:<15}"}
+    letter = yield from _mode_letter(session)
+    return {"text": f"{'>' if _MODE_NAMES[index].startswith(letter) else ' '}{_MODE_NAMES[index]:<15}"}
 
 
 def status(session: LxSession) -> Handling:
@@ -120,28 +120,28 @@ def status(session: LxSession) -> Handling:
     }
 
 
-def align() -> Handling:
+def check_alignment() -> Handling:
     """:Aa - reply 1 if the mount is aligned already, else 0: a hand control cannot be aligned from outside."""
     state: op.Status = yield op.GetStatus()
     if not state.aligned:
         raise NotAligned
 
 
-def land(session: LxSession) -> Handling:
+def set_land_mode(session: LxSession) -> Handling:
     """:AL - tracking off. Waits for the outcome, so that the next reply reports the new state."""
-    session.client.land = True
+    session.client.land_mode = True
     yield op.SetTracking(on=False)
 
 
-def track(session: LxSession) -> Handling:
+def turn_tracking_on(session: LxSession) -> Handling:
     """:AA :AP - tracking on, in the mount's own mode, so that its alignment is kept."""
-    session.client.land = False
+    session.client.land_mode = False
     yield FireAndForget(op.SetTracking(on=True))
 
 
-def named_rate(command: Command) -> Handling:
+def set_named_rate(command: Command) -> Handling:
     """:TQ :TS :TL - select the tracking rate."""
-    yield op.TrackRate(name=_DRIVES[command.name])
+    yield op.TrackRate(name=_DRIVE_RATE_BY_COMMAND[command.name])
 
 
 def tell_hertz() -> Handling:
@@ -149,24 +149,24 @@ def tell_hertz() -> Handling:
     try:
         factor: float = yield op.DriveRate()
     except Fault:
-        return {"hertz": _SIDEREAL_TOLD}
+        return {"hertz": _REPORTED_SIDEREAL}
     hertz = round(factor * SIDEREAL_HERTZ, 1)
-    return {"hertz": _SIDEREAL_TOLD if _SIDEREAL[0] <= hertz <= _SIDEREAL[1] else min(_MOST, hertz)}
+    return {"hertz": _REPORTED_SIDEREAL if _SIDEREAL_RANGE[0] <= hertz <= _SIDEREAL_RANGE[1] else min(_MAX_HZ, hertz)}
 
 
 def set_hertz(session: LxSession, values: op.Values) -> Handling:
     """:ST :T<ddd.ddd> - set the tracking rate; 60.1 to 60.2 means exactly sidereal."""
-    yield from _drive_at(session, _in_range(HERTZ, decoded(values)["hertz"], "hertz, 60.1 for sidereal"))
+    yield from _set_drive_hertz(session, _in_range(HERTZ, decoded(values)["hertz"], "hertz, 60.1 for sidereal"))
 
 
-def custom(session: LxSession, command: Command) -> Handling:
+def set_manual_rate(session: LxSession, command: Command) -> Handling:
     """:TM :T+ :T- - track at the manual rate, or change it by a tenth of a hertz."""
     step = {"TM": 0.0, "T+": 0.1, "T-": -0.1}[command.name]
     hertz = round((session.shared.manual_hertz or 60.1) + step, 3)
-    yield from _drive_at(session, max(HERTZ[0], min(HERTZ[1], hertz)))
+    yield from _set_drive_hertz(session, max(HERTZ[0], min(HERTZ[1], hertz)))
 
 
-def _drive_at(session: LxSession, hertz: float) -> Handling:
-    sidereal = _SIDEREAL[0] <= round(hertz, 3) <= _SIDEREAL[1]
+def _set_drive_hertz(session: LxSession, hertz: float) -> Handling:
+    sidereal = _SIDEREAL_RANGE[0] <= round(hertz, 3) <= _SIDEREAL_RANGE[1]
     yield op.TrackRate(name="sidereal") if sidereal else op.TrackRate(factor=hertz / SIDEREAL_HERTZ)
     session.set_for_all(replace(session.shared, manual_hertz=hertz), save=False)  # only reached if not refused

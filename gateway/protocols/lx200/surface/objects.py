@@ -23,16 +23,16 @@ from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
 #: :Lo - the available catalogues; Arp and Abell (4 and 5) are not.
-_DEEP_SKY = {0: "NGC", 1: "IC", 2: "UGC", 3: "C"}
+_CATALOG_BY_NUMBER = {0: "NGC", 1: "IC", 2: "UGC", 3: "C"}
 #: :Ls - the available catalogues; SAO, GCVS, HR and HD (1, 2, 4, 5) are not.
-_STAR, _HIPPARCOS = 0, 3
+_STAR_CATALOG, _HIPPARCOS_CATALOG = 0, 3
 #: The numbers of the STAR catalogue from 901 on. Its 351 alignment stars and Pluto (909) are not available.
 _PLANETS = {901: "Mercury", 902: "Venus", 904: "Mars", 905: "Jupiter", 906: "Saturn", 907: "Uranus", 908: "Neptune"}
-_MOON = 903
+_MOON_NUMBER = 903
 _NOT_FOUND = "Catalog not found"
 #: The command that chooses the catalogue of a number. It is sent again first, because other clients choose too.
-_CHOSEN_BY = {"LC": "Lo", "LS": "Ls", "LF": "Lo", "LN": "Lo", "LB": "Lo"}
-_CHOOSING = ("Lo", "Ls")
+_CHOOSER_BY_COMMAND = {"LC": "Lo", "LS": "Ls", "LF": "Lo", "LN": "Lo", "LB": "Lo"}
+_CHOOSERS = ("Lo", "Ls")
 _YEAR = 365.25 * 86400.0
 #: The search limit of a letter of :G and :S.
 _LIMITS = {"b": "brighter", "f": "fainter", "F": "field", "l": "larger", "s": "smaller", "y": "types", "q": "quality"}
@@ -41,28 +41,28 @@ _TYPES = re.compile("gpdco", re.IGNORECASE)
 
 def choose_catalog(session: LxSession, values: op.Values) -> None:
     """:Lo - choose a catalogue; on models that do not search the reply is always 1."""
-    catalog = None if "fault" in values else _DEEP_SKY.get(values["catalog"])
-    session.client.deep_sky = catalog
+    catalog = None if "fault" in values else _CATALOG_BY_NUMBER.get(values["catalog"])
+    session.client.deep_sky_catalog = catalog
     if catalog is None:
         session.client.select_nothing(_NOT_FOUND)
     if session.model["libraries"]:
         if catalog is None:
             raise Invalid(_NOT_FOUND)
-        _check(session, lambda: deepsky.look_up(catalog, 1))
+        _check_installed(session, lambda: deepsky.look_up(catalog, 1))
 
 
 def choose_stars(session: LxSession, values: op.Values) -> None:
     """:Ls - choose a catalogue: planets, or Hipparcos."""
     catalog = None if "fault" in values else values["catalog"]
-    session.client.stars = catalog if catalog in (_STAR, _HIPPARCOS) else None
-    if session.client.stars is None:
+    session.client.star_catalog = catalog if catalog in (_STAR_CATALOG, _HIPPARCOS_CATALOG) else None
+    if session.client.star_catalog is None:
         session.client.select_nothing(_NOT_FOUND)
         raise Invalid(_NOT_FOUND)
-    if catalog == _HIPPARCOS:
-        _check(session, lambda: stars.hipparcos(1, 2000.0))
+    if catalog == _HIPPARCOS_CATALOG:
+        _check_installed(session, lambda: stars.hipparcos_star(1, 2000.0))
 
 
-def _check(session: LxSession, look_up: Callable[[], object]) -> None:
+def _check_installed(session: LxSession, look_up: Callable[[], object]) -> None:
     """Raise Invalid and select nothing if the catalogue is not installed."""
     try:
         look_up()
@@ -73,37 +73,37 @@ def _check(session: LxSession, look_up: Callable[[], object]) -> None:
 
 def select_object(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:LM :LC - select a Messier object, or an object of the catalogue that :Lo chose."""
-    catalog = "M" if command.name == "LM" else session.client.deep_sky
-    yield from _select(session, catalog, values, deepsky.look_up)
+    catalog = "M" if command.name == "LM" else session.client.deep_sky_catalog
+    yield from _select_by_number(session, catalog, values, deepsky.look_up)
 
 
 def select_star(session: LxSession, values: op.Values) -> Handling:
     """:LS - select from the catalogue that :Ls chose; by default STAR on models that have it, else Hipparcos."""
-    catalog = session.client.stars
+    catalog = session.client.star_catalog
     if catalog == "model":
-        catalog = _STAR if session.model["libraries"] else _HIPPARCOS
+        catalog = _STAR_CATALOG if session.model["libraries"] else _HIPPARCOS_CATALOG
     number, year = values.get("number"), 1970.0 + session.clock() / _YEAR
     if catalog is None or number is None:
         session.client.select_nothing(_NOT_FOUND if catalog is None else "No star selected")
-    elif catalog == _HIPPARCOS:
-        yield from _select(session, "HIP", values, lambda _, number: stars.hipparcos(number, year))
-    elif number == _MOON:
-        yield from _follow(session, op.MoonPlace(), "MOON")
+    elif catalog == _HIPPARCOS_CATALOG:
+        yield from _select_by_number(session, "HIP", values, lambda _, number: stars.hipparcos_star(number, year))
+    elif number == _MOON_NUMBER:
+        yield from _set_target(session, op.MoonPlace(), "MOON")
     elif number in _PLANETS:
-        yield from _follow(session, op.PlanetPlace(_PLANETS[number]), f"{_PLANETS[number].upper()} PLANET")
+        yield from _set_target(session, op.PlanetPlace(_PLANETS[number]), f"{_PLANETS[number].upper()} PLANET")
     else:
         session.client.select_nothing(f"STAR {number} not found")
 
 
-def _aim_at(session: LxSession, entry: CatalogObject) -> Handling:
+def _target_entry(session: LxSession, entry: CatalogObject) -> Handling:
     """Make an object of a catalogue the target."""
     place: op.Equatorial = yield op.ToEquinoxOfDate(entry.ra, entry.dec)
     client = session.client
     client.deselect()
-    client.ra, client.dec, client.entry, client.object = place.ra, place.dec, entry, describe(entry)
+    client.ra, client.dec, client.selected_entry, client.object_text = place.ra, place.dec, entry, describe(entry)
 
 
-def _follow(session: LxSession, moving: op.MoonPlace | op.PlanetPlace, text: str) -> Handling:
+def _set_target(session: LxSession, moving: op.MoonPlace | op.PlanetPlace, text: str) -> Handling:
     """Make a moving object the target. If its position is unknown, nothing is selected and Fault is raised."""
     client = session.client
     try:
@@ -112,7 +112,7 @@ def _follow(session: LxSession, moving: op.MoonPlace | op.PlanetPlace, text: str
         client.select_nothing(str(fault))
         raise
     client.deselect()
-    client.ra, client.dec, client.moving, client.object = place.ra, place.dec, moving, text
+    client.ra, client.dec, client.moving_object, client.object_text = place.ra, place.dec, moving, text
 
 
 def set_moon_target(session: LxSession, values: op.Values) -> Handling:
@@ -120,11 +120,11 @@ def set_moon_target(session: LxSession, values: op.Values) -> Handling:
     if "fault" in values:
         session.client.select_nothing("No object selected")
         raise values["fault"]
-    place = session.client.moon = replace(session.client.moon, **values)
-    yield from _follow(session, place, f"MOON LAT {place.latitude:+.1f} LONG {place.longitude:+.1f}")
+    place = session.client.moon_place = replace(session.client.moon_place, **values)
+    yield from _set_target(session, place, f"MOON LAT {place.latitude:+.1f} LONG {place.longitude:+.1f}")
 
 
-def _select(
+def _select_by_number(
     session: LxSession, catalog: str | None, values: op.Values, look_up: Callable[[str, int], CatalogObject | None]
 ) -> Handling:
     """Make the object of that number the target; if there is none, nothing is selected."""
@@ -138,18 +138,18 @@ def _select(
     if entry is None:
         session.client.select_nothing(f"{catalog} {number} not found")
     else:
-        yield from _aim_at(session, entry)
+        yield from _target_entry(session, entry)
 
 
 # --- searching --------------------------------------------------------------------------------------------------------
 
 
-def tell_search(session: LxSession, command: Command) -> object:
+def tell_search_limit(session: LxSession, command: Command) -> object:
     """:Gb :Gf :GF :Gl :Gs :Gy :Gq - the limits of a search."""
     return getattr(session.client.search, _LIMITS[command.name[1]])
 
 
-def set_search(session: LxSession, command: Command, values: op.Values) -> None:
+def set_search_limit(session: LxSession, command: Command, values: op.Values) -> None:
     """:Sb :Sf :SF :Sl :Ss :Sy - set a limit; the types are five letters in fixed order, those wanted in capitals."""
     name = _LIMITS[command.name[1]]
     (value,) = decoded(values).values()
@@ -169,33 +169,33 @@ def browse(session: LxSession, command: Command) -> Handling:
     if not session.model["libraries"]:
         return
     try:
-        candidates = deepsky.matching(_wanted(session))
-        visible, meridian = yield from _sky(session)
-        entry = session.client.entry
+        candidates = deepsky.matching(_search_query(session))
+        visible, meridian = yield from _visibility(session)
+        entry = session.client.selected_entry
         if entry is None or command.name == "LF":
-            row = deepsky.first(candidates, visible, meridian)
+            row = deepsky.first_visible(candidates, visible, meridian)
         else:
             row = deepsky.neighbour(candidates, visible, entry.ra, entry.dec, -1 if command.name == "LB" else 1)
         if row is None:
             session.client.select_nothing("No object found")
         else:
-            yield from _aim_at(session, deepsky.by_row(row[0]))
+            yield from _target_entry(session, deepsky.object_by_row(row[0]))
     except Unsupported as missing:
         session.client.select_nothing(str(missing))
 
 
-def identify(session: LxSession) -> Handling:
+def describe_field(session: LxSession) -> Handling:
     """:Lf - report how many objects within the limits are in the field, and which is nearest to its centre."""
     if not session.model["libraries"]:
         return {"text": session.model["find_text"]}
     try:
-        candidates = deepsky.matching(_wanted(session))
-        visible, _ = yield from _sky(session)
+        candidates = deepsky.matching(_search_query(session))
+        visible, _ = yield from _visibility(session)
         position: op.Equatorial = yield op.Position()
         centre: op.Equatorial = yield op.ToJ2000(position.ra, position.dec)
         radius = session.client.search.field / 120.0
-        objects = [c for c in deepsky.in_field(candidates, centre.ra, centre.dec, radius) if visible(*c[1:])]
-        nearest = f" {describe(deepsky.by_row(objects[0][0]))}" if objects else ""
+        objects = [c for c in deepsky.candidates_in_field(candidates, centre.ra, centre.dec, radius) if visible(*c[1:])]
+        nearest = f" {describe(deepsky.object_by_row(objects[0][0]))}" if objects else ""
         return {"text": f"{len(objects)} - Objects found{nearest}"}
     except Unsupported as missing:
         return {"text": str(missing)}
@@ -205,17 +205,17 @@ def object_text(session: LxSession) -> dict[str, str]:
     """:LI - the description of the selected object."""
     if not session.model["libraries"]:
         return {"text": session.model["object_text"]}
-    return {"text": session.client.object or "No object selected"}
+    return {"text": session.client.object_text or "No object selected"}
 
 
-def _wanted(session: LxSession) -> SearchLimits:
+def _search_query(session: LxSession) -> SearchLimits:
     """Return this client's search limits as a query of the catalogue."""
     limits = session.client.search
     kinds = "".join(letter for letter in limits.types if letter.isupper())
     return SearchLimits(limits.brighter, limits.fainter, limits.larger, limits.smaller, kinds, limits.quality)
 
 
-def _sky(session: LxSession) -> Handling:
+def _visibility(session: LxSession) -> Handling:
     """Return (a test whether a position is visible now, the right ascension in the south); without a site all are."""
     limits = session.limits
     try:
@@ -229,29 +229,29 @@ def _sky(session: LxSession) -> Handling:
 # --- the telescope's own library --------------------------------------------------------------------------------------
 
 
-def own_library(session: LxSession, command: Command, values: op.Values) -> Handling:
+def use_mount_library(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:Lo :Ls :LC :LM :LS :LF :LN :LB :LI - pass the command on to the mount's own object library."""
     client = session.client
     if command.name == "LI":
         return (
             (yield op.NativeRequest("LI", (), "moment"))
-            if client.object is None
-            else f"{client.object}#".encode("latin-1")
+            if client.object_text is None
+            else f"{client.object_text}#".encode("latin-1")
         )
-    if command.name in _CHOOSING:
-        others = {name: fields for name, fields in client.own_catalogs.items() if name != command.name}
+    if command.name in _CHOOSERS:
+        others = {name: fields for name, fields in client.mount_catalogs.items() if name != command.name}
         try:
             answer = yield op.PassThrough(command.name, tuple(values.items()))
         except Fault:
-            client.own_catalogs = others
+            client.mount_catalogs = others
             raise
-        client.own_catalogs = {**others, command.name: tuple(values.items())}
+        client.mount_catalogs = {**others, command.name: tuple(values.items())}
         return answer
-    catalogue = _CHOSEN_BY.get(command.name, "")
-    chosen_by = client.own_catalogs.get(catalogue)
+    catalogue = _CHOOSER_BY_COMMAND.get(command.name, "")
+    chosen_by = client.mount_catalogs.get(catalogue)
     first = () if chosen_by is None else ((catalogue, chosen_by),)
     chosen: op.Chosen = yield op.Choose(command.name, tuple(values.items()), first, client.ra or 0.0, client.dec or 0.0)
     if chosen.place is not None:
         client.deselect()
-        client.ra, client.dec, client.object = chosen.place.ra, chosen.place.dec, chosen.text
+        client.ra, client.dec, client.object_text = chosen.place.ra, chosen.place.dec, chosen.text
     return chosen.reply

@@ -18,79 +18,79 @@ from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
 #: The letters of the four sites in the commands for their names, and the highest number that ``:W`` accepts.
-_NAMED = "MNOP"
+_SITE_LETTERS = "MNOP"
 _SITES_AT_MOST = 4
 
 
-def tell_half(session: LxSession, command: Command) -> Handling:
+def tell_site_coordinate(session: LxSession, command: Command) -> Handling:
     """:Gt :Gg - latitude or longitude in force; as stored if the mount reports none. Raises Fault without any."""
     half = "latitude" if command.name == "Gt" else "longitude"
     try:
         site: Place | NamedSite = yield GetSite()
     except Fault:
-        site = session.shared.stored(_selected(session))
+        site = session.shared.site_at(_selected_site(session))
         if getattr(site, half) is None:
             raise
     return {half: getattr(site, half) if half == "latitude" else -getattr(site, half)}
 
 
-def _selected(session: LxSession) -> int:
+def _selected_site(session: LxSession) -> int:
     """Return the site number of this client, from 0: its own selection, else the last selection of any client."""
-    return (session.shared.site or 0) if session.client.site is None else session.client.site
+    return (session.shared.site or 0) if session.client.site_index is None else session.client.site_index
 
 
-def set_half(session: LxSession, values: Values) -> Handling:
+def set_site_coordinate(session: LxSession, values: Values) -> Handling:
     """:St :Sg - store latitude or longitude in the selected site and set it on the mount."""
     [(name, value)] = decoded(values).items()
     half = {name: value if name == "latitude" else -value}
     session.check_may_set()
-    index = _selected(session)
-    yield from _enter(session, index)
-    session.set_for_all(session.shared.with_site(index, replace(session.shared.stored(index), **half)))
+    index = _selected_site(session)
+    yield from _select_for_all(session, index)
+    session.set_for_all(session.shared.with_site(index, replace(session.shared.site_at(index), **half)))
     yield replace(SetSite(), **half)
 
 
-def _enter(session: LxSession, index: int) -> Handling:
+def _select_for_all(session: LxSession, index: int) -> Handling:
     """Select this site for all clients that select none; the first time, store the mount's own as site 1 before."""
     if not session.shared.site and index != 0:
         with suppress(Fault):
             place: Place = yield GetSite()
-            first = replace(session.shared.stored(0), latitude=place.latitude, longitude=place.longitude)
+            first = replace(session.shared.site_at(0), latitude=place.latitude, longitude=place.longitude)
             session.set_for_all(session.shared.with_site(0, first))
     if session.shared.site != index:
         session.set_for_all(replace(session.shared, site=index))
 
 
-def select(session: LxSession, values: Values) -> Handling:
+def select_site(session: LxSession, values: Values) -> Handling:
     """:W - select a site. The model counts from 0 or from 1; a number outside its range selects the nearest site."""
     number = decoded(values)["site"]
     if number > _SITES_AT_MOST:
         return
     session.check_may_set()
-    index = max(0, min(len(_NAMED) - 1, number - session.model["first_site"]))
+    index = max(0, min(len(_SITE_LETTERS) - 1, number - session.model["first_site"]))
     before = session.shared.site or 0
-    yield from _enter(session, index)
-    session.client.site = index
-    stored = _place(session, index)
+    yield from _select_for_all(session, index)
+    session.client.site_index = index
+    stored = _stored_site(session, index)
     if index == 0:
         if before != 0:
-            others = tuple(_place(session, other) for other in range(1, len(_NAMED)))
+            others = tuple(_stored_site(session, other) for other in range(1, len(_SITE_LETTERS)))
             yield SetSite(stored.latitude, stored.longitude, others)
     elif stored.latitude is not None and stored.longitude is not None:
         yield stored
 
 
-def _place(session: LxSession, index: int) -> SetSite:
+def _stored_site(session: LxSession, index: int) -> SetSite:
     """Return the stored site; a half that is not stored is None."""
-    stored = session.shared.stored(index)
+    stored = session.shared.site_at(index)
     return SetSite(stored.latitude, stored.longitude)
 
 
 def tell_name(session: LxSession, command: Command) -> dict[str, str]:
     """:GM :GN :GO :GP - the name of a site; sites without a name have four different defaults."""
-    index, longest = _NAMED.index(command.name[1]), session.model["names"]
+    index, longest = _SITE_LETTERS.index(command.name[1]), session.model["names"]
     unnamed = f"SITE {index + 1}" if longest > len("ST1") else f"ST{index + 1}"
-    return {"name": (session.shared.stored(index).name or unnamed)[:longest]}
+    return {"name": (session.shared.site_at(index).name or unnamed)[:longest]}
 
 
 def set_name(session: LxSession, command: Command, values: Values) -> None:
@@ -98,8 +98,8 @@ def set_name(session: LxSession, command: Command, values: Values) -> None:
     name = values.get("name", "").strip()
     if not name or len(name) > session.model["names"] or not (name.isascii() and name.isprintable()):
         raise Invalid(f"A site name has 1 to {session.model['names']} printable characters.")
-    index = _NAMED.index(command.name[1])
-    session.set_for_all(session.shared.with_site(index, replace(session.shared.stored(index), name=name)))
+    index = _SITE_LETTERS.index(command.name[1])
+    session.set_for_all(session.shared.with_site(index, replace(session.shared.site_at(index), name=name)))
 
 
 def set_limit(session: LxSession, command: Command, values: Values) -> None:

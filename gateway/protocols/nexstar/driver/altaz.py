@@ -11,29 +11,29 @@ from __future__ import annotations
 from gateway.astro.spherical import declination_rates, hour_angle_rates
 from gateway.core.errors import Busy, Refused, Unsupported
 from gateway.core.operations import Direction, Move, Pulse, Pulsed, Tracking
-from gateway.protocols.base.driver import BY_HAND, SLEWING, Send, Steps
+from gateway.protocols.base.driver import BY_HAND_MESSAGE, SLEWING_MESSAGE, Send, Steps
 from gateway.protocols.nexstar.counting import SIDEREAL
 from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.pointing import axis_readings, stop_current_motion
-from gateway.protocols.nexstar.driver.state import AXES, NexStar, rate_zero
+from gateway.protocols.nexstar.driver.state import MOTORS, NexStar, rate_zero
 
 Pair = tuple[float, float]
 
 #: At this speed (degrees a second) and above, tracking makes no visible difference to the motion.
-SLOW = 0.1
+SLOW_BELOW = 0.1
 #: Seconds: the line's pause after an acknowledgement; the longest delay assumed between the commands to both motors,
 #: and the delay assumed before the first measurement.
-BETWEEN, FARTHEST, UNKNOWN = 0.03, 0.5, 0.1
+LINE_PAUSE, MAX_MOTOR_DELAY, DEFAULT_MOTOR_DELAY = 0.03, 0.5, 0.1
 
 
-def applies(mount: NexStar) -> bool:
+def can_add_rates(mount: NexStar) -> bool:
     """Whether the mount tracks in alt-az and has variable rates (hand controls from 1.6 on)."""
     return tracking.native_mode(mount) is Tracking.ALTAZ and not mount.german and mount.supports("rate_azm_pos")
 
 
 def moves_on_tracking(mount: NexStar, operation: Move) -> bool:
     """Whether to move on top of tracking. Without a latitude the axis moves as on a mount that does not track."""
-    return applies(mount) and mount.site is not None and mount.speed(operation.rate) < SLOW
+    return can_add_rates(mount) and mount.site is not None and mount.speed(operation.rate) < SLOW_BELOW
 
 
 def move(mount: NexStar, operation: Move) -> Steps:
@@ -42,13 +42,13 @@ def move(mount: NexStar, operation: Move) -> Steps:
     if mount.goto is not None:
         yield from stop_current_motion(mount)
     mount.parked = False
-    yield from _read_direction(mount)
+    yield from _read_az_alt(mount)
     yield from tracking.suspend(mount)
-    if mount.suspended is not Tracking.ALTAZ:
+    if mount.suspended_mode is not Tracking.ALTAZ:
         return False
     speed = mount.speed(operation.rate)
     mount.moving[axis] = max(speed, mount.moving.get(axis, 0.0))  # until it has the new rate
-    yield from _add_rates(mount, axis, _motor_rates(axis, sign * speed))
+    yield from _add_rates(mount, axis, _rates_for_axis(axis, sign * speed))
     mount.moving[axis] = speed
     return True
 
@@ -62,20 +62,20 @@ def pulse(mount: NexStar, operation: Pulse) -> Steps:
     """
     direction = operation.direction
     if mount.goto is not None:
-        raise Refused(SLEWING)
+        raise Refused(SLEWING_MESSAGE)
     if mount.moving:
-        raise Refused(BY_HAND)
+        raise Refused(BY_HAND_MESSAGE)
     if mount.site is None:
         raise Unsupported("Guiding on top of alt-az tracking needs the latitude: give it with --site.")
-    where = yield from _read_direction(mount)
-    tracked = mount.suspended is None
+    where = yield from _read_az_alt(mount)
+    tracked = mount.suspended_mode is None
     took = yield from tracking.suspend(mount)
     delay = mount.motor_delay
     if delay is None:  # estimate: as long as suspending tracking took, plus the pause after it
-        delay = UNKNOWN if took is None else min(FARTHEST, took + BETWEEN)
+        delay = DEFAULT_MOTOR_DELAY if took is None else min(MAX_MOTOR_DELAY, took + LINE_PAUSE)
     lasts = max(operation.ms / 1000.0, 2.0 * delay)
     rate = direction.sense * mount.guide_rates[direction.axis] * SIDEREAL * operation.ms / 1000.0 / lasts
-    added = _motor_rates(direction.axis, rate)
+    added = _rates_for_axis(direction.axis, rate)
     if operation.sky:
         first, second = _motor_ratios(direction, where, mount)
         added = rate * first, rate * second
@@ -113,10 +113,10 @@ def send_rates(mount: NexStar, first_axis: int) -> Steps:
     """Send the present sum of rates to each axis without fast hand motion, beginning with axis ``first_axis``."""
     for axis in (first_axis, 3 - first_axis):
         if axis not in mount.moving or axis in mount.added_rates:
-            yield _rate(mount, axis, 0.0, at_once_or_never=False)
+            yield _rate_command(mount, axis, 0.0, at_once_or_never=False)
 
 
-def _read_direction(mount: NexStar) -> Steps:
+def _read_az_alt(mount: NexStar) -> Steps:
     """Read and return azimuth and altitude; store both axes' tracking rates there in ``mount.tracking_rates``."""
     answer = yield axis_readings(mount)
     where = answer["az"], answer["alt"]
@@ -126,13 +126,13 @@ def _read_direction(mount: NexStar) -> Steps:
     return where
 
 
-def _motor_ratios(direction: Direction, where: Pair, mount: NexStar) -> Pair:
+def _motor_ratios(direction: Direction, az_alt: Pair, mount: NexStar) -> Pair:
     """Return how far both axes turn for a degree of hour angle, or of declination."""
     assert mount.site is not None
-    return (hour_angle_rates if direction.axis == 1 else declination_rates)(*where, mount.site.latitude)
+    return (hour_angle_rates if direction.axis == 1 else declination_rates)(*az_alt, mount.site.latitude)
 
 
-def _motor_rates(axis: int, rate: float) -> Pair:
+def _rates_for_axis(axis: int, rate: float) -> Pair:
     return (rate, 0.0) if axis == 1 else (0.0, rate)
 
 
@@ -147,9 +147,9 @@ def _add_rates(mount: NexStar, axis: int, added: Pair, duration: float | None = 
     try:
         for number in (axis, 3 - axis):
             if number not in mount.moving or number in mount.added_rates:
-                planned = max(mount.now(), mount.next_at)
+                planned = max(mount.now(), mount.next_send_at)
                 lost = 0.0 if duration is None else planned - mount.suspended_at
-                yield _rate(mount, number, lost / (duration or 1.0), at_once_or_never=True)
+                yield _rate_command(mount, number, lost / (duration or 1.0), at_once_or_never=True)
                 sent.append(mount.sent_at)
                 late.append(mount.sent_at - planned)
     except Busy:  # it was never sent
@@ -161,19 +161,19 @@ def _add_rates(mount: NexStar, axis: int, added: Pair, duration: float | None = 
             yield from tracking.resume(mount)
         raise
     if len(sent) > 1:
-        mount.motor_delay = min(FARTHEST, sent[1] - sent[0])
+        mount.motor_delay = min(MAX_MOTOR_DELAY, sent[1] - sent[0])
     return sent[0], late[0]
 
 
-def _rate(mount: NexStar, axis: int, catch_up: float, at_once_or_never: bool) -> Send:
+def _rate_command(mount: NexStar, axis: int, catch_up: float, at_once_or_never: bool) -> Send:
     """Return the command with the sum of rates of an axis: tracking, if it was on, and all added rates.
 
     ``catch_up`` is the fraction by which tracking is faster.
     """
-    tracks = mount.tracking_rates[axis - 1] if mount.suspended is Tracking.ALTAZ else 0.0
+    tracks = mount.tracking_rates[axis - 1] if mount.suspended_mode is Tracking.ALTAZ else 0.0
     total = tracks * (1.0 + catch_up) + sum(added[axis - 1] for added in mount.added_rates.values())
-    fastest = float(mount.rates["fastest"])
+    fastest = float(mount.rate_table["fastest"])
     code = tracking.rate_code(min(abs(total), fastest) * 3600.0)
     return Send(
-        f"rate_{AXES[axis]}_{'pos' if total >= 0.0 else 'neg'}", {"rate": code}, at_once_or_never=at_once_or_never
+        f"rate_{MOTORS[axis]}_{'pos' if total >= 0.0 else 'neg'}", {"rate": code}, at_once_or_never=at_once_or_never
     )

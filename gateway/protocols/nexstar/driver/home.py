@@ -11,11 +11,11 @@ from gateway.core import operations as op
 from gateway.core.errors import NoAnswer, Unsupported
 from gateway.protocols.base.driver import Schedule, Send, Steps
 from gateway.protocols.nexstar.driver import tracking
-from gateway.protocols.nexstar.driver.pointing import MOTORS, axis_position, slew_axes, stop_current_motion
+from gateway.protocols.nexstar.driver.pointing import MOTOR_DEVICES, axis_position, slew_axes, stop_current_motion
 from gateway.protocols.nexstar.driver.state import NexStar, NexStarGotoState
 
 #: Seconds from ``y`` until tracking is turned on.
-AWAKE = 2.0
+WAKE_DELAY = 2.0
 
 
 def park(mount: NexStar, operation: op.Park) -> Steps:
@@ -29,36 +29,36 @@ def park(mount: NexStar, operation: op.Park) -> Steps:
 
 def set_home(mount: NexStar, _: op.SetHome) -> Steps:
     """Store the present axis readings as the home position."""
-    mount.home, mount.home_state = (yield from axis_position(mount, op.AxisPosition())), 1
+    mount.home_axes, mount.home_state = (yield from axis_position(mount, op.AxisPosition())), 1
 
 
-def home(mount: NexStar, _: op.Home) -> Steps:
+def go_home(mount: NexStar, _: op.Home) -> Steps:
     """Slew to the stored home position, or seek the motors' home switches if the settings ask for that."""
     if mount.settings.aux_home and mount.has("home"):
-        yield from _seek_switches(mount)
+        yield from _seek_home_switches(mount)
         return
-    if mount.home is None:
+    if mount.home_axes is None:
         mount.home_state = 0
         raise Unsupported("No home position was stored.")
     yield from stop_current_motion(mount)
     mount.home_state = 2
-    yield from slew_axes(mount, mount.home.az, mount.home.alt, "home")
+    yield from slew_axes(mount, mount.home_axes.az, mount.home_axes.alt, "home")
 
 
-def _seek_switches(mount: NexStar) -> Steps:
+def _seek_home_switches(mount: NexStar) -> Steps:
     """Send AUX 0x0B to both motors (never 0x19, which seeks the index of the periodic error correction)."""
     yield from stop_current_motion(mount)
     yield from tracking.suspend(mount)
     mount.parked, mount.home_state = False, 2
-    mount.goto = NexStarGotoState(since=mount.now(), then="home", seeks=True)
-    for device in MOTORS:
+    mount.goto = NexStarGotoState(since=mount.now(), purpose="home", seeks_switches=True)
+    for device in MOTOR_DEVICES:
         yield Send("level_start", {"device": device})
 
 
 def home_state(mount: NexStar, _: op.HomeState) -> Steps:
     """Return 2 on the way home or to park, 1 at home or parked, else 0."""
     yield from ()  # a generator like all others
-    if mount.goto is not None and mount.goto.then in ("home", "park"):
+    if mount.goto is not None and mount.goto.purpose in ("home", "park"):
         return 2
     return 1 if mount.parked else mount.home_state
 
@@ -80,19 +80,19 @@ def sleep(mount: NexStar, _: op.Hibernate) -> Steps:
             if not mount.asleep:  # a mount that already hibernates does not answer
                 raise
         mount.asleep, mount.woken = True, False
-        mount.at_rest()
-        mount.suspended = None  # it tracks when it wakes
+        mount.record_at_rest()
+        mount.suspended_mode = None  # it tracks when it wakes
     else:
         yield from tracking.set_tracking(mount, op.SetTracking(on=False))
 
 
-class Awake(op.Operation, frozen=True):
+class TrackAfterWake(op.Operation, frozen=True):
     """Internal: turn tracking on after waking, unless a client has changed it meanwhile."""
 
     survives_abort = True
 
 
-def awake(mount: NexStar, _: Awake) -> Steps:
+def track_after_wake(mount: NexStar, _: TrackAfterWake) -> Steps:
     """Turn tracking on some seconds after ``y``."""
     if mount.woken:
         mount.woken = False
@@ -104,6 +104,6 @@ def wake(mount: NexStar, _: op.Wake) -> Steps:
     if mount.supports("y"):
         yield Send("y")
         mount.asleep, mount.woken = False, True
-        yield Schedule(AWAKE, Awake())
+        yield Schedule(WAKE_DELAY, TrackAfterWake())
     else:
         yield from tracking.set_tracking(mount, op.SetTracking(on=True))

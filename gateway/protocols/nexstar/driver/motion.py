@@ -14,25 +14,25 @@ from gateway.core.errors import Busy, Fault, Unsupported
 from gateway.protocols.base.driver import Remark, Schedule, Send, Steps
 from gateway.protocols.nexstar.counting import SIDEREAL
 from gateway.protocols.nexstar.driver import altaz, tracking
-from gateway.protocols.nexstar.driver.pointing import Arrived, need_alignment, pier_side, stop_current_motion
-from gateway.protocols.nexstar.driver.state import AXES, GENTLE, NexStar, Stepping, rate_zero
+from gateway.protocols.nexstar.driver.pointing import AfterGoto, pier_side, require_alignment, stop_current_motion
+from gateway.protocols.nexstar.driver.state import GENTLE_KEYS, MOTORS, NexStar, SmallGotoMotion, rate_zero
 
 FOCUSER = 18
-LONGEST_PULSE = 2550  # milliseconds
+MAX_PULSE_MS = 2550  # milliseconds
 #: Seconds between small gotos; how much further ahead their goal may be, in seconds of motion plus degrees.
-STEP_EVERY, LONGER, AHEAD = 0.6, 0.5, 0.75
-_FOCUS_KEYS = {1: 2, 2: 4, 3: 6, 4: 9}
+STEP_INTERVAL, LEAD_SECONDS, LEAD_DEGREES = 0.6, 0.5, 0.75
+_KEY_BY_FOCUS_SPEED = {1: 2, 2: 4, 3: 6, 4: 9}
 #: Steps of a variable rate per degree a second: it is counted in quarter arcseconds a second.
-_STEPS = 4 * 3600
+_RATE_STEPS_PER_DEGREE = 4 * 3600
 #: A deviation from the requested speed by more than this fraction is remarked in the log.
-REMARK_FROM = 0.1
+REMARK_THRESHOLD = 0.1
 
 
-def sense(mount: NexStar, direction: op.Direction) -> int:
+def motor_sense(mount: NexStar, direction: op.Direction) -> int:
     """Return +1 or -1, the motor direction for a sky direction. Positive on axis 1 is west, but east in EQ south.
 
     Positive on axis 2 moves the tube of a fork towards the pole to which its base is tilted: south in EQ south. On a
-    German mount it depends on the pier side (``_reversed``), whose letters are those of the northern hemisphere.
+    German mount it depends on the pier side (``_is_reversed``), whose letters are those of the northern hemisphere.
     """
     southern = tracking.native_mode(mount) is op.Tracking.EQ_SOUTH
     if southern and (direction.axis == 1 or not mount.german):
@@ -40,18 +40,20 @@ def sense(mount: NexStar, direction: op.Direction) -> int:
     return direction.sense
 
 
-def _reversed(mount: NexStar, direction: op.Direction) -> Steps:
+def _is_reversed(mount: NexStar, direction: op.Direction) -> Steps:
     """Return whether the declination motor turns the other way: on the W side of the pier, or beyond the pole."""
     if direction.axis == 1:
         return False
     if not mount.german:
-        return mount.told_beyond
+        return mount.reports_beyond_pole
     try:
         reported = yield from pier_side(mount, op.PierSide())
     except Fault:
-        return mount.told_beyond
+        return mount.reports_beyond_pole
     west = mount.tube_side(reported) == "W"
-    return west != (mount.told_beyond and mount.supports("p"))  # without p both follow from the same axis reading
+    return west != (
+        mount.reports_beyond_pole and mount.supports("p")
+    )  # without p both follow from the same axis reading
 
 
 def move(mount: NexStar, operation: op.Move) -> Steps:
@@ -60,10 +62,10 @@ def move(mount: NexStar, operation: op.Move) -> Steps:
     if not pulse_instead and altaz.moves_on_tracking(mount, operation) and (yield from altaz.move(mount, operation)):
         return None
     by_sky = mount.moves_by_gotos  # the small gotos lead over the sky
-    sign = operation.direction.sense if by_sky else sense(mount, operation.direction)
+    sign = operation.direction.sense if by_sky else motor_sense(mount, operation.direction)
     if mount.goto is not None:
         yield from stop_current_motion(mount)  # during a goto ``p`` already returns the side of its goal
-    if not mount.moves_by_gotos and (yield from _reversed(mount, operation.direction)):
+    if not mount.moves_by_gotos and (yield from _is_reversed(mount, operation.direction)):
         sign = -sign
     if pulse_instead:
         return (yield from pulse_axis(mount, op.PulseAxis(operation.axis, sign, operation.ms or 0)))
@@ -76,20 +78,20 @@ def move_axis(mount: NexStar, operation: op.MoveAxis) -> Steps:
     if mount.goto is not None:
         yield from stop_current_motion(mount)
     asked, done = (rate.degrees or 0.0) if rate.key is None else 0.0, mount.speed(rate)
-    if abs(done - asked) > REMARK_FROM * asked > 0.0:
+    if abs(done - asked) > REMARK_THRESHOLD * asked > 0.0:
         text = f"a motion at {asked:.3g} degrees a second is done at {done:.3g}: this mount has no nearer speed"
         yield Remark(text, "speed")
     if mount.moves_by_gotos:
-        yield from need_alignment(mount)
-        mount.steps[axis] = Stepping(operation.sense * mount.speed(rate), mount.now())
-        return (yield from step_on(mount, StepOn()))
-    tracks = mount.suspended is None and (mount.tracking or op.Tracking.OFF).equatorial
+        yield from require_alignment(mount)
+        mount.small_goto_motions[axis] = SmallGotoMotion(operation.sense * mount.speed(rate), mount.now())
+        return (yield from send_small_goto(mount, NextSmallGoto()))
+    tracks = mount.suspended_mode is None and (mount.tracking or op.Tracking.OFF).equatorial
     if rate.name == "guide" and tracks:  # guiding is relative to tracking
-        yield from _guide(mount, axis, operation.sense)
+        yield from _move_at_guide_rate(mount, axis, operation.sense)
         return
     side = "pos" if operation.sense > 0 else "neg"
-    variable = mount.variable(rate)
-    gentle = variable is None and mount.key_for(rate) in GENTLE
+    variable = mount.variable_rate(rate)
+    gentle = variable is None and mount.key_for(rate) in GENTLE_KEYS
     mount.parked = False
     if not (gentle and tracks):
         yield from tracking.suspend(mount)
@@ -99,19 +101,19 @@ def move_axis(mount: NexStar, operation: op.MoveAxis) -> Steps:
     try:
         if variable is not None:
             yield Send(
-                f"rate_{AXES[axis]}_{side}", {"rate": tracking.rate_code(variable * 3600.0)}, at_once_or_never=True
+                f"rate_{MOTORS[axis]}_{side}", {"rate": tracking.rate_code(variable * 3600.0)}, at_once_or_never=True
             )
         else:
-            yield Send(f"slew_{AXES[axis]}_{side}", {"rate": mount.key_for(rate)}, at_once_or_never=True)
+            yield Send(f"slew_{MOTORS[axis]}_{side}", {"rate": mount.key_for(rate)}, at_once_or_never=True)
     except Busy:  # it was never sent
         mount.moving = before
-        if not before and mount.suspended is not None:
+        if not before and mount.suspended_mode is not None:
             yield from tracking.resume(mount)
         raise
     mount.moving[axis] = mount.speed(rate)
 
 
-def _guide(mount: NexStar, axis: int, sign: int) -> Steps:
+def _move_at_guide_rate(mount: NexStar, axis: int, sign: int) -> Steps:
     """Move at the guide rate, on top of equatorial tracking."""
     mount.parked = False
     before = dict(mount.moving)
@@ -126,7 +128,7 @@ def _guide(mount: NexStar, axis: int, sign: int) -> Steps:
 
 def stop_axis(mount: NexStar, operation: op.StopAxis) -> Steps:
     """End hand motion of an axis by rate 0; resume tracking, once, when no axis moves any more."""
-    stepped = mount.steps.pop(operation.axis, None)
+    stepped = mount.small_goto_motions.pop(operation.axis, None)
     if mount.moves_by_gotos:
         if stepped is not None:
             yield Send("M")  # the last small goto may lead far in azimuth; the other axis continues with its next goto
@@ -138,15 +140,15 @@ def stop_axis(mount: NexStar, operation: op.StopAxis) -> Steps:
     yield from end_guiding(mount, operation.axis)
     mount.moving.pop(operation.axis, None)
     mount.pulsing.discard(operation.axis)
-    yield from _end_pulses(mount, [operation.axis])
+    yield from _end_timed_pulses(mount, [operation.axis])
     if mount.added_rates:
         yield from altaz.send_rates(mount, operation.axis)
     elif mount.moving:
         return
-    elif mount.suspended is not None:
+    elif mount.suspended_mode is not None:
         yield from tracking.resume(mount)
     elif not replaced and (operation.axis == 1 or mount.rate.name != "sidereal"):
-        yield from tracking.keep_rate(mount)
+        yield from tracking.resend_rate(mount)
 
 
 def abort_motion(mount: NexStar, _: op.AbortMotion) -> Steps:
@@ -154,29 +156,29 @@ def abort_motion(mount: NexStar, _: op.AbortMotion) -> Steps:
 
     The fastest motion is ended first.
     """
-    mount.steps.clear()
+    mount.small_goto_motions.clear()
     mount.pulsing.clear()
     mount.added_rates.clear()
     going = mount.goto
     if going is not None:
-        mount.home_state = 0 if going.then == "home" else mount.home_state
+        mount.home_state = 0 if going.purpose == "home" else mount.home_state
         yield Send("M")
         mount.goto = None
     if not mount.moves_by_gotos:
-        for axis in sorted(AXES, key=lambda axis: -mount.moving.get(axis, 0.0)):
+        for axis in sorted(MOTORS, key=lambda axis: -mount.moving.get(axis, 0.0)):
             yield rate_zero(axis)
     mount.moving.clear()
     if going is None:
         yield Send("M")
-    yield from _end_pulses(mount, [1, 2])
+    yield from _end_timed_pulses(mount, [1, 2])
     yield from (
-        tracking.resume(mount) if mount.suspended is not None or going is not None else tracking.keep_rate(mount)
+        tracking.resume(mount) if mount.suspended_mode is not None or going is not None else tracking.resend_rate(mount)
     )
     if going is not None and mount.rate.name != "sidereal":
-        yield Schedule(0.0, Arrived(then=""))  # the hand control now tracks at the sidereal rate
+        yield Schedule(0.0, AfterGoto(then=""))  # the hand control now tracks at the sidereal rate
 
 
-def _end_pulses(mount: NexStar, axes: list[int]) -> Steps:
+def _end_timed_pulses(mount: NexStar, axes: list[int]) -> Steps:
     """End pulses that the motors time themselves: a pulse of rate 0 replaces a running pulse."""
     for axis in axes:
         if mount.pulse_ends.pop(axis, 0.0) > mount.now():
@@ -186,34 +188,34 @@ def _end_pulses(mount: NexStar, axes: list[int]) -> Steps:
 # --- hand controls before 1.6 -----------------------------------------------------------------------------------
 
 
-class StepOn(op.Operation, frozen=True):
+class NextSmallGoto(op.Operation, frozen=True):
     """Internal: the next small goto of a motion on a hand control without pass-through."""
 
 
-def step_on(mount: NexStar, _: StepOn) -> Steps:
+def send_small_goto(mount: NexStar, _: NextSmallGoto) -> Steps:
     """Read the position (``E``), send a goto a little ahead of it (``R``), and repeat until the motion is stopped."""
-    if not mount.steps:
+    if not mount.small_goto_motions:
         return
     answer = yield Send("E")
     ra, dec = answer["ra"], fold_declination(0.0, answer["dec"])[1]
-    west, north = _step(mount, 1, -ra), _step(mount, 2, dec)
+    west, north = _small_goto_degrees(mount, 1, -ra), _small_goto_degrees(mount, 2, dec)
     yield Send("R", {"ra": ra - west, "dec": max(-90.0, min(90.0, dec + north))})
-    yield Schedule(STEP_EVERY, StepOn())
+    yield Schedule(STEP_INTERVAL, NextSmallGoto())
 
 
-def _step(mount: NexStar, axis: int, position: float) -> float:
+def _small_goto_degrees(mount: NexStar, axis: int, position: float) -> float:
     """Return the degrees from ``position`` to where the axis should be at the next step, given its speed and start.
 
     A goto ends slowly and has a resolution of 20 arcseconds. Counted from the start, the mean speed is still right.
     The goal never gets far ahead of a mount that cannot keep up.
     """
-    step = mount.steps.get(axis)
+    step = mount.small_goto_motions.get(axis)
     if step is None:
         return 0.0
-    if step.start is None:
-        step.start = position
-    due = step.speed * (mount.now() - step.since + STEP_EVERY) - wrap180(position - step.start)
-    most = abs(step.speed) * (STEP_EVERY + LONGER) + AHEAD
+    if step.start_position is None:
+        step.start_position = position
+    due = step.speed * (mount.now() - step.started_at + STEP_INTERVAL) - wrap180(position - step.start_position)
+    most = abs(step.speed) * (STEP_INTERVAL + LEAD_SECONDS) + LEAD_DEGREES
     return max(-most, min(most, due))
 
 
@@ -225,12 +227,12 @@ def pulse(mount: NexStar, operation: op.Pulse) -> Steps:
     the declination motor in the same sense.
     """
     by_sky = operation.sky
-    if operation.ms > 0 and altaz.applies(mount) and (by_sky or not mount.times_pulses):
+    if operation.ms > 0 and altaz.can_add_rates(mount) and (by_sky or not mount.times_pulses):
         return (yield from altaz.pulse(mount, operation))
     if tracking.native_mode(mount) is None and not (mount.moves_by_gotos or mount.times_pulses):
         raise Unsupported("Guiding needs the tracking mode, which this hand control does not report: give --mode.")
-    axis, sign = operation.direction.axis, sense(mount, operation.direction)
-    if by_sky and not mount.moves_by_gotos and (yield from _reversed(mount, operation.direction)):
+    axis, sign = operation.direction.axis, motor_sense(mount, operation.direction)
+    if by_sky and not mount.moves_by_gotos and (yield from _is_reversed(mount, operation.direction)):
         sign = -sign
     return (yield from pulse_axis(mount, op.PulseAxis(axis, sign, operation.ms)))
 
@@ -246,8 +248,8 @@ def pulse_axis(mount: NexStar, operation: op.PulseAxis) -> Steps:
     if (fault := mount.guiding_refusal()) is not None:
         raise fault
     if mount.times_pulses:
-        piece = min(operation.ms, LONGEST_PULSE)
-        percent, ticks = motor_pulse(piece, fraction)
+        piece = min(operation.ms, MAX_PULSE_MS)
+        percent, ticks = pulse_arguments(piece, fraction)
         mount.pulse_ends[axis] = mount.now() + piece / 1000.0
         yield Send("pulse", {"device": 15 + axis, "rate": sign * percent, "ticks": ticks}, at_once_or_never=True)
         return op.Pulsed(piece / 1000.0, ends=True, left=operation.ms - piece)
@@ -260,13 +262,13 @@ def pulse_axis(mount: NexStar, operation: op.PulseAxis) -> Steps:
 # --- mechanics --------------------------------------------------------------------------------------------------
 
 
-def backlash(mount: NexStar, operation: op.Backlash) -> Steps:
+def set_backlash(mount: NexStar, operation: op.Backlash) -> Steps:
     """Set the backlash compensation by AUX 0x10 and 0x11."""
     for side in {1: ("pos",), -1: ("neg",)}.get(operation.sense, ("pos", "neg")):
         yield Send(f"set_backlash_{side}", {"device": 15 + operation.axis, "value": operation.value})
 
 
-def periodic_error(mount: NexStar, operation: op.PeriodicError) -> Steps:
+def switch_pec(mount: NexStar, operation: op.PeriodicError) -> Steps:
     """Turn periodic error correction on or off by AUX 0x0D on the right-ascension motor, the only motor that has it."""
     if not mount.has("pec"):
         raise Unsupported("This mount has no periodic error correction.")
@@ -277,9 +279,9 @@ def periodic_error(mount: NexStar, operation: op.PeriodicError) -> Steps:
 
 def focus(mount: NexStar, operation: op.Focus) -> Steps:
     """Move a focuser on the mount's bus like an axis (AUX 0x24, 0x25); its positions increase outwards."""
-    if not mount.focuser:
+    if not mount.has_focuser:
         raise Unsupported("No focuser answers on this mount.")
-    rate = _FOCUS_KEYS[operation.speed] if operation.direction else 0
+    rate = _KEY_BY_FOCUS_SPEED[operation.speed] if operation.direction else 0
     yield Send("move_neg" if operation.direction > 0 else "move_pos", {"device": FOCUSER, "rate": rate})
 
 
@@ -293,20 +295,20 @@ def begin_guiding(mount: NexStar, axis: int, sign: int, fraction: float) -> Step
     side = "pos" if sign > 0 else "neg"
     if key is not None:
         if axis == 1 and mount.drive == "replaced":
-            yield from tracking.keep_rate(mount)
-        yield Send(f"slew_{AXES[axis]}_{side}", {"rate": key}, at_once_or_never=True)
+            yield from tracking.resend_rate(mount)
+        yield Send(f"slew_{MOTORS[axis]}_{side}", {"rate": key}, at_once_or_never=True)
         return mount.key_speed(key) / SIDEREAL
     drive = tracking.drive_speed(mount) if axis == 1 else 0.0
-    steps = round((drive + sign * asked) * _STEPS)
+    steps = round((drive + sign * asked) * _RATE_STEPS_PER_DEGREE)
     side = "pos" if steps >= 0 else "neg"
     before, mount.drive = mount.drive, "replaced" if axis == 1 else mount.drive  # a stop must know before
     try:
-        yield Send(f"rate_{AXES[axis]}_{side}", {"rate": abs(steps)}, at_once_or_never=True)
+        yield Send(f"rate_{MOTORS[axis]}_{side}", {"rate": abs(steps)}, at_once_or_never=True)
     except Busy:  # it was never sent
         mount.drive = before
         raise
-    turns = abs(steps / _STEPS - drive)
-    if abs(turns - asked) > REMARK_FROM * asked:
+    turns = abs(steps / _RATE_STEPS_PER_DEGREE - drive)
+    if abs(turns - asked) > REMARK_THRESHOLD * asked:
         yield Remark(
             f"guiding at {turns * 3600:.2f} instead of {asked * 3600:.2f} arcseconds a second: "
             "these motors count quarters of an arcsecond"
@@ -317,12 +319,12 @@ def begin_guiding(mount: NexStar, axis: int, sign: int, fraction: float) -> Step
 def end_guiding(mount: NexStar, axis: int) -> Steps:
     """Stop the motor. If the rate had replaced tracking, send the drive rate instead, so that no tracking is lost."""
     if axis == 1 and mount.drive == "replaced":
-        yield from tracking.keep_rate(mount)
+        yield from tracking.resend_rate(mount)
         return
     yield rate_zero(axis)
 
 
-def motor_pulse(ms: int, fraction: float) -> tuple[int, int]:
+def pulse_arguments(ms: int, fraction: float) -> tuple[int, int]:
     """Return percentage and hundredths of a second of a pulse; the percentage makes up for the rounding of the time."""
     ticks = max(1, -(-ms // 10))
     return max(0, min(100, round(100.0 * fraction * ms / (10.0 * ticks)))), ticks

@@ -16,9 +16,9 @@ from gateway.protocols.nexstar.counting import fields_of, unix_of
 from gateway.protocols.nexstar.driver.state import NexStar
 
 #: If setting the clock took this many seconds, the time was late and is set again; at most this many attempts.
-SET_LATE, SET_TRIES = 2.0, 3
+MAX_SET_DURATION, SET_TRIES = 2.0, 3
 #: Every time zone is less than this many hours from UTC.
-FARTHEST = 15.0
+MAX_OFFSET_HOURS = 15.0
 
 
 def get_site(mount: NexStar, _: GetSite) -> Steps:
@@ -28,7 +28,7 @@ def get_site(mount: NexStar, _: GetSite) -> Steps:
         mount.site = Place(answer["latitude"], answer["longitude"])
         return mount.site
     try:
-        receiver = yield from gps(mount, GetGps())
+        receiver = yield from read_gps(mount, GetGps())
     except Fault:
         receiver = Gps(linked=False)
     if receiver.place is not None:
@@ -44,12 +44,12 @@ def set_site(mount: NexStar, operation: SetSite) -> Steps:
     """Send ``W``, which needs both latitude and longitude. Raises Unsupported."""
     if not mount.supports("W") or operation.latitude is None or operation.longitude is None:
         raise Unsupported("The site of this hand control cannot be set.")
-    yield from _not_aligned(mount)
+    yield from _check_not_aligned(mount)
     yield Send("W", {"latitude": operation.latitude, "longitude": wrap180(operation.longitude)})
     mount.site = Place(operation.latitude, operation.longitude)
 
 
-def _not_aligned(mount: NexStar) -> Steps:
+def _check_not_aligned(mount: NexStar) -> Steps:
     """Ask a StarSense first whether the user has aligned it meanwhile. Raises Unsupported if it is aligned."""
     if mount.starsense and (yield Send("J"))["aligned"]:
         mount.aligned = True
@@ -77,7 +77,7 @@ def get_clock(mount: NexStar, _: GetClock) -> Steps:
     raise Unsupported("This hand control does not report the time.")
 
 
-def gps(mount: NexStar, _: GetGps) -> Steps:
+def read_gps(mount: NexStar, _: GetGps) -> Steps:
     """Return the Gps state of GPS unit 176. Raises NoDevice."""
     if not mount.has("gps") or not mount.supports("gps_linked"):
         raise NoDevice("This mount has no GPS unit.")
@@ -97,9 +97,9 @@ def _universal_time(part: str) -> Steps:
     return {**day, **year, **time}
 
 
-def clock_from_gps(mount: NexStar, _: ClockFromGps) -> Steps:
+def set_clock_from_gps(mount: NexStar, _: ClockFromGps) -> Steps:
     """Set the hand control's clock from GPS unit 176; its time zone stays. Raises NoDevice unless it is linked."""
-    receiver = yield from gps(mount, GetGps())
+    receiver = yield from read_gps(mount, GetGps())
     if not receiver.linked:
         raise NoDevice("The GPS is not linked.")
     offset, dst = 0.0, None
@@ -111,7 +111,7 @@ def clock_from_gps(mount: NexStar, _: ClockFromGps) -> Steps:
 
 def _moment(fields: dict[str, int], zone: float, century: int = 2000) -> Moment:
     offset = zone + fields.get("dst", 0)
-    if fields.get("dst", 0) > 1 or not -FARTHEST < offset < FARTHEST:
+    if fields.get("dst", 0) > 1 or not -MAX_OFFSET_HOURS < offset < MAX_OFFSET_HOURS:
         raise Unsupported(f"The hand control's zone is impossible: {zone:g} hours, daylight saving {fields['dst']}.")
     try:
         local = unix_of({**fields, "second": min(fields["second"], 59)}, century)
@@ -142,11 +142,11 @@ def set_clock(mount: NexStar, operation: SetClock) -> Steps:
     else:
         raise Unsupported("The clock of this hand control cannot be set.")
     for _ in range(SET_TRIES):
-        yield from _not_aligned(mount)
+        yield from _check_not_aligned(mount)
         asked = mount.now()
         local = datetime.fromtimestamp(round(operation.unix + asked - began), UTC) + timedelta(hours=zone + dst)
         yield Send(name, {**fields_of(local), "dst": dst, **fields})
-        if mount.now() - asked < SET_LATE:
+        if mount.now() - asked < MAX_SET_DURATION:
             return
 
 

@@ -1,7 +1,7 @@
 """Positions, syncs, and gotos to sky positions or axis readings.
 
 A goto is under way from the moment the hand control has acknowledged it, although ``L`` may still return 0 for a while.
-Its progress is read by ``L``. What follows its end (parking, home, drive rate) is a scheduled operation, ``Arrived``.
+Its progress is read by ``L``. What follows its end (parking, home, drive rate) is a scheduled operation, ``AfterGoto``.
 """
 
 from __future__ import annotations
@@ -11,28 +11,28 @@ from gateway.core import operations as op
 from gateway.core.errors import NoAnswer, NotAligned, Unsupported
 from gateway.protocols.base.driver import Remark, Schedule, Send, Steps, Wait
 from gateway.protocols.nexstar.driver import tracking
-from gateway.protocols.nexstar.driver.state import AXES, POLE_AXES, NexStar, NexStarGotoState, rate_zero
+from gateway.protocols.nexstar.driver.state import MOTORS, POLE_AXES, NexStar, NexStarGotoState, rate_zero
 
 #: Seconds after a goto's acknowledgement in which ``L`` = 0 may mean that it has not begun yet.
 START_GRACE = 3.0
 #: Seconds to wait for ``L`` = 0 after ``M``.
 CANCEL_WAIT = 5.0
 #: Degrees by which the axes may be away from the position of park or home when the slew there has ended.
-AT_PLACE = 0.5
+ARRIVAL_TOLERANCE = 0.5
 #: At most how many times tracking is turned off after parking if the mount does not answer, and the seconds between.
-OFF_TRIES, OFF_AGAIN = 4, 5.0
-MOTORS, FOUND = (16, 17), 255
+TRACKING_OFF_TRIES, TRACKING_OFF_INTERVAL = 4, 5.0
+MOTOR_DEVICES, SWITCH_FOUND = (16, 17), 255
 
 
 def position(mount: NexStar, _: op.Position) -> Steps:
     """Return the Equatorial position by ``e`` or ``E``, folded at the pole, plus the offset of an emulated sync."""
     answer = yield Send("e" if mount.supports("e") else "E")
-    mount.told_beyond = abs(wrap180(answer["dec"])) > 90.0
+    mount.reports_beyond_pole = abs(wrap180(answer["dec"])) > 90.0
     ra, dec = fold_declination(answer["ra"], answer["dec"])
-    if any(mount.offset):
-        ra, dec = fold_declination(ra + mount.offset[0], dec + mount.offset[1])
-    mount.last = op.Equatorial(ra, dec)
-    return mount.last
+    if any(mount.sync_offset):
+        ra, dec = fold_declination(ra + mount.sync_offset[0], dec + mount.sync_offset[1])
+    mount.last_position = op.Equatorial(ra, dec)
+    return mount.last_position
 
 
 def axis_readings(mount: NexStar) -> Send:
@@ -43,13 +43,15 @@ def axis_readings(mount: NexStar) -> Send:
 def axis_position(mount: NexStar, _: op.AxisPosition) -> Steps:
     """Return the readings of both axes; on a German mount, counted as a Celestron counts them (POLE_AXES)."""
     answer = yield axis_readings(mount)
-    return op.Horizontal(wrap360(answer["az"] + mount.axis_zero) if mount.axis_zero else answer["az"], answer["alt"])
+    return op.Horizontal(
+        wrap360(answer["az"] + mount.axis_offset) if mount.axis_offset else answer["az"], answer["alt"]
+    )
 
 
 def horizontal_position(mount: NexStar, _: op.HorizontalPosition) -> Steps:
     """Return a fork's own Horizontal position; None if the axes are equatorial (then the controller calculates it)."""
     mode = tracking.native_mode(mount)
-    if mount.german or (mode is not None and mode.equatorial) or any(mount.offset):
+    if mount.german or (mode is not None and mode.equatorial) or any(mount.sync_offset):
         return None
     answer = yield axis_readings(mount)
     return op.Horizontal(az=wrap360(answer["az"]), alt=max(-90.0, min(90.0, answer["alt"])))
@@ -77,7 +79,7 @@ def sync(mount: NexStar, operation: op.Sync) -> Steps:
         return
     answer = yield Send("e" if mount.supports("e") else "E")
     ra, dec = fold_declination(answer["ra"], answer["dec"])
-    mount.offset = (wrap180(wrap360(operation.ra) - ra), operation.dec - dec)
+    mount.sync_offset = (wrap180(wrap360(operation.ra) - ra), operation.dec - dec)
 
 
 # --- gotos ------------------------------------------------------------------------------------------------------------
@@ -86,16 +88,16 @@ def sync(mount: NexStar, operation: op.Sync) -> Steps:
 def goto(mount: NexStar, operation: op.Goto) -> Steps:
     """Slew by ``r`` or ``R``, less the offset of an emulated sync. Raises NotAligned."""
     if mount.native_mode is None:
-        mount.must_be_decided()
-    yield from need_alignment(mount)
+        mount.check_mounting_known()
+    yield from require_alignment(mount)
     yield from stop_current_motion(mount)
     if operation.track and mount.tracking is op.Tracking.OFF and tracking.native_mode(mount) and mount.supports("T"):
         yield from tracking.set_tracking(mount, op.SetTracking(on=True))
-    ra, dec = fold_declination(operation.ra - mount.offset[0], operation.dec - mount.offset[1])
-    yield from _begin(mount, Send("r" if mount.supports("r") else "R", {"ra": ra, "dec": dec}))
+    ra, dec = fold_declination(operation.ra - mount.sync_offset[0], operation.dec - mount.sync_offset[1])
+    yield from _begin_goto(mount, Send("r" if mount.supports("r") else "R", {"ra": ra, "dec": dec}))
 
 
-def need_alignment(mount: NexStar) -> Steps:
+def require_alignment(mount: NexStar) -> Steps:
     """Ask ``J`` first, because an unaligned hand control acknowledges a goto and does nothing. Raises NotAligned."""
     answer = yield Send("J")
     mount.aligned = bool(answer["aligned"])
@@ -110,19 +112,19 @@ def goto_axes(mount: NexStar, operation: op.GotoAxes) -> Steps:
 
 
 def slew_axes(mount: NexStar, az: float, alt: float, then_command: str | None) -> Steps:
-    mount.must_be_decided()
-    az -= mount.axis_zero
-    yield from _begin(mount, Send("b" if mount.supports("b") else "B", {"az": az, "alt": alt}), then_command)
+    mount.check_mounting_known()
+    az -= mount.axis_offset
+    yield from _begin_goto(mount, Send("b" if mount.supports("b") else "B", {"az": az, "alt": alt}), then_command)
 
 
-def _begin(mount: NexStar, command: Send, then_command: str | None = None) -> Steps:
-    def sent() -> Steps:
+def _begin_goto(mount: NexStar, command: Send, then_command: str | None = None) -> Steps:
+    def send() -> Steps:
         yield command
 
-    yield from mount.begin_goto(NexStarGotoState(then=then_command), sent(), _slews)
+    yield from mount.begin_goto(NexStarGotoState(purpose=then_command), send(), _is_slewing)
 
 
-def _slews(_: NexStar) -> Steps:
+def _is_slewing(_: NexStar) -> Steps:
     """Return whether a goto is under way, by ``L``."""
     return (yield Send("L"))["slewing"] == "1"
 
@@ -132,61 +134,61 @@ def stop_current_motion(mount: NexStar) -> Steps:
 
     Rate 0 ends hand motion and guide pulses. ``M`` ends a goto; then wait until ``L`` returns 0.
     """
-    mount.steps.clear()
+    mount.small_goto_motions.clear()
     for axis in sorted({*mount.moving, *mount.pulsing, *((1, 2) if mount.added_rates else ())}):
         yield rate_zero(axis)
         mount.moving.pop(axis, None)
     mount.pulsing.clear()
     mount.added_rates.clear()
-    mount.guiding_ended()
-    if mount.goto is not None and mount.goto.seeks:
+    mount.record_guiding_ended()
+    if mount.goto is not None and mount.goto.seeks_switches:
         yield from _stop_seeking(mount)
     elif mount.goto is not None:
         yield from _cancel(mount)
         deadline = mount.now() + CANCEL_WAIT
-        while mount.now() < deadline and (yield from _slews(mount)):
+        while mount.now() < deadline and (yield from _is_slewing(mount)):
             yield Wait(0.1)
         mount.give_up_goto()
-    if mount.suspended is not None:
-        if mount.suspended is not op.Tracking.OFF:
-            yield from tracking.send_mode(mount, mount.suspended)
-        mount.suspended = None
+    if mount.suspended_mode is not None:
+        if mount.suspended_mode is not op.Tracking.OFF:
+            yield from tracking.send_mode(mount, mount.suspended_mode)
+        mount.suspended_mode = None
 
 
 def abort_slew(mount: NexStar, _: op.AbortSlew) -> Steps:
     """Send ``M``: a goto ends, hand motion continues, and a special drive rate is restored."""
     going = mount.goto
-    if mount.goto is not None and mount.goto.seeks:
+    if mount.goto is not None and mount.goto.seeks_switches:
         yield from _stop_seeking(mount)
         yield from tracking.resume(mount)
         return
     mount.give_up_goto()
     yield from _cancel(mount)
     if going is not None and mount.rate.name != "sidereal":
-        yield Schedule(0.0, Arrived(then=""))  # the hand control now tracks at the sidereal rate
+        yield Schedule(0.0, AfterGoto(then=""))  # the hand control now tracks at the sidereal rate
 
 
 def _cancel(mount: NexStar) -> Steps:
     """Send ``M``; where a goto may go on after it, also rate 0 to the axes that are not moved by hand."""
     yield Send("M")
-    if "restarts" in mount.facts:
-        for axis in sorted(AXES.keys() - mount.moving.keys()):
+    if "restarts" in mount.model_facts:
+        for axis in sorted(MOTORS.keys() - mount.moving.keys()):
             yield rate_zero(axis)
 
 
 def _stop_seeking(mount: NexStar) -> Steps:
     """Send rate 0 to both motors, because ``M`` does not end a search for the home switches."""
     mount.goto, mount.home_state = None, 0
-    for axis in AXES:
+    for axis in MOTORS:
         yield rate_zero(axis)
 
 
 def slewing(mount: NexStar, _: op.Slewing) -> Steps:
     """Return whether a goto is under way: by ``L``, or True while an acknowledged goto may not have begun yet."""
     state = mount.goto
-    if state is not None and state.seeks:
-        return (yield from _still_seeking(mount, state))
-    moving = yield from _slews(mount)
+    if state is not None and state.seeks_switches:
+        return (yield from _is_seeking_switches(mount, state))
+    moving = yield from _is_slewing(mount)
     if mount.goto is not state:
         return mount.goto is not None or moving  # meanwhile another goto has begun, or this goto was stopped
     if state is None:
@@ -202,26 +204,26 @@ def slewing(mount: NexStar, _: op.Slewing) -> Steps:
         mount.give_up_goto()
         return False
     mount.goto = None
-    yield Schedule(0.0, Arrived(then=state.then or ""))
+    yield Schedule(0.0, AfterGoto(then=state.purpose or ""))
     return False
 
 
-def _still_seeking(mount: NexStar, state: NexStarGotoState) -> Steps:
+def _is_seeking_switches(mount: NexStar, state: NexStarGotoState) -> Steps:
     """Return whether a motor still seeks its home switch, by AUX 0x12 of both motors."""
-    for device in MOTORS:
-        if (yield Send("level_done", {"device": device}))["done"] != FOUND:
+    for device in MOTOR_DEVICES:
+        if (yield Send("level_done", {"device": device}))["done"] != SWITCH_FOUND:
             return mount.goto is not None
     if mount.goto is state:
         mount.goto = None
-        yield Schedule(0.0, Arrived(then="home"))
+        yield Schedule(0.0, AfterGoto(then="home"))
     return mount.goto is not None
 
 
-class Arrived(op.Operation, frozen=True):
+class AfterGoto(op.Operation, frozen=True):
     """Internal: finish a goto in turn with other motions; ``then`` is park, home, or empty for an ordinary goto."""
 
     then: str
-    left: int = OFF_TRIES
+    tries_left: int = TRACKING_OFF_TRIES
 
 
 def _arrived(mount: NexStar, state: NexStarGotoState) -> Steps:
@@ -234,10 +236,10 @@ def _arrived(mount: NexStar, state: NexStarGotoState) -> Steps:
     return before == after and mount.now() - state.since > 1.5
 
 
-def _away(mount: NexStar, place: str) -> Steps:
+def _distance_from(mount: NexStar, goal_name: str) -> Steps:
     """Return the distance of the axes from the position of park or home, degrees; 0 if that position is unknown."""
     by_switches = mount.settings.aux_home and mount.has("home")  # only the switches know the home position
-    operation = op.Park() if place == "park" else op.Home() if place == "home" and not by_switches else None
+    operation = op.Park() if goal_name == "park" else op.Home() if goal_name == "home" and not by_switches else None
     goal = None if operation is None else mount.destination(operation)
     if goal is None:
         return 0.0
@@ -245,30 +247,30 @@ def _away(mount: NexStar, place: str) -> Steps:
     return separation(goal.az, goal.alt, axes.az, axes.alt)
 
 
-def arrived(mount: NexStar, operation: Arrived) -> Steps:
+def finish_goto(mount: NexStar, operation: AfterGoto) -> Steps:
     """Finish a goto: park, note home, or restore a drive rate, unless the mount moves again or stopped elsewhere.
 
     Tracking at the park position would carry the tube away, so turning it off is retried if the mount does not answer.
     """
-    again = operation.left < OFF_TRIES
+    again = operation.tries_left < TRACKING_OFF_TRIES
     if mount.goto is not None or mount.moving or (again and not mount.parked):
         return
-    if not again and (away := (yield from _away(mount, operation.then))) > AT_PLACE:
+    if not again and (away := (yield from _distance_from(mount, operation.then))) > ARRIVAL_TOLERANCE:
         yield Remark(f"the mount stands {away:.1f} degrees from its {operation.then} position, and tracks as before")
         return
     if operation.then == "park":
         if not mount.supports("T"):
             raise Unsupported("The mount is at its park position, but this hand control cannot turn tracking off.")
-        mount.parked, mount.suspended = True, None
+        mount.parked, mount.suspended_mode = True, None
         try:
             yield Send("T", {"mode": 0})
         except NoAnswer:
-            if operation.left > 1:
-                yield Schedule(OFF_AGAIN, Arrived("park", operation.left - 1))
+            if operation.tries_left > 1:
+                yield Schedule(TRACKING_OFF_INTERVAL, AfterGoto("park", operation.tries_left - 1))
             raise
         mount.tracking = op.Tracking.OFF
     elif operation.then == "home":
         mount.home_state = 1
         yield from tracking.resume(mount)
     elif mount.rate.name != "sidereal":
-        yield from tracking.track_rate(mount, mount.rate)
+        yield from tracking.set_drive_rate(mount, mount.rate)

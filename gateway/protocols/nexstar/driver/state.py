@@ -10,38 +10,38 @@ from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Refused, Silence, Unsupported
-from gateway.protocols.base.driver import SLEWING, Driver, GotoUnderWay, Handler, SavedValues, Send, Steps
+from gateway.protocols.base.driver import SLEWING_MESSAGE, Driver, GotoUnderWay, Handler, SavedValues, Send, Steps
 from gateway.protocols.base.spec import DriverSettings
 from gateway.protocols.nexstar.counting import SIDEREAL, key_speed, rate_tables
-from gateway.protocols.nexstar.versions import NEXSTAR_VARIANT, STARSENSE_VARIANT, code_of, letters_swapped, numbered
+from gateway.protocols.nexstar.versions import NEXSTAR_VARIANT, STARSENSE_VARIANT, code_of, letters_swapped, parse
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model, Version
 
 #: The version that is presented until the hand control has reported its own.
-FIRST_SHOWN: Version = (4, 21)
+DEFAULT_VERSION: Version = (4, 21)
 #: Timeout of ``v``, seconds: not every version answers it.
-VARIANT_PATIENCE = 1.5
+VARIANT_TIMEOUT = 1.5
 #: The first version that uses coordinates of date.
 JNOW_FROM = (4, 14)
-UNKNOWN: Model = {"mount": "fork", "rates": "se", "has": [], "motors": "0.0", "versions": []}
+UNKNOWN_MODEL: Model = {"mount": "fork", "rates": "se", "has": [], "motors": "0.0", "versions": []}
 
 
 class NexStarGotoState(GotoUnderWay):
-    """A goto under way. ``seeks``: the motors seek their home switches; only they report the end."""
+    """A goto under way. ``seeks_switches``: the motors seek their home switches; only they report the end."""
 
-    seeks: bool = False
+    seeks_switches: bool = False
 
 
-class Stepping(Struct):
+class SmallGotoMotion(Struct):
     """An axis that moves by small gotos: degrees a second west or north, start time, and start position once known."""
 
     speed: float
-    since: float
-    start: float | None = None
+    started_at: float
+    start_position: float | None = None
 
 
 class Memory(Struct, omit_defaults=True):
-    """What the state file keeps. ``native``: tracking mode, ``code``: its byte, ``offset``: of an emulated sync."""
+    """What is saved of a mount. ``native``: tracking mode, ``mode_code``: its byte, ``offset``: of an emulated sync."""
 
     home: op.Horizontal | None = None
     home_state: int = 0
@@ -76,26 +76,26 @@ class NexStar(Driver):
         rate_tables()  # read now: later the process may have run out of file descriptors
         self.now, self.settings = now, settings
         # the hand control
-        named = numbered(settings.version) if settings.version else None
+        named = parse(settings.version) if settings.version else None
         self.named_model = self.model = settings.model
         self.version: Version | None = named.counts_as if named else None
         self.version_text = "?"
         #: The replies to ``V`` and ``m``.
-        self.shown: Version | None = None
-        self.number: int | None = None
+        self.reported_version: Version | None = None
+        self.model_number: int | None = None
         #: Commands that it has not answered.
         self.unanswered: set[str] = set()
         self.starsense = named is not None and named.starsense
         #: The protocol dialect of its maker, as the reply to ``V`` shows it: "synscan", or None for a Celestron.
-        self.dialect: str | None = self.facts.get("dialect")
-        self.motors: dict[int, Version] = {}
-        self.focuser = False
+        self.dialect: str | None = self.model_facts.get("dialect")
+        self.firmware: dict[int, Version] = {}
+        self.has_focuser = False
         self.found_parts: set[str] = set()
         # the drive
         self.tracking: op.Tracking | None = None
         self.native_mode: op.Tracking | None = None
         #: The byte of the last mode that was not off, as ``t`` returned it or a program of this protocol sent it.
-        self.code: int | None = None
+        self.mode_code: int | None = None
         self.rate = op.TrackRate(name="sidereal")
         #: How the right-ascension motor tracks: at the ``own`` rate of the hand control, at a ``special`` rate sent to
         #: it, or its tracking is ``replaced`` by a variable rate while it is guided.
@@ -106,14 +106,14 @@ class NexStar(Driver):
         #: The axes in hand motion and their speeds, degrees a second.
         self.moving: dict[int, float] = {}
         #: The tracking mode to resume after fast motion; None if tracking is not suspended.
-        self.suspended: op.Tracking | None = None
+        self.suspended_mode: op.Tracking | None = None
         #: Tracking was suspended before the line was lost or in an earlier run; the mount may have been off since.
-        self.in_doubt = False
-        self.checks_left = 0
+        self.resume_needs_alignment = False
+        self.mode_checks_left = 0
         #: The mount was woken; tracking is to be turned on shortly.
         self.woken = False
-        self.steps: dict[int, Stepping] = {}
-        self.guide_rates = dict.fromkeys(AXES, settings.guide_rate or GUIDE_RATE)  # of guide pulses
+        self.small_goto_motions: dict[int, SmallGotoMotion] = {}
+        self.guide_rates = dict.fromkeys(MOTORS, settings.guide_rate or DEFAULT_GUIDE_RATE)  # of guide pulses
         #: The axes with a guide pulse that a command has to end.
         self.pulsing: set[int] = set()
         #: Slow motion on top of the tracking of an alt-az mount: for each ordered axis the rates that it adds to both
@@ -127,30 +127,30 @@ class NexStar(Driver):
         #: By axis, when the last pulse that the motor times itself ends.
         self.pulse_ends: dict[int, float] = {}
         # position
-        self.offset = (0.0, 0.0)
-        self.home: op.Horizontal | None = None
+        self.sync_offset = (0.0, 0.0)
+        self.home_axes: op.Horizontal | None = None
         self.home_state = 0
 
     @property
     def tracking_suspended(self) -> bool:  # type: ignore[override]
-        return self.suspended is not None
+        return self.suspended_mode is not None
 
-    def at_rest(self) -> None:
+    def record_at_rest(self) -> None:
         """Record that nothing moves and nothing has to be ended."""
         self.goto = None
         self.moving.clear()
-        self.steps.clear()
-        self.guiding_ended()
+        self.small_goto_motions.clear()
+        self.record_guiding_ended()
         self.pulsing.clear()
         self.added_rates.clear()
 
     def give_up_goto(self) -> None:
         """Record that the goto has ended before its goal; a goto to the home position has failed."""
-        if self.goto is not None and self.goto.then == "home":
+        if self.goto is not None and self.goto.purpose == "home":
             self.home_state = 0
         self.goto = None
 
-    def guiding_ended(self) -> None:
+    def record_guiding_ended(self) -> None:
         """Record that a goto or a stop has ended guiding that replaced tracking; the drive rate is not restored yet."""
         self.drive = "special" if self.drive == "replaced" else self.drive
 
@@ -158,29 +158,29 @@ class NexStar(Driver):
         """Return the values to save: home, park, unreadable settings, and the mode while it does not track; in motion
         also model, version and the tracking mode to resume.
         """
-        rests = self.tracking is op.Tracking.OFF and self.suspended is None
-        changed = self.guide_rates != dict.fromkeys(AXES, self.settings.guide_rate or GUIDE_RATE)
+        rests = self.tracking is op.Tracking.OFF and self.suspended_mode is None
+        changed = self.guide_rates != dict.fromkeys(MOTORS, self.settings.guide_rate or DEFAULT_GUIDE_RATE)
         memory = Memory(
-            self.home,
+            self.home_axes,
             int(self.home_state == 1),
             self.parked,
             self.native_mode if rests else None,
-            self.code if (rests or moving) and not self._code_is_usual else None,
-            self.offset if any(self.offset) else None,
+            self.mode_code if (rests or moving) and not self._mode_code_is_usual else None,
+            self.sync_offset if any(self.sync_offset) else None,
             None if self.rate.name == "sidereal" else self.rate,
             self.guide_rates if changed else {},
-            *((self.model, self.version, self.suspended or self.tracking) if moving else ()),
+            *((self.model, self.version, self.suspended_mode or self.tracking) if moving else ()),
         )
         return cast(SavedValues, to_builtins(memory, str_keys=True))
 
     def restore_state(self, saved_values: SavedValues, moving: bool) -> None:
-        """Restore the saved state; ``SameMount`` checks whether it is still true."""
+        """Restore the saved state; ``SameMountCheck`` checks whether it is still true."""
         try:
             held = convert(saved_values, Memory, str_keys=True)
         except ValidationError:
             return
-        self.home, self.parked, self.home_state = held.home, held.parked, held.home_state
-        self.native_mode, self.code, self.offset = held.native, held.code, held.offset or (0.0, 0.0)
+        self.home_axes, self.parked, self.home_state = held.home, held.parked, held.home_state
+        self.native_mode, self.mode_code, self.sync_offset = held.native, held.code, held.offset or (0.0, 0.0)
         self.guide_rates |= held.guide_rates
         if held.rate is not None:
             self.rate, self.drive = held.rate, "special"
@@ -188,7 +188,7 @@ class NexStar(Driver):
             self.drive = "special"  # a motion that replaced tracking may have been cut short
             self.model, self.version = held.model or self.model, held.version or self.version
             if held.tracking is not None and self.supports("T"):
-                self.suspended, self.in_doubt = held.tracking, True
+                self.suspended_mode, self.resume_needs_alignment = held.tracking, True
                 self.native_mode = None if held.tracking is op.Tracking.OFF else held.tracking
 
     @property
@@ -196,33 +196,33 @@ class NexStar(Driver):
         return "" if self.rate.name == "sidereal" else "its drive rate is the sidereal one again"
 
     @property
-    def _code_is_usual(self) -> bool:
+    def _mode_code_is_usual(self) -> bool:
         """Whether the byte of its tracking mode follows from the mode."""
-        return self.native_mode is None or self.code == code_of(self.native_mode, self.facts, self.version)
+        return self.native_mode is None or self.mode_code == code_of(self.native_mode, self.model_facts, self.version)
 
-    def switched_off(self) -> None:
+    def record_alignment_lost(self) -> None:
         """Note that an alignment was lost, and with it the values that the gateway keeps for it."""
-        self.offset, self.rate, self.drive = (0.0, 0.0), op.TrackRate(name="sidereal"), "own"
+        self.sync_offset, self.rate, self.drive = (0.0, 0.0), op.TrackRate(name="sidereal"), "own"
 
     def forget_emulated(self) -> Steps:
         special = self.rate.name != "sidereal"
-        self.switched_off()
+        self.record_alignment_lost()
         if special and self.aligned:
             yield from self.perform(self.rate)
 
     def line_was_lost(self) -> None:
         """After a reconnect, resume suspended tracking only if the mount is still aligned."""
-        self.in_doubt = self.suspended is not None
+        self.resume_needs_alignment = self.suspended_mode is not None
 
     @property
-    def ticks(self) -> tuple[float, float]:  # type: ignore[override]
+    def angle_steps(self) -> tuple[float, float]:  # type: ignore[override]
         return (360.0 / 2 ** (24 if self.supports("e") else 16),) * 2
 
     def speed(self, rate: op.Rate) -> float:
-        variable = self.variable(rate)
+        variable = self.variable_rate(rate)
         return self.key_speed(self.key_for(rate)) if variable is None else variable
 
-    def variable(self, rate: op.Rate) -> float | None:
+    def variable_rate(self, rate: op.Rate) -> float | None:
         """Return the degrees a second for a variable rate; None if one of the nine keys is to be used.
 
         A client's fastest rate is sent as a variable rate, too, if below the mount's and no key has that speed.
@@ -233,39 +233,39 @@ class NexStar(Driver):
         if rate.key is not None or rate.degrees is None:
             return None
         key = self.key_speed(self.key_for(rate))
-        if rate.degrees >= self.key_speed(9) or (rate.name is not None and abs(key - rate.degrees) < SAME_SPEED):
+        if rate.degrees >= self.key_speed(9) or (rate.name is not None and abs(key - rate.degrees) < SPEED_TOLERANCE):
             return None
-        return min(rate.degrees, float(self.rates["fastest"]))
+        return min(rate.degrees, float(self.rate_table["fastest"]))
 
-    def exact_key(self, degrees: float) -> int | None:
+    def exact_key(self, speed: float) -> int | None:
         """Return the key that turns at this speed (degrees a second) on top of tracking, or None."""
-        return next((key for key in GENTLE if abs(self.key_speed(key) - degrees) <= SAME_GUIDING * degrees), None)
+        return next((key for key in GENTLE_KEYS if abs(self.key_speed(key) - speed) <= GUIDING_TOLERANCE * speed), None)
 
     def can_do(self, equatorial: bool) -> op.Abilities:
         general = super().can_do(equatorial)
-        home = self.home is not None or (self.settings.aux_home and self.has("home"))
-        speeds = ((0.25 / 3600.0, float(self.rates["fastest"])),)
+        home = self.home_axes is not None or (self.settings.aux_home and self.has("home"))
+        speeds = ((0.25 / 3600.0, float(self.rate_table["fastest"])),)
         guides = self.guide_rates[1], self.guide_rates[2]
         return replace(general, can=general.can if home else general.can - {"Home"}, speeds=speeds, guides=guides)
 
-    def impossible(self, operation: op.Operation) -> Fault | None:
+    def certain_fault(self, operation: op.Operation) -> Fault | None:
         """Return why an operation is known to fail: a guide pulse if the motors cannot be guided now. Else None."""
         return self.guiding_refusal() if isinstance(operation, op.PulseAxis) else None
 
     @property
     def times_pulses(self) -> bool:  # type: ignore[override]
         """Whether both motors time guide pulses themselves, in addition to any other motion."""
-        return bool(self.motors) and min(self.motors.values()) >= PULSE_FIRMWARE and self.supports("pulse")
+        return bool(self.firmware) and min(self.firmware.values()) >= PULSE_FIRMWARE and self.supports("pulse")
 
     @property
-    def undecided(self) -> bool:
+    def mounting_unknown(self) -> bool:
         """Whether it may be set up in alt-az or equatorially, and its tracking has not shown yet which it is."""
-        return self.native_mode is None and self.number in self.facts.get("either", ())
+        return self.native_mode is None and self.model_number in self.model_facts.get("either", ())
 
-    def must_be_decided(self) -> None:
+    def check_mounting_known(self) -> None:
         """Raise Refused if it is unknown whether the mount is set up in alt-az or equatorially."""
-        if self.undecided:
-            raise Refused(_UNDECIDED)
+        if self.mounting_unknown:
+            raise Refused(_MOUNTING_UNKNOWN_TEXT)
 
     def guiding_refusal(self) -> Fault | None:
         """Return why single motors cannot be guided now; None if they can.
@@ -274,7 +274,7 @@ class NexStar(Driver):
         on a mount that does not track or tracks in alt-az.
         """
         if self.goto is not None:
-            return Refused(SLEWING)
+            return Refused(SLEWING_MESSAGE)
         if self.times_pulses:
             return None
         if self.moves_by_gotos:
@@ -291,7 +291,7 @@ class NexStar(Driver):
         """Return the true side ("E" or "W") for the letter the mount reported; None on a fork or without a letter."""
         if not self.german or not reported:
             return None
-        northern = letters_swapped(self.facts, self.version) or not self.supports("p")  # then it is the axis' own
+        northern = letters_swapped(self.model_facts, self.version) or not self.supports("p")  # then it is the axis' own
         swapped = self.southern and northern
         return ("E" if reported == "W" else "W") if swapped else reported
 
@@ -299,8 +299,8 @@ class NexStar(Driver):
         """Return the axis readings where Park (configured, else the pole or north) or Home (stored) leads, or None."""
         if isinstance(operation, op.Park):
             return op.GotoAxes(*(self.settings.park or self._default_park))
-        if isinstance(operation, op.Home) and self.home is not None:
-            return op.GotoAxes(self.home.az, self.home.alt)
+        if isinstance(operation, op.Home) and self.home_axes is not None:
+            return op.GotoAxes(self.home_axes.az, self.home_axes.alt)
         return None
 
     def home_refused(self) -> None:
@@ -316,7 +316,7 @@ class NexStar(Driver):
             return POLE_AXES
         if self.native_mode is not None and self.native_mode.equatorial:
             return (0.0 if self.native_mode is op.Tracking.EQ_SOUTH else 180.0), 90.0
-        return 0.0, max(0.0, self.settings.lowest + ABOVE_LOWEST)
+        return 0.0, max(0.0, self.settings.lowest + PARK_MARGIN)
 
     def key_for(self, rate: op.Rate) -> int:
         """Return the key nearest to a hand rate; for a rate in degrees a second, never a faster key."""
@@ -324,40 +324,40 @@ class NexStar(Driver):
             return max(1, min(9, rate.key))
         if rate.name is not None and rate.degrees is None:
             if rate.name == "guide":
-                return min(GENTLE, key=lambda key: abs(self.key_speed(key) - self.guide_rates[1] * SIDEREAL))
+                return min(GENTLE_KEYS, key=lambda key: abs(self.key_speed(key) - self.guide_rates[1] * SIDEREAL))
             return {"center": 4, "find": 7, "max": 9}[rate.name]
         wanted = rate.degrees or 0.0
         return max([key for key in range(1, 10) if self.key_speed(key) <= wanted + 1e-9], default=1)
 
     # --- what follows from the model and version of the hand control --------------------------------------------------
 
-    def presented(self) -> Model:
+    def presented_model(self) -> Model:
         """Return the row of its model with the reported values; ``counts_as`` is the version whose commands it has."""
-        shown = self.shown or FIRST_SHOWN
+        shown = self.reported_version or DEFAULT_VERSION
         return {
-            **self.facts,
-            "id": self.facts.get("id", self.number or 0),
+            **self.model_facts,
+            "id": self.model_facts.get("id", self.model_number or 0),
             "name": self.model or "unknown",
             "version": shown,
             "counts_as": self.version or shown,
             "own": True,
-            "lacking": self.protocol.lacking(self.model),
+            "lacking": self.protocol.lacking_commands(self.model),
             "variant": STARSENSE_VARIANT if self.starsense else NEXSTAR_VARIANT,
         }
 
     def reported_model(self, identity: op.Identity) -> str | None:
-        if self.number is None:
+        if self.model_number is None:
             return None
         rows = self.protocol.models
-        if self.named_model in rows and self._is(rows[self.named_model], self.number):
+        if self.named_model in rows and self._row_has_number(rows[self.named_model], self.model_number):
             return self.named_model
-        return self.numbered(self.number) or f"model {self.number}"
+        return self.model_by_number(self.model_number) or f"model {self.model_number}"
 
-    def numbered(self, number: int) -> str | None:
+    def model_by_number(self, number: int) -> str | None:
         """Return the model with this number in the reply to ``m``, of the maker of this hand control; or None."""
-        return next((name for name, row in self.protocol.models.items() if self._is(row, number)), None)
+        return next((name for name, row in self.protocol.models.items() if self._row_has_number(row, number)), None)
 
-    def _is(self, row: Model, number: int) -> bool:
+    def _row_has_number(self, row: Model, number: int) -> bool:
         first, last = row.get("ids", (row["id"], row["id"]))
         return row.get("dialect") == self.dialect and first <= number <= last
 
@@ -368,9 +368,9 @@ class NexStar(Driver):
         """
         if not self.supports(operation.command) or operation.command in self.unanswered:
             raise Unsupported
-        patience = VARIANT_PATIENCE if operation.command == "v" else None
+        patience = VARIANT_TIMEOUT if operation.command == "v" else None
         try:
-            return (yield Send(operation.command, dict(operation.fields), patience, raw=True))["raw"]
+            return (yield Send(operation.command, dict(operation.fields), patience, include_raw=True))["raw"]
         except Silence:
             self.unanswered.add(operation.command)
             raise Unsupported from None
@@ -380,9 +380,9 @@ class NexStar(Driver):
         yield Send("K", {"echo": 0x78})
 
     @property
-    def facts(self) -> Model:
+    def model_facts(self) -> Model:
         """The row of ``models.toml``; an unknown mount counts as an alt-az fork without extras."""
-        return self.protocol.models.get(self.model or "", UNKNOWN)
+        return self.protocol.models.get(self.model or "", UNKNOWN_MODEL)
 
     @property
     def loses_alignment(self) -> bool:  # type: ignore[override]
@@ -408,50 +408,50 @@ class NexStar(Driver):
 
     @property
     def default_equinox(self) -> str:  # type: ignore[override]
-        return str(self.facts.get("equinox", "jnow"))
+        return str(self.model_facts.get("equinox", "jnow"))
 
     @property
     def german(self) -> bool:  # type: ignore[override]
-        return bool(self.facts["mount"] == "german")
+        return bool(self.model_facts["mount"] == "german")
 
     @property
-    def axis_zero(self) -> float:
+    def axis_offset(self) -> float:
         """Degrees to add to the first axis of a German mount to get what a Celestron would read; 0 for a fork."""
-        return POLE_AXES[0] - float(self.facts.get("index", POLE_AXES[0])) if self.german else 0.0
+        return POLE_AXES[0] - float(self.model_facts.get("index", POLE_AXES[0])) if self.german else 0.0
 
     def has(self, part: str) -> bool:
-        return part in self.facts["has"] or part in self.found_parts
+        return part in self.model_facts["has"] or part in self.found_parts
 
     @property
-    def rates(self) -> Model:
+    def rate_table(self) -> Model:
         """The key speeds of the mount's family."""
-        return rate_tables()[self.facts["rates"]]
+        return rate_tables()[self.model_facts["rates"]]
 
     def key_speed(self, key: int) -> float:
         """Return the speed of a hand-control key (1-9), degrees a second."""
-        return self.settings.rates[key - 1] if self.settings.rates else key_speed(self.rates, key)
+        return self.settings.rates[key - 1] if self.settings.rates else key_speed(self.rate_table, key)
 
 
 def rate_zero(axis: int) -> Send:
     """Return the command that ends hand motion of an axis."""
-    return Send(f"slew_{AXES[axis]}_pos", {"rate": 0})
+    return Send(f"slew_{MOTORS[axis]}_pos", {"rate": 0})
 
 
 #: The motors of both axes in the names of commands.
-AXES = {1: "azm", 2: "alt"}
-_UNDECIDED = (
+MOTORS = {1: "azm", 2: "alt"}
+_MOUNTING_UNKNOWN_TEXT = (
     "This mount is set up in alt-az or equatorially, and has not reported which: turn tracking on once at the hand "
     "control, or set the key mode."
 )
 #: The motors' own default guide rate, as a fraction of sidereal.
-GUIDE_RATE = 0.5
+DEFAULT_GUIDE_RATE = 0.5
 #: Keys that add to equatorial tracking (NexStar protocol, Slewing Commands, note).
-GENTLE = (1, 2)
+GENTLE_KEYS = (1, 2)
 #: Speeds count as equal within this difference: degrees a second; for guiding a fraction of the speed.
-SAME_SPEED, SAME_GUIDING = 0.01, 0.02
+SPEED_TOLERANCE, GUIDING_TOLERANCE = 0.01, 0.02
 #: The first motor firmware with guide pulses.
 PULSE_FIRMWARE = (6, 12)
 #: Axis readings of a German mount that points at the pole: both axes at their index.
 POLE_AXES = (90.0, 90.0)
 #: How far above the lowest altitude a fork is parked, degrees.
-ABOVE_LOWEST = 0.5
+PARK_MARGIN = 0.5

@@ -14,11 +14,11 @@ from gateway.core.errors import NoAnswer, NoDevice, Refused, Unsupported
 from gateway.protocols.base.driver import Remark, Schedule, Send, Steps
 from gateway.protocols.nexstar.counting import DRIVE_CODES
 from gateway.protocols.nexstar.driver.state import NexStar
-from gateway.protocols.nexstar.versions import code_of, modes
+from gateway.protocols.nexstar.versions import code_of, modes_by_code
 
 #: Speeds of the motors' own drive rates, arcseconds a second.
-_DRIVES = {"sidereal": SIDEREAL_ARCSECONDS, "solar": 15.0, "lunar": 14.685}
-_ASSUMED = (
+_DRIVE_SPEEDS = {"sidereal": SIDEREAL_ARCSECONDS, "solar": 15.0, "lunar": 14.685}
+_ASSUMED_MODE_REMARK = (
     "the hand control does not report its tracking mode: after motion the gateway turns on {}, which fits the mount's "
     "type; if that is wrong, set the key mode"
 )
@@ -32,45 +32,45 @@ def _set_mode(mount: NexStar, mode: op.Tracking) -> Steps:
     If the mount already uses a byte of this mode, it gets the same byte: two bytes may mean one mode. A SynScan's 3
     corrects the periodic error, its 2 does not.
     """
-    known = modes(mount.facts, mount.version)
-    own_code = mount.code in known and _mode_of(mount, mount.code) is mode
-    yield Send("T", {"mode": mount.code if own_code else code_of(mode, mount.facts, mount.version)})
+    known = modes_by_code(mount.model_facts, mount.version)
+    own_code = mount.mode_code in known and _mode_of(mount, mount.mode_code) is mode
+    yield Send("T", {"mode": mount.mode_code if own_code else code_of(mode, mount.model_facts, mount.version)})
     mount.drive = "own"
 
 
 def _mode_of(mount: NexStar, code: int | None) -> op.Tracking:
     """Return the mode for a byte of ``t``. An unknown byte (4 occurs on some mounts) counts as equatorial."""
-    return modes(mount.facts, mount.version).get(code or 0) or mount.equatorial_mode
+    return modes_by_code(mount.model_facts, mount.version).get(code or 0) or mount.equatorial_mode
 
 
 def read_status(mount: NexStar) -> Steps:
     """Read whether the mount is aligned (``J``) and, if the version has ``t``, the tracking mode."""
     answer = yield Send("J")
     if mount.aligned and not answer["aligned"]:
-        _forget(mount)
+        _forget_motion(mount)
     mount.aligned = bool(answer["aligned"])
     if not mount.aligned or mount.supports("s"):
-        mount.offset = (0.0, 0.0)
+        mount.sync_offset = (0.0, 0.0)
     if mount.supports("t"):
         yield from _read_mode(mount)
-        if mount.undecided and mount.settings.mode is not None:
+        if mount.mounting_unknown and mount.settings.mode is not None:
             mount.native_mode = op.Tracking(mount.settings.mode)
     elif mount.tracking is None and mount.settings.mode is not None:
-        _learn(mount, op.Tracking(mount.settings.mode))
+        _note_mode(mount, op.Tracking(mount.settings.mode))
     if mount.native_mode is op.Tracking.ALTAZ and mount.german:  # an AZ-EQ of Sky-Watcher, which is either
-        mount.model = mount.facts.get("alt-az", mount.model)
+        mount.model = mount.model_facts.get("alt-az", mount.model)
 
 
-def _forget(mount: NexStar) -> None:
+def _forget_motion(mount: NexStar) -> None:
     """Forget motion and tracking: a hand control that lost its alignment has been switched off."""
-    mount.at_rest()
-    mount.suspended = mount.native_mode = mount.code = None
-    mount.switched_off()
-    mount.in_doubt = False
-    mount.checks_left = 0
+    mount.record_at_rest()
+    mount.suspended_mode = mount.native_mode = mount.mode_code = None
+    mount.record_alignment_lost()
+    mount.resume_needs_alignment = False
+    mount.mode_checks_left = 0
 
 
-def _learn(mount: NexStar, mode: op.Tracking) -> None:
+def _note_mode(mount: NexStar, mode: op.Tracking) -> None:
     mount.tracking = mode
     if mode is not op.Tracking.OFF:
         mount.native_mode = mode
@@ -80,7 +80,7 @@ def native_mode(mount: NexStar) -> op.Tracking | None:
     """Return the mode in which this mount tracks: the last mode except off, else that of its build; None if unknown."""
     if mount.native_mode is not None:
         return mount.native_mode
-    if mount.undecided or (not mount.supports("t") and mount.settings.mode is None):
+    if mount.mounting_unknown or (not mount.supports("t") and mount.settings.mode is None):
         return None
     return _mode_by_build(mount)
 
@@ -94,12 +94,12 @@ def status(mount: NexStar, _: op.GetStatus) -> Steps:
     yield from read_status(mount)
     known = native_mode(mount)
     equatorial = known.equatorial if known is not None else mount.german
-    mode = mount.suspended or mount.tracking or op.Tracking.OFF
+    mode = mount.suspended_mode or mount.tracking or op.Tracking.OFF
     if known is None and mount.tracking is None and mount.aligned:
         # the hand control cannot report its mode: an aligned hand control tracks, in the mode of its build
         mode = _mode_by_build(mount)
     wedge = equatorial and not mount.german
-    code = mount.code if mode is not op.Tracking.OFF and _mode_of(mount, mount.code) is mode else None
+    code = mount.mode_code if mode is not op.Tracking.OFF and _mode_of(mount, mount.mode_code) is mode else None
     return op.Status(tracking=mode, aligned=mount.aligned, equatorial=equatorial, wedge=wedge, code=code)
 
 
@@ -108,11 +108,11 @@ def send_mode(mount: NexStar, mode: op.Tracking) -> Steps:
     if not mount.supports("T"):
         raise Unsupported("Tracking cannot be turned on or off on this hand control.")
     if mode is not op.Tracking.OFF and native_mode(mount) is None:
-        yield Remark(_ASSUMED.format(mode.value))
+        yield Remark(_ASSUMED_MODE_REMARK.format(mode.value))
     yield from _set_mode(mount, mode)
-    _learn(mount, mode)
+    _note_mode(mount, mode)
     if mode.equatorial and mount.rate.name != "sidereal":
-        yield from _send_rate(mount)
+        yield from _send_drive_rate(mount)
 
 
 def set_tracking(mount: NexStar, operation: op.SetTracking) -> Steps:
@@ -124,21 +124,21 @@ def set_tracking(mount: NexStar, operation: op.SetTracking) -> Steps:
     """
     native = native_mode(mount)
     if operation.on and operation.mode is None:
-        mount.must_be_decided()
+        mount.check_mounting_known()
     mode = (operation.mode or native or _mode_by_build(mount)) if operation.on else op.Tracking.OFF
-    if mode is op.Tracking.ALTAZ and mount.german and not mount.undecided:
+    if mode is op.Tracking.ALTAZ and mount.german and not mount.mounting_unknown:
         raise Unsupported("A German mount does not track in alt-az: it ignores that mode.")
-    moves = mount.moving or mount.goto is not None or mount.suspended is not None
+    moves = mount.moving or mount.goto is not None or mount.suspended_mode is not None
     if moves and operation.on and native is not None and mode.equatorial != native.equatorial:
         raise Refused("The mount is moving: it can change between alt-az and equatorial tracking only at rest.")
     mount.parked = mount.parked and not operation.on
-    mount.checks_left, mount.woken = 0, False
-    readable = operation.on and mount.suspended is None and mount.supports("t") and mount.drive == "own"
-    if readable and (yield from _read_mode(mount)) is mode and operation.code in (None, mount.code):
+    mount.mode_checks_left, mount.woken = 0, False
+    readable = operation.on and mount.suspended_mode is None and mount.supports("t") and mount.drive == "own"
+    if readable and (yield from _read_mode(mount)) is mode and operation.code in (None, mount.mode_code):
         return
-    mount.code = mount.code if operation.code is None else operation.code
-    if mount.suspended is not None:
-        mount.suspended = mode
+    mount.mode_code = mount.mode_code if operation.code is None else operation.code
+    if mount.suspended_mode is not None:
+        mount.suspended_mode = mode
         return
     yield from send_mode(mount, mode)
 
@@ -148,12 +148,12 @@ def suspend(mount: NexStar) -> Steps:
 
     Return the duration of the command, seconds; None if tracking was off already.
     """
-    if mount.suspended is not None or not mount.supports("T"):
+    if mount.suspended_mode is not None or not mount.supports("T"):
         return None
     if mount.supports("t"):
         yield from _read_mode(mount)
-    mount.suspended = mount.tracking or (_mode_by_build(mount) if mount.aligned else op.Tracking.OFF)
-    if mount.suspended is op.Tracking.OFF:
+    mount.suspended_mode = mount.tracking or (_mode_by_build(mount) if mount.aligned else op.Tracking.OFF)
+    if mount.suspended_mode is op.Tracking.OFF:
         return None
     began = mount.now()
     yield from _set_mode(mount, op.Tracking.OFF)
@@ -163,22 +163,22 @@ def suspend(mount: NexStar) -> Steps:
 
 def resume(mount: NexStar) -> Steps:
     """After the last axis has stopped, resume suspended tracking. ``t`` is read at once, and again a second later."""
-    mode = mount.suspended
+    mode = mount.suspended_mode
     if mode is None or mode is op.Tracking.OFF:
-        mount.suspended = None
+        mount.suspended_mode = None
         return
-    if mount.in_doubt and not (yield Send("J"))["aligned"]:
-        mount.suspended = None  # the mount has been switched off meanwhile and must not begin to track by itself
+    if mount.resume_needs_alignment and not (yield Send("J"))["aligned"]:
+        mount.suspended_mode = None  # the mount has been switched off meanwhile and must not begin to track by itself
         return
     yield from send_mode(mount, mode)
-    mount.in_doubt = False
-    mount.suspended = None  # not before ``T`` has succeeded: else the next call must try again
-    mount.checks_left = 1
+    mount.resume_needs_alignment = False
+    mount.suspended_mode = None  # not before ``T`` has succeeded: else the next call must try again
+    mount.mode_checks_left = 1
     if mount.supports("t"):
         shown = False
         with contextlib.suppress(NoAnswer):  # the motion has ended, whatever becomes of this
             shown = (yield from _read_mode(mount)) is mode
-        yield Schedule(VERIFY_AFTER, VerifyTracking(mode=mode.value, shown=shown))
+        yield Schedule(VERIFY_AFTER, VerifyTracking(mode=mode.value, was_confirmed=shown))
 
 
 def _read_mode(mount: NexStar) -> Steps:
@@ -186,20 +186,20 @@ def _read_mode(mount: NexStar) -> Steps:
     code: int = (yield Send("t"))["mode"]
     if code and mount.tracking in (None, op.Tracking.OFF) and mount.goto is None:
         mount.parked = False  # tracking was turned on at the mount itself
-    _learn(mount, _mode_of(mount, code))
-    mount.code = code or mount.code
+    _note_mode(mount, _mode_of(mount, code))
+    mount.mode_code = code or mount.mode_code
     return mount.tracking
 
 
-def keep_rate(mount: NexStar) -> Steps:
+def resend_rate(mount: NexStar) -> Steps:
     """Send the drive rate again after motion at key 1 or 2, because the rate 0 that ends the motion ends this rate too.
 
     Needed if the rate is not the hand control's own, or if a variable rate has replaced tracking. Motors without codes
     for drive rates count quarters of an arcsecond: they track at the sidereal rate only after ``T``.
     """
     mode = mount.tracking or op.Tracking.OFF
-    if mode.equatorial and mount.suspended is None and (mount.drive != "own" or mount.rate.name != "sidereal"):
-        yield from _send_rate(mount)
+    if mode.equatorial and mount.suspended_mode is None and (mount.drive != "own" or mount.rate.name != "sidereal"):
+        yield from _send_drive_rate(mount)
         if mount.rate.name == "sidereal" and not mount.supports("fine_rate_pos"):
             yield from _set_mode(mount, mode)
 
@@ -207,26 +207,26 @@ def keep_rate(mount: NexStar) -> Steps:
 class VerifyTracking(op.Operation, frozen=True):
     """Internal: check that ``T`` took effect, because a hand control may ignore it right after motion.
 
-    ``shown``: ``t`` has shown the mode already, so whatever ``t`` shows now was chosen at the hand control.
+    ``was_confirmed``: ``t`` has shown the mode already, so whatever ``t`` shows now was chosen at the hand control.
     """
 
     survives_abort = True
 
     mode: str
-    shown: bool = False
+    was_confirmed: bool = False
 
 
-def verify(mount: NexStar, operation: VerifyTracking) -> Steps:
+def verify_tracking(mount: NexStar, operation: VerifyTracking) -> Steps:
     """Read ``t``; send ``T`` once more if it has never shown the wanted mode."""
-    if mount.moving or mount.added_rates or mount.goto is not None or mount.checks_left == 0 or mount.parked:
+    if mount.moving or mount.added_rates or mount.goto is not None or mount.mode_checks_left == 0 or mount.parked:
         return
-    mount.checks_left -= 1
+    mount.mode_checks_left -= 1
     wanted = op.Tracking(operation.mode)
-    if (yield from _read_mode(mount)) is not wanted and not operation.shown:
+    if (yield from _read_mode(mount)) is not wanted and not operation.was_confirmed:
         yield from send_mode(mount, wanted)
 
 
-def track_rate(mount: NexStar, operation: op.TrackRate) -> Steps:
+def set_drive_rate(mount: NexStar, operation: op.TrackRate) -> Steps:
     """Set the drive rate: sidereal by ``T``, named rates by the motor's codes, others as finely as the motor allows.
 
     While a goto is under way or tracking is off, the rate is stored and sent later. Raises Unsupported in alt-az.
@@ -240,12 +240,12 @@ def track_rate(mount: NexStar, operation: op.TrackRate) -> Steps:
     mount.rate = operation
     if mount.goto is not None:
         return  # sent now it would end the goto of an axis; it is sent after the goto
-    if mount.suspended is not None or (mount.tracking or op.Tracking.OFF) is op.Tracking.OFF:
+    if mount.suspended_mode is not None or (mount.tracking or op.Tracking.OFF) is op.Tracking.OFF:
         return  # it is sent when tracking resumes
     if operation.name == "sidereal":
         yield from _set_mode(mount, mode)
     else:
-        yield from _send_rate(mount)
+        yield from _send_drive_rate(mount)
 
 
 def drive_rate(mount: NexStar, _: op.DriveRate) -> Steps:
@@ -256,11 +256,11 @@ def drive_rate(mount: NexStar, _: op.DriveRate) -> Steps:
 
 def drive_speed(mount: NexStar) -> float:
     """Return the speed of the right-ascension motor while tracking, degrees a second, signed as the motor counts."""
-    arcseconds = _DRIVES.get(mount.rate.name or "", SIDEREAL_ARCSECONDS * (mount.rate.factor or 0.0))
+    arcseconds = _DRIVE_SPEEDS.get(mount.rate.name or "", SIDEREAL_ARCSECONDS * (mount.rate.factor or 0.0))
     return (-arcseconds if mount.native_mode is op.Tracking.EQ_SOUTH else arcseconds) / 3600.0
 
 
-def _send_rate(mount: NexStar) -> Steps:
+def _send_drive_rate(mount: NexStar) -> Steps:
     sense = "neg" if mount.native_mode is op.Tracking.EQ_SOUTH else "pos"
     arcseconds = abs(drive_speed(mount)) * 3600.0
     if not mount.supports("fine_rate_pos"):  # nor does it know the codes

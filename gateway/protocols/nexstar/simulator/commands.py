@@ -25,8 +25,8 @@ from gateway.protocols.nexstar.simulator.mount import (
     GPS,
     OFF,
     RTC,
-    Goal,
     Handler,
+    RestartableGoto,
     SimulatedMount,
 )
 from gateway.protocols.nexstar.versions import MODES, NEXSTAR_VARIANT, STARSENSE_VARIANT, code_of, letters_swapped
@@ -39,19 +39,19 @@ SKY = Sky()
 #: The equatorial mode of a SynScan with periodic error correction.
 WITH_PEC = 3
 #: The numbers of the tracking modes in the simulator.
-NUMBERS = {mode: number for number, mode in MODES.items()}
-WEST_MOST, EAST_MOST = -12, 14  # hours: the zones in use
+NUMBER_BY_MODE = {mode: number for number, mode in MODES.items()}
+MIN_ZONE, MAX_ZONE = -12, 14  # hours: the zones in use
 
 
 def position(sim: SimulatedMount, _: Values) -> Values:
     """``E`` ``e``: right ascension and declination."""
-    ra, dec = sim.mechanics.believed(sim.now)
+    ra, dec = sim.mechanics.believed_position(sim.now)
     if sim.row.get("equinox") == "j2000":
         ra, dec = SKY.to_j2000(*fold_declination(ra, dec), sim.utc())
     return {"ra": ra, "dec": dec}
 
 
-def _of_date(sim: SimulatedMount, values: Values) -> Pair:
+def _goal_of_date(sim: SimulatedMount, values: Values) -> Pair:
     """Return right ascension and declination of a command, of date."""
     ra, dec = values["ra"], values["dec"]
     return SKY.to_of_date(ra, dec, sim.utc()) if sim.row.get("equinox") == "j2000" else (ra, dec)
@@ -68,36 +68,36 @@ def goto(sim: SimulatedMount, values: Values) -> None:
     to track, and an old SynScan may restart the goto after ``M``.
     """
     if sim.aligned:
-        ra, dec = _of_date(sim, values)
-        hour_angle = wrap180(sim.mechanics.sky.sidereal(sim.now) - ra)
-        if _allowed(sim, sim.mechanics.geometry.axes(hour_angle, dec, flipped=False)[1]):
+        ra, dec = _goal_of_date(sim, values)
+        hour_angle = wrap180(sim.mechanics.sky.lst(sim.now) - ra)
+        if _is_altitude_allowed(sim, sim.mechanics.geometry.axes(hour_angle, dec, flipped=False)[1]):
             if "dialect" in sim.row and sim.mode == OFF:
-                sim.track(_tracks(sim))
+                sim.track(_default_mode(sim))
             sim.mechanics.goto_sky(sim.now, ra, dec)
-            if sim.shown_version[:2] <= parse_version(sim.row.get("restarts", "0.0")):
-                sim.goal = Goal(ra, dec)
+            if sim.reported_version[:2] <= parse_version(sim.row.get("restarts", "0.0")):
+                sim.goal = RestartableGoto(ra, dec)
 
 
-def _tracks(sim: SimulatedMount) -> int:
+def _default_mode(sim: SimulatedMount) -> int:
     """Return the equatorial mode of the hemisphere, on a fork alt-az."""
     return ALTAZ if not sim.german else EQ_NORTH if sim.mechanics.sky.latitude >= 0.0 else EQ_SOUTH
 
 
 def goto_axes(sim: SimulatedMount, values: Values) -> None:
     """``B`` ``b``: slew to axis readings. Without an alignment they count from the position at power-on."""
-    if _allowed(sim, values["alt"]):
+    if _is_altitude_allowed(sim, values["alt"]):
         first, second = sim.encoder_offset
         sim.mechanics.goto_axes(sim.now, values["az"] - first, values["alt"] - second)
 
 
-def _allowed(sim: SimulatedMount, altitude: float) -> bool:
+def _is_altitude_allowed(sim: SimulatedMount, altitude: float) -> bool:
     return sim.mechanics.build is not Build.ALTAZ or LOWEST <= altitude <= HIGHEST
 
 
 def sync(sim: SimulatedMount, values: Values) -> None:
     """``S`` ``s``: correct right ascension and declination from now on; the motor positions stay."""
     if sim.aligned:
-        sim.mechanics.sync(sim.now, *_of_date(sim, values))
+        sim.mechanics.sync(sim.now, *_goal_of_date(sim, values))
 
 
 def undo_sync(sim: SimulatedMount, _: Values) -> None:
@@ -109,18 +109,18 @@ def undo_sync(sim: SimulatedMount, _: Values) -> None:
 def cancel(sim: SimulatedMount, _: Values) -> None:
     """``M``: end a goto; hand motion continues."""
     if sim.goal is not None:
-        sim.goal = Goal(sim.goal.ra, sim.goal.dec, sim.now) if sim.mechanics.slewing(sim.now) else None
+        sim.goal = RestartableGoto(sim.goal.ra, sim.goal.dec, sim.now) if sim.mechanics.slewing(sim.now) else None
     sim.mechanics.cancel(sim.now)
 
 
 def set_mode(sim: SimulatedMount, values: Values) -> None:
     """``T``: turn tracking on or off. EQ modes put a fork on its wedge; a German mount has no alt-az tracking."""
-    if not sim.aligned or values["mode"] not in sim.codes:
+    if not sim.aligned or values["mode"] not in sim.mode_by_code:
         return
-    wanted = sim.codes[values["mode"]]
+    wanted = sim.mode_by_code[values["mode"]]
     if wanted is None and not sim.german:
         return  # an alt-az mount of Sky-Watcher has no equatorial mode
-    mode = _tracks(sim) if wanted is None else NUMBERS[wanted]
+    mode = _default_mode(sim) if wanted is None else NUMBER_BY_MODE[wanted]
     if mode != ALTAZ or not sim.german:
         if "dialect" in sim.row:
             sim.settings["periodic error", AZM] = int(values["mode"] == WITH_PEC)
@@ -137,7 +137,7 @@ def mode(sim: SimulatedMount, _: Values) -> Values:
 def pier_side(sim: SimulatedMount, _: Values) -> Values:
     """``p``: the pier side, by the hour angle of the last goto; a fork is always E."""
     west = sim.german and sim.mechanics.flipped
-    if sim.german and sim.mechanics.geometry.pole < 0 and not letters_swapped(sim.row, sim.version):
+    if sim.german and sim.mechanics.geometry.ns_sign < 0 and not letters_swapped(sim.row, sim.version):
         west = not west
     return {"side": "W" if west else "E"}
 
@@ -171,7 +171,7 @@ def _local(sim: SimulatedMount, zone: float) -> Values:
 
 def _set_time(sim: SimulatedMount, values: Values, zone: float) -> Values:
     """``H`` ``I``: UTC is local time less the zone less daylight saving; impossible values change nothing."""
-    if not WEST_MOST <= zone <= EAST_MOST or values["dst"] > 1 or values["year"] > 99:
+    if not MIN_ZONE <= zone <= MAX_ZONE or values["dst"] > 1 or values["year"] > 99:
         return {}
     try:
         local = unix_of(values)
@@ -193,14 +193,14 @@ def _true_time(sim: SimulatedMount, device: int) -> datetime:
     return _utc(sim.now + (sim.rtc_ahead if device == RTC else 0.0))
 
 
-def _parts(device: int, *names: str) -> Handler:
+def _make_time_reader(device: int, *names: str) -> Handler:
     """Return a handler that reports these parts of a device's date and time."""
 
-    def parts(sim: SimulatedMount, _: Values) -> Values:
+    def read_parts(sim: SimulatedMount, _: Values) -> Values:
         time = _true_time(sim, device)
         return {name: getattr(time, name) for name in names}
 
-    return parts
+    return read_parts
 
 
 def _set_rtc(sim: SimulatedMount, values: Values) -> Values:
@@ -214,14 +214,14 @@ def _set_rtc(sim: SimulatedMount, values: Values) -> Values:
     return {}
 
 
-COMMANDS: dict[str, Handler] = {
+HANDLER_BY_COMMAND: dict[str, Handler] = {
     "E": position, "e": position, "Z": axes, "z": axes, "R": goto, "r": goto, "B": goto_axes, "b": goto_axes,
     "S": sync, "s": sync, "u": undo_sync, "M": cancel, "T": set_mode, "p": pier_side, "x": hibernate, "y": wake,
     "t": mode,
     "L": lambda sim, _: {"slewing": "1" if sim.mechanics.slewing(sim.now) else "0"},
     "J": lambda sim, _: {"aligned": int(sim.aligned)},
     "K": lambda sim, values: values,
-    "V": lambda sim, _: dict(zip(("major", "minor", "patch"), (*sim.shown_version, 0), strict=False)),
+    "V": lambda sim, _: dict(zip(("major", "minor", "patch"), (*sim.reported_version, 0), strict=False)),
     "v": lambda sim, _: {"variant": STARSENSE_VARIANT if sim.starsense else NEXSTAR_VARIANT},
     "m": lambda sim, _: {"model": sim.row["id"]},
     # The zone byte of h holds whole hours, so a zone of 5:45 is reported as 5, with the matching local time.
@@ -231,15 +231,15 @@ COMMANDS: dict[str, Handler] = {
     "I": lambda sim, values: _set_time(sim, values, values["quarters"] / 4),
     "w": lambda sim, _: {"latitude": sim.mechanics.sky.latitude, "longitude": sim.mechanics.sky.longitude},
     "W": _set_site,
-    "l": lambda sim, _: {"sidereal": sim.mechanics.sky.sidereal(sim.now)},
+    "l": lambda sim, _: {"sidereal": sim.mechanics.sky.lst(sim.now)},
     **dict.fromkeys(("gps_linked", "gps_time_valid"), lambda sim, _: {"linked": 1, "valid": 1}),
     "gps_latitude": lambda sim, _: {"latitude": sim.site[0]},
     "gps_longitude": lambda sim, _: {"longitude": sim.site[1]},
-    "gps_date": _parts(GPS, "month", "day"),
-    "gps_year": _parts(GPS, "year"),
-    "gps_time": _parts(GPS, "hour", "minute", "second"),
-    "rtc_date": _parts(RTC, "month", "day"),
-    "rtc_year": _parts(RTC, "year"),
-    "rtc_time": _parts(RTC, "hour", "minute", "second"),
+    "gps_date": _make_time_reader(GPS, "month", "day"),
+    "gps_year": _make_time_reader(GPS, "year"),
+    "gps_time": _make_time_reader(GPS, "hour", "minute", "second"),
+    "rtc_date": _make_time_reader(RTC, "month", "day"),
+    "rtc_year": _make_time_reader(RTC, "year"),
+    "rtc_time": _make_time_reader(RTC, "hour", "minute", "second"),
     **dict.fromkeys(("rtc_set_date", "rtc_set_year", "rtc_set_time"), _set_rtc),
 }  # fmt: skip

@@ -15,7 +15,7 @@ from gateway.protocols.nexstar.simulator.mount import ALT, AZM, FOCUSER, GPS, RT
 from gateway.protocols.wireformat.rows import Version
 
 #: Variable rates that are codes, not speeds: sidereal, solar and lunar tracking of the motor.
-DRIVE_RATES = {0xFFFF: SIDEREAL_RATE, 0xFFFE: SOLAR_RATE, 0xFFFD: LUNAR_RATE}
+DRIVE_RATE_BY_CODE = {0xFFFF: SIDEREAL_RATE, 0xFFFE: SOLAR_RATE, 0xFFFD: LUNAR_RATE}
 #: The keys that do not override equatorial tracking (NexStar protocol, Slewing Commands, note).
 GENTLE_KEYS = (1, 2)
 #: The first motor firmware with guide pulses.
@@ -23,8 +23,8 @@ PULSE_FIRMWARE = (6, 12)
 #: The first motor firmware that reports its model, and the first with cord wrap prevention.
 MODEL_FIRMWARE, CORDWRAP_FIRMWARE = (7, 0), (5, 0)
 INDEX = 90.0  # where the home switches of both axes are
-FULL_BACKLASH = 99
-OTHER_VERSIONS: dict[int, Version] = {GPS: (1, 6), RTC: (1, 2), FOCUSER: (7, 16)}
+MAX_BACKLASH = 99
+VERSION_BY_DEVICE: dict[int, Version] = {GPS: (1, 6), RTC: (1, 2), FOCUSER: (7, 16)}
 _TURN = 1 << 24
 """Steps in one turn of a motor; a focuser counts plain steps in the same field."""
 
@@ -35,26 +35,26 @@ _TURN = 1 << 24
 def _hand_rate(sim: SimulatedMount, values: Values, sign: int) -> Values | None:
     """24 and 25 hex: hand motion at a key from 1 to 9; 0 stops."""
     key, device = values["rate"], values["device"]
-    if key > len(sim.keys):
+    if key > len(sim.key_speeds):
         return {}
     if device == FOCUSER and sim.focuser is not None:
         end = sim.focuser.TRAVEL if sign > 0 else 0
-        sim.focuser.go(sim.now, end, sim.focuser.FASTEST * 2.0 ** (key - 9) if key else 0.0)
+        sim.focuser.move_to(sim.now, end, sim.focuser.FASTEST * 2.0 ** (key - 9) if key else 0.0)
         return {}
     if device not in (AZM, ALT):
         return None
-    rate = sim.keys[key - 1] if key else 0.0
-    if sim.goal is not None and (key or not (left := sim.goal.left - {device - 15})):
+    rate = sim.key_speeds[key - 1] if key else 0.0
+    if sim.goal is not None and (key or not (left := sim.goal.axes_not_stopped - {device - 15})):
         sim.goal = None  # it is stopped
-    elif sim.goal is not None and sim.goal.cancelled <= sim.now:
-        sim.goal.left = left
+    elif sim.goal is not None and sim.goal.cancelled_at <= sim.now:
+        sim.goal.axes_not_stopped = left
     sim.mechanics.move(sim.now, device - 15, sign * rate, gentle=key in GENTLE_KEYS)
     return {}
 
 
 def _variable_rate(sim: SimulatedMount, values: Values, sign: int) -> Values:
     """06 and 07: a rate in quarter arcseconds a second, or a code for a drive rate."""
-    drive = DRIVE_RATES.get(values["rate"])
+    drive = DRIVE_RATE_BY_CODE.get(values["rate"])
     rate = values["rate"] / 14400.0 if drive is None else drive
     sim.mechanics.set_rate(sim.now, values["device"] - 15, sign * rate, drive=drive is not None)
     return {}
@@ -87,7 +87,7 @@ def _goto(sim: SimulatedMount, values: Values, slow: bool) -> Values | None:
     """02 and 17 hex: goto of a single motor."""
     device = values["device"]
     if device == FOCUSER and sim.focuser is not None:
-        sim.focuser.go(sim.now, values["position"] / 360.0 * _TURN)
+        sim.focuser.move_to(sim.now, values["position"] / 360.0 * _TURN)
         return {}
     if device not in (AZM, ALT):
         return None
@@ -96,11 +96,11 @@ def _goto(sim: SimulatedMount, values: Values, slow: bool) -> Values | None:
     return {}
 
 
-def _done(sim: SimulatedMount, values: Values) -> Values | None:
+def _has_arrived(sim: SimulatedMount, values: Values) -> Values | None:
     """13 and 12 hex: 255 when the motor has arrived."""
     device = values["device"]
     if device == FOCUSER and sim.focuser is not None:
-        return {"done": 0 if sim.focuser.moving(sim.now) else 255}
+        return {"done": 0 if sim.focuser.is_moving(sim.now) else 255}
     if device not in (AZM, ALT):
         return None
     return {"done": 0 if sim.mechanics.slewing(sim.now, device - 15) else 255}
@@ -111,7 +111,7 @@ def _set_position(sim: SimulatedMount, values: Values) -> Values | None:
     axis = values["device"] - 16
     change = wrap180(values["position"] - sim.encoders()[axis])
     sim.encoder_offset[axis] += change
-    believed = list(sim.mechanics.correction)
+    believed = list(sim.mechanics.sync_correction)
     believed[axis] = wrap180(believed[axis] + change)
     sim.mechanics.correct(sim.now, (believed[0], believed[1]))
     return {}
@@ -125,27 +125,27 @@ def _seek_home(sim: SimulatedMount, values: Values) -> Values:
 # --- settings -------------------------------------------------------------------------------------------
 
 
-def _keep(name: str, limit: int) -> Handler:
+def _make_setter(name: str, limit: int) -> Handler:
     """Return a handler that stores a motor setting; a value beyond the limit is acknowledged and ignored."""
 
-    def keep(sim: SimulatedMount, values: Values) -> Values:
+    def set_value(sim: SimulatedMount, values: Values) -> Values:
         field = "rate" if "rate" in values else "value"
         if values[field] <= limit:
             sim.settings[name, values["device"]] = values[field]
         return {}
 
-    return keep
+    return set_value
 
 
-def _read(name: str, default: int) -> Handler:
-    def read(sim: SimulatedMount, values: Values) -> Values:
+def _make_reader(name: str, default: int) -> Handler:
+    def read_value(sim: SimulatedMount, values: Values) -> Values:
         value = sim.settings.get((name, values["device"]), default)
         return {"rate": value, "value": value}
 
-    return read
+    return read_value
 
 
-def _periodic_error(sim: SimulatedMount, values: Values) -> Values | None:
+def _switch_pec(sim: SimulatedMount, values: Values) -> Values | None:
     """0C and 0D hex: acknowledged and stored; the simulated gears have no error to correct."""
     if values["device"] != AZM:
         return None
@@ -158,11 +158,11 @@ def _constant(value: int) -> Handler:
     return lambda sim, values: dict.fromkeys(("value", "done", "on", "other"), value)
 
 
-def _motors_only(handler: Handler, *, motors: Version = (), part: str = "") -> Handler:
+def _motors_only(handler: Handler, *, min_firmware: Version = (), part: str = "") -> Handler:
     """Restrict a handler to the two motors: from a firmware version on, and on mounts that have a part."""
 
     def restricted(sim: SimulatedMount, values: Values) -> Values | None:
-        fits = values["device"] in (AZM, ALT) and sim.motors >= motors and (not part or part in sim.row["has"])
+        fits = values["device"] in (AZM, ALT) and sim.firmware >= min_firmware and (not part or part in sim.row["has"])
         return handler(sim, values) if fits else None
 
     return restricted
@@ -171,7 +171,7 @@ def _motors_only(handler: Handler, *, motors: Version = (), part: str = "") -> H
 def _version(sim: SimulatedMount, values: Values) -> Values | None:
     """FE hex: the firmware version. Old motors send two bytes even if four were asked for."""
     device = values["device"]
-    major, minor = sim.motors if device in (AZM, ALT) else OTHER_VERSIONS[device]
+    major, minor = sim.firmware if device in (AZM, ALT) else VERSION_BY_DEVICE[device]
     return {"major": major, "minor": minor, "build": 0}
 
 
@@ -183,43 +183,43 @@ def _both_directions(name: str, handler: Callable[[SimulatedMount, Values, int],
     }
 
 
-DEVICES: dict[str, Handler] = {
+HANDLER_BY_REQUEST: dict[str, Handler] = {
     **_both_directions("slew_azm", _hand_rate),
     **_both_directions("slew_alt", _hand_rate),
     **_both_directions("move", _hand_rate),
     **_both_directions("rate_azm", _variable_rate),
     **_both_directions("rate_alt", _variable_rate),
     **{name: _motors_only(handler) for name, handler in _both_directions("fine_rate", _fine_rate).items()},
-    "pulse": _motors_only(_pulse, motors=PULSE_FIRMWARE),
+    "pulse": _motors_only(_pulse, min_firmware=PULSE_FIRMWARE),
     "pulse_active": _motors_only(
         lambda sim, values: {"active": int(sim.mechanics.pulsing(sim.now, values["device"] - 15))},
-        motors=PULSE_FIRMWARE,
+        min_firmware=PULSE_FIRMWARE,
     ),
     "axis_set_position": _motors_only(_set_position),
     "axis_position": _position,
     "axis_goto": lambda sim, values: _goto(sim, values, slow=False),
     "axis_goto_slow": lambda sim, values: _goto(sim, values, slow=True),
-    "axis_done": _done,
+    "axis_done": _has_arrived,
     "level_start": _motors_only(_seek_home, part="home"),
-    "level_done": _motors_only(_done, part="home"),
-    "set_guide_rate": _motors_only(_keep("guide rate", 255)),
-    "guide_rate": _motors_only(_read("guide rate", 128)),
-    "set_backlash_pos": _motors_only(_keep("positive backlash", FULL_BACKLASH)),
-    "set_backlash_neg": _motors_only(_keep("negative backlash", FULL_BACKLASH)),
-    "backlash_pos": _motors_only(_read("positive backlash", 0)),
-    "backlash_neg": _motors_only(_read("negative backlash", 0)),
-    "motor_model": _motors_only(lambda sim, values: {"value": sim.row["id"]}, motors=MODEL_FIRMWARE),
-    "pec_record": _motors_only(_periodic_error, part="pec"),
-    "pec_playback": _motors_only(_periodic_error, part="pec"),
+    "level_done": _motors_only(_has_arrived, part="home"),
+    "set_guide_rate": _motors_only(_make_setter("guide rate", 255)),
+    "guide_rate": _motors_only(_make_reader("guide rate", 128)),
+    "set_backlash_pos": _motors_only(_make_setter("positive backlash", MAX_BACKLASH)),
+    "set_backlash_neg": _motors_only(_make_setter("negative backlash", MAX_BACKLASH)),
+    "backlash_pos": _motors_only(_make_reader("positive backlash", 0)),
+    "backlash_neg": _motors_only(_make_reader("negative backlash", 0)),
+    "motor_model": _motors_only(lambda sim, values: {"value": sim.row["id"]}, min_firmware=MODEL_FIRMWARE),
+    "pec_record": _motors_only(_switch_pec, part="pec"),
+    "pec_playback": _motors_only(_switch_pec, part="pec"),
     "pec_bin": _motors_only(_constant(0), part="pec"),
     "pec_recorded": _motors_only(_constant(0), part="pec"),
     "at_index": _motors_only(_constant(255), part="pec"),
     "max_rate_on": _motors_only(_constant(0)),
     "max_rate": lambda sim, values: None,
-    "cordwrap": _motors_only(_constant(255), motors=CORDWRAP_FIRMWARE),
+    "cordwrap": _motors_only(_constant(255), min_firmware=CORDWRAP_FIRMWARE),
     # only the azimuth motor winds cords up
     "cordwrap_position": _motors_only(
-        lambda sim, values: {"position": 180.0} if values["device"] == AZM else None, motors=CORDWRAP_FIRMWARE
+        lambda sim, values: {"position": 180.0} if values["device"] == AZM else None, min_firmware=CORDWRAP_FIRMWARE
     ),
     "approach": _motors_only(_constant(1)),
     "gps_satellites": lambda sim, values: {"visible": 9, "tracked": 7},

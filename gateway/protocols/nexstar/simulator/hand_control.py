@@ -10,17 +10,17 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-from gateway.protocols.mechanics.simulated import Later, TimedFramer
+from gateway.protocols.mechanics.simulated import SendLater, TimedFramer
 from gateway.protocols.nexstar.framing import NexStarFramer
-from gateway.protocols.nexstar.simulator.commands import COMMANDS
-from gateway.protocols.nexstar.simulator.devices import DEVICES
+from gateway.protocols.nexstar.simulator.commands import HANDLER_BY_COMMAND
+from gateway.protocols.nexstar.simulator.devices import HANDLER_BY_REQUEST
 from gateway.protocols.nexstar.simulator.mount import Handler, SimulatedMount
 from gateway.protocols.nexstar.versions import STARSENSE_LONG_MODE
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Version
 
-HANDLERS: dict[str, Handler] = {**COMMANDS, **DEVICES}
+HANDLERS: dict[str, Handler] = {**HANDLER_BY_COMMAND, **HANDLER_BY_REQUEST}
 #: The first bytes of the commands that are answered in hibernation.
 ANSWERED_ASLEEP = b"yKV"
 PASS_THROUGH = ord("P")
@@ -31,23 +31,23 @@ class SimulatedHandControl(SimulatedMount):
 
     def __init__(self, model: str = "6-8se", version: str | None = None, **settings: Any) -> None:
         super().__init__(model, version, **settings)
-        self._opcodes, self._pass_through = _known(model, self.version)
+        self._opcodes, self._pass_through = _known_commands(model, self.version)
 
     def framer(self) -> NexStarFramer:
-        return NexStarFramer(remembers=False)
+        return NexStarFramer(drops_late_ends=False)
 
-    def feed(self, data: bytes, framer: TimedFramer | None = None, send_later: Later | None = None) -> bytes:
+    def feed(self, data: bytes, framer: TimedFramer | None = None, send_later: SendLater | None = None) -> bytes:
         """Like ``Simulated.feed``; also note when bytes arrived last. ``send_later`` is never used."""
         self.advance_to_now()
         if data:
             self.last_byte_at = self.now
         return super().feed(data, framer, send_later)
 
-    def answer(self, frame: bytes, send_later: Later | None) -> bytes:
+    def answer(self, frame: bytes, send_later: SendLater | None) -> bytes:
         if frame[0] not in self._opcodes or (self.asleep and frame[0] not in ANSWERED_ASLEEP):
             return b""
         if frame[0] == PASS_THROUGH:
-            return self._pass(frame)
+            return self._pass_to_device(frame)
         match = self.commands.find(frame)
         try:
             if match is None:
@@ -58,17 +58,17 @@ class SimulatedHandControl(SimulatedMount):
             values = HANDLERS[command.name](self, template.decode(frame)) or {}
         except ValueError:
             return b"#"  # acknowledged but not carried out
-        if command.name == "t" and self.starsense and self.shown_version == STARSENSE_LONG_MODE:
-            return bytes((values["mode"], *self.shown_version)) + b"#"
-        form = command.form(self.row.get("dialect"))
+        if command.name == "t" and self.starsense and self.reported_version == STARSENSE_LONG_MODE:
+            return bytes((values["mode"], *self.reported_version)) + b"#"
+        form = command.reply_form(self.row.get("dialect"))
         return b"" if form is None else form.encode(values)
 
-    def _pass(self, frame: bytes) -> bytes:
+    def _pass_to_device(self, frame: bytes) -> bytes:
         """``P``: return the device's answer, cut or padded to the requested length; without one, one byte more."""
         count, device, number, asked = frame[1], frame[2], frame[3], frame[7]
         table = self._pass_through
         rows = table.get((count, device, number)) or table.get((count, None, number))
-        if rows and self.present(device):
+        if rows and self.has_device(device):
             command, resp = next((row for row in rows if row[1] == asked), rows[0])
             data = frame[4 : 3 + count]
             values = command.request.decode(frame[:4] + data + bytes(3 - len(data)) + bytes((resp,)))
@@ -83,9 +83,9 @@ PassThrough = dict[tuple[int, int | None, int], list[tuple[Command, int]]]
 
 
 @cache
-def _known(model: str, version: Version) -> tuple[frozenset[int], PassThrough]:
+def _known_commands(model: str, version: Version) -> tuple[frozenset[int], PassThrough]:
     """Return the first bytes of the commands that a model of this version has, and its pass-through commands."""
-    known = [row for row in load("nexstar").commands.values() if row.known_to(model, version)]
+    known = [row for row in load("nexstar").commands.values() if row.exists_on(model, version)]
     return frozenset(row.request.prefix[0] for row in known), _by_device(known)
 
 

@@ -24,7 +24,7 @@ from gateway.core.operations import Values
 from gateway.protocols.mechanics.axis_motor import RAMP_SECONDS
 from gateway.protocols.mechanics.mount import Mechanics
 from gateway.protocols.mechanics.simulated import Simulated
-from gateway.protocols.nexstar.versions import STARSENSE, modes, numbered
+from gateway.protocols.nexstar.versions import STARSENSE, modes_by_code, parse
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model, Version, parse_version
 
@@ -34,21 +34,21 @@ OFF, ALTAZ, EQ_NORTH, EQ_SOUTH = range(4)
 AZM, ALT, FOCUSER = 16, 17, 18
 GPS, RTC = 176, 178
 #: The hand control restores tracking after so many seconds without a byte, or of motion on an alt-az mount.
-RESTORE_WHEN_QUIET, RESTORE_ALTAZ = 20.0, 30.0
+QUIET_BEFORE_RESTORE, MAX_ALTAZ_SUSPENSION = 20.0, 30.0
 #: After so many seconds an old SynScan goes on with a goto that only ``M`` has ended.
-RESTARTS = 1.0
+GOTO_RESTART_DELAY = 1.0
 GERMAN_START: Pair = (90.0, 90.0)
 
 
-class Goal(Struct):
+class RestartableGoto(Struct):
     """The last goto of a hand control that resumes gotos after ``M``: its goal in degrees, when ``M`` came, and in
-    ``left`` the axes that have had no rate 0 since then.
+    ``axes_not_stopped`` the axes that have had no rate 0 since then.
     """
 
     ra: float
     dec: float
-    cancelled: float = math.inf
-    left: frozenset[int] = frozenset({1, 2})
+    cancelled_at: float = math.inf
+    axes_not_stopped: frozenset[int] = frozenset({1, 2})
 
 
 class FocuserMotor:
@@ -65,10 +65,10 @@ class FocuserMotor:
         moved, left = self._rate * (now - self._since), self._goal - self._position
         return self._goal if abs(moved) >= abs(left) else self._position + moved
 
-    def moving(self, now: float) -> bool:
+    def is_moving(self, now: float) -> bool:
         return self._rate != 0.0 and self.position(now) != self._goal
 
-    def go(self, now: float, goal: float, rate: float = FASTEST) -> None:
+    def move_to(self, now: float, goal: float, rate: float = FASTEST) -> None:
         """Move to a position in steps at a rate in steps a second; rate 0 stops."""
         self._position, self._since = self.position(now), now
         self._goal = max(0.0, min(float(self.TRAVEL), goal)) if rate else self._position
@@ -107,9 +107,9 @@ class SimulatedMount(Simulated):
         self.model, self.commands = model, protocol
         self.clock, self.now = clock, clock()
         self.last_byte_at = self.now
-        rates = protocol.extra("rates.toml")[self.row["rates"]]
-        self.keys = [*(times * SIDEREAL_RATE for times in rates["sidereal"]), *rates["degrees"]]
-        self.motors = parse_version(self.row["motors"])
+        rates = protocol.extra_table("rates.toml")[self.row["rates"]]
+        self.key_speeds = [*(times * SIDEREAL_RATE for times in rates["sidereal"]), *rates["degrees"]]
+        self.firmware = parse_version(self.row["motors"])
         self.settings: dict[tuple[str, int], int] = {}
         self.focuser = FocuserMotor() if focuser else None
         self.site: Pair = site
@@ -121,16 +121,16 @@ class SimulatedMount(Simulated):
     def _set_version(self, version: str | None, starsense: bool) -> None:
         """Set the version that ``V`` reports and the version whose commands it has. Raises UserError."""
         try:
-            number = numbered(version or (STARSENSE if starsense else self.row["versions"][-1]))
-            self.shown_version: Version = (number.shown[0], number.shown[1], *number.shown[2:3])
-            bytes(self.shown_version)  # ``V`` reports each number as one byte
+            number = parse(version or (STARSENSE if starsense else self.row["versions"][-1]))
+            self.reported_version: Version = (number.reported[0], number.reported[1], *number.reported[2:3])
+            bytes(self.reported_version)  # ``V`` reports each number as one byte
         except (ValueError, IndexError):
             known = "write it like 4.21 or starsense-1.20"
             raise UserError(f"{version!r} is not a hand-control version; {known}") from None
         self.starsense: bool = number.starsense
         self.version: Version = number.counts_as
-        self.codes = modes(self.row, self.version)
-        self.goal: Goal | None = None
+        self.mode_by_code = modes_by_code(self.row, self.version)
+        self.goal: RestartableGoto | None = None
 
     def _set_up(self, wedge: bool, fastest: float, speed: float, ramps: bool) -> None:
         """Choose the initial position: a fork points at the meridian, a German mount at the pole."""
@@ -140,7 +140,7 @@ class SimulatedMount(Simulated):
         if not self.german:
             start = 180.0 if north else 0.0, 45.0 if build is Build.ALTAZ else 0.0
         self.mechanics = Mechanics(build, Observer(*self.site), self.now, start)
-        self.mechanics.fastest, self.mechanics.speed = fastest, speed
+        self.mechanics.max_rate, self.mechanics.speedup = fastest, speed
         self.mechanics.acceleration = fastest / RAMP_SECONDS if ramps else math.inf
         self.encoder_offset = [float(self.row.get("index", start[0])) - start[0] if self.german else 0.0, 0.0]
         if self.aligned:
@@ -164,7 +164,7 @@ class SimulatedMount(Simulated):
         first, second = self.mechanics.axes(self.now)
         return wrap360(first + self.encoder_offset[0]), wrap180(second + self.encoder_offset[1])
 
-    def present(self, device: int) -> bool:
+    def has_device(self, device: int) -> bool:
         """Whether the device is on this mount's bus."""
         has = self.row["has"]
         return device in (AZM, ALT) or (device, True) in (
@@ -180,9 +180,9 @@ class SimulatedMount(Simulated):
             self.mechanics.rebuild(self.now, Build.ALTAZ if mode == ALTAZ else Build.WEDGE)
         self.mechanics.track(self.now, mode != OFF, sense=-1 if mode == EQ_SOUTH else 1)
 
-    def relocate(self, sky: Observer) -> None:
+    def relocate(self, observer: Observer) -> None:
         """Use another site or clock. An aligned StarSense loses its alignment."""
-        self.mechanics.relocate(self.now, sky)
+        self.mechanics.relocate(self.now, observer)
         if self.starsense and self.aligned:
             self.aligned = False
             self.mechanics.cancel(self.now)
@@ -191,13 +191,13 @@ class SimulatedMount(Simulated):
     def advance_to_now(self) -> None:
         """Advance to the present time, and restore the hand control's tracking when that is due."""
         self.now = self.clock()
-        if self.goal is not None and self.goal.cancelled + RESTARTS <= self.now:
-            self.mechanics.goto_sky(self.goal.cancelled + RESTARTS, self.goal.ra, self.goal.dec)
+        if self.goal is not None and self.goal.cancelled_at + GOTO_RESTART_DELAY <= self.now:
+            self.mechanics.goto_sky(self.goal.cancelled_at + GOTO_RESTART_DELAY, self.goal.ra, self.goal.dec)
             self.goal = None
         since = self.mechanics.suspended_since
         if since is not None and self.mode != OFF and not self.asleep:
-            due = self.last_byte_at + RESTORE_WHEN_QUIET
+            due = self.last_byte_at + QUIET_BEFORE_RESTORE
             if self.mechanics.build is Build.ALTAZ:
-                due = min(due, since + RESTORE_ALTAZ)
+                due = min(due, since + MAX_ALTAZ_SUSPENSION)
             if due <= self.now:
-                self.mechanics.resume(due)
+                self.mechanics.resume_tracking(due)

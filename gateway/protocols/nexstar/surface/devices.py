@@ -16,7 +16,7 @@ from gateway.protocols.nexstar.session import NexStarSession, begin
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.rows import parse_version
 
-MOTORS = {16: 1, 17: 2}
+AXIS_BY_DEVICE = {16: 1, 17: 2}
 GPS, RTC = 176, 178
 #: Years that a hand control can represent.
 CENTURY = range(2000, 2100)
@@ -24,7 +24,7 @@ CENTURY = range(2000, 2100)
 #: where no limit is known. (Firmware upload and memory writes are no commands here at all.)
 NEVER_PASSED = frozenset({"axis_set_position", "level_start"})
 #: Move commands are passed on to the focuser only: device 0 would reach all devices, the motors too.
-MOVERS, FOCUSER = frozenset({"move_pos", "move_neg"}), 18
+MOVE_COMMANDS, FOCUSER = frozenset({"move_pos", "move_neg"}), 18
 #: Commands that are always acknowledged, because the protocol has no reply that means no.
 ACKNOWLEDGED = (b"R", b"r", b"B", b"b", b"S", b"s", b"T", b"W", b"H", b"I", b"x", b"y")
 #: The four focuser speeds of a Meade for keys 1-9.
@@ -33,23 +33,23 @@ FOCUS_SPEEDS = (1, 1, 2, 2, 3, 3, 4, 4, 4)
 FOUND, SEARCHING = 1, 2
 
 
-def motor(values: op.Values) -> int:
+def addressed_axis(values: op.Values) -> int:
     """Return the axis (1, 2) of the motor that a command addresses. Raises NoDevice for any other device."""
-    axis = MOTORS.get(values["device"])
+    axis = AXIS_BY_DEVICE.get(values["device"])
     if axis is None:
         raise NoDevice
     return axis
 
 
-def passes(name: str, values: op.Values) -> bool:
+def may_be_passed_on(name: str, values: op.Values) -> bool:
     """Whether a command unknown to this surface may be passed on to a NexStar mount: not if it could pass a limit."""
-    return name not in NEVER_PASSED and (name not in MOVERS or values["device"] == FOCUSER)
+    return name not in NEVER_PASSED and (name not in MOVE_COMMANDS or values["device"] == FOCUSER)
 
 
 def device_version(session: NexStarSession, values: op.Values) -> dict[str, int]:
     """AUX 0xFE - the firmware version of a device; bytes beyond the first two are the build. Raises NoDevice."""
     device = values["device"]
-    if device in MOTORS:
+    if device in AXIS_BY_DEVICE:
         major, minor = parse_version(session.model["motors"])[:2]
         return {"major": major, "minor": minor, "build": 0}
     if device == GPS and "gps" in session.model["has"]:
@@ -59,14 +59,14 @@ def device_version(session: NexStarSession, values: op.Values) -> dict[str, int]
     raise NoDevice
 
 
-def _require(session: NexStarSession, part: str) -> None:
+def _require_part(session: NexStarSession, part: str) -> None:
     if part not in session.model["has"]:
         raise NoDevice
 
 
-def _receiver(session: NexStarSession) -> Handling:
+def _read_receiver(session: NexStarSession) -> Handling:
     """Return Gps from the mount's receiver. If the mount has none, report no fix, and the site and clock."""
-    _require(session, "gps")
+    _require_part(session, "gps")
     try:
         return (yield op.GetGps())
     except (Unsupported, NoDevice):
@@ -77,25 +77,25 @@ def _receiver(session: NexStarSession) -> Handling:
 
 def gps_flag(session: NexStarSession) -> Handling:
     """Whether the GPS is linked, and whether its time is valid."""
-    linked = int((yield from _receiver(session)).linked)
+    linked = int((yield from _read_receiver(session)).linked)
     return {"linked": linked, "valid": linked}
 
 
 def gps_place(session: NexStarSession) -> Handling:
     """Latitude and longitude by GPS; before the first fix those of the site."""
-    place = (yield from _receiver(session)).place or (yield op.GetSite())
+    place = (yield from _read_receiver(session)).place or (yield op.GetSite())
     return {"latitude": place.latitude, "longitude": place.longitude}
 
 
 def gps_time(session: NexStarSession) -> Handling:
     """Date, year and time by GPS; before the first fix by the mount's clock."""
-    receiver = yield from _receiver(session)
+    receiver = yield from _read_receiver(session)
     return _calendar(receiver.unix if receiver.linked else (yield op.GetClock()).unix)
 
 
 def universal_time(session: NexStarSession) -> Handling:
     """Date, year and time of the real-time clock: always UT."""
-    _require(session, "rtc")
+    _require_part(session, "rtc")
     return _calendar((yield op.GetClock()).unix)
 
 
@@ -106,8 +106,8 @@ def _calendar(unix: float) -> dict[str, int]:
 
 def set_rtc(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """Set date, year or time of the real-time clock; the other two parts of its UT stay. Raises Invalid, NoDevice."""
-    _require(session, "rtc")
-    if not command.known_to(None, session.model["counts_as"]):
+    _require_part(session, "rtc")
+    if not command.exists_on(None, session.model["counts_as"]):
         raise NoDevice
     yield CheckPossible(op.SetClock(0.0, 0.0))
     moment: op.Moment = yield op.GetClock()
@@ -122,15 +122,15 @@ def set_rtc(session: NexStarSession, command: Command, values: op.Values) -> Han
 
 def seek_switch(values: op.Values) -> Handling:
     """AUX 0x0B - send both axes home; the command to the second motor finds the search under way."""
-    motor(values)
+    addressed_axis(values)
     yield CheckPossible(op.Home())
     if (yield op.HomeState()) != SEARCHING:
         yield op.Home()
 
 
-def switch_found(values: op.Values) -> Handling:
+def tell_switch_found(values: op.Values) -> Handling:
     """AUX 0x12 - 255 if the switch was found, else 0."""
-    motor(values)
+    addressed_axis(values)
     return {"done": 255 if (yield op.HomeState()) == FOUND else 0}
 
 
@@ -147,16 +147,16 @@ def move_focuser(command: Command, values: op.Values) -> Handling:
         yield from begin(op.Focus(-1 if command.name == "move_pos" else 1, FOCUS_SPEEDS[rate - 1]))
 
 
-def absent() -> None:
+def refuse_absent() -> None:
     """Raise NoDevice: no mount behind this gateway has such a device or function."""
     raise NoDevice
 
 
-def set_position(session: NexStarSession, command: Command) -> None:
+def refuse_set_position(session: NexStarSession, command: Command) -> None:
     """AUX 0x04 - never carried out. Raises NoDevice; a SynScan replies ``#``, as documented."""
     if "dialect" not in session.model:
         raise NoDevice
-    session.refused = f"{command.help}: it would make the alignment meaningless"
+    session.refusal_reason = f"{command.help}: it would make the alignment meaningless"
 
 
 def no_response(frame: bytes, fault: Fault | None) -> bytes:

@@ -9,12 +9,12 @@ from gateway.core.errors import Busy, Invalid, NoAnswer, Unsupported
 from gateway.protocols.base.wants import FireAndForget, Handling
 from gateway.protocols.nexstar.counting import DRIVE_CODES, key_speed, rate_tables
 from gateway.protocols.nexstar.session import NexStarSession, attempt, begin
-from gateway.protocols.nexstar.surface.devices import motor
-from gateway.protocols.nexstar.versions import STARSENSE_LONG_MODE, STARSENSE_VARIANT, code_of, modes
+from gateway.protocols.nexstar.surface.devices import addressed_axis
+from gateway.protocols.nexstar.versions import STARSENSE_LONG_MODE, STARSENSE_VARIANT, code_of, modes_by_code
 from gateway.protocols.wireformat.command import Command
 
-_TRACKING = {code: name for name, code in DRIVE_CODES.items()}
-_KEYS, _FULL_BACKLASH, _FULL_GUIDE_RATE = 9, 99, 100
+_DRIVE_RATE_BY_CODE = {code: name for name, code in DRIVE_CODES.items()}
+_MAX_KEY, _MAX_BACKLASH, _MAX_GUIDE_PERCENT = 9, 99, 100
 _OFF_OR_ON = (0, 1)
 
 
@@ -24,41 +24,41 @@ def _axis_and_sense(command: Command) -> tuple[int, int]:
     return (1 if axis == "azm" else 2), (1 if sense == "pos" else -1)
 
 
-def fixed(session: NexStarSession, command: Command, values: op.Values) -> Handling:
+def move_at_key(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """AUX 0x24, 0x25 - move at a hand-control key 1-9; 0 stops the axis. Raises Invalid for a higher number."""
     axis, sense = _axis_and_sense(command)
     if values["rate"] == 0:
         yield FireAndForget(op.StopAxis(axis))
-    elif values["rate"] <= _KEYS:
-        yield from begin(op.MoveAxis(axis, sense, _key(session, values["rate"])))
+    elif values["rate"] <= _MAX_KEY:
+        yield from begin(op.MoveAxis(axis, sense, _rate_of_key(session, values["rate"])))
     else:
         raise Invalid
 
 
-def _key(session: NexStarSession, key: int) -> op.Rate:
+def _rate_of_key(session: NexStarSession, key: int) -> op.Rate:
     """Return a rate with the key and, for mounts that have no keys, its speed on the presented model."""
     return op.Rate(key=key, degrees=key_speed(rate_tables()[session.model["rates"]], key))
 
 
-def variable(command: Command, values: op.Values) -> Handling:
+def move_at_rate(command: Command, values: op.Values) -> Handling:
     """AUX 0x06, 0x07 - move at a rate in quarter arcseconds a second; the three highest codes mean tracking rates."""
     axis, sense = _axis_and_sense(command)
-    yield from _rate(axis, sense, values["rate"] / 14400.0, _TRACKING.get(values["rate"]))
+    yield from _move_or_track(axis, sense, values["rate"] / 14400.0, _DRIVE_RATE_BY_CODE.get(values["rate"]))
 
 
-def fine(command: Command, values: op.Values) -> Handling:
-    """Like ``variable``, but in 1/1024 arcseconds a second and without tracking codes."""
-    axis = motor(values)
-    yield from _rate(axis, 1 if command.name.endswith("pos") else -1, values["rate"] / 1024.0 / 3600.0, None)
+def move_at_fine_rate(command: Command, values: op.Values) -> Handling:
+    """Like ``move_at_rate``, but in 1/1024 arcseconds a second and without tracking codes."""
+    axis = addressed_axis(values)
+    yield from _move_or_track(axis, 1 if command.name.endswith("pos") else -1, values["rate"] / 1024.0 / 3600.0, None)
 
 
-def _rate(axis: int, sense: int, degrees: float, tracking: str | None) -> Handling:
-    if tracking is not None:
-        yield from begin(op.TrackRate(name=tracking))
-    elif degrees == 0:
+def _move_or_track(axis: int, sense: int, speed: float, drive_rate: str | None) -> Handling:
+    if drive_rate is not None:
+        yield from begin(op.TrackRate(name=drive_rate))
+    elif speed == 0:
         yield FireAndForget(op.StopAxis(axis))
     else:
-        yield from begin(op.MoveAxis(axis, sense, op.Rate(degrees=degrees)))
+        yield from begin(op.MoveAxis(axis, sense, op.Rate(degrees=speed)))
 
 
 def mode(session: NexStarSession) -> Handling:
@@ -77,9 +77,9 @@ def set_mode(session: NexStarSession, command: Command, values: op.Values) -> Ha
 
     A SynScan's equatorial modes mean the mount's native mode. A mount presented itself gets the same byte.
     """
-    known = modes(session.model, session.model["counts_as"])
+    known = modes_by_code(session.model, session.model["counts_as"])
     if values["mode"] not in known:
-        session.refused = f"{command.help}: there is no mode {values['mode']}"
+        session.refusal_reason = f"{command.help}: there is no mode {values['mode']}"
         return
     wanted = known[values["mode"]]
     code = values["mode"] if session.model.get("own") else None
@@ -91,8 +91,8 @@ def pulse(session: NexStarSession, values: op.Values) -> Handling:
 
     Raises Invalid for more than 100 percent.
     """
-    axis, ms = motor(values), values["ticks"] * 10
-    if abs(values["rate"]) > _FULL_GUIDE_RATE:
+    axis, ms = addressed_axis(values), values["ticks"] * 10
+    if abs(values["rate"]) > _MAX_GUIDE_PERCENT:
         raise Invalid
     if values["rate"] and ms:
         yield from begin(op.PulseAxis(axis, 1 if values["rate"] > 0 else -1, ms, abs(values["rate"]) / 100))
@@ -102,12 +102,12 @@ def pulse(session: NexStarSession, values: op.Values) -> Handling:
 
 def pulse_active(session: NexStarSession, values: op.Values) -> dict[str, int]:
     """AUX 0x27 - whether the motor's last pulse is still running, whichever client sent it."""
-    return {"active": int(session.clock() < session.shared.pulse_ends.get(motor(values), 0.0))}
+    return {"active": int(session.clock() < session.shared.pulse_ends.get(addressed_axis(values), 0.0))}
 
 
 def set_guide_rate(session: NexStarSession, values: op.Values) -> Handling:
     """AUX 0x46 - set the guide rate of a motor; if the mount lacks it, the reply is the no-response form."""
-    axis = motor(values)
+    axis = addressed_axis(values)
     yield from _set(session, f"guide rate {axis}", values["rate"], op.SetGuideRate(axis, values["rate"] / 256.0))
 
 
@@ -123,7 +123,7 @@ def _set(session: NexStarSession, name: str, value: int, operation: op.SetGuideR
 
 def guide_rate(session: NexStarSession, values: op.Values) -> Handling:
     """AUX 0x47 - the mount's guide rate; if it reports none, the last value that was set, at first half sidereal."""
-    axis = motor(values)
+    axis = addressed_axis(values)
     try:
         return {"rate": min(255, round((yield op.GuideRate(axis)) * 256))}
     except Unsupported:
@@ -134,8 +134,8 @@ def set_backlash(session: NexStarSession, command: Command, values: op.Values) -
     """AUX 0x10, 0x11 - set the antibacklash of one sense of a motor, 0 to 99; a Meade has one value for both senses. If
     the mount lacks it, the reply is the no-response form.
     """
-    axis, value = motor(values), values["value"]
-    if value > _FULL_BACKLASH:
+    axis, value = addressed_axis(values), values["value"]
+    if value > _MAX_BACKLASH:
         raise Invalid
     wanted = op.Backlash(axis, value, 1 if command.name.endswith("pos") else -1)
     yield from _set(session, _backlash_name(command, axis), value, wanted)
@@ -143,18 +143,18 @@ def set_backlash(session: NexStarSession, command: Command, values: op.Values) -
 
 def backlash(session: NexStarSession, command: Command, values: op.Values) -> dict[str, int]:
     """AUX 0x40, 0x41 - the backlash compensation of a motor's sense: the last value that was set."""
-    return {"value": session.shared.motors.get(_backlash_name(command, motor(values)), 0)}
+    return {"value": session.shared.motors.get(_backlash_name(command, addressed_axis(values)), 0)}
 
 
 def _backlash_name(command: Command, axis: int) -> str:
     return f"backlash {axis} {command.name[-3:]}"
 
 
-def periodic_error(values: op.Values) -> Handling:
+def switch_pec(values: op.Values) -> Handling:
     """AUX 0x0D - turn PEC on or off; a mount without it gives the no-response form. Raises Invalid if not 0 or 1."""
     if values["on"] not in _OFF_OR_ON:
         raise Invalid
-    yield op.PeriodicError(motor(values), bool(values["on"]))
+    yield op.PeriodicError(addressed_axis(values), bool(values["on"]))
 
 
 def hibernate_or_wake(command: Command) -> Handling:
@@ -162,5 +162,5 @@ def hibernate_or_wake(command: Command) -> Handling:
     yield from begin(op.Hibernate() if command.name == "x" else op.Wake())
 
 
-def unsync() -> None:
+def ignore_undo_sync() -> None:
     """u - acknowledged without effect: no supported mount keeps a list of syncs."""

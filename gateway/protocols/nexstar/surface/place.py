@@ -47,12 +47,12 @@ def set_clock(session: NexStarSession, command: Command, values: Values) -> Hand
     zone = values["quarters"] / 4.0 if "quarters" in values else float(values["zone"])
     dst = values["dst"]
     if dst not in (0, 1) or not -14 <= zone <= 14 or values["year"] > 99:
-        session.refused = f"{command.help}: no such year, zone or daylight saving"
+        session.refusal_reason = f"{command.help}: no such year, zone or daylight saving"
         return
     try:
         local = unix_of(values)
     except ValueError as error:
-        session.refused = f"{command.help}: {error}"
+        session.refusal_reason = f"{command.help}: {error}"
         return
     offset = zone + dst
     wanted = SetClock(local - offset * 3600.0, offset, dst)

@@ -16,29 +16,29 @@ from gateway.core import operations as op
 from gateway.core.errors import Unsupported
 from gateway.protocols.base.wants import FireAndForget, Handling
 from gateway.protocols.nexstar.session import NexStarSession, attempt, begin
-from gateway.protocols.nexstar.surface.devices import motor
+from gateway.protocols.nexstar.surface.devices import addressed_axis
 
 #: What the first axis of a Celestron German mount reads at the pole.
-POLE = 90.0
+POLE_READING = 90.0
 
 
 def axes(session: NexStarSession) -> Handling:
     """Z z - the readings of both axes."""
-    return (yield from _readings(session))
+    return (yield from _axis_readings(session))
 
 
 def goto(session: NexStarSession, values: op.Values) -> Handling:
     """R r - slew; acknowledged at once. A malformed command does nothing."""
     if "fault" not in values:
-        session.client.axis_goto = {}
+        session.client.axis_goals = {}
         yield from begin(op.Goto(*fold_declination(values["ra"], values["dec"])))
 
 
 def goto_axes(session: NexStarSession, values: op.Values) -> Handling:
     """B b - slew to axis readings. A malformed command does nothing."""
     if "fault" not in values:
-        session.client.axis_goto = {}
-        yield from begin((yield from _to_mount(session, values["az"], values["alt"])))
+        session.client.axis_goals = {}
+        yield from begin((yield from _goto_operation(session, values["az"], values["alt"])))
 
 
 def sync(values: op.Values) -> Handling:
@@ -60,7 +60,7 @@ def cancel() -> Handling:
 def pier_side(session: NexStarSession) -> Handling:
     """p - always E on a fork, and on a mount that has no side of the pier, such as a Meade fork."""
     with suppress(Unsupported):
-        if _german(session):
+        if _presents_german(session):
             return {"side": (yield op.PierSide())}
     return {"side": "E"}
 
@@ -70,44 +70,44 @@ def pier_side(session: NexStarSession) -> Handling:
 
 def axis_position(session: NexStarSession, values: op.Values) -> Handling:
     """AUX 0x01 - the reading of an axis"""
-    number = motor(values)
-    readings = yield from _readings(session)
+    number = addressed_axis(values)
+    readings = yield from _axis_readings(session)
     return {"position": readings.az if number == 1 else readings.alt}
 
 
 def axis_goto(session: NexStarSession, values: op.Values) -> Handling:
     """AUX 0x02, 0x17 - goto of an axis. The other axis continues its own goto, or stays."""
-    number = motor(values)
-    readings = yield from _readings(session)
-    sent = session.client.axis_goto if (yield op.Slewing()) else {}
+    number = addressed_axis(values)
+    readings = yield from _axis_readings(session)
+    sent = session.client.axis_goals if (yield op.Slewing()) else {}
     wanted = {1: readings.az, 2: readings.alt, **sent, number: values["position"]}
-    yield from begin((yield from _to_mount(session, wanted[1], wrap180(wanted[2]))))
-    session.client.axis_goto = {**sent, number: values["position"]}
+    yield from begin((yield from _goto_operation(session, wanted[1], wrap180(wanted[2]))))
+    session.client.axis_goals = {**sent, number: values["position"]}
 
 
 def axis_done(values: op.Values) -> Handling:
     """AUX 0x13 - 255 when the goto has ended, else 0."""
-    motor(values)
+    addressed_axis(values)
     return {"done": 0 if (yield op.Slewing()) else 255}
 
 
 # --- the axes of the presented hand control --------------------------------------------------------------------------
 
 
-def _german(session: NexStarSession) -> bool:
+def _presents_german(session: NexStarSession) -> bool:
     """Whether the presented model is a German mount."""
     return bool(session.model["mount"] == "german")
 
 
-def _ahead(session: NexStarSession) -> float:
+def _offset(session: NexStarSession) -> float:
     """Return how many degrees more a Celestron's first axis reads than that of the presented German mount."""
-    return POLE - float(session.model.get("index", POLE)) if _german(session) else 0.0
+    return POLE_READING - float(session.model.get("index", POLE_READING)) if _presents_german(session) else 0.0
 
 
-def _readings(session: NexStarSession) -> Handling:
+def _axis_readings(session: NexStarSession) -> Handling:
     """Return the axis readings of the presented model as Horizontal."""
     position: op.Horizontal = yield from _native_readings(session)
-    ahead = _ahead(session)
+    ahead = _offset(session)
     return op.Horizontal(wrap360(position.az - ahead), position.alt) if ahead else position
 
 
@@ -115,33 +115,33 @@ def _native_readings(session: NexStarSession) -> Handling:
     """Return the axis readings as a Celestron counts them."""
     status: op.Status = yield op.GetStatus()
     if not _wedge_as_german(session, status):
-        return (yield op.AxisPosition() if _by_axes(session, status) else op.HorizontalPosition())
+        return (yield op.AxisPosition() if _uses_axes(session, status) else op.HorizontalPosition())
     position: op.Horizontal = yield op.AxisPosition()
-    return op.Horizontal(wrap360(position.az - (yield from _zero())), position.alt)
+    return op.Horizontal(wrap360(position.az - (yield from _meridian_reading())), position.alt)
 
 
-def _to_mount(session: NexStarSession, first: float, second: float) -> Handling:
+def _goto_operation(session: NexStarSession, first: float, second: float) -> Handling:
     """Return the operation that turns both axes to these readings of the presented model."""
     status: op.Status = yield op.GetStatus()
-    first += _ahead(session)
+    first += _offset(session)
     if not _wedge_as_german(session, status):
-        return op.GotoAxes(first, second) if _by_axes(session, status) else op.GotoHorizontal(first % 360.0, second)
+        return op.GotoAxes(first, second) if _uses_axes(session, status) else op.GotoHorizontal(first % 360.0, second)
     second = wrap180(second)
     if abs(second) > 90.0:  # a German mount on the other side of its pier; a fork does not turn over the pole
         first, second = first + 180.0, wrap180(180.0 - second)
-    return op.GotoAxes(wrap360(first + (yield from _zero())), second)
+    return op.GotoAxes(wrap360(first + (yield from _meridian_reading())), second)
 
 
-def _by_axes(session: NexStarSession, status: op.Status) -> bool:
+def _uses_axes(session: NexStarSession, status: op.Status) -> bool:
     """Whether the readings are those of the motors: as on the mount if it is presented itself, else by the model."""
-    return status.equatorial if session.model.get("own") else _german(session) or status.wedge
+    return status.equatorial if session.model.get("own") else _presents_german(session) or status.wedge
 
 
 def _wedge_as_german(session: NexStarSession, status: op.Status) -> bool:
     """Whether a fork on its wedge is presented as a German mount."""
-    return not session.model.get("own") and _german(session) and status.wedge
+    return not session.model.get("own") and _presents_german(session) and status.wedge
 
 
-def _zero() -> Handling:
+def _meridian_reading() -> Handling:
     """Return the reading of the first axis of a fork on its wedge on the meridian, degrees."""
     return 180.0 if (yield op.GetSite()).latitude >= 0.0 else 0.0

@@ -11,47 +11,47 @@ from functools import cache
 
 from gateway.core.operations import Values
 from gateway.protocols.nexstar.session import NexStarSession
-from gateway.protocols.nexstar.surface.devices import MOTORS
-from gateway.protocols.nexstar.versions import STARSENSE_VARIANT, numbered
+from gateway.protocols.nexstar.surface.devices import AXIS_BY_DEVICE
+from gateway.protocols.nexstar.versions import STARSENSE_VARIANT, parse
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model, Version, show_version
 
 #: Presented by default: the version that most clients support best, and the models of an alt-az fork, a fork on a
 #: wedge and a German mount.
-VERSION, FORK, WEDGE, GERMAN = "4.21", "6-8se", "cpc", "cge"
+DEFAULT_VERSION, FORK_MODEL, WEDGE_MODEL, GERMAN_MODEL = "4.21", "6-8se", "cpc", "cge"
 #: Answered in every version: a client program sends it to every hand control and waits.
 ALWAYS = "v"
 #: The gateway answers these for the motors, which it moves; other devices answer them themselves.
-_AXES = frozenset({"axis_position", "axis_done"})
+_AXIS_COMMANDS = frozenset({"axis_position", "axis_done"})
 
 
-def presented(model: str | None, version: str | None) -> Model:
+def build_model(model: str | None, version: str | None) -> Model:
     """Return the row of a model with the constants that a hand control of that version reports."""
-    name, protocol = model or FORK, load("nexstar")
+    name, protocol = model or FORK_MODEL, load("nexstar")
     row = protocol.models[name]
-    number = numbered(version or (row["versions"][-1] if "dialect" in row else VERSION))
+    number = parse(version or (row["versions"][-1] if "dialect" in row else DEFAULT_VERSION))
     return {
         **row,
         "name": name,
-        "lacking": protocol.lacking(name),
-        "version": number.shown,
+        "lacking": protocol.lacking_commands(name),
+        "version": number.reported,
         "counts_as": number.counts_as,
         "variant": number.variant,
     }
 
 
-def fitting(equatorial: bool, german: bool | None, gps: bool, version: str | None) -> Model:
+def default_model(equatorial: bool, german: bool | None, gps: bool, version: str | None) -> Model:
     """Return the default model to present for a mount; it has a GPS unit only if the mount does."""
-    model = presented((GERMAN if german else WEDGE) if equatorial else FORK, version)
+    model = build_model((GERMAN_MODEL if german else WEDGE_MODEL) if equatorial else FORK_MODEL, version)
     return {**model, "has": [part for part in model["has"] if part != "gps"] + ["gps"] * gps}
 
 
-def fitter(model: str | None, version: str | None) -> Callable[[bool, bool | None, bool], Model] | None:
+def chooser(model: str | None, version: str | None) -> Callable[[bool, bool | None, bool], Model] | None:
     """Return the function that chooses the presented model when the mount is known; None if the user's model stays."""
     if model is None:
-        return lambda equatorial, german, gps: fitting(equatorial, german, gps, version)
+        return lambda equatorial, german, gps: default_model(equatorial, german, gps, version)
     in_altaz = load("nexstar").models[model].get("alt-az")
-    return in_altaz and (lambda equatorial, german, gps: presented(model if equatorial else in_altaz, version))
+    return in_altaz and (lambda equatorial, german, gps: build_model(model if equatorial else in_altaz, version))
 
 
 @cache
@@ -60,12 +60,12 @@ def _opcodes(model: str, version: Version) -> frozenset[int]:
     known = [
         command
         for command in load("nexstar").commands.values()
-        if command.known_to(model, version) or (command.name == ALWAYS and model not in command.lacking)
+        if command.exists_on(model, version) or (command.name == ALWAYS and model not in command.lacking_models)
     ]
     return frozenset(command.request.prefix[0] for command in known)
 
 
-def lacks(model: Model, frame: bytes) -> str:
+def missing_command_text(model: Model, frame: bytes) -> str:
     """Return why the presented hand control ignores a request; an empty string if it has the request."""
     if frame[0] in _opcodes(model["name"], model["counts_as"]):
         return ""
@@ -75,9 +75,9 @@ def lacks(model: Model, frame: bytes) -> str:
 
 def contradicts_client(session: NexStarSession, name: str, values: Values) -> bool:
     """Whether the mount's own answer could contradict what the gateway does or has reported."""
-    if name in _AXES:
-        return values["device"] in MOTORS
-    return name == "pulse_active" and MOTORS.get(values["device"]) in session.shared.pulse_ends
+    if name in _AXIS_COMMANDS:
+        return values["device"] in AXIS_BY_DEVICE
+    return name == "pulse_active" and AXIS_BY_DEVICE.get(values["device"]) in session.shared.pulse_ends
 
 
 # --- version, model, echo -------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from gateway.app.config import Config, make_config, read_tables
 from gateway.app.config.describing import keys
 from gateway.app.config.source import Source, line_of
-from gateway.cli.serve.settings import add_settings, settings
+from gateway.cli.serve.settings import add_setting_flags, load_config
 from gateway.core.errors import UserError
 from tests.support.each import each
 from tests.support.sampling import as_a_rule
@@ -33,9 +33,9 @@ def read(tmp_path: Path, text: str) -> Config:
 
 def flags(*words: str) -> Config:
     parser = argparse.ArgumentParser()
-    add_settings(parser)
+    add_setting_flags(parser)
     mount = [] if "--mount" in words else ["--mount", "nexstar@sim"]
-    return settings(parser.parse_args([*mount, "--surface", "lx200@tcp://:0", *words]))[0]
+    return load_config(parser.parse_args([*mount, "--surface", "lx200@tcp://:0", *words]))[0]
 
 
 @each(
@@ -135,7 +135,7 @@ def test_two_mounts_cannot_use_one_port(tmp_path: Path) -> None:
 
 def test_each_of_several_mounts_has_its_surfaces(tmp_path: Path) -> None:
     config = read(tmp_path, TWO + A + B.replace(":0", ":4040") + A.replace(":0", ":4050"))
-    assert [[surface.at for surface in config.of(mount)] for mount in config.mount] == [
+    assert [[surface.at for surface in config.surfaces_of(mount)] for mount in config.mount] == [
         ["lx200@tcp://:0", "lx200@tcp://:4050"],
         ["lx200@tcp://:4040"],
     ]
@@ -144,7 +144,7 @@ def test_each_of_several_mounts_has_its_surfaces(tmp_path: Path) -> None:
 def test_single_mount_needs_no_name_and_may_have_one(tmp_path: Path) -> None:
     for text in (MOUNT + SURFACE, MOUNT.replace("[mount]", "[[mount]]") + SURFACE, f'{MOUNT}name = "a"\n{A}'):
         config = read(tmp_path, text)
-        assert len(config.of(config.mount[0])) == 1
+        assert len(config.surfaces_of(config.mount[0])) == 1
 
 
 def test_missing_or_unreadable_config_file_is_reported(tmp_path: Path) -> None:
@@ -198,8 +198,8 @@ def test_flags_override_the_config_file(tmp_path: Path) -> None:
     path = tmp_path / "gateway.toml"
     path.write_text(f"wait = true\n{MOUNT}lowest = 5\nhighest = 70\n{SURFACE}")
     parser = argparse.ArgumentParser()
-    add_settings(parser)
-    config, source = settings(parser.parse_args(["--config", str(path), "--lowest", "7", "--no-wait"]))
+    add_setting_flags(parser)
+    config, source = load_config(parser.parse_args(["--config", str(path), "--lowest", "7", "--no-wait"]))
     assert (config.mount[0].lowest, config.mount[0].highest, config.wait) == (7.0, 70.0, False)
     assert source.origin(("mount", 0, "lowest")) == "--lowest"
     assert source.origin(("mount", 0, "highest")) == f"{path}:5"
@@ -210,8 +210,8 @@ def test_surface_from_a_flag_inherits_nothing_from_the_file(tmp_path: Path) -> N
     path = tmp_path / "gateway.toml"
     path.write_text(f"{MOUNT}{SURFACE}client = 'indi'\n")
     parser = argparse.ArgumentParser()
-    add_settings(parser)
-    config, source = settings(parser.parse_args(["--config", str(path), "--surface", "nexstar@tcp://:0"]))
+    add_setting_flags(parser)
+    config, source = load_config(parser.parse_args(["--config", str(path), "--surface", "nexstar@tcp://:0"]))
     assert [(surface.at, surface.client) for surface in config.surface] == [("nexstar@tcp://:0", "auto")]
     assert source.origin(("surface", 0)) == "--surface"
     assert source.origin(("surface", 0, "client")) is None
@@ -221,11 +221,11 @@ def test_flag_for_one_of_several_mounts_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "gateway.toml"
     path.write_text(TWO + A + B)
     parser = argparse.ArgumentParser()
-    add_settings(parser)
+    add_setting_flags(parser)
     for words in (["--lowest", "7"], ["--mount", "nexstar@sim"], ["--surface", "lx200@tcp://:0"]):
         with pytest.raises(UserError, match=f"{words[0]}: .*several mounts"):
-            settings(parser.parse_args(["--config", str(path), *words]))
-    assert settings(parser.parse_args(["--config", str(path), "--log"]))[0].log
+            load_config(parser.parse_args(["--config", str(path), *words]))
+    assert load_config(parser.parse_args(["--config", str(path), "--log"]))[0].log
 
 
 _WORD = st.text("abcdef-", min_size=1, max_size=4)

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from gateway.app.bindings import make_surface, profiles
 from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.app.config.describing import find_key
-from gateway.app.config.programs import first_bytes, open_needs, programs, with_needs
+from gateway.app.config.programs import first_bytes, programs, unmet_needs, with_needs
 from gateway.clients.profiles import EquinoxConverter
 from gateway.core.wire_log import Entry
 from gateway.mount.policy import Limits
@@ -67,7 +67,7 @@ def test_named_client_program_gets_the_settings_that_it_needs(
 def test_client_profile_leaves_user_settings_unchanged() -> None:
     surface = SurfaceConfig(at=TCP, client="stellarium-mobile", equinox="jnow")
     assert with_needs(surface).equinox == "jnow"
-    assert open_needs(surface) == []
+    assert unmet_needs(surface) == []
 
 
 @pytest.mark.parametrize("protocol", ["lx200", "nexstar"])
@@ -119,11 +119,12 @@ async def test_programs_that_release_arrows_by_a_full_stop_have_a_profile() -> N
     for data in MOBILE:
         await mobile.ask(data)
     await other.ask(b":GR#")
-    by_stop = [one.guest.client.releases.by_stop for one in (mobile, other)]
+    by_stop = [one.guest.client.arrow_releases.uses_stop for one in (mobile, other)]
     assert by_stop == [True, False]
     for client, stops in (("skysafari", True), ("indi", False)):
         assert (
-            make_surface(Endpoint("lx200", "-"), SurfaceConfig(at=TCP, client=client), Limits()).stops_arrows is stops
+            make_surface(Endpoint("lx200", "-"), SurfaceConfig(at=TCP, client=client), Limits()).releases_by_stop
+            is stops
         )
 
 

@@ -12,7 +12,7 @@ from gateway.app.config import Source, make_config, read_tables
 from gateway.app.config.describing import keys
 from gateway.app.config.keys import SurfaceConfig
 from gateway.app.config.programs import with_needs
-from gateway.app.config.showing import effective, example, toml
+from gateway.app.config.showing import effective_toml, example_toml, toml
 from gateway.app.config.source import Place
 from gateway.app.config.tables import Config, ConsoleConfig
 from gateway.cli import main
@@ -50,7 +50,7 @@ def back(tmp_path: Path, text: str) -> tuple[Config, Source]:
 
 def test_printed_configuration_reads_back_as_the_same(tmp_path: Path) -> None:
     config, source = back(tmp_path, ALL)
-    again, _ = back(tmp_path, effective(config, source))
+    again, _ = back(tmp_path, effective_toml(config, source))
     assert (again.mount, again.wait, again.log) == (config.mount, config.wait, config.log)
     assert again.surface == [with_needs(surface) for surface in config.surface]
     assert again.surface[0].sync_text is not None
@@ -60,7 +60,7 @@ def test_printed_configuration_says_where_each_changed_value_comes_from(tmp_path
     config, source = back(tmp_path, ALL)
     source.name = "g.toml"
     source.flags[("mount", 1, "lowest")] = "--lowest"
-    lines = effective(config, source).splitlines()
+    lines = effective_toml(config, source).splitlines()
     assert "log = true  # g.toml:1" in lines
     assert "site = [-33.5, 151.25]  # g.toml:5" in lines
     assert "lowest = 12.5  # --lowest" in lines
@@ -75,7 +75,7 @@ def test_printed_configuration_shows_defaults_without_a_mark() -> None:
     flags: dict[Place, str] = {("mount", 0, "at"): "--mount", ("surface", 0): "--surface"}
     tables = {"mount": [{"at": "nexstar@sim"}], "surface": [{"at": "lx200@tcp://:0"}]}
     source = Source("command line", flags=flags)
-    lines = effective(make_config(tables, source), source).splitlines()[2:]
+    lines = effective_toml(make_config(tables, source), source).splitlines()[2:]
     assert [line for line in lines if "  # " in line] == [
         'at = "nexstar@sim"  # --mount',
         'at = "lx200@tcp://:0"  # --surface',
@@ -83,13 +83,13 @@ def test_printed_configuration_shows_defaults_without_a_mark() -> None:
 
 
 def test_example_configuration_has_keys_without_a_default_as_comments(tmp_path: Path) -> None:
-    config, _ = back(tmp_path, example())
+    config, _ = back(tmp_path, example_toml())
     assert config.console == ConsoleConfig()
     assert config.surface[0] == SurfaceConfig(config.surface[0].at)
 
 
 def test_example_configuration_has_every_key(tmp_path: Path) -> None:
-    text = re.sub(r"(?m)^#(?! )", "", example())
+    text = re.sub(r"(?m)^#(?! )", "", example_toml())
     back(tmp_path, text)
     tables = tomli.loads(text)
     assert set(tables["mount"]) == {key.name for key in keys("mount")}
@@ -103,7 +103,7 @@ def test_every_config_key_has_a_description() -> None:
     for name in ("", "mount", "surface", "console"):
         for key in keys(name):
             assert key.description
-            assert key.right
+            assert key.allowed
             assert key.example is not None, key.name
             assert isinstance(key.default, bool) or key.metavar, key.name
 
@@ -117,4 +117,4 @@ def test_config_command_prints_the_configuration_and_the_example(capsys: pytest.
     assert main(["config", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--site", "-33.9,151.2"]) == 0
     assert tomli.loads(capsys.readouterr().out)["mount"]["site"] == [-33.9, 151.2]
     assert main(["config", "--example"]) == 0
-    assert capsys.readouterr().out == example()
+    assert capsys.readouterr().out == example_toml()

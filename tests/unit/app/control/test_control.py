@@ -12,9 +12,9 @@ import msgspec
 import pytest
 
 from gateway.app.control import reach
-from gateway.app.control.exchange import ControlEndpoint, Parts, parts, read_endpoints, seal, unseal
+from gateway.app.control.exchange import AnswerParts, ControlEndpoint, read_endpoints, seal, split_answer, unseal
 from gateway.app.control.reach import ask
-from gateway.app.control.server import Control
+from gateway.app.control.server import ControlServer
 from gateway.core import requests
 from gateway.core.errors import NoAnswer
 from gateway.core.requests import Answer
@@ -45,7 +45,7 @@ def _asked(folder: Path, carry_out: Work, secret: str | None = None) -> Answer |
     """What a gateway answers to ``Stop``; with ``secret`` to somebody who has guessed it."""
 
     async def program() -> Answer | None:
-        served = Control([folder], "nexstar@dev_ttyUSB0", "nexstar@/dev/ttyUSB0", carry_out)
+        served = ControlServer([folder], "nexstar@dev_ttyUSB0", "nexstar@/dev/ttyUSB0", carry_out)
         await served.open()
         [(path, endpoint)] = read_endpoints(folder)
         assert path.stat().st_mode & 0o777 == 0o600
@@ -77,7 +77,7 @@ def test_control_request_is_answered_once_it_is_done(tmp_path: Path, carry_out: 
 )
 def test_malformed_control_request_is_refused_in_words(tmp_path: Path, line: str) -> None:
     async def program() -> str:
-        served, loop = Control([tmp_path], "m", "m", _good), asyncio.get_running_loop()
+        served, loop = ControlServer([tmp_path], "m", "m", _good), asyncio.get_running_loop()
         await served.open()
         [(_, endpoint)] = read_endpoints(tmp_path)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
@@ -124,14 +124,14 @@ def test_control_request_repeated_after_a_lost_answer_is_done_once(
         return STOPPED
 
     sent: list[tuple[str, str]] = []
-    sending = Control._send
+    sending = ControlServer._send
 
-    def lossy(control: Control, number: str, text: str, addr: object) -> None:
+    def lossy(control: ControlServer, number: str, text: str, addr: object) -> None:
         sent.append((number, text))
         if sent.count((number, text)) > 1:
             sending(control, number, text, addr)
 
-    monkeypatch.setattr(Control, "_send", lossy)
+    monkeypatch.setattr(ControlServer, "_send", lossy)
     assert _asked(tmp_path, slow) == STOPPED
     assert len(done) == 1
 
@@ -150,7 +150,7 @@ def test_control_client_waits_for_a_gateway_that_has_received_its_request(
 
 
 async def test_random_datagrams_do_not_harm_the_control_port(tmp_path: Path) -> None:
-    served = Control([tmp_path], "m", "m", _good)
+    served = ControlServer([tmp_path], "m", "m", _good)
     await served.open()
     [(_, endpoint)] = read_endpoints(tmp_path)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
@@ -174,7 +174,7 @@ def test_control_seal_depends_on_secret_number_and_text() -> None:
     assert unseal("t", seal("s", "7", "ask stop")) is None
     assert unseal("s", seal("s", "7", "ask stop") + b"!") is None
     assert unseal("s", b"\xff\xfe") is None
-    gathered, told = Parts(), parts("x" * 4500)
+    gathered, told = AnswerParts(), split_answer("x" * 4500)
     assert [gathered.add(part) for part in (told[2], "tell 9 2 x", "tell x", "wait", told[0])] == [None] * 5
     assert gathered.add(told[1]) == "x" * 4500
 
@@ -187,7 +187,7 @@ def test_closing_gateway_answers_waiting_control_clients(tmp_path: Path) -> None
             await forever.wait()
             return STOPPED
 
-        served = Control([tmp_path], "m", "m", never)
+        served = ControlServer([tmp_path], "m", "m", never)
         await served.open()
         [(_, endpoint)] = read_endpoints(tmp_path)
         asking = asyncio.ensure_future(ask(endpoint, requests.StopRequest(), 60.0))
@@ -220,7 +220,7 @@ async def test_files_of_a_killed_gateway_are_removed_and_junk_is_ignored(tmp_pat
     stale.write_bytes(msgspec.json.encode(endpoint))
     assert read_endpoints(tmp_path) == [(stale, endpoint)]
     assert await ask(endpoint, requests.StopRequest(), 60.0) is None
-    served = Control([tmp_path], "nexstar@sim", "nexstar@sim", _good)
+    served = ControlServer([tmp_path], "nexstar@sim", "nexstar@sim", _good)
     await served.open()
     assert not stale.exists()
     assert [found.mount for _, found in read_endpoints(tmp_path)] == ["nexstar@sim"]
@@ -229,12 +229,12 @@ async def test_files_of_a_killed_gateway_are_removed_and_junk_is_ignored(tmp_pat
 
 async def test_gateway_is_found_though_one_of_its_folders_takes_no_file(tmp_path: Path) -> None:
     (tmp_path / "full").write_text("")
-    served = Control([tmp_path / "full", tmp_path], "m", "m", _good)
+    served = ControlServer([tmp_path / "full", tmp_path], "m", "m", _good)
     await served.open()
     [(_, endpoint)] = read_endpoints(tmp_path)
     assert (endpoint.state, await ask(endpoint, requests.StopRequest(), 60.0)) == (str(tmp_path / "full"), STOPPED)
     await served.close()
-    nowhere = Control([tmp_path / "full"], "m", "m", _good)
+    nowhere = ControlServer([tmp_path / "full"], "m", "m", _good)
     with pytest.raises(OSError, match="Not a directory"):
         await nowhere.open()
     await nowhere.close()

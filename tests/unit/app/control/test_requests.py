@@ -13,18 +13,18 @@ from gateway.app.control.requests import RequestHandler
 from gateway.app.mount_state import mount_state
 from gateway.app.status import State
 from gateway.astro.ephemeris.sky import Sky
-from gateway.cli.mount.status import lines
+from gateway.cli.mount.status import state_lines
 from gateway.core import requests
 from gateway.core.operations import Direction, Place
 from gateway.diagnostics.virtual_time import run
-from gateway.mount.site.site_clock import COMPUTER, CONFIGURED, MOUNT, Site, Time
+from gateway.mount.site.site_clock import COMPUTER, CONFIGURED, MOUNT_SOURCE, SourcedSite, SourcedTime
 from gateway.protocols.mechanics.truth import truth_of
 from gateway.transport.web_server import WebServer
 from tests.support import exact_sky
 from tests.support.in_process_gateway import Bridge
 
 NORTH = requests.MoveRequest(Direction.NORTH, 7, 3.0, number="m")
-CRAB = requests.Spot(83.633, 22.014)
+CRAB = requests.SkyPosition(83.633, 22.014)
 
 
 class Owner:
@@ -36,17 +36,17 @@ class Owner:
             state=lambda: mount_state(bridge.controller, name, "nexstar@sim", bridge.acceptor.present_hosts()),
             names=lambda: surfaces,
             web=WebServer(),
-            unopened="",
+            open_failure="",
             store=None,
         )
         self.request_handler = RequestHandler(bridge.controller, serving)
         self._controller = bridge.controller
 
     async def wish(self, wish: requests.Request) -> str:
-        return str(await self.request_handler.take(wish))
+        return str(await self.request_handler.carry_out(wish))
 
     async def see(self) -> State:
-        return msgspec.json.decode((await self.request_handler.take(requests.StateRequest())).text, type=State)
+        return msgspec.json.decode((await self.request_handler.carry_out(requests.StateRequest())).text, type=State)
 
     async def outcome(self, number: str) -> str:
         """What came of it in the end."""
@@ -79,23 +79,23 @@ async def test_goto_by_name_uses_the_position_of_the_object(monkeypatch: pytest.
 
     monkeypatch.setattr(asyncio, "to_thread", at_once)
     async with Bridge() as bridge:
-        take = Owner(bridge).request_handler.take
-        answer = await take(requests.GotoRequest(requests.Named("Aldebaran"), number="g"))
-        assert answer.done and answer.text.startswith("it goes to 04:37:")
-        low = await take(requests.GotoRequest(requests.Named("canopus"), number="l"))
+        take = Owner(bridge).request_handler.carry_out
+        answer = await take(requests.GotoRequest(requests.ByName("Aldebaran"), number="g"))
+        assert answer.is_ok and answer.text.startswith("it goes to 04:37:")
+        low = await take(requests.GotoRequest(requests.ByName("canopus"), number="l"))
         assert low.text.startswith("Canopus is below the horizon (-")
-        unknown = await take(requests.GotoRequest(requests.Named("Aldebarran"), number="h"))
-        assert not unknown.done and "did you mean Aldebaran" in unknown.text
+        unknown = await take(requests.GotoRequest(requests.ByName("Aldebarran"), number="h"))
+        assert not unknown.is_ok and "did you mean Aldebaran" in unknown.text
 
 
 async def test_log_holds_each_request_and_its_outcome() -> None:
     async with Bridge() as bridge:
         owner = Owner(bridge)
         await owner.wish(requests.GotoRequest(CRAB, number="g", who="a page"))
-        await owner.wish(requests.GotoRequest(requests.Spot(10.0, -80.0), who="a page"))
+        await owner.wish(requests.GotoRequest(requests.SkyPosition(10.0, -80.0), who="a page"))
         await owner.wish(requests.CancelRequest("g"))
         for _ in range(3):  # the first presses, the others keep it alive
-            await owner.wish(requests.PressRequest(Direction.NORTH, 7, number="p", who="a page"))
+            await owner.wish(requests.PressKeyRequest(Direction.NORTH, 7, number="p", who="a page"))
         await owner.wish(requests.ReleaseKeyRequest(number="p", who="a page"))
         for silent in (requests.StateRequest(), requests.ReadSlowRequest(), requests.ProgressRequest("g")):
             await owner.wish(silent)
@@ -113,10 +113,10 @@ async def test_log_holds_each_request_and_its_outcome() -> None:
 async def test_goto_from_the_command_line_beyond_a_limit_is_refused_in_words() -> None:
     async with Bridge(config={"lowest": 15.0}) as bridge:
         owner = Owner(bridge)
-        answer = await owner.wish(requests.GotoRequest(requests.Spot(83.6, -70.0), number="g"))
+        answer = await owner.wish(requests.GotoRequest(requests.SkyPosition(83.6, -70.0), number="g"))
         assert answer.startswith("failed ") and "altitude, 15°" in answer
         assert not moves(bridge)
-        far = await owner.wish(requests.SyncRequest(requests.Spot(200.0, 40.0), number="s"))
+        far = await owner.wish(requests.SyncRequest(requests.SkyPosition(200.0, 40.0), number="s"))
         assert far.startswith("failed Sync refused: ")
         told = (await owner.see()).lately[-1]
         assert ": Sync refused: " in told and "Sync: " not in told
@@ -138,7 +138,7 @@ async def test_refusals_of_programs_are_shown_without_a_log() -> None:
         assert refused.startswith("192.168.1.23: Goto: ") and "(2 times)" in refused
         assert state.programs == ("192.168.1.23",)
         crowd = msgspec.structs.replace(state, programs=("10.0.0.2", "192.168.1.23", "10.0.0.2"))
-        assert any("10.0.0.2 (2 times), 192.168.1.23" in line for line in lines(crowd))
+        assert any("10.0.0.2 (2 times), 192.168.1.23" in line for line in state_lines(crowd))
         bridge.wire_log.sinks.append(bridge.entries.append)
 
 
@@ -228,13 +228,13 @@ async def test_held_arrow_stays_ended_after_a_stop() -> None:
     """Whoever holds it learns that it moves nothing any more, and must press anew."""
     async with Bridge() as bridge:
         owner, client = Owner(bridge), bridge.client()
-        press = requests.PressRequest(Direction.NORTH, 7, number="p")
+        press = requests.PressKeyRequest(Direction.NORTH, 7, number="p")
         assert await owner.wish(press) == "done it is moved north"
         client.tell(b":Q#")
         await asyncio.sleep(2)
         assert (await owner.wish(press)).startswith("failed Stopped.")
         assert not moves(bridge)
-        assert await owner.wish(requests.PressRequest(Direction.NORTH, 7, number="q")) == "done it is moved north"
+        assert await owner.wish(requests.PressKeyRequest(Direction.NORTH, 7, number="q")) == "done it is moved north"
 
 
 async def test_order_being_sent_is_not_listed_as_not_yet_begun() -> None:
@@ -251,7 +251,7 @@ async def test_held_or_unaligned_mount_is_reported() -> None:
     async with Bridge(aligned=False) as bridge:
         owner = Owner(bridge)
         assert "Align it at the hand control" in await owner.wish(requests.GotoRequest(CRAB, number="g"))
-        bridge.controller.hold.on = True
+        bridge.controller.hold.is_on = True
         assert "mount-gateway stop --release" in await owner.wish(requests.GotoRequest(CRAB, number="h"))
         assert any("stop --release" in limit for limit in (await owner.see()).allowed)
 
@@ -261,15 +261,15 @@ async def test_status_names_every_value() -> None:
         owner = Owner(bridge, "pier")
         state = await owner.see()
         assert state.look.age < 1.0
-        told = "\n".join(lines(state))
+        told = "\n".join(state_lines(state))
         assert "  now       " in told
         assert "tracking\n" in told and "none: no motion\n" in told
         down = msgspec.structs.replace(state.look, state="down", reason="no such port")
-        told = "\n".join(lines(msgspec.structs.replace(state, look=down)))
+        told = "\n".join(state_lines(msgspec.structs.replace(state, look=down)))
         assert " 0 s ago\n  orders" in told  # nobody knows whether it still tracks
         assert "down: no such port" in told
         assert (state.look.name, state.mount) == ("pier", "nexstar@sim")
-        assert state.found == "Celestron NexStar, 6-8se, version 4.21"
+        assert state.identity_text == "Celestron NexStar, 6-8se, version 4.21"
         assert state.site == "45.0 N 10.0 E, from the mount"
         assert state.clock == "2026-01-15 22:00:01 UTC, from the mount"
 
@@ -279,8 +279,8 @@ def test_contradicted_site_is_reported_once() -> None:
         async with Bridge() as bridge:
             state = mount_state(bridge.controller)
             for by, told in (("", "the mount"), ("10.0.0.2", "the mount, as 10.0.0.2 set it")):
-                sites = [Site(Place(45.0, 10.0), MOUNT, by), Site(Place(48.1, 11.6), CONFIGURED)]
-                shown = msgspec.structs.replace(state, sites=sites, times=[Time(0.0, MOUNT)]).site
+                sites = [SourcedSite(Place(45.0, 10.0), MOUNT_SOURCE, by), SourcedSite(Place(48.1, 11.6), CONFIGURED)]
+                shown = msgspec.structs.replace(state, sites=sites, times=[SourcedTime(0.0, MOUNT_SOURCE)]).site
                 whole = f"45.0 N 10.0 E, from {told}; the configuration says 48.1 N 11.6 E, 366 km away: correct the"
                 assert shown.startswith(whole)
                 assert "the key site of the configuration" in shown
@@ -289,8 +289,8 @@ def test_contradicted_site_is_reported_once() -> None:
 def test_wrong_clock_is_reported_with_both_times_and_how_to_set_each() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
-            times = [Time(0.0, MOUNT), Time(7200.0, COMPUTER)]
-            for sites in ([], [Site(Place(45.0, 10.0), MOUNT)]):
+            times = [SourcedTime(0.0, MOUNT_SOURCE), SourcedTime(7200.0, COMPUTER)]
+            for sites in ([], [SourcedSite(Place(45.0, 10.0), MOUNT_SOURCE)]):
                 shown = msgspec.structs.replace(mount_state(bridge.controller), sites=sites, times=times).time
                 for words in (
                     "1970-01-01 00:00 and 1970-01-01 02:00 UTC",
@@ -312,7 +312,7 @@ async def test_command_line_requests_work_on_a_meade() -> None:
         assert (await owner.wish(NORTH)).startswith("done it was moved north for 3.0 s")
         assert (await owner.wish(requests.GotoRequest(CRAB, number="g"))).startswith("done it goes to 05:34:32")
         assert (await owner.outcome("g")).startswith("done it is there: 05:34:")
-        assert (await owner.wish(requests.GotoRequest(requests.Body("Jupiter"), number="j"))).startswith(
+        assert (await owner.wish(requests.GotoRequest(requests.SolarSystemBody("Jupiter"), number="j"))).startswith(
             "done it goes to 07:"
         )
         assert (await owner.wish(requests.CancelRequest("j"))) == "done the mount was stopped"
@@ -328,4 +328,4 @@ async def test_memory_for_many_control_requests_is_bounded() -> None:
         await asyncio.sleep(61)
         for number in range(200, 270):
             await owner.wish(requests.CancelRequest(str(number)))
-        assert sum(len(there) for there in bridge.controller.presence._hosts.values()) <= 64 + 70 + 2
+        assert sum(len(there) for there in bridge.controller.presence._by_host.values()) <= 64 + 70 + 2

@@ -20,7 +20,7 @@ from tests.support.process import Running, ask
 def said(bridge: Any, model: str | None = None, version: str | None = None) -> tuple[list[str], list[str]]:
     """What is told and what is warned of."""
     lines = list(first_messages(bridge.controller, model, version))
-    return [line.text for line in lines if not line.warns], [line.text for line in lines if line.warns]
+    return [line.text for line in lines if not line.is_warning], [line.text for line in lines if line.is_warning]
 
 
 def at_the_start(**settings: Any) -> tuple[list[str], list[str]]:
@@ -148,7 +148,7 @@ async def test_end_message_says_how_the_mount_was_left() -> None:
         await bridge.controller.close()
         told = last_message(bridge.controller, moved)
         assert told is not None
-        assert (told.text, told.warns) == ("stopped the mount; tracking is on", False)
+        assert (told.text, told.is_warning) == ("stopped the mount; tracking is on", False)
         await asyncio.sleep(100)
         told = last_message(bridge.controller, False)
         assert told is not None
@@ -158,10 +158,10 @@ async def test_end_message_says_how_the_mount_was_left() -> None:
 async def test_end_message_reports_a_stop_that_the_mount_did_not_hear() -> None:
     async with Bridge() as bridge:
         reconciler = bridge.controller.reconciler
-        reconciler.want(replace(reconciler.wanted, owed=True))
+        reconciler.update(replace(reconciler.wanted, stop_owed=True))
         told = last_message(bridge.controller, True)
         assert told is not None
-        assert told.warns
+        assert told.is_warning
         assert "not acknowledged" in told.text
         await bridge.controller.perform(AbortMotion())
 

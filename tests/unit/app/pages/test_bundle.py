@@ -13,7 +13,7 @@ import pytest
 from aiohttp import web
 from aiohttp.test_utils import make_mocked_request
 
-from gateway.app.pages import Pages, scripts
+from gateway.app.pages import Pages, bundle_scripts
 
 PAGE = """<link rel="stylesheet" href="a.css">
 <link rel="stylesheet" href="b.css">
@@ -88,7 +88,7 @@ def test_old_script_path_is_not_served_after_an_update(tmp_path: Path) -> None:
 
 
 def test_page_modules_run_once_and_in_order() -> None:
-    made = scripts(
+    made = bundle_scripts(
         {
             "js/main.js": 'import * as b from "./b.js";\nimport { a as first, two } from "./x/a.js";\nb.start(first);\n'
             'const later = import("./late.js");\n',
@@ -109,4 +109,4 @@ def test_page_modules_run_once_and_in_order() -> None:
                                   'import { a } from "./main.js";'])  # fmt: skip
 def test_page_bundle_rejects_unsupported_import_and_export_forms(body: str) -> None:
     with pytest.raises(ValueError, match="main"):
-        scripts({"main.js": f"{body}\n"}, "main.js", "")
+        bundle_scripts({"main.js": f"{body}\n"}, "main.js", "")

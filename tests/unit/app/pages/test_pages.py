@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 
 from gateway.app import pages
-from gateway.system.own_names import known_host
+from gateway.system.own_names import is_own_host
 from tests.support.console.browser import node
 from tests.support.each import each
 
@@ -36,7 +36,7 @@ NAME = socket.gethostname().lower().partition(".")[0]
     ],
 )
 def test_console_accepts_only_host_names_of_this_computer(header: str | None, allowed: bool) -> None:
-    assert known_host(header, "192.0.2.7", ["Pier.example.org", "203.0.113.7", "2001:db8::7"]) is allowed
+    assert is_own_host(header, "192.0.2.7", ["Pier.example.org", "203.0.113.7", "2001:db8::7"]) is allowed
 
 
 @each(

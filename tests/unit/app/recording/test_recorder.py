@@ -54,7 +54,7 @@ def test_recording_and_its_parts_are_readable_by_the_owner_only(tmp_path: Path) 
     path = tmp_path / "night.rec"
     before = os.umask(0)
     try:
-        _recorded(path, 100, longest=1000)
+        _recorded(path, 100, max_bytes=1000)
     finally:
         os.umask(before)
     files = sorted(tmp_path.iterdir())
@@ -85,7 +85,7 @@ def test_recorder_leaves_a_file_of_another_kind_alone(tmp_path: Path) -> None:
 
 def test_recorder_keeps_a_limited_number_of_files_and_says_so_once(tmp_path: Path) -> None:
     path, said = tmp_path / "night.rec", list[str]()
-    _recorded(path, 1000, longest=1000, max_files=3, warn=said.append)
+    _recorded(path, 1000, max_bytes=1000, max_files=3, warn=said.append)
     assert sorted(file.name for file in tmp_path.iterdir()) == ["night.rec", "night.rec.1", "night.rec.2"]
     assert all(file.stat().st_size < 1200 for file in tmp_path.iterdir())
     assert len(said) == 1
@@ -94,13 +94,13 @@ def test_recorder_keeps_a_limited_number_of_files_and_says_so_once(tmp_path: Pat
 
 
 def test_recorder_can_be_limited_to_one_file(tmp_path: Path) -> None:
-    _recorded(tmp_path / "night.rec", 100, longest=1000, max_files=1)
+    _recorded(tmp_path / "night.rec", 100, max_bytes=1000, max_files=1)
     assert [file.name for file in tmp_path.iterdir()] == ["night.rec"]
 
 
 def test_recorder_deletes_excess_files_of_an_earlier_run(tmp_path: Path) -> None:
     for keep in (6, 2):
-        _recorded(tmp_path / "night.rec", 200, longest=1000, max_files=keep)
+        _recorded(tmp_path / "night.rec", 200, max_bytes=1000, max_files=keep)
     assert len(list(tmp_path.iterdir())) == 2
 
 
@@ -195,7 +195,7 @@ def test_recording_of_a_killed_process_is_readable(tmp_path: Path) -> None:
         process.wait(30.0)
     recording = read(path)
     assert len(list(recording)) > 500
-    assert "the recording ends" in recording.cut or "cut off" in recording.cut
+    assert "the recording ends" in recording.incomplete_reason or "cut off" in recording.incomplete_reason
 
 
 @pytest.mark.real_time
@@ -218,7 +218,7 @@ async def test_line_breaks_in_names_and_notes_do_not_break_recording_lines(tmp_p
 @pytest.mark.real_time
 async def test_foreign_file_that_appears_at_night_ends_the_recording(tmp_path: Path) -> None:
     path, said = tmp_path / "night.rec", list[str]()
-    recorder = Recorder(path, SETTINGS, longest=1000, warn=said.append)
+    recorder = Recorder(path, SETTINGS, max_bytes=1000, warn=said.append)
     path.unlink()
     path.write_text("a letter")
     await _say(recorder, 100)
@@ -238,4 +238,4 @@ async def test_recorded_times_stay_right_when_the_computer_clock_is_set(tmp_path
         await recorder.flush()
     recorder.put(Entry(clock[0] + 900.0, "mount", ">", b":GR#"))  # from before the clock was set back
     await recorder.close()
-    assert [event.at for event in read(path)] == [1.0, 2.0, 4.0, 4.5, 4.5, 4.5]
+    assert [event.time for event in read(path)] == [1.0, 2.0, 4.0, 4.5, 4.5, 4.5]

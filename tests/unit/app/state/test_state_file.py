@@ -165,7 +165,7 @@ def test_unknown_keys_in_a_state_file_are_ignored(tmp_path: Path) -> None:
 async def test_unreadable_motion_mark_still_counts_as_a_mark(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "nexstar@bridge.moving").write_bytes(content)
     async with Bridge(state=tmp_path) as bridge:
-        assert bridge.sent()[:4] == [b"Kx", b"P\2\x10$\0\0\0\0", b"P\2\x11$\0\0\0\0", b"M"]
+        assert bridge.sent_requests()[:4] == [b"Kx", b"P\2\x10$\0\0\0\0", b"P\2\x11$\0\0\0\0", b"M"]
 
 
 @pytest.mark.parametrize("kind", ["a file in the way", "a directory in the way"])
@@ -257,7 +257,7 @@ async def test_slow_disk_delays_no_client(tmp_path: Path) -> None:
         client, began = bridge.client(), bridge.controller.now()
         assert await client.ask(b":SMA#:GM#", until=b"A#") == b"1A#"
         client.tell(b":RM#:Mn#")
-        while not bridge.controller.wanted.axes:
+        while not bridge.controller.wanted.axes_moved_by_hand:
             await asyncio.sleep(0.001)
         assert bridge.controller.now() - began < 0.4, "two or three exchanges, and 20 ms for the mark"
 

@@ -74,7 +74,7 @@ async def test_unreadable_motion_mark_is_named(tmp_path: Path, kind: Callable[[P
         told = bridge.warned[0]
         assert told.startswith(f"nexstar@bridge: the motion marker {mark} cannot be read, as if")
         assert told.endswith("stopped first")
-        assert NEXSTAR_STOP & set(bridge.sent())
+        assert NEXSTAR_STOP & set(bridge.sent_requests())
         bridge.client().tell(b":RC#:Mn#")
         await asyncio.sleep(1)
         assert mark.is_file() or "Is a directory" in bridge.warned[-1]
@@ -131,9 +131,9 @@ async def test_stop_after_a_kill_goes_before_identification(
         assert _mark(tmp_path)
         assert await _moves(first)
         async with Bridge(on=first, **kinds) as second:
-            assert second.sent()[0] == b"Kx"
-            assert set(second.sent()[1:4]) == NEXSTAR_STOP
-            assert b"V" not in second.sent()[:4]
+            assert second.sent_requests()[0] == b"Kx"
+            assert set(second.sent_requests()[1:4]) == NEXSTAR_STOP
+            assert b"V" not in second.sent_requests()[:4]
             assert not await _moves(second)
             await asyncio.sleep(2)
             assert second.sim.tracking == before, "tracking is what it was before the motion"
@@ -149,17 +149,17 @@ async def test_mount_switched_off_since_the_kill_does_not_begin_to_track(tmp_pat
         first.sim.aligned = False
         first.sim.track(0)
         async with Bridge("cge", state=tmp_path, on=first) as second:
-            assert set(second.sent()[1:4]) == NEXSTAR_STOP
+            assert set(second.sent_requests()[1:4]) == NEXSTAR_STOP
             await asyncio.sleep(3)
-            assert not [sent for sent in second.sent() if sent[:1] == b"T"]
+            assert not [sent for sent in second.sent_requests() if sent[:1] == b"T"]
             assert not second.sim.tracking
 
 
 async def _moves(bridge: Bridge) -> bool:
     """Whether the tube runs over the sky faster than it would with the drive off."""
-    before = bridge.sim.truth()
+    before = bridge.sim.true_position()
     await asyncio.sleep(1)
-    after = bridge.sim.truth()
+    after = bridge.sim.true_position()
     return separation(*before, *after) > 0.02
 
 
@@ -180,7 +180,7 @@ async def test_first_command_to_a_meade_after_a_kill_is_a_stop(tmp_path: Path, m
         await first.kill()
         assert _mark(tmp_path)
         async with Bridge(on=first, **kinds) as second:
-            assert second.sent()[0] == b":Q#"
+            assert second.sent_requests()[0] == b":Q#"
             assert not await _moves(second)
             await asyncio.sleep(8)
             assert _mark(tmp_path) is None
@@ -194,7 +194,7 @@ async def test_motion_that_was_never_stopped_stays_marked(tmp_path: Path) -> Non
         bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
     assert _mark(tmp_path)
     async with Bridge(state=tmp_path, on=bridge) as after:
-        assert set(after.sent()[1:4]) == NEXSTAR_STOP
+        assert set(after.sent_requests()[1:4]) == NEXSTAR_STOP
         await asyncio.sleep(9)
         assert _mark(tmp_path) is None
 

@@ -10,9 +10,9 @@ import pytest
 from gateway.core.operations import Place
 from gateway.protocols.base.session import NamedSite
 from gateway.protocols.wireformat.command_set import load
-from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.in_process_gateway import Bridge, RehearsalClient
 
-MODELS = sorted(load("lx200").presented)
+MODELS = sorted(load("lx200").presented_models)
 #: For every model: what ``:W`` calls the four sites, and the longest name it takes, by Meade's manual.
 SITES = {"lx200": (b"1234", 3), "lx200-16": (b"0123", 3), "autostar": (b"0123", 15), "lx200gps": (b"1234", 15)}
 PLACES = [(b"+45*30", b"+122*25"), (b"-33*52", b"-151*12"), (b"+51*28", b"+000*00"), (b"-89*59", b"+179*59")]
@@ -75,7 +75,7 @@ async def test_last_selected_site_is_used_for_a_mount_without_a_site(tmp_path: P
         client.tell(b":W1#:St+10*30#")
         await asyncio.sleep(1)
         assert bridge.store is not None
-        assert bridge.site_clock.lasting_site() is None, "half a site is none"
+        assert bridge.site_clock.site_to_store() is None, "half a site is none"
         client.tell(b":Sg010*00#")
         await asyncio.sleep(1)
     async with Bridge(on=bridge, **mount) as bridge:
@@ -83,7 +83,7 @@ async def test_last_selected_site_is_used_for_a_mount_without_a_site(tmp_path: P
         assert bridge.controller.sources.site() == Place(10.5, -10.0)
 
 
-async def _hex(client: Visitor, command: bytes, until: bytes = b"#") -> str:
+async def _hex(client: RehearsalClient, command: bytes, until: bytes = b"#") -> str:
     return (await client.ask(command, until=until)).hex()
 
 
@@ -113,9 +113,9 @@ async def test_home_and_park_state_survive_a_restart(tmp_path: Path) -> None:
         client.tell(b":hP#")
         await asyncio.sleep(60)
         assert bridge.driver.parked
-        home = bridge.driver.home
+        home = bridge.driver.home_axes
     async with Bridge("cge", state=tmp_path, surface="lx200gps", on=bridge) as bridge:
-        assert bridge.driver.home == home is not None
+        assert bridge.driver.home_axes == home is not None
         assert await bridge.client().ask(b":h?#") == b"1"
         bridge.sim.track(2)
     async with Bridge("cge", state=tmp_path, surface="lx200gps", on=bridge) as bridge:

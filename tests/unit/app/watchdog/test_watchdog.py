@@ -23,9 +23,9 @@ import pytest
 from gateway.app.config import MountConfig
 from gateway.app.gateway import Gateway
 from gateway.app.watchdog.client import MIN_LIFETIME, PROCESS_SCRIPT, Watchdog, WatchedMount, available
-from gateway.app.watchdog.process import GuardedMount, ServedMount, Watch, waited
+from gateway.app.watchdog.process import GuardedMount, ServedMount, Watch, cpu_wait
 from gateway.mount.shutdown import stop_commands
-from gateway.transport.wires import on_the_wire
+from gateway.transport.wires import bytes_on_wire
 from tests.support.in_process_gateway import Bridge
 from tests.support.process import PATIENCE, Running
 from tests.support.watchdog import Watched
@@ -216,10 +216,10 @@ def test_first_motion_starts_the_watchdog(monkeypatch: pytest.MonkeyPatch) -> No
 
     async def gateway() -> None:
         watchdog = Watchdog()
-        mount = watchdog.mount("pier", None, lambda: [b"M"], lambda: False, lambda: None)
+        mount = watchdog.watch("pier", None, lambda: [b"M"], lambda: False, lambda: None)
         mount.opened(0)
         assert not processes
-        mount.begin()
+        mount.report_motion_start()
         watchdog.start()
         watchdog.close()
 
@@ -295,7 +295,7 @@ def test_watchdog_that_was_paused_does_not_call_the_gateway_silent(
     watch = Watch(there, "1")
     monkeypatch.setattr(watch, "stop_for_silent_gateway", lambda mounts: stops.append(mounts))
     watch.mounts["0"] = GuardedMount("pier", "", -1)
-    watch.mounts["0"].stop, watch.last_heard = [b"M"], clock[0]
+    watch.mounts["0"].stop_commands, watch.last_heard = [b"M"], clock[0]
     with here, there, pytest.raises(InterruptedError):
         watch.run()
     assert len(stops) == stopped
@@ -330,7 +330,7 @@ def test_watchdog_waits_longer_for_a_starved_gateway_on_a_clear_path(
         raise InterruptedError
 
     monkeypatch.setattr("gateway.app.watchdog.process.time.monotonic", lambda: clock[0])
-    monkeypatch.setattr("gateway.app.watchdog.process.waited", lambda process: 7.0 + share * (clock[0] - 100.0))
+    monkeypatch.setattr("gateway.app.watchdog.process.cpu_wait", lambda process: 7.0 + share * (clock[0] - 100.0))
     monkeypatch.setattr("gateway.app.watchdog.process.select.select", wait)
     watch = Watch(there, "1")
     monkeypatch.setattr(watch, "stop_for_silent_gateway", stop)
@@ -355,7 +355,7 @@ def test_watchdog_stops_a_starved_gateway_that_then_hangs(monkeypatch: pytest.Mo
         raise InterruptedError
 
     monkeypatch.setattr("gateway.app.watchdog.process.time.monotonic", lambda: clock[0])
-    monkeypatch.setattr("gateway.app.watchdog.process.waited", lambda process: min(clock[0] - 100.0, 1.5))
+    monkeypatch.setattr("gateway.app.watchdog.process.cpu_wait", lambda process: min(clock[0] - 100.0, 1.5))
     monkeypatch.setattr("gateway.app.watchdog.process.select.select", wait)
     watch = Watch(there, "1")
     monkeypatch.setattr(watch, "stop_for_silent_gateway", stop)
@@ -368,9 +368,9 @@ def test_watchdog_stops_a_starved_gateway_that_then_hangs(monkeypatch: pytest.Mo
 
 
 def test_watchdog_reads_the_wait_for_a_processor_from_linux() -> None:
-    told = waited(str(os.getpid()))
+    told = cpu_wait(str(os.getpid()))
     assert told >= 0.0 or not Path("/proc/self/schedstat").exists()
-    assert math.isnan(waited("0"))
+    assert math.isnan(cpu_wait("0"))
 
 
 @pytest.mark.safety_line(7)
@@ -381,7 +381,7 @@ def test_watchdog_survives_a_gateway_that_ends_while_its_wait_is_read(monkeypatc
     child.kill()
     child.communicate()
     monkeypatch.setattr("gateway.app.watchdog.process.os.open", lambda *arguments: descriptor)
-    assert math.isnan(waited(str(child.pid)))
+    assert math.isnan(cpu_wait(str(child.pid)))
 
 
 # --- what it is told --------------------------------------------------------------------------------------------
@@ -406,8 +406,8 @@ async def test_stop_commands_of_the_watchdog_change_nothing_in_the_driver(moving
 
 
 def test_watchdog_doubles_telnet_bytes_on_an_rfc_2217_line() -> None:
-    assert on_the_wire("rfc2217://pier:4000", b"P\xff\0") == b"P\xff\xff\0"
-    assert on_the_wire("/dev/ttyUSB0", b"P\xff\0") == b"P\xff\0"
+    assert bytes_on_wire("rfc2217://pier:4000", b"P\xff\0") == b"P\xff\xff\0"
+    assert bytes_on_wire("/dev/ttyUSB0", b"P\xff\0") == b"P\xff\0"
 
 
 def test_simulated_mount_has_no_watchdog() -> None:
@@ -465,10 +465,10 @@ async def test_path_beyond_a_limit_is_not_clear_for_the_watchdog() -> None:
 def test_gateway_tells_the_watchdog_of_a_clear_path() -> None:
     told, clear = list[str](), [False]
     watchdog: Any = SimpleNamespace(
-        start=lambda: None, send=lambda text, descriptors=(): told.append(text), beat=lambda: None
+        start=lambda: None, send=lambda text, descriptors=(): told.append(text), start_heartbeats=lambda: None
     )
     watched = WatchedMount(watchdog, 0, "pier", None, lambda: [b"M"], lambda: True, lambda: None, lambda: clear[0])
-    watched.begin()
+    watched.report_motion_start()
     clear[0] = True
     watched.renew()
     watched.renew()
@@ -490,9 +490,9 @@ def test_watchdog_sends_every_request_to_a_server_that_closes_connections() -> N
         thread = threading.Thread(target=serve, daemon=True)
         thread.start()
         mount = ServedMount("pier", "", "127.0.0.1", str(listening.getsockname()[1]), "beside")
-        mount.stop = [b"one", b"two", b"three"]
-        mount.get_ready()
-        for word in mount.stop:
+        mount.stop_commands = [b"one", b"two", b"three"]
+        mount.prepare_stop()
+        for word in mount.stop_commands:
             mount.send(word)
             deadline = time.monotonic() + PATIENCE
             while word not in heard:
@@ -502,4 +502,4 @@ def test_watchdog_sends_every_request_to_a_server_that_closes_connections() -> N
     mount.unlock()
     mount.send(b"four")  # nobody listens any more: it is tried again a second later
     mount.close()
-    assert heard == mount.stop
+    assert heard == mount.stop_commands

@@ -55,7 +55,7 @@ async def test_any_port_decides_nothing_by_idle_bytes(idle: bytes) -> None:
             caller.tell(idle)
         await asyncio.sleep(10.0)
         one.tell(idle * 1000)
-        assert len(one.guest.undelivered) <= 64, "however many come, few are kept"
+        assert len(one.guest.undelivered_bytes) <= 64, "however many come, few are kept"
         assert one.heard == b"" and bridge.recognised() == [] and len(bridge.any.present_hosts()) == 0
         assert len(await one.ask(b":GR#")) == 9
         assert len(await other.ask(b"e")) == 18
@@ -133,7 +133,7 @@ async def test_any_port_recognises_stellarium_mobile_by_its_whole_opening() -> N
                 await caller.ask(words, 0.9)
         assert (mobile.heard, other.heard) == (b"a#A", b"A")
         assert await mobile.ask(b":GR#") != await other.ask(b":GR#")
-        assert [one.profile for one in bridge.any.connections()].count("Stellarium Mobile PLUS") == 1
+        assert [one.program_name for one in bridge.any.connections()].count("Stellarium Mobile PLUS") == 1
 
 
 async def test_any_port_forgets_half_a_command_that_is_not_continued() -> None:
@@ -174,7 +174,7 @@ async def test_look_only_any_port_moves_nothing_in_any_protocol() -> None:
         for sent in (b":Mn#", GOTO, b"P\x02\x10\x24\x05\0\0\0", b"r34AB0500,12CE0500"):
             bridge.call().tell(sent)
         await asyncio.sleep(3.0)
-        assert not bridge.sim.slewing and not [one for one in bridge.sent() if one[:1] in (b"r", b"R")]
+        assert not bridge.sim.slewing and not [one for one in bridge.sent_requests() if one[:1] in (b"r", b"R")]
 
 
 async def test_pushed_positions_do_not_keep_an_arrow_alive() -> None:
@@ -183,9 +183,9 @@ async def test_pushed_positions_do_not_keep_an_arrow_alive() -> None:
         caller, listener = bridge.call(), bridge.call()
         caller.tell(b":RS#:Mn#")
         await asyncio.sleep(4.0)
-        assert bridge.controller.wanted.axes and listener.heard
+        assert bridge.controller.wanted.axes_moved_by_hand and listener.heard
         await asyncio.sleep(4.0)
-        assert not bridge.controller.wanted.axes
+        assert not bridge.controller.wanted.axes_moved_by_hand
 
 
 async def test_any_port_closes_a_connection_of_undecided_protocol() -> None:
@@ -195,7 +195,7 @@ async def test_any_port_closes_a_connection_of_undecided_protocol() -> None:
             if sent:
                 caller.tell(sent)
             caller.guest.peer_closed()
-            assert caller.guest.answered
+            assert caller.guest.all_answered
             caller.guest.close()
         await asyncio.sleep(10.0)
         assert [entry.arrow for entry in bridge.entries if entry.arrow in "+-~"] == ["+", "-"] * 3
@@ -211,7 +211,7 @@ def test_any_port_bounds_memory_and_ends_on_any_bytes(pieces: list[bytes], pause
         caller = bridge.call()
         for piece, pause in zip(pieces, pauses, strict=False):
             caller.tell(piece)
-            assert caller.gone or len(caller.guest.undelivered) < 200
+            assert caller.gone or len(caller.guest.undelivered_bytes) < 200
             await asyncio.sleep(pause)
         other = bridge.call("10.0.0.9")
         assert len(await other.ask(b":GVP#")) == 9

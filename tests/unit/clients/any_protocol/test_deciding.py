@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import re
 
-from gateway.clients.any_protocol.deciding import HTTP_PROTOCOL, decide, may_change, protocol_that_waits, shared_prefix
+from gateway.clients.any_protocol.deciding import (
+    HTTP_PROTOCOL,
+    decide,
+    greeting_protocol,
+    protocol_may_change,
+    shared_prefix_length,
+)
 from gateway.core.tables import read_table
 from gateway.protocols.registry import PROTOCOLS, surfaces
 from gateway.protocols.wireformat.command_set import load
@@ -58,7 +64,7 @@ def test_protocol_is_decided_the_same_byte_by_byte(sent: bytes, protocol: str) -
 def test_every_command_of_every_table_decides_its_protocol_at_once() -> None:
     for name in surfaces():
         for command in load(name).commands.values():
-            if command.asked and command.request.width is None and not command.request.fields:
+            if command.requested and command.request.width is None and not command.request.fields:
                 sent = command.request.prefix
                 found = decide(sent)
                 assert found is not None and found == (name, ""), sent
@@ -70,7 +76,7 @@ def test_http_method_that_begins_with_a_nexstar_command_counts_as_nexstar() -> N
         method
         for methods in read_table("strangers.toml")["methods"].values()
         for method in methods
-        if re.fullmatch(PROTOCOLS["nexstar"].opening, method[:1].encode())
+        if re.fullmatch(PROTOCOLS["nexstar"].opening_pattern, method[:1].encode())
     ]
     assert not {"GET", "HEAD", "POST", "PUT", "OPTIONS", "DELETE", "PATCH"} & set(whole)
     for method in whole:
@@ -93,11 +99,11 @@ def test_unknown_command_decides_its_protocol() -> None:
 
 
 def test_nexstar_echo_decides_no_protocol() -> None:
-    assert shared_prefix("nexstar", b"Ka") == 2 and shared_prefix("nexstar", b"KaKb:GR#") == 4
-    assert shared_prefix("nexstar", b"EKa") == 0 and shared_prefix("lx200", b"Ka") == 0
-    assert may_change("nexstar", b"#Ka") and not may_change("nexstar", b"KaE")
-    assert may_change("stellarium", b"") and not may_change("lx200", b":GR#")
+    assert shared_prefix_length("nexstar", b"Ka") == 2 and shared_prefix_length("nexstar", b"KaKb:GR#") == 4
+    assert shared_prefix_length("nexstar", b"EKa") == 0 and shared_prefix_length("lx200", b"Ka") == 0
+    assert protocol_may_change("nexstar", b"#Ka") and not protocol_may_change("nexstar", b"KaE")
+    assert protocol_may_change("stellarium", b"") and not protocol_may_change("lx200", b":GR#")
 
 
 def test_stellarium_is_the_protocol_whose_clients_wait_for_the_first_bytes() -> None:
-    assert protocol_that_waits() == "stellarium"
+    assert greeting_protocol() == "stellarium"

@@ -13,7 +13,7 @@ import pytest
 from gateway.astro.catalog import supplied
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.offline import go_offline
-from gateway.console.page_session import night
+from gateway.console.page_session import night_positions
 from tests.support.each import each
 from tests.unit.console.page.node import ask
 
@@ -53,12 +53,12 @@ def told(evening: Evening) -> tuple[dict[str, Any], float, dict[str, Any]]:
     )
     controller: Any = SimpleNamespace(astrometry=astrometry, wire_log=SimpleNamespace(clock=lambda: unix))
     mount = {"index": 0, "site": vars(site), "sidereal": sidereal, "bodies": []}
-    return mount, unix, night(controller)
+    return mount, unix, night_positions(controller)
 
 
 def objects() -> list[dict[str, Any]]:
-    rows = json.loads(supplied.file("deepsky.json").read_text("utf-8"))["rows"]
-    doubles = json.loads(supplied.file("doubles.json").read_text("utf-8"))["rows"]
+    rows = json.loads(supplied.sky_file("deepsky.json").read_text("utf-8"))["rows"]
+    doubles = json.loads(supplied.sky_file("doubles.json").read_text("utf-8"))["rows"]
     keys = ("kinds", "ra", "dec", "magnitude", "size", "width")
     return [{"names": names.split("|"), **dict(zip(keys, row, strict=True))} for names, *row in rows] + [
         {"names": names.split("|"), "kinds": "2", "ra": ra, "dec": dec, "magnitude": first, "size": apart / 60.0}

@@ -11,8 +11,8 @@ import pytest
 from gateway.app.config import Endpoint
 from gateway.app.simulated import make_simulator
 from gateway.diagnostics.detect.ports import SerialPortInfo, parse_port
-from gateway.diagnostics.detect.report import block, command, toml
-from gateway.diagnostics.detect.scan_port import OTHER_BAUD_RATES, PortFinding, look, sentence
+from gateway.diagnostics.detect.report import describe_port, start_command, toml
+from gateway.diagnostics.detect.scan_port import OTHER_BAUD_RATES, PortFinding, has_nmea_sentence, scan
 from gateway.diagnostics.virtual_time import run
 from tests.support.each import each
 from tests.support.uart import Device, UartWire
@@ -59,7 +59,7 @@ def seen(
                 wire.say(talk)
 
         talker = asyncio.ensure_future(talking()) if talk else None
-        finding = await look(place, wire)
+        finding = await scan(place, wire)
         if talker is not None:
             talker.cancel()
         assert not wire.is_open
@@ -105,7 +105,7 @@ def test_detect_finds_a_mount_at_another_baud_rate(what: str, rate: int) -> None
     assert finding.baud == rate
     assert finding.seconds < AT_9600 + ELSEWHERE
     assert all(data in HARMLESS for baud, data in wire.log if baud != rate)
-    assert f" --baud {rate} " in command(finding)
+    assert f" --baud {rate} " in start_command(finding)
 
 
 def test_detect_tries_57600_baud_for_the_manuals_56700() -> None:
@@ -129,11 +129,11 @@ def test_detect_shows_what_the_mount_answered(what: str, equinox: str, answers: 
     finding, _ = seen(lambda: mount(what).feed)
     assert finding.mount is not None
     assert finding.mount.equinox == equinox
-    assert answers.items() <= finding.mount.answers.items()
-    assert "j2000" in block(finding) or equinox == "jnow"
-    assert ("(j2000), as its maker says" in block(finding)) is ("synscan" in what)
+    assert answers.items() <= finding.mount.answered_commands.items()
+    assert "j2000" in describe_port(finding) or equinox == "jnow"
+    assert ("(j2000), as its maker says" in describe_port(finding)) is ("synscan" in what)
     assert ('equinox = "auto"' in toml(finding)) is (equinox == "j2000" and "synscan" not in what)
-    assert ("no reply: site, clock" in block(finding)) is (answers.get("site") == "")
+    assert ("no reply: site, clock" in describe_port(finding)) is (answers.get("site") == "")
 
 
 def test_detect_lists_only_values_that_the_mount_reported() -> None:
@@ -145,8 +145,11 @@ def test_detect_lists_only_values_that_the_mount_reported() -> None:
 
     finding, _ = seen(device)
     assert finding.mount is not None
-    assert {name for name, words in finding.mount.answers.items() if words} == {"coordinates", "alignment and tracking"}
-    assert "no reply: site, clock" in block(finding)
+    assert {name for name, words in finding.mount.answered_commands.items() if words} == {
+        "coordinates",
+        "alignment and tracking",
+    }
+    assert "no reply: site, clock" in describe_port(finding)
 
 
 def test_detect_finds_a_controller_that_reads_k_as_a_command() -> None:
@@ -179,9 +182,9 @@ def test_detect_finds_onstep_and_teenastro_and_lists_their_answers(model: str, r
     """An OnStep refuses the K as a command (0) before it answers ACK."""
     finding, wire = seen(lambda: mount(f"lx200:{model}").feed, rate)
     assert finding.mount is not None and (finding.mount.model, finding.baud) == (model, rate)
-    assert finding.mount.answers["alignment and tracking"] == status
+    assert finding.mount.answered_commands["alignment and tracking"] == status
     assert not [data for data in wire.sent() if data[:3] in (b":U#", b":AP", b":hF", b":AA")]
-    assert f"model {model}" in block(finding)
+    assert f"model {model}" in describe_port(finding)
 
 
 def test_detect_waits_for_a_slow_hand_control() -> None:
@@ -207,12 +210,12 @@ def test_detect_does_not_hibernate_a_hand_control_that_wakes_late() -> None:
 async def test_detect_does_not_complete_half_a_command() -> None:
     """Six of the eight bytes of a slew at the highest rate: two more, and the mount would run away."""
     sim = mount("nexstar:6-8se/4.21")
-    before = sim.truth()
+    before = sim.true_position()
     sim.feed(b"P\x02\x10\x24\x09\x00")
-    finding = await look(SerialPortInfo("-", "-"), UartWire(sim.feed))
+    finding = await scan(SerialPortInfo("-", "-"), UartWire(sim.feed))
     assert finding.mount is not None
     await asyncio.sleep(5.0)
-    assert sim.truth() == pytest.approx(before, abs=0.01)
+    assert sim.true_position() == pytest.approx(before, abs=0.01)
 
 
 # --- everything else ----------------------------------------------------------------------------------------------
@@ -226,7 +229,7 @@ def test_detect_sends_a_silent_port_only_two_harmless_requests_per_baud_rate() -
         9600, 19200, 38400, 57600, 115200, 1200, 14400, 28800, 9600, 4800, 2400,
     ]  # fmt: skip
     assert finding.seconds < AT_9600 + ELSEWHERE
-    assert "nothing here" in block(finding)
+    assert "nothing here" in describe_port(finding)
 
 
 def test_detect_tries_no_baud_rates_at_a_network_address() -> None:
@@ -261,7 +264,7 @@ async def test_detect_does_not_take_the_first_letter_of_a_word_for_an_ack_reply(
         return b"P"
 
     wire = UartWire(prompt)
-    assert (await look(SerialPortInfo("-", "-"), wire)).state == "stranger"
+    assert (await scan(SerialPortInfo("-", "-"), wire)).state == "stranger"
     assert wire.sent() == HARMLESS
 
 
@@ -276,7 +279,7 @@ def test_detect_sends_nothing_to_a_gps_receiver() -> None:
     finding, wire = seen(lambda: silent, talk=GPS)
     assert (finding.state, finding.baud) == ("gps", 9600)
     assert wire.log == []
-    assert "a GPS receiver, not a mount" in block(finding)
+    assert "a GPS receiver, not a mount" in describe_port(finding)
 
 
 def test_detect_sends_nothing_to_a_gps_receiver_at_another_baud_rate() -> None:
@@ -293,15 +296,15 @@ def test_detect_sends_nothing_to_an_unintelligible_talker() -> None:
 
 
 def test_detect_recognises_a_gps_sentence_by_its_checksum() -> None:
-    assert sentence(b"junk" + GPS + b"$GPG")
-    assert not sentence(GPS.replace(b"A*", b"V*"))
-    assert not sentence(b"$GPRMC,220000.00")
+    assert has_nmea_sentence(b"junk" + GPS + b"$GPG")
+    assert not has_nmea_sentence(GPS.replace(b"A*", b"V*"))
+    assert not has_nmea_sentence(b"$GPRMC,220000.00")
 
 
 async def test_detect_ignores_a_stray_byte_when_the_port_opens() -> None:
     wire = UartWire(mount("nexstar:cpc").feed)
     asyncio.get_running_loop().call_later(0.01, wire.say, b"\x00")
-    assert (await look(SerialPortInfo("-", "-"), wire)).mount is not None
+    assert (await scan(SerialPortInfo("-", "-"), wire)).mount is not None
 
 
 # --- with the protocol named --------------------------------------------------------------------------------------
@@ -316,7 +319,7 @@ def test_detect_finds_a_named_classic_that_does_not_know_ack() -> None:
     finding, wire = seen(device, place=parse_port("lx200:lx200@/dev/ttyUSB0"))
     assert finding.mount is not None
     assert wire.sent()[:3] == [b"Kx", b"#\x06", b"#:GR#"]
-    assert command(finding) == (
+    assert start_command(finding) == (
         "mount-gateway run --mount lx200:lx200@/dev/ttyUSB0 --surface nexstar@tcp://127.0.0.1:4030"
     )
 
@@ -331,7 +334,9 @@ def test_detect_sends_a_misnamed_hand_control_nothing_that_it_could_misread() ->
     finding, wire = seen(lambda: mount("nexstar:cpc").feed, place=parse_port("lx200:autostar@/dev/ttyUSB0"))
     assert finding.mount is not None
     assert b":" not in b"".join(wire.sent())
-    assert command(finding) == "mount-gateway run --mount nexstar@/dev/ttyUSB0 --surface lx200@tcp://127.0.0.1:4030"
+    assert (
+        start_command(finding) == "mount-gateway run --mount nexstar@/dev/ttyUSB0 --surface lx200@tcp://127.0.0.1:4030"
+    )
 
 
 # --- trouble ------------------------------------------------------------------------------------------------------
@@ -348,13 +353,13 @@ async def test_detect_reports_a_port_that_vanished(device: str, when: float) -> 
         wire.on_lost("unplugged")
 
     asyncio.get_running_loop().call_later(when, vanish)
-    assert (await look(SerialPortInfo("-", "-"), wire)).state == "vanished"
+    assert (await scan(SerialPortInfo("-", "-"), wire)).state == "vanished"
 
 
 def test_detect_reports_a_mount_that_answers_only_once() -> None:
     finding, _ = seen(lambda: lambda data: data[1:2] + b"#" if data == b"Kx" else b"")
     assert finding.state == "mute"
-    assert "did not say who it is" in block(finding)
+    assert "did not say who it is" in describe_port(finding)
 
 
 def test_detect_continues_with_other_ports_after_a_driver_defect(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -364,7 +369,7 @@ def test_detect_continues_with_other_ports_after_a_driver_defect(monkeypatch: py
     monkeypatch.setattr("gateway.diagnostics.detect.scan_port.identify", broken)
     finding, _ = seen(lambda: mount("nexstar:cpc").feed)
     assert finding.state == "mute"
-    assert "please report it: KeyError('defect')" in block(finding)
+    assert "please report it: KeyError('defect')" in describe_port(finding)
 
 
 async def test_detect_skips_a_baud_rate_that_the_port_lacks() -> None:
@@ -374,5 +379,5 @@ async def test_detect_skips_a_baud_rate_that_the_port_lacks() -> None:
                 raise OSError(22, "no such rate")
             super().set_baud(baud)
 
-    finding = await look(SerialPortInfo("-", "-"), Poor(silent))
-    assert (finding.state, finding.rates) == ("silent", len(OTHER_BAUD_RATES) - 2)
+    finding = await scan(SerialPortInfo("-", "-"), Poor(silent))
+    assert (finding.state, finding.rates_tried) == ("silent", len(OTHER_BAUD_RATES) - 2)

@@ -21,21 +21,21 @@ from serial.rfc2217 import PortManager
 from gateway.app.config import Endpoint, make_config, read_tables
 from gateway.app.simulated import make_simulator, serve_simulator
 from gateway.cli import main
-from gateway.cli.inspect.detect import write_whole
+from gateway.cli.inspect.detect import write_atomically
 from gateway.core.errors import UserError
 from gateway.diagnostics.detect import ports
-from gateway.diagnostics.detect.ports import SerialPortInfo, lasting_name, local_ports, parse_port, port_holder
-from gateway.diagnostics.detect.scan_port import Patience, PortFinding, look
-from gateway.system.processes import Process
+from gateway.diagnostics.detect.ports import SerialPortInfo, local_ports, parse_port, persistent_name, port_holder
+from gateway.diagnostics.detect.scan_port import PortFinding, ProbeTimes, scan
+from gateway.system.processes import GatewayProcess
 from gateway.transport.baud import misread
-from gateway.transport.pty import speed
+from gateway.transport.pty import baud_rate_of
 from tests.support.process import Running
 
 PATIENCE = 20.0
 #: For devices that are known to answer, at once on an idle computer; for echoes; and for those that never answer.
-EAGER = Patience(quiet=0.05, restless=0.2, first=0.1, answer=3.5)
-HURRY = Patience(quiet=0.05, restless=0.2, first=0.1, answer=0.4)
-GLANCE = Patience(quiet=0.02, restless=0.1, first=0.03, answer=0.06)
+EAGER = ProbeTimes(required_silence=0.05, silence_timeout=0.2, query_interval=0.1, answer_timeout=3.5)
+HURRY = ProbeTimes(required_silence=0.05, silence_timeout=0.2, query_interval=0.1, answer_timeout=0.4)
+GLANCE = ProbeTimes(required_silence=0.02, silence_timeout=0.1, query_interval=0.03, answer_timeout=0.06)
 MOUNTS = ("lx200:lx200", "lx200:autostar", "lx200:lx200gps", "nexstar:nexstar-gps/1.2", "nexstar:6-8se/4.21")
 GPS = b"$GPGLL,4500.00,N,01000.00,E,220000.00,A*04\r\n"
 
@@ -76,15 +76,15 @@ async def _everybody(folder: Path) -> dict[str, Any]:
         rate = 9600 if what in MOUNTS else 38400
         ports += await serve_simulator(simulator, [f"pty:{folder / str(index)}"], 0.01, rate)
         patience = {MOUNTS[0]: {"first": EAGER}, "lx200:lx200-16": {"first": HURRY}}.get(what, {})
-        jobs[what] = look(at(str(folder / str(index))), **patience)
+        jobs[what] = scan(at(str(folder / str(index))), **patience)
     silent, echo, gps, vanishing, held = [Terminal(), Terminal(lambda data: data), Terminal(), Terminal(), Terminal()]
-    jobs["silent"] = look(at(silent.path), first=GLANCE, others=GLANCE)
-    jobs["echo"] = look(at(echo.path), first=HURRY)
-    jobs["loop"] = look(at("loop://"), first=HURRY)
-    jobs["vanishing"] = look(at(vanishing.path))
-    jobs["gps"] = look(at(gps.path))
+    jobs["silent"] = scan(at(silent.path), first=GLANCE, others=GLANCE)
+    jobs["echo"] = scan(at(echo.path), first=HURRY)
+    jobs["loop"] = scan(at("loop://"), first=HURRY)
+    jobs["vanishing"] = scan(at(vanishing.path))
+    jobs["gps"] = scan(at(gps.path))
     with serial.Serial(held.path, exclusive=True):
-        jobs["held"] = look(at(held.path))
+        jobs["held"] = scan(at(held.path))
         loop = asyncio.get_running_loop()
         timers = [loop.call_later(0.1 + 0.3 * turn, os.write, gps.master, GPS) for turn in range(3)]
         timers.append(loop.call_later(0.4, vanishing.close))
@@ -180,17 +180,17 @@ def test_detect_ends_with_code_1_without_a_mount_and_2_after_a_mistake(
 
 def test_detect_writes_its_file_whole_or_not_at_all(tmp_path: Path) -> None:
     path = tmp_path / "gateway.toml"
-    write_whole(path, "new", force=False)
+    write_atomically(path, "new", force=False)
     with pytest.raises(UserError, match="--force"):
-        write_whole(path, "newer", force=False)
+        write_atomically(path, "newer", force=False)
     assert path.read_text() == "new"
-    write_whole(path, "newer", force=True)
+    write_atomically(path, "newer", force=True)
     assert [file.read_text() for file in tmp_path.iterdir()] == ["newer"]
     with pytest.raises(UserError, match="there is no folder"):
-        write_whole(tmp_path / "no" / "gateway.toml", "new", force=False)
+        write_atomically(tmp_path / "no" / "gateway.toml", "new", force=False)
     (tmp_path / "folder").mkdir()
     with pytest.raises(UserError):
-        write_whole(tmp_path / "folder", "new", force=True)
+        write_atomically(tmp_path / "folder", "new", force=True)
     assert sorted(file.name for file in tmp_path.iterdir()) == ["folder", "gateway.toml"]
 
 
@@ -200,7 +200,7 @@ def test_detect_reports_a_folder_that_it_may_not_write_to(tmp_path: Path, monkey
 
     monkeypatch.setattr(Path, "open", refuse)
     with pytest.raises(UserError, match=r"gateway\.toml: Permission denied"):
-        write_whole(tmp_path / "gateway.toml", "new", force=False)
+        write_atomically(tmp_path / "gateway.toml", "new", force=False)
 
 
 def test_detect_reports_a_port_that_it_may_not_open(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -208,7 +208,7 @@ def test_detect_reports_a_port_that_it_may_not_open(monkeypatch: pytest.MonkeyPa
         raise serial.SerialException(errno.EACCES, "could not open port /dev/x: [Errno 13] Permission denied: '/dev/x'")
 
     monkeypatch.setattr(serial, "serial_for_url", refuse)
-    finding = asyncio.run(look(at("/dev/x")))
+    finding = asyncio.run(scan(at("/dev/x")))
     assert finding.state == "unopened"
     assert "dialout" in finding.reason
 
@@ -220,7 +220,7 @@ def test_detect_names_the_program_that_has_a_port_open_without_a_lock(tmp_path: 
     assert port_holder(str(port)) == ""
     with port.open("rb"):
         assert f"(process {os.getpid()})" in port_holder(str(link))
-        finding = asyncio.run(look(at(str(link))))
+        finding = asyncio.run(scan(at(str(link))))
     assert (finding.state, finding.seconds) == ("busy", 0.0)
     assert "in use by" in finding.reason
 
@@ -229,8 +229,8 @@ def test_detect_names_the_program_that_has_a_port_open_without_a_lock(tmp_path: 
 def test_detect_says_that_another_users_gateway_may_have_the_port(
     theirs: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("gateway.app.control.reach.user", lambda: 1000)
-    monkeypatch.setattr(ports, "gateways", lambda: [Process(4711, 0 if theirs else 1000)])
+    monkeypatch.setattr("gateway.app.control.reach.user_id", lambda: 1000)
+    monkeypatch.setattr(ports, "gateways", lambda: [GatewayProcess(4711, 0 if theirs else 1000)])
     master, slave = os.openpty()
     try:
         with serial.Serial(port := os.ttyname(slave), exclusive=True):
@@ -255,9 +255,9 @@ def test_detect_writes_the_persistent_name_of_a_port(tmp_path: Path, monkeypatch
     device.write_bytes(b"")
     folder.mkdir()
     (folder / "usb-Prolific-if00").symlink_to(device)
-    assert lasting_name(str(device), folder) == str(folder / "usb-Prolific-if00")
-    assert lasting_name("/dev/ttyS0", folder) == "/dev/ttyS0"
-    assert lasting_name("COM3", tmp_path / "none") == "COM3"
+    assert persistent_name(str(device), folder) == str(folder / "usb-Prolific-if00")
+    assert persistent_name("/dev/ttyS0", folder) == "/dev/ttyS0"
+    assert persistent_name("COM3", tmp_path / "none") == "COM3"
 
     class Port:
         device, description = "/dev/ttyUSB7", "USB-Serial Controller"
@@ -267,8 +267,8 @@ def test_detect_writes_the_persistent_name_of_a_port(tmp_path: Path, monkeypatch
 
 
 def test_detect_accepts_an_endpoint_as_a_port() -> None:
-    assert parse_port("lx200@/dev/ttyS0").named == Endpoint("lx200", "/dev/ttyS0")
-    assert parse_port("/dev/serial/by-path/pci-0000:00:1d.0@1").named is None
+    assert parse_port("lx200@/dev/ttyS0").typed_endpoint == Endpoint("lx200", "/dev/ttyS0")
+    assert parse_port("/dev/serial/by-path/pci-0000:00:1d.0@1").typed_endpoint is None
     with pytest.raises(UserError, match="no model"):
         parse_port("nexstar:cpx@/dev/ttyS0")
 
@@ -310,7 +310,7 @@ def test_detect_finds_a_mount_behind_rfc2217() -> None:
         server = threading.Thread(target=serve_rfc2217, args=(listener, sim.feed), daemon=True)
         listener.settimeout(5.0)
         server.start()
-        finding = asyncio.run(look(at(f"rfc2217://127.0.0.1:{listener.getsockname()[1]}")))
+        finding = asyncio.run(scan(at(f"rfc2217://127.0.0.1:{listener.getsockname()[1]}")))
         server.join(5.0)
     assert finding.mount is not None, finding
     assert (finding.mount.model, finding.baud) == ("cge", None)
@@ -320,7 +320,7 @@ def test_detect_finds_a_mount_behind_a_socket() -> None:
     async def program() -> PortFinding:
         simulator = make_simulator(Endpoint("lx200", "-", "lx200gps"), clock=time.time)
         [port] = await serve_simulator(simulator, ["tcp://127.0.0.1:0"], 0.0)
-        finding = await look(at(port.where.replace("tcp:", "socket:")), first=EAGER)
+        finding = await scan(at(port.address.replace("tcp:", "socket:")), first=EAGER)
         await port.close()
         return finding
 
@@ -347,7 +347,7 @@ def test_baud_rate_of_a_terminal_is_read_even_if_it_has_no_constant() -> None:
     try:
         for rate in (9600, 14400, 57600):
             with serial.Serial(os.ttyname(slave), rate):
-                assert speed(slave) == rate
+                assert baud_rate_of(slave) == rate
     finally:
         os.close(slave)
         os.close(master)

@@ -14,7 +14,7 @@ from gateway.app.config import make_config, read_tables
 from gateway.cli import main
 from gateway.diagnostics.detect.identify import FoundMount
 from gateway.diagnostics.detect.ports import SerialPortInfo
-from gateway.diagnostics.detect.report import block, next_steps, toml, values
+from gateway.diagnostics.detect.report import describe_port, next_steps, port_values, toml
 from gateway.diagnostics.detect.scan_port import PortFinding
 from gateway.transport.wires import group_of
 from tests.support.each import each
@@ -30,12 +30,12 @@ def mount(protocol: str = "nexstar") -> PortFinding:
 
 @pytest.mark.parametrize(("protocol", "programs"), [("nexstar", "lx200"), ("lx200", "nexstar")])
 def test_detect_prints_run_commands_for_this_computer_and_for_phones(protocol: str, programs: str) -> None:
-    lines = [line.strip() for line in block(mount(protocol)).splitlines()]
+    lines = [line.strip() for line in describe_port(mount(protocol)).splitlines()]
     start = f"mount-gateway run --mount {protocol}@{PORT} --surface {programs}@tcp://"
     here, there = lines.index(f"{start}127.0.0.1:4030"), lines.index(f"{start}0.0.0.0:4030")
     assert lines[here - 1].startswith("start")
     assert "phones" in lines[there - 1] and "anyone" in lines[there - 1]
-    told = values(mount(protocol))["mount"]
+    told = port_values(mount(protocol))["mount"]
     assert told["run_network"].endswith("@tcp://0.0.0.0:4030") and told["run"].endswith("@tcp://127.0.0.1:4030")
 
 

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 
 from msgspec.structs import replace
 
-from gateway.diagnostics.doctor.checks import CHECKS, examine
+from gateway.diagnostics.doctor.checks import CHECKS, run_checks
 from gateway.diagnostics.doctor.facts import BAD, GOOD, NOTE, CheckResult, Facts, Package, Port, Running
 from tests.support.each import each
 
@@ -43,11 +43,11 @@ LEAN = [*(Package(name, "", "", False) for name in ("astropy", "numpy", "pyerfa"
 
 
 def of(check: str, facts: Facts) -> list[CheckResult]:
-    return [result for result in examine(facts) if result.check == check]
+    return [result for result in run_checks(facts) if result.check == check]
 
 
 def test_doctor_on_a_healthy_computer_reports_ok_and_suggests_nothing() -> None:
-    results = examine(WELL)
+    results = run_checks(WELL)
     assert {result.check for result in results} == set(CHECKS)
     assert {(result.state, result.do) for result in results} == {(GOOD, "")}
 
@@ -125,14 +125,14 @@ def test_doctor_on_a_healthy_computer_reports_ok_and_suggests_nothing() -> None:
         ("astronomy", {"packages": LEAN}, BAD, "no almanac is known for today", "run --almanac FILE"),
         (
             "astronomy",
-            {"packages": LEAN, "gateways": [Running(77, "nexstar@sim", sky="almanac of 2026-06-01")]},
+            {"packages": LEAN, "gateways": [Running(77, "nexstar@sim", sky_source="almanac of 2026-06-01")]},
             GOOD,
             "the running gateway has an almanac",
             "",
         ),
         ("state", {"state_problem": "permission denied"}, BAD, "(permission denied)", "sudo chown -R $USER /home/me"),
         ("gateways", {"gateways": [Running(77, "nexstar@sim")]}, GOOD, "runs for nexstar@sim (process 77)", ""),
-        ("gateways", {"gateways": [Running(77, user="user pi", foreign=True)]}, NOTE, "of user pi", "or as root"),
+        ("gateways", {"gateways": [Running(77, user="user pi", is_other_users=True)]}, NOTE, "user pi", "or as root"),
         (
             "gateways",
             {"gateways": [Running(77, user="the user me"), Running(78, user="the user me")]},
@@ -149,7 +149,7 @@ def test_doctor_reports_each_fault_with_its_remedy(
     result = next((result for result in results if found in result.found), None)
     assert result is not None, results
     assert result.state == state and do in result.do and bool(result.do) == bool(do)
-    unmoved = [result for result in examine(replace(WELL, **facts)) if result.check != check]
+    unmoved = [result for result in run_checks(replace(WELL, **facts)) if result.check != check]
     assert not any(result.state == BAD for result in unmoved)
 
 

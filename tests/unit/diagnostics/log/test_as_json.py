@@ -8,7 +8,7 @@ import json
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.log import as_json
 from gateway.diagnostics.log.layout import Row
-from gateway.diagnostics.log.printing import Rows
+from gateway.diagnostics.log.printing import RowBuilder
 
 #: 2026-01-15 22:00:00.25 UTC.
 AT = 1768514400.25
@@ -17,7 +17,7 @@ AT = 1768514400.25
 def told(*entries: Entry, log: str = "json") -> list[dict[str, object]]:
     """The objects of a log."""
     stream = io.StringIO()
-    put = as_json.json_printer(Rows("nexstar", ["lx200"], as_json.filter_of(log)), stream, "pier")
+    put = as_json.json_printer(RowBuilder("nexstar", ["lx200"], as_json.filter_of(log)), stream, "pier")
     for entry in entries:
         put(entry)
     return [json.loads(line) for line in stream.getvalue().splitlines()]
@@ -34,7 +34,7 @@ def test_json_log_holds_a_command_and_its_reply() -> None:
 
 
 def test_json_log_preserves_unprintable_bytes_and_non_ascii_text() -> None:
-    line = as_json.written(Row(AT, "10.0.0.2:5", ">", b"\x06\xdf#", "22°"), "pier")
+    line = as_json.format_row(Row(AT, "10.0.0.2:5", ">", b"\x06\xdf#", "22°"), "pier")
     assert line.isascii() and "\n" not in line
     assert {"bytes": "\\x06\\xdf#", "hex": "06df23", "words": "22°"}.items() <= json.loads(line).items()
 
@@ -58,7 +58,7 @@ def test_json_log_obeys_filters() -> None:
 
 
 def test_json_log_holds_messages_of_the_gateway() -> None:
-    assert json.loads(as_json.warning(AT, "suspended")) == {
+    assert json.loads(as_json.format_warning(AT, "suspended")) == {
         "time": "2026-01-15T22:00:00.250Z", "mount": None, "side": "gateway", "direction": None,
         "kind": "warning", "refused": False, "bytes": "", "hex": "", "words": "suspended",
     }  # fmt: skip

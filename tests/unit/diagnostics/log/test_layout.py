@@ -7,10 +7,10 @@ import re
 
 import pytest
 
-from gateway.core.wire_log import Entry, show
+from gateway.core.wire_log import Entry, printable
 from gateway.diagnostics.log import layout
 from gateway.diagnostics.log.layout import Row, wrapped
-from gateway.diagnostics.log.printing import Rows, printer
+from gateway.diagnostics.log.printing import RowBuilder, line_printer
 from tests.support.each import each
 
 LONG = [
@@ -19,7 +19,7 @@ LONG = [
     Row(0.0, "[fe80::1234:5678:9abc:def0%eth0]:58288", "!", b"", "sends so much that it is read too late: " * 4),
     Row(0.0, "127.0.0.1:1", "x", bytes(range(256)), "dropped: no command of an LX200 begins so"),
     Row(0.0, "mount", ">", b":SM" + b"x" * 61 + b"#", "w" * 300),
-    Row(0.0, "mount", "^", b"", "port opened", name="observatory-pier"),
+    Row(0.0, "mount", "^", b"", "port opened", mount_name="observatory-pier"),
 ]
 
 
@@ -30,7 +30,7 @@ def test_log_lines_fit_the_width_and_lose_nothing(row: Row, columns: int) -> Non
     assert max(len(line) for line in lines) <= max(columns, 40)
     assert all(line.startswith("    ") for line in lines[1:])
     told = "".join("".join(lines).split())
-    for part in (row.side, show(row.data), row.text, row.name):
+    for part in (row.side, printable(row.data), row.text, row.mount_name):
         assert "".join(part.split()) in told
 
 
@@ -54,7 +54,7 @@ ENTRIES = [
 
 
 def _printed(stream: io.StringIO, night: bool = False) -> str:
-    put = printer(Rows("nexstar", ["lx200"]), stream, night)
+    put = line_printer(RowBuilder("nexstar", ["lx200"]), stream, night)
     for entry in ENTRIES:
         put(entry)
     return stream.getvalue()
@@ -95,7 +95,7 @@ def test_empty_no_color_variable_leaves_colours_on(monkeypatch: pytest.MonkeyPat
 
 def test_log_escapes_control_characters_of_a_program() -> None:
     stream = io.StringIO()
-    put = printer(Rows("nexstar", ["lx200"]), stream)
+    put = line_printer(RowBuilder("nexstar", ["lx200"]), stream)
     for entry in (
         Entry(0.0, "1.2.3.4:5", ">", b":SM\x1b[2J#"),
         Entry(0.0, "1.2.3.4:5", "x", b"\x1b]0;t\x07", "why"),
@@ -109,7 +109,7 @@ def test_log_escapes_control_characters_of_a_program() -> None:
 
 def test_log_shows_a_surface_by_its_address() -> None:
     stream = io.StringIO()
-    put = printer(Rows("nexstar", ["lx200@tcp://:4030", "nexstar@tcp://:4031"]), stream)
+    put = line_printer(RowBuilder("nexstar", ["lx200@tcp://:4030", "nexstar@tcp://:4031"]), stream)
     put(Entry(0.0, "1.2.3.4:5", "+", b"", "surface 2, host 1.2.3.4"))
     put(Entry(0.0, "1.2.3.4:5", ">", b"e"))
     assert "connected, nexstar@tcp://:4031, host 1.2.3.4" in " ".join(stream.getvalue().split())

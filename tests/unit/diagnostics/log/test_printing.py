@@ -9,7 +9,7 @@ import pytest
 
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.log.layout import Row
-from gateway.diagnostics.log.printing import Rows
+from gateway.diagnostics.log.printing import RowBuilder
 from tests.support.in_process_gateway import Bridge
 
 
@@ -18,7 +18,7 @@ class Log:
 
     def __init__(self, bridge: Bridge, shown: str = "all") -> None:
         self.rows: list[Row] = []
-        rows = Rows("nexstar", ["lx200"], shown)
+        rows = RowBuilder("nexstar", ["lx200"], shown)
         bridge.wire_log.sinks.append(lambda entry: self.rows.extend(rows.take(entry)))
 
     def of(self, side: str) -> list[str]:
@@ -96,7 +96,7 @@ async def test_log_shows_a_changed_answer_at_once() -> None:
 
 
 def test_log_does_not_fold_an_unanswered_request() -> None:
-    rows = Rows("lx200", ["lx200"])
+    rows = RowBuilder("lx200", ["lx200"])
     shown: list[Row] = []
     for second in range(3):
         shown += rows.take(Entry(float(second), "mount", ">", b":GR#"))
@@ -113,7 +113,7 @@ def test_log_does_not_fold_an_unanswered_request() -> None:
 
 
 def test_log_shows_a_garbled_answer() -> None:
-    rows = Rows("lx200", ["lx200"])
+    rows = RowBuilder("lx200", ["lx200"])
     shown: list[Row] = []
     for second, reply in enumerate([b"05:34:32#", b"05:34:33#", b"05:%4:34#"]):
         shown += rows.take(Entry(float(second), "mount", ">", b":GR#"))
@@ -123,7 +123,7 @@ def test_log_shows_a_garbled_answer() -> None:
 
 
 def test_log_folds_a_program_with_one_connection_per_request() -> None:
-    rows = Rows("nexstar", ["lx200"])
+    rows = RowBuilder("nexstar", ["lx200"])
     shown: list[Row] = []
     for second in range(30):
         side = f"192.168.1.9:{50000 + second}"
@@ -137,7 +137,7 @@ def test_log_folds_a_program_with_one_connection_per_request() -> None:
 
 
 def test_log_separates_two_programs_of_one_computer() -> None:
-    rows = Rows("nexstar", ["lx200"])
+    rows = RowBuilder("nexstar", ["lx200"])
     shown: list[Row] = []
     for port in (1, 2):
         shown += rows.take(Entry(0.0, f"127.0.0.1:{port}", "+", b"", "surface 1, host 127.0.0.1"))
@@ -178,6 +178,6 @@ async def test_log_shows_a_goto_as_a_change_on_both_sides() -> None:
 
 def test_log_does_not_guess_a_protocol_from_incomplete_bytes() -> None:
     """The log began after the connection: its first bytes are no command, and those after them are one of LX200."""
-    rows = Rows("nexstar", [])
+    rows = RowBuilder("nexstar", [])
     told = [row for data in (b"\x07\x07rubbish", b":GR#") for row in rows.take(Entry(1.0, "127.0.0.1:5", ">", data))]
     assert [row.kind for row in told] == ["program", "program"] and "right ascension" in told[1].text

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from gateway.core.wire_log import Entry
-from gateway.diagnostics.log.conversation import Side
-from gateway.diagnostics.log.printing import Rows
+from gateway.diagnostics.log.conversation import ConnectionDecoder
+from gateway.diagnostics.log.printing import RowBuilder
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each
 
@@ -79,10 +79,10 @@ SAID = [
 def test_log_describes_commands_and_replies_in_words(
     protocol: str, command: bytes, words: str, reply: bytes, answer: str
 ) -> None:
-    side = Side(protocol)
-    assert side.command(command).text == words
+    side = ConnectionDecoder(protocol)
+    assert side.describe_command(command).text == words
     if reply:
-        assert side.reply(reply).text == answer
+        assert side.describe_reply(reply).text == answer
 
 
 @pytest.mark.parametrize("protocol", ["lx200", "nexstar"])
@@ -91,12 +91,12 @@ def test_only_commands_without_an_effect_count_as_reads(protocol: str) -> None:
     acting = {
         name
         for name, command in table.commands.items()
-        if not command.question and any(picture.fields for _, picture in command.replies)
+        if not command.is_query and any(picture.fields for _, picture in command.replies)
     }
     assert acting == ({"CM", "P", "MS", "SC"} if protocol == "lx200" else set())
     does = ("Set", "Goto", "Move", "Sync", "Stop", "Abort", "Park", "Pulse", "Focus")
-    for name, row in table.surface.items():
-        if table.commands[name].question:
+    for name, row in table.surface_rows.items():
+        if table.commands[name].is_query:
             assert not [one for one in row.operations if one.startswith(does)]
 
 
@@ -111,7 +111,7 @@ def test_every_description_row_names_an_existing_field_or_command() -> None:
             }
             for name, command in table.commands.items()
         }
-        rows = table.extra("words.toml")
+        rows = table.extra_table("words.toml")
         assert set(rows.get("commands", {})) <= set(fields)
         for name in rows["fields"]:
             command, dot, field = name.rpartition(".")
@@ -119,14 +119,14 @@ def test_every_description_row_names_an_existing_field_or_command() -> None:
 
 
 def test_log_shows_unknown_bytes_as_bytes() -> None:
-    side = Side("lx200")
-    assert side.command(b":XX#").text == "not a command of the lx200 protocol"
-    assert side.reply(b"\xffwhat").text == ""
+    side = ConnectionDecoder("lx200")
+    assert side.describe_command(b":XX#").text == "not a command of the lx200 protocol"
+    assert side.describe_reply(b"\xffwhat").text == ""
 
 
 def test_log_does_not_infer_a_protocol_from_a_reply_to_an_earlier_program() -> None:
     """The log may begin between a command and its reply; the next command is understood all the same."""
-    rows, side = Rows("nexstar", ["lx200"]), "1.2.3.4:5"
+    rows, side = RowBuilder("nexstar", ["lx200"]), "1.2.3.4:5"
     entries = [
         Entry(0.0, side, "<", b"-10*19:29#"),
         Entry(1.0, side, ">", b":GD#"),

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from gateway.app.simulated import DEFAULT_SITE
-from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, Finding, Findings, MeasuredRate, write
+from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, Finding, Findings, MeasuredRate, write_proof_file
 from tests.support.prove_setup import EVENING, KINDS, Proven, checked
 
 #: Another site under the same sky, and when that is so some weeks later.
@@ -35,7 +35,7 @@ def prepare(replies: set[bytes], proven: Proven) -> None:
     """Give the mount names, and collect what it sends."""
     if hasattr(proven.sim, "names"):
         proven.sim.names[0] = "hilltop"
-    if hasattr(proven.sim, "tells"):
+    if hasattr(proven.sim, "answers"):
         proven.sim.tells |= NAMES
     proven.gateway.wire_log.sinks.append(
         lambda entry: replies.add(entry.data) if (entry.side, entry.arrow) == ("mount", "<") else None
@@ -46,9 +46,9 @@ def prepare(replies: set[bytes], proven: Proven) -> None:
 @pytest.mark.parametrize("mount", KINDS)
 def test_prove_file_is_independent_of_place_and_time(mount: str, tmp_path: Path) -> None:
     replies = set[bytes]()
-    here = write(tmp_path, checked(mount, (9,)), simulated=True).read_text("utf-8")
+    here = write_proof_file(tmp_path, checked(mount, (9,)), simulated=True).read_text("utf-8")
     findings = checked(mount, (9,), change=partial(prepare, replies), **elsewhere(mount))
-    there = write(tmp_path, findings, simulated=True).read_text("utf-8")
+    there = write_proof_file(tmp_path, findings, simulated=True).read_text("utf-8")
     assert NUMBER.sub("…", here) == NUMBER.sub("…", there)
     numbers = zip(NUMBER.findall(here), NUMBER.findall(there), strict=True)
     assert not [pair for pair in numbers if abs(float(pair[0]) - float(pair[1])) > MEASURED]
@@ -69,6 +69,6 @@ def test_prove_file_leaves_out_text_that_may_reveal_a_place_or_address(tmp_path:
             Finding("the rest of motions", NOT_TRIED, "another program moves the mount (192.168.1.7)"),
         ],
     }
-    written = write(tmp_path, findings, simulated=False).read_text("utf-8")
+    written = write_proof_file(tmp_path, findings, simulated=False).read_text("utf-8")
     assert "the mount and the settings" in written and "the rest of motions" in written
     assert not [words for words in ("52", "71.3", "192.168", "Correct", "4.123456", "1.234") if words in written]

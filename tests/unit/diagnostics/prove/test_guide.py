@@ -106,7 +106,7 @@ def _terminal_gone(proven: Proven, person: Onlooker) -> None:
     def gone(*_: object) -> None:
         raise OSError(5, "Input/output error")
 
-    person.say = person.progress = gone  # type: ignore[method-assign]
+    person.say = person.show_progress = gone  # type: ignore[method-assign]
     proven.loop.call_later(1.0, proven.session.cancel)
 
 
@@ -117,8 +117,8 @@ def _pull(proven: Proven, person: Onlooker) -> None:
 
 def _program(proven: Proven, person: Onlooker) -> None:
     """Another program presses an arrow, and lets it go."""
-    take, number = proven.gateway.carry_out, requests.new_number()
-    press = requests.PressRequest(direction=op.Direction.WEST, key=6, number=number, who="192.168.1.7")
+    take, number = proven.gateway.carry_out, requests.new_request_number()
+    press = requests.PressKeyRequest(direction=op.Direction.WEST, key=6, number=number, who="192.168.1.7")
     proven.loop.create_task(take(press))
     proven.loop.call_later(3.0, lambda: proven.loop.create_task(take(requests.ReleaseKeyRequest(number=number))))
 
@@ -128,7 +128,7 @@ def _keys(proven: Proven, person: Onlooker) -> None:
     if proven.gateway.mount.protocol == "alpaca":
         sim = proven.sim
         sim.mechanics.move(sim.now, 1, -1.0)
-        proven.loop.call_later(3.0, lambda: sim.mechanics.resume(sim.clock()))
+        proven.loop.call_later(3.0, lambda: sim.mechanics.resume_tracking(sim.clock()))
         return
     proven.owner.keys("back")
     proven.loop.call_later(3.0, proven.owner.keys, "first let go")
@@ -139,7 +139,7 @@ def _page_stop(proven: Proven, person: Onlooker) -> None:
 
 
 def _hold(proven: Proven, person: Onlooker) -> None:
-    proven.controller.hold.on = True
+    proven.controller.hold.is_on = True
     proven.loop.create_task(proven.controller.stop("mount-gateway stop"))
 
 
@@ -174,7 +174,7 @@ def test_prove_restores_everything_after_a_fault_and_moves_nothing_more(mount: s
                 act(proven, person)
 
             person.when[words] = lambda: proven.loop.call_later(later, happens)
-            with patch.object(small_motions, "KEYS", (9,)):  # so that its moment comes soon
+            with patch.object(small_motions, "RATE_KEYS", (9,)):  # so that its moment comes soon
                 proven.session = asyncio.ensure_future(proven.check(person))
                 with suppress(asyncio.CancelledError, OSError):
                     await proven.session
@@ -192,7 +192,7 @@ def test_prove_restores_everything_after_a_fault_and_moves_nothing_more(mount: s
             shows = mishap != "the hand control is used" or (moment == "a small motion" and "nexstar" in mount)
             if moment in MOVE and shows:
                 assert any(said in line for line in person.said), person.said
-                assert not proven.findings.whole(STAGES[len(answers)].name)
+                assert not proven.findings.is_complete(STAGES[len(answers)].name)
 
     run_calm(play())
 
@@ -214,9 +214,9 @@ def test_prove_respects_limits_the_sun_and_a_hold(mount: str, what: str) -> None
 
     async def play() -> None:
         async with Proven(mount, **settings) as proven:
-            proven.controller.hold.on = what == "held"
+            proven.controller.hold.is_on = what == "held"
             before, person = kept(proven), Onlooker()
-            with patch.object(small_motions, "KEYS", (9, 7)):
+            with patch.object(small_motions, "RATE_KEYS", (9, 7)):
                 await proven.check(person)
             await rests(proven)
             left_alone(proven, before)
@@ -258,13 +258,13 @@ def test_prove_moves_away_first_if_it_begins_near_the_sun() -> None:
 def test_prove_names_a_limit_that_ends_tracking_and_changes_no_setting() -> None:
     async def play() -> None:
         async with Proven("lx200:lx200gps", **CONDITIONS["near the Sun"][0]) as proven:
-            with patch.object(small_motions, "KEYS", (9, 7)):
+            with patch.object(small_motions, "RATE_KEYS", (9, 7)):
                 person = Onlooker("yssyssssy")
                 person.when["rate 7 west"] = lambda: proven.controller.watch.carried_to_limit.emit("the Sun")
                 found = await proven.check(person)
             assert not proven.sim.tracking
             assert any("switched off at the Sun" in one for one in person.said)
-            assert not found.of("differs")
+            assert not found.select("differs")
 
     run_calm(play())
 
@@ -324,7 +324,7 @@ def test_prove_recognises_the_mount_though_the_version_reply_is_lost(mount: str)
 
 
 def test_prove_resumes_stopped_motions_after_the_last_measured_rate(tmp_path: Path) -> None:
-    measured, real = list[str](), small_motions._measured
+    measured, real = list[str](), small_motions._measure
 
     async def counted(telescope: CheckedMount, what: str, *rate: Any) -> Finding:
         measured.append(what)
@@ -339,17 +339,17 @@ def test_prove_resumes_stopped_motions_after_the_last_measured_rate(tmp_path: Pa
             assert any("continues after the last measurement" in line for line in person.said)
             save(tmp_path / "findings.json", stopped)
             proven.findings = load(tmp_path / "findings.json")
-            assert not stopped.whole("motions") and proven.findings == stopped
+            assert not stopped.is_complete("motions") and proven.findings == stopped
             again = Onlooker("ssyssss")
             found = await proven.check(again)
-            assert found.whole("motions") and not found.of("differs")
+            assert found.is_complete("motions") and not found.select("differs")
             assert [line[:10] for line in again.said if "continues after the last measurement" in line] == [
                 "4/6 motion"
             ]
             verdicts = {one.what: one.verdict for one in found.stages["motions"]}
             assert verdicts["rate 6 west/east"] == verdicts["direction of west and east"] == SAME
 
-    with patch.object(small_motions, "KEYS", (9, 6)), patch.object(small_motions, "_measured", counted):
+    with patch.object(small_motions, "RATE_KEYS", (9, 6)), patch.object(small_motions, "_measure", counted):
         run_calm(play())
     first, second = (["rate 9 west/east"] * 2, ["rate 9 north/south"] * 2)
     assert measured == ["rate 6 west/east", "rate 6 north/south", *first, *second]
@@ -371,17 +371,17 @@ def test_prove_stores_measurements_made_before_ctrl_c(tmp_path: Path) -> None:
                 "rate 9 west/east",
                 "the rest of motions",
             ]
-            with patch.object(small_motions, "_measured", counted):
+            with patch.object(small_motions, "_measure", counted):
                 found = await proven.check(Onlooker("ssyssss"))
-            assert found.whole("motions") and measured == ["rate 9 north/south"]
+            assert found.is_complete("motions") and measured == ["rate 9 north/south"]
 
-    measured, real = list[str](), small_motions._measured
+    measured, real = list[str](), small_motions._measure
 
     async def counted(telescope: CheckedMount, what: str, *rate: Any) -> Finding:
         measured.append(what)
         return await real(telescope, what, *rate)
 
-    with patch.object(small_motions, "KEYS", (9,)):
+    with patch.object(small_motions, "RATE_KEYS", (9,)):
         run_calm(play())
 
 
@@ -393,7 +393,7 @@ def test_prove_leaves_tracking_on_that_another_program_switched_on() -> None:
             person = Onlooker("ssyq")
             on = requests.TrackRequest(on=True, who="192.168.1.7")
             person.when["rate 9 north/south"] = lambda: proven.loop.create_task(take(on))
-            with patch.object(small_motions, "KEYS", (9,)):
+            with patch.object(small_motions, "RATE_KEYS", (9,)):
                 await proven.check(person)
             await asyncio.sleep(5.0)
             assert proven.sim.tracking
@@ -408,11 +408,11 @@ def test_page_shows_that_a_prove_check_is_running() -> None:
             person, shown = Onlooker("ssyq"), list[str]()
 
             def look() -> None:
-                state = proven.gateway.state().drawn()
+                state = proven.gateway.state().to_state()
                 shown.extend((*state.wanted, *state.lately))
 
             person.when["rate 9 north/south"] = lambda: proven.loop.call_later(2.0, look)
-            with patch.object(small_motions, "KEYS", (9,)):
+            with patch.object(small_motions, "RATE_KEYS", (9,)):
                 await proven.check(person)
             assert any("mount-gateway prove: checks this mount" in line for line in shown)
             assert any(line.endswith("by mount-gateway prove") for line in shown), shown
@@ -435,8 +435,8 @@ def test_prove_reports_a_goto_that_ends_off_its_target() -> None:
 
 def test_every_prove_stage_is_announced_in_one_sentence() -> None:
     for stage in STAGES:
-        assert stage.plan.endswith(".") and len(stage.plan) <= 60
-    assert [stage.name for stage in STAGES if stage.moves] == ["place", "motions", "goto", "guiding"]
+        assert stage.announcement.endswith(".") and len(stage.announcement) <= 60
+    assert [stage.name for stage in STAGES if stage.moves_mount] == ["place", "motions", "goto", "guiding"]
 
 
 def test_prove_ignores_findings_in_files_of_another_form(tmp_path: Path) -> None:

@@ -65,7 +65,7 @@ def nothing(proven: Proven) -> None:
 def other_altitudes(proven: Proven) -> None:
     """What the server tells is not what is calculated from its position; and its steps are finer than those of a hand
     control, so that pulses show."""
-    proven.sim.tells["altitude"] = 7.0  # type: ignore[attr-defined]
+    proven.sim.answers["altitude"] = 7.0  # type: ignore[attr-defined]
 
 
 def busy_classic(proven: Proven) -> None:
@@ -104,7 +104,7 @@ def _checked(what: str, **config: object) -> tuple[Findings, dict[str, str]]:
     async def play() -> tuple[Findings, dict[str, str]]:
         more = settings | {"config": settings.get("config", {}) | config}
         async with Proven(mount, every=9.0, change=change, **more) as proven:
-            with patch.object(small_motions, "KEYS", (9, 6)):
+            with patch.object(small_motions, "RATE_KEYS", (9, 6)):
                 found = await proven.check(person := Onlooker(answers))
             print(*person.said, sep="\n")
             return found, {one.what: one.verdict for stage in found.stages.values() for one in stage}
@@ -118,20 +118,20 @@ def test_prove_names_each_deliberate_difference_of_a_mount(what: str) -> None:
     *_, expected, keys = DIFFERENCES[what]
     found, verdicts = _checked(what)
     assert {name: verdicts.get(name) for name in expected} == expected, verdicts
-    assert found.keys.keys() == keys
-    differs = {one.what for one in found.of(DIFFERS)}
+    assert found.config_keys.keys() == keys
+    differs = {one.what for one in found.select(DIFFERS)}
     assert differs <= {*expected, "rate 6 west/east", "rates of all keys", "answers to its protocol's questions"}, (
         differs
     )
-    assert all(one.means for one in found.of(DIFFERS))
+    assert all(one.means for one in found.select(DIFFERS))
 
 
 @pytest.mark.parametrize("what", ["other rates", "a run-on of 5 degrees"])
 def test_prove_finds_no_difference_once_the_gateway_is_adapted(what: str) -> None:
     found, _ = _checked(what)
-    again, verdicts = _checked(what, **{key.replace("-", "_"): value for key, value in found.keys.items()})
-    assert not again.keys and verdicts["run-on after a stop"] == SAME
-    assert not again.of(DIFFERS)
+    again, verdicts = _checked(what, **{key.replace("-", "_"): value for key, value in found.config_keys.items()})
+    assert not again.config_keys and verdicts["run-on after a stop"] == SAME
+    assert not again.select(DIFFERS)
 
 
 @pytest.mark.parametrize("mount", ["nexstar:6-8se", "lx200:autostar", "alpaca:polar"])
@@ -143,8 +143,8 @@ def test_prove_soon_stops_testing_a_motor_that_does_not_turn(mount: str) -> None
             await proven.gateway.carry_out(requests.TrackRequest(on=False, who=CLIENT))
             await asyncio.sleep(5.0)
             telescope = CheckedMount(proven.gateway)
-            telescope.begin()
-            motion = await telescope.press(Direction.NORTH, 9, 10.0)
+            telescope.begin_stage()
+            motion = await telescope.move_by_key(Direction.NORTH, 9, 10.0)
             assert MAX_UNCHANGED_TIME <= motion.ended_at - motion.began_at < MAX_UNCHANGED_TIME + 1.0
 
     run_calm(play())

@@ -15,8 +15,8 @@ from gateway.astro.spherical import separation
 from gateway.cli import main
 from gateway.diagnostics.report.gather import gather
 from gateway.diagnostics.report.night import Night
-from gateway.diagnostics.report.page import page, sentences
-from gateway.diagnostics.report.plots import light, pieces, spreads, track
+from gateway.diagnostics.report.page import report_page, summary_sentences
+from gateway.diagnostics.report.plots import altaz_track, light_intervals, reply_time_spreads, split_track
 from tests.unit.diagnostics.report.recorded import BEGAN, REFUSED, SITE, TARGETS, Tape, head, night
 
 HOSTILE = "<script>alert(1)</script>"
@@ -83,12 +83,12 @@ def test_report_shows_positions_answers_programs_and_refusals(seen: Night) -> No
         *SITE,
         "the settings",
     )
-    assert seen.gotos == len(TARGETS) and seen.unanswered == 0
+    assert seen.goto_count == len(TARGETS) and seen.unanswered_count == 0
     assert len(seen.request_times) == len(seen.reply_times) == 2520 - 30 + len(TARGETS)
     assert min(seen.reply_times) >= 0.055 and 0.05 < sorted(seen.reply_times)[len(seen.reply_times) // 2] < 0.08
     first, second = seen.programs.values()
-    assert (first.host, first.commands["GR"], first.commands["MS"], first.refused) == ("10.0.0.2", 2520, 5, 3)
-    assert (second.surface, second.commands["e"], second.refused) == ("nexstar@tcp://0.0.0.0:4031", 2520, 1)
+    assert (first.host, first.commands["GR"], first.commands["MS"], first.refusal_count) == ("10.0.0.2", 2520, 5, 3)
+    assert (second.surface, second.commands["e"], second.refusal_count) == ("nexstar@tcp://0.0.0.0:4031", 2520, 1)
     assert [remark.text for remark in seen.refusals].count(REFUSED) == 3
     assert len(seen.remarks) == 1 and "no answer to e within 3.5 s" in seen.remarks[0].text
 
@@ -103,11 +103,11 @@ def test_report_shows_the_mount_pointing_where_it_was_sent(seen: Night) -> None:
 
 def test_report_shows_tracking_slews_and_gaps_over_the_horizon(seen: Night) -> None:
     sky = Sky()
-    places = track(seen, sky)
+    places = altaz_track(seen, sky)
     last = places[-1]
     right = sky.horizon(*sky.to_of_date(*TARGETS[-1][1:], last.time), *SITE, last.time)
     assert separation(last.az, last.alt, *right) < 0.05
-    found = list(pieces(places))
+    found = list(split_track(places))
     assert any(piece[-1].slewing for piece in found) and sum(len(piece) for piece in found) >= len(places)
     gaps = [place for place in places[1:] if not place.continues_track]
     assert [round((place.time - BEGAN) / 60) for place in gaps] == [155]  # the cable was back
@@ -121,7 +121,7 @@ def test_report_counts_a_lost_answer_without_shifting_other_times(tmp_path: Path
     tape.asked(7.0, b"J", b"\x01#", 0.5)
     found = recorded(tmp_path, tape)
     assert list(found.reply_times) == pytest.approx([0.25, 0.5])
-    assert found.unanswered == 2
+    assert found.unanswered_count == 2
 
 
 def test_report_counts_no_lost_answer_for_an_intervening_stop(tmp_path: Path) -> None:
@@ -131,7 +131,7 @@ def test_report_counts_no_lost_answer_for_an_intervening_stop(tmp_path: Path) ->
     tape.put(1.2, "mount", "<", b"00000000,00000000#")
     tape.put(1.4, "mount", "<", b"#")
     found = recorded(tmp_path, tape)
-    assert list(found.reply_times) == pytest.approx([0.2, 0.3]) and found.unanswered == 0
+    assert list(found.reply_times) == pytest.approx([0.2, 0.3]) and found.unanswered_count == 0
 
 
 def test_report_joins_position_and_site_that_a_meade_sends_in_pieces(tmp_path: Path) -> None:
@@ -146,11 +146,11 @@ def test_report_joins_position_and_site_that_a_meade_sends_in_pieces(tmp_path: P
     assert found.site is not None and found.site.source == "the mount"
     assert (found.site.latitude, found.site.longitude) == pytest.approx((48.1333, 11.5833), abs=1e-3)
     assert [(one.ra, one.dec) for one in found.pointings] == [pytest.approx((83.6333, 22.0144), abs=1e-3)]
-    assert found.unanswered == 0  # :Q# has none
+    assert found.unanswered_count == 0  # :Q# has none
 
 
 def test_report_shows_the_distribution_of_reply_times(seen: Night) -> None:
-    found = spreads(seen)
+    found = reply_time_spreads(seen)
     assert all(one.quantile_05 <= one.median <= one.quantile_95 <= one.maximum for one in found)
     assert 200 <= len(found) <= 241
     assert max(one.maximum for one in found) == max(seen.reply_times)
@@ -158,7 +158,7 @@ def test_report_shows_the_distribution_of_reply_times(seen: Night) -> None:
 
 def test_report_shows_day_and_night_behind_the_altitude_curve(seen: Night) -> None:
     day = Night("nexstar@-", [], BEGAN - 6 * 3600.0, BEGAN + 3600.0, site=seen.site)
-    parts = light(day, Sky())
+    parts = light_intervals(day, Sky())
     assert [part.kind for part in parts] == ["day", "twilight", "dark"]
     assert parts[0].ended == pytest.approx(BEGAN - 2 * 3600.0, abs=600.0)  # the Sun sets at 15:28 UTC
     assert (parts[0].began, parts[-1].ended) == (day.began, day.ended)
@@ -168,10 +168,10 @@ def test_report_shows_day_and_night_behind_the_altitude_curve(seen: Night) -> No
 
 
 def test_report_page_is_complete_and_described_in_words(seen: Night) -> None:
-    text = page(seen, "night.rec")
+    text = report_page(seen, "night.rec")
     tags = judged(text)
     assert tags.count("svg") == 3 and tags.count("table") == 3
-    said = " ".join(sentences(seen, track(seen, Sky())))
+    said = " ".join(summary_sentences(seen, altaz_track(seen, Sky())))
     for words in (
         "From 17:30 to 00:29 UTC, 6 h 59 min",
         "It was sent to 5 places",
@@ -193,7 +193,7 @@ def test_report_shows_markup_sent_by_programs_as_text(tmp_path: Path) -> None:
     tape.put(2.0, HOSTILE, "!", HOSTILE)
     tape.put(3.0, "mount", "!", HOSTILE)
     found = recorded(tmp_path, tape)
-    text = page(found, HOSTILE)
+    text = report_page(found, HOSTILE)
     judged(text)
     assert text.count("&lt;script&gt;") >= 4
 
@@ -203,8 +203,8 @@ def test_report_of_an_almost_empty_night_is_complete(lines: str, tmp_path: Path)
     path = tmp_path / "short.rec"
     path.write_text(head() + lines)
     found = gather(read(path))
-    judged(page(found, path.name))
-    said = sentences(found, [])
+    judged(report_page(found, path.name))
+    said = summary_sentences(found, [])
     assert "The mount never reported its position." in said and "The mount answered no question." in said
 
 
@@ -212,9 +212,9 @@ def test_report_without_a_site_describes_places_in_words(tmp_path: Path) -> None
     tape = Tape()
     tape.asked(1.0, b"e", b"40000000,10000000#", 0.1)
     found = recorded(tmp_path, tape, site=None)
-    tags = judged(page(found, "some.rec"))
+    tags = judged(report_page(found, "some.rec"))
     assert tags.count("svg") == 1
-    assert any("site is not known" in words for words in sentences(found, track(found, Sky())))
+    assert any("site is not known" in words for words in summary_sentences(found, altaz_track(found, Sky())))
 
 
 # --- the command ----------------------------------------------------------------------------------------------------

@@ -95,7 +95,7 @@ async def test_acknowledgement_followed_by_another_is_rejected() -> None:
 @each("reply", [b"+45*30:15#", b"12:3x:56#", b"2:34:56#", b"1#"])
 def test_reply_of_another_form_is_rejected(reply: bytes) -> None:
     """What a client may write and a declination are no right ascension."""
-    outcome = Lx200ReplyRules().take(Send("GR"), reply)
+    outcome = Lx200ReplyRules().parse_reply(Send("GR"), reply)
     assert outcome is not None
     assert isinstance(outcome[0], Garbled)
 
@@ -210,11 +210,11 @@ async def test_hand_control_restart_is_noticed_by_its_lost_alignment_and_trackin
 
 async def test_meade_switched_off_and_on_is_set_to_high_precision_again() -> None:
     async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se") as bridge:
-        assert bridge.sim.high
-        bridge.sim.high = False  # off and on between two questions
+        assert bridge.sim.high_precision
+        bridge.sim.high_precision = False  # off and on between two questions
         await bridge.client().ask(b"e")
         await asyncio.sleep(1)
-        assert bridge.sim.high
+        assert bridge.sim.high_precision
 
 
 @pytest.mark.parametrize("moves", [False, True])
@@ -241,7 +241,9 @@ def test_line_that_often_corrupts_a_digit_seldom_gives_a_wrong_position(moves: b
                 with contextlib.suppress(Fault):
                     here = await bridge.controller.read_now(op.Position())
                     told += 1
-                    wrong += separation(here.ra, here.dec, *bridge.sim.mechanics.believed(bridge.clock())) > 10.0
+                    wrong += (
+                        separation(here.ra, here.dec, *bridge.sim.mechanics.believed_position(bridge.clock())) > 10.0
+                    )
                 await asyncio.sleep(0.1)
             assert told > 250 and wrong <= 6, (told, wrong)
 
@@ -264,7 +266,7 @@ async def test_reads_are_repeated_only_after_a_change() -> None:
     """Steady answers cost one exchange each."""
     async with Bridge("cge") as bridge:
         await bridge.controller.verifier.exchange(Send("t"), READ)
-        before = len(bridge.sent())
+        before = len(bridge.sent_requests())
         for _ in range(5):
             await bridge.controller.verifier.exchange(Send("t"), READ)
-        assert bridge.sent()[before:].count(b"t") == 5
+        assert bridge.sent_requests()[before:].count(b"t") == 5

@@ -130,7 +130,7 @@ async def test_reply_time_is_measured_though_a_stop_follows_at_once() -> None:
     line = MountLink(wire, Lx200ReplyRules(), WireLog(lambda: 0.0))
     line.start()
     await asyncio.sleep(0.01)
-    slow = asyncio.ensure_future(line.timed(Send("GR"), POSITION))
+    slow = asyncio.ensure_future(line.timed_exchange(Send("GR"), POSITION))
     await asyncio.sleep(0.1)
     stop = asyncio.ensure_future(line.exchange(Send("Q"), STOP))
     values, took = await slow
@@ -234,7 +234,7 @@ async def test_unsolicited_bytes_are_dropped() -> None:
 async def test_unanswered_request_leaves_the_line_up_after_a_check() -> None:
     line, wire = await opened(lambda data: [] if data == b"v" else hand_control(data))
     with pytest.raises(Silence):
-        await line.exchange(Send("v", patience=1.0))
+        await line.exchange(Send("v", timeout=1.0))
     assert (await line.exchange(Send("t")))["mode"] == 2
     assert wire.sent[0] == b"v"
     assert [sent[:1] for sent in wire.sent[1:]] == [b"K", b"K", b"t"]  # a late answer must not be taken for t's

@@ -15,8 +15,8 @@ from gateway.mount.link.queue import (
     READ,
     SETTING,
     STOP,
-    by_turn,
-    held_back,
+    hold_back_time,
+    sort_queue,
     too_late,
 )
 from gateway.protocols.base.driver import Send
@@ -33,7 +33,7 @@ class Waits(NamedTuple):
 
 
 def priorities(*waiting: Waits, motions: int = 0, passed_over: int = 0) -> list[int]:
-    return [one.priority for one in by_turn(waiting, NOW, motions, passed_over)]
+    return [one.priority for one in sort_queue(waiting, NOW, motions, passed_over)]
 
 
 @each("priority", [POSITION, READ])
@@ -46,10 +46,10 @@ def test_long_waiting_read_goes_before_settings_and_between_motions(priority: in
 
 
 def test_read_waits_for_urgent_and_imminent_orders() -> None:
-    assert held_back(Waits(READ), NOW, NOW + 0.1, typical_rtt=0.1) == pytest.approx(0.15)
-    assert held_back(Waits(READ), NOW, NOW + 0.2, typical_rtt=0.1) is None
-    assert held_back(Waits(READ), NOW, None, typical_rtt=0.1) is None
-    assert held_back(Waits(MOTION), NOW, NOW + 0.1, typical_rtt=0.1) is None
+    assert hold_back_time(Waits(READ), NOW, NOW + 0.1, typical_rtt=0.1) == pytest.approx(0.15)
+    assert hold_back_time(Waits(READ), NOW, NOW + 0.2, typical_rtt=0.1) is None
+    assert hold_back_time(Waits(READ), NOW, None, typical_rtt=0.1) is None
+    assert hold_back_time(Waits(MOTION), NOW, NOW + 0.1, typical_rtt=0.1) is None
 
 
 def test_late_motion_by_hand_is_not_sent() -> None:

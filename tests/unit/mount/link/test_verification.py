@@ -18,7 +18,7 @@ async def test_order_waiting_for_verification_times_out(monkeypatch: pytest.Monk
         return now + 1e6
 
     async with Bridge("cge") as bridge:
-        monkeypatch.setattr(LateReplies, "until", never)
+        monkeypatch.setattr(LateReplies, "unambiguous_from", never)
         began = bridge.controller.now()
         with pytest.raises(NoAnswer):
             await bridge.controller.perform(op.Backlash(1, 5))

@@ -10,19 +10,19 @@ from hypothesis import strategies as st
 
 from gateway.mount.motion.ends import (
     LATER_RETRY_PERIOD,
+    MIN_VISIBLE_SPEED,
     RETRY_DELAYS,
-    SLOW,
     TRIES_BEFORE_WARNING,
     AxisSample,
-    Ending,
-    Step,
+    EndStep,
+    MotionEnd,
+    is_visible,
     next_step,
-    speed,
-    visible,
+    speed_since_end,
 )
 from tests.support.examples import some
 
-FAST = Ending(frozenset({1, 2}), 4.0, (100.0,))
+FAST = MotionEnd(frozenset({1, 2}), 4.0, (100.0,))
 
 
 def looks(*places: tuple[float, float], axis: int = 1, resolution: float = 1 / 3600) -> list[AxisSample]:
@@ -32,9 +32,9 @@ def looks(*places: tuple[float, float], axis: int = 1, resolution: float = 1 / 3
 
 def test_stop_check_ends_when_the_axes_rest_after_running_on() -> None:
     going = looks((99.6, 10.0), (100.0, 11.6), (100.4, 12.9), (100.8, 13.4))
-    assert next_step(FAST, going[:2], 100.1) is Step.LOOK, "the looks before the end say nothing"
-    assert next_step(FAST, going[:3], 100.4) is Step.LOOK, "it runs on"
-    assert next_step(FAST, going, 100.8) is Step.DONE
+    assert next_step(FAST, going[:2], 100.1) is EndStep.READ_POSITION, "the looks before the end say nothing"
+    assert next_step(FAST, going[:3], 100.4) is EndStep.READ_POSITION, "it runs on"
+    assert next_step(FAST, going, 100.8) is EndStep.DONE
 
 
 def test_lost_stop_is_sent_again_at_growing_intervals_and_then_reported() -> None:
@@ -44,11 +44,11 @@ def test_lost_stop_is_sent_again_at_growing_intervals_and_then_reported() -> Non
         now = round(now + 0.4, 3)
         samples = [*samples, *looks((now, (now * 4.0) % 360.0))][-8:]
         step = next_step(ending, samples, now)
-        assert step is not Step.DONE
-        if step in (Step.SEND, Step.ALARM):
+        assert step is not EndStep.DONE
+        if step in (EndStep.SEND_AGAIN, EndStep.SEND_AND_WARN):
             sent.append(now)
-            told += [now] * (step is Step.ALARM)
-            ending = ending.again(now)
+            told += [now] * (step is EndStep.SEND_AND_WARN)
+            ending = ending.with_retry(now)
     pauses = [round(later - before, 1) for before, later in itertools.pairwise(sent)]
     assert all(pause >= wanted - 1e-6 for pause, wanted in zip(pauses, RETRY_DELAYS, strict=False))
     assert len(sent) > TRIES_BEFORE_WARNING and len(told) == len(sent) - TRIES_BEFORE_WARNING
@@ -56,36 +56,36 @@ def test_lost_stop_is_sent_again_at_growing_intervals_and_then_reported() -> Non
 
 
 def test_stop_check_looks_only_at_the_axes_that_should_rest() -> None:
-    one = Ending(frozenset({1}), 4.0, (100.0,))
-    assert next_step(one, looks((100.1, 0.0), (100.5, 1.6), (100.9, 3.2), axis=2), 103.0) is Step.DONE
-    assert next_step(one, looks((100.1, 0.0), (100.5, 1.6), (100.9, 3.2), axis=1), 103.0) is Step.SEND
+    one = MotionEnd(frozenset({1}), 4.0, (100.0,))
+    assert next_step(one, looks((100.1, 0.0), (100.5, 1.6), (100.9, 3.2), axis=2), 103.0) is EndStep.DONE
+    assert next_step(one, looks((100.1, 0.0), (100.5, 1.6), (100.9, 3.2), axis=1), 103.0) is EndStep.SEND_AGAIN
 
 
 def test_azimuth_passing_north_is_not_taken_for_a_jump() -> None:
-    assert speed(FAST, looks((100.1, 359.99), (100.5, 0.01))) == pytest.approx(0.05)
+    assert speed_since_end(FAST, looks((100.1, 359.99), (100.5, 0.01))) == pytest.approx(0.05)
 
 
 def test_coarse_position_is_not_judged_before_it_could_change() -> None:
     """Low precision: a tenth of a minute of right ascension is 90 arcseconds."""
-    slow = Ending(frozenset({1}), 0.1, (100.0,))
+    slow = MotionEnd(frozenset({1}), 0.1, (100.0,))
     coarse = looks((100.4, 5.0), (100.8, 5.0), resolution=90 / 3600)
-    assert next_step(slow, coarse, 103.0) is Step.LOOK
-    assert next_step(slow, [*coarse[:1], *looks((103.0, 5.0), resolution=90 / 3600)], 103.0) is Step.DONE
+    assert next_step(slow, coarse, 103.0) is EndStep.READ_POSITION
+    assert next_step(slow, [*coarse[:1], *looks((103.0, 5.0), resolution=90 / 3600)], 103.0) is EndStep.DONE
 
 
 @some
-@given(st.floats(0.0, 2 * SLOW - 1e-9))
+@given(st.floats(0.0, 2 * MIN_VISIBLE_SPEED - 1e-9))
 def test_motion_too_slow_to_be_seen_is_not_checked(rate: float) -> None:
-    ending = Ending(frozenset({1}), rate, (0.0,))
-    assert not visible(ending)
-    assert next_step(ending, [], 100.0) is Step.DONE
+    ending = MotionEnd(frozenset({1}), rate, (0.0,))
+    assert not is_visible(ending)
+    assert next_step(ending, [], 100.0) is EndStep.DONE
 
 
 @some
 @given(st.floats(0.2, 8.0), st.floats(0.1, 1.0), st.floats(0.0, 2.0))
 def test_run_on_of_up_to_a_second_causes_no_second_stop(rate: float, every: float, begins: float) -> None:
     """The motor loses its speed evenly, and its position is told at even intervals."""
-    ending = Ending(frozenset({1}), rate, (0.0,))
+    ending = MotionEnd(frozenset({1}), rate, (0.0,))
 
     def place(at: float) -> float:
         moving = min(at, 1.0)
@@ -95,8 +95,8 @@ def test_run_on_of_up_to_a_second_causes_no_second_stop(rate: float, every: floa
     while now < 5.0:
         samples.append(AxisSample(now, (place(now), 0.0)))
         step = next_step(ending, samples, now)
-        assert step in (Step.LOOK, Step.DONE)
-        if step is Step.DONE:
+        assert step in (EndStep.READ_POSITION, EndStep.DONE)
+        if step is EndStep.DONE:
             return
         now += every
     raise AssertionError("it never came to rest")

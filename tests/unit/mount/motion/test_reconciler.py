@@ -26,7 +26,7 @@ def test_arrow_interrupted_by_an_end_does_not_cancel_the_end(fails: bool) -> Non
             async def interrupted(operation: op.Operation, by: object = None) -> op.Operation:
                 asked.append(operation)
                 if asked == [EAST]:
-                    controller.reconciler.take(op.StopAxis(2), None, None)
+                    controller.reconciler.accept(op.StopAxis(2), None, None)
                     if fails:
                         raise Refused("in the same step")
                     return operation
@@ -34,8 +34,8 @@ def test_arrow_interrupted_by_an_end_does_not_cancel_the_end(fails: bool) -> Non
 
             controller.admission.admit = interrupted  # type: ignore[method-assign, assignment]
             begun: list[op.Operation] = []
-            controller.reconciler.begins.connect(begun.append)
-            controller.reconciler.take(EAST, None, None)
+            controller.reconciler.acknowledged.connect(begun.append)
+            controller.reconciler.accept(EAST, None, None)
             await asyncio.sleep(3.0)
             assert asked[1:3] == [op.StopAxis(2), EAST], "the end comes first, and the arrow again after it"
             assert begun[-1] == EAST and not controller.wanted.value.pending
@@ -48,15 +48,15 @@ async def test_order_stopped_before_it_begins_is_not_begun(newer: op.Operation) 
     """Both in one call: the loop is started for the order, and has not run yet."""
     async with Bridge("6-8se", config={"sun": 0.0, "lowest": -90.0}) as bridge:
         controller, begun = bridge.controller, list[op.Operation]()
-        controller.reconciler.begins.connect(begun.append)
-        before = len(bridge.sent())
+        controller.reconciler.acknowledged.connect(begun.append)
+        before = len(bridge.sent_requests())
         waiting = asyncio.ensure_future(controller.perform(newer))
         controller.loop.call_soon(controller.begin_stop)
         with pytest.raises(Fault):
             await waiting
         await asyncio.sleep(3.0)
-        assert not begun and not controller.wanted.value.owed
-        moves = [data for data in bridge.sent()[before:] if data[:1] == b"r" or (data[:1] == b"P" and data[4])]
+        assert not begun and not controller.wanted.value.stop_owed
+        moves = [data for data in bridge.sent_requests()[before:] if data[:1] == b"r" or (data[:1] == b"P" and data[4])]
         assert not moves, "not a byte of it"
         await controller.perform(newer)
         assert len(begun) == 1

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from gateway.core import operations as op
 from gateway.mount.motion import taps
-from gateway.mount.motion.changes import apply
-from gateway.mount.motion.wanted import Arrow, AxisMotion, ByHand, Halt, Order, Tap, Wanted
+from gateway.mount.motion.changes import apply_order
+from gateway.mount.motion.wanted import Arrow, AxisMotion, Halt, HandMove, Order, Tap, Wanted
 from gateway.mount.presence import HostActivity
 
 ME, OTHER = HostActivity("10.0.0.1", 0.0), HostActivity("10.0.0.2", 0.0)
@@ -14,19 +14,19 @@ STOP = op.StopAxis(1)
 
 
 def press(number: int, since: float, operation: op.Move = EAST, held: float | None = None) -> Order:
-    return Order(number, operation, ME, since=since, arrow=Arrow(held))
+    return Order(number, operation, ME, came_at=since, arrow=Arrow(held))
 
 
 def release(number: int, since: float, by: HostActivity | None = ME, ends_tap: bool = False) -> Halt:
-    return Halt(number, STOP, by, since=since, ends_tap=ends_tap)
+    return Halt(number, STOP, by, came_at=since, ends_tap=ends_tap)
 
 
 def after(wanted: Wanted, order: Order) -> Wanted:
-    return apply(wanted, order, order.since, False)
+    return apply_order(wanted, order, order.came_at, False)
 
 
-def moves(operation: op.Move, since: float, asked: float = 0.0) -> ByHand:
-    return ByHand(AxisMotion(operation, ME, since, 1.0, asked, since - 0.1))
+def moves(operation: op.Move, since: float, asked: float = 0.0) -> HandMove:
+    return HandMove(AxisMotion(operation, ME, since, 1.0, asked, since - 0.1))
 
 
 def test_release_of_a_waiting_arrow_makes_it_a_tap() -> None:
@@ -40,7 +40,7 @@ def test_halt_of_another_client_or_late_release_cancels_a_tap() -> None:
     for order in (release(2, 0.1, OTHER), release(2, 0.1, None), release(2, taps.MAX_TAP_TIME + 0.1)):
         assert [one.operation for one in after(waiting, order).pending] == [STOP]
     late = release(2, taps.MAX_TAP_TIME + 0.1)
-    assert taps.dropped(waiting, after(waiting, late), late) == waiting.pending[0]
+    assert taps.dropped_press(waiting, after(waiting, late), late) == waiting.pending[0]
 
 
 def test_end_of_a_tap_leaves_the_next_held_arrow_alone() -> None:
@@ -48,7 +48,7 @@ def test_end_of_a_tap_leaves_the_next_held_arrow_alone() -> None:
     end = release(4, 2.0, ends_tap=True)
     changed = after(wanted, end)
     assert [one.number for one in changed.pending] == [3, 4]
-    assert taps.dropped(wanted, changed, end) is None
+    assert taps.dropped_press(wanted, changed, end) is None
     assert wanted.due_at(wanted.pending[0]) == float("inf")
 
 
@@ -64,8 +64,8 @@ def test_begun_motion_ends_at_once_unless_it_was_short() -> None:
 def test_equal_taps_are_joined_and_different_ones_are_not() -> None:
     first = press(1, 0.0, held=0.1)
     joined = after(Wanted(pending=(first, press(2, 0.2))), release(3, 0.4))
-    assert [(one.number, round(one.held or 0.0, 6), one.since) for one in joined.pending] == [(1, 0.3, 0.2)]
-    assert taps.serves_as_well(press(2, 0.2, held=0.2), joined)
+    assert [(one.number, round(one.held or 0.0, 6), one.came_at) for one in joined.pending] == [(1, 0.3, 0.2)]
+    assert taps.was_fulfilled_otherwise(press(2, 0.2, held=0.2), joined)
     other = after(Wanted(pending=(first, press(2, 0.2, WEST))), release(3, 0.4))
     assert [one.number for one in other.pending] == [1, 2]
     begun = Wanted(motion=moves(EAST, 0.4), taps=(Tap(1, ME, 0.5),), pending=(press(2, 0.3),))
@@ -73,10 +73,10 @@ def test_equal_taps_are_joined_and_different_ones_are_not() -> None:
 
 
 def test_newest_arrow_of_an_axis_belongs_to_its_client_until_release() -> None:
-    assert taps.holder(Wanted(motion=moves(EAST, 0.4)), 1) is ME
-    assert taps.holder(Wanted(motion=moves(EAST, 0.4), pending=(Order(1, WEST, OTHER),)), 1) is OTHER
-    assert taps.holder(Wanted(motion=moves(EAST, 0.4), taps=(Tap(1, ME, 0.5),)), 1) is None
-    assert taps.holder(Wanted(pending=(press(1, 0.0, held=0.1),)), 1) is None
+    assert taps.arrow_holder(Wanted(motion=moves(EAST, 0.4)), 1) is ME
+    assert taps.arrow_holder(Wanted(motion=moves(EAST, 0.4), pending=(Order(1, WEST, OTHER),)), 1) is OTHER
+    assert taps.arrow_holder(Wanted(motion=moves(EAST, 0.4), taps=(Tap(1, ME, 0.5),)), 1) is None
+    assert taps.arrow_holder(Wanted(pending=(press(1, 0.0, held=0.1),)), 1) is None
 
 
 def test_repeated_release_leaves_the_tap_alone() -> None:

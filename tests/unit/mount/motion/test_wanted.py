@@ -14,8 +14,8 @@ from gateway.core import operations as op
 from gateway.core.errors import Refused
 from gateway.core.motion_kinds import END_ORDERS, GOTOS
 from gateway.mount.motion import changes
-from gateway.mount.motion.changes import apply, equal_pending_halt, stopped, without_superseded
-from gateway.mount.motion.wanted import ByHand, Halt, Movement, NotOrdered, Order, Slew, Wanted, WantedState
+from gateway.mount.motion.changes import after_stop, apply_order, equal_pending_halt, without_superseded
+from gateway.mount.motion.wanted import Halt, HandMove, Movement, NoOrderedMove, Order, Slew, Wanted, WantedState
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import ReadingsCache
 from tests.support.each import each
@@ -60,7 +60,7 @@ class Desk:
     def ask(self, *operations: op.Operation, by: HostActivity | None = None) -> Desk:
         for operation in operations:
             self.numbers += 1
-            self.wanted = apply(self.wanted, ordered(self.numbers, operation, by), self.now, self.slewing)
+            self.wanted = apply_order(self.wanted, ordered(self.numbers, operation, by), self.now, self.slewing)
         return self
 
     def begin(self) -> Order | None:
@@ -68,8 +68,8 @@ class Desk:
         for tap in self.wanted.taps:
             if tap.until <= self.now:
                 self.numbers += 1
-                end = Halt(self.numbers, op.StopAxis(tap.axis), tap.by, since=tap.until, ends_tap=True)
-                self.wanted = apply(self.wanted, end, self.now, self.slewing)
+                end = Halt(self.numbers, op.StopAxis(tap.axis), tap.by, came_at=tap.until, ends_tap=True)
+                self.wanted = apply_order(self.wanted, end, self.now, self.slewing)
         order = self.wanted.next_order(self.now)
         self.wanted = replace(self.wanted, active=order.number if order else 0)
         return order
@@ -77,14 +77,14 @@ class Desk:
     def finish(self, order: Order, answer: op.Pulsed | None = None, *, failed: bool = False) -> None:
         """The mount has acknowledged it, or refused."""
         if failed:
-            self.wanted = changes.failed(self.wanted, order)
+            self.wanted = changes.after_failure(self.wanted, order)
             return
         self.done.append(order.operation)
-        self.wanted = changes.carried_out(self.wanted, order, self.now)
+        self.wanted = changes.after_success(self.wanted, order, self.now)
         if answer is not None:
             self.numbers += 1
-            self.wanted = changes.pulsed(self.wanted, order, answer, self.numbers, self.now)
-        self.wanted = changes.acknowledged(self.wanted, order, order.operation, self.now, 4.0)
+            self.wanted = changes.after_pulse_start(self.wanted, order, answer, self.numbers, self.now)
+        self.wanted = changes.after_ack(self.wanted, order, order.operation, self.now, 4.0)
         self.slewing = isinstance(self.wanted.motion, Slew)
 
     def do(self, answer: op.Pulsed | None = None) -> op.Operation:
@@ -105,7 +105,7 @@ def test_orders_are_done_in_sequence_and_ends_first() -> None:
     assert desk.do() == op.StopAxis(2)
     assert desk.do() == EAST
     assert desk.wanted.by_hand == {1: EAST}
-    assert desk.begin() is None and desk.wanted.next_moment() is None
+    assert desk.begin() is None and desk.wanted.next_due_time() is None
 
 
 def test_newer_rate_replaces_a_waiting_one_but_not_a_running_one() -> None:
@@ -122,11 +122,11 @@ def test_newer_rate_replaces_a_waiting_one_but_not_a_running_one() -> None:
 
 def test_stop_cancels_every_wanted_motion_but_no_setting() -> None:
     desk = Desk().ask(NORTH, GOTO, PULSE, op.TrackRate(name="solar"), op.Sync(1.0, 1.0))
-    desk.wanted = stopped(desk.wanted)
+    desk.wanted = after_stop(desk.wanted)
     assert waiting(desk) == [op.TrackRate(name="solar")]
-    assert desk.wanted.owed and desk.wanted.stops == 1
-    assert changes.at_rest(desk.wanted).motion == NotOrdered()
-    assert not changes.at_rest(desk.wanted).owed
+    assert desk.wanted.stop_owed and desk.wanted.n_stops == 1
+    assert changes.after_acknowledged_stop(desk.wanted).motion == NoOrderedMove()
+    assert not changes.after_acknowledged_stop(desk.wanted).stop_owed
 
 
 @each("halt", [op.StopAxis(1), op.StopAxis(2)])
@@ -136,7 +136,7 @@ def test_halt_without_an_arrow_cancels_a_goto_as_a_whole(halt: op.Operation) -> 
         if under_way:
             desk.do()
         desk.ask(halt)
-        assert desk.wanted.owed and desk.wanted.stops == 1
+        assert desk.wanted.stop_owed and desk.wanted.n_stops == 1
         assert waiting(desk) == []
 
 
@@ -147,9 +147,9 @@ def test_release_of_an_arrow_from_before_the_goto_changes_nothing() -> None:
     desk.ask(GOTO, by=hand)
     desk.do()
     desk.ask(op.StopAxis(2), by=hand)
-    assert isinstance(desk.wanted.motion, Slew) and not desk.wanted.owed
+    assert isinstance(desk.wanted.motion, Slew) and not desk.wanted.stop_owed
     desk.ask(op.StopAxis(2), by=other)
-    assert desk.wanted.owed
+    assert desk.wanted.stop_owed
 
 
 def test_arrow_is_released_after_a_refused_goto() -> None:
@@ -158,10 +158,10 @@ def test_arrow_is_released_after_a_refused_goto() -> None:
     desk.do()
     goto = desk.ask(GOTO, by=hand).begin()
     desk.ask(op.StopAxis(2), by=hand)
-    assert goto is not None and not desk.wanted.owed
+    assert goto is not None and not desk.wanted.stop_owed
     desk.finish(goto, failed=True)
     assert desk.do() == op.StopAxis(2)
-    assert desk.wanted.motion == NotOrdered()
+    assert desk.wanted.motion == NoOrderedMove()
 
 
 def test_equal_halts_are_joined_and_repeated_ones_wait_their_turn() -> None:
@@ -194,7 +194,7 @@ def test_pulses_of_one_axis_run_in_sequence_and_end_in_time() -> None:
     assert desk.do(op.Pulsed(0.5, ends=False)) == PULSE
     assert desk.do(op.Pulsed(0.3, ends=True)) == op.PulseAxis(2, 1, 300)
     assert desk.begin() is None
-    assert desk.wanted.next_moment() == 0.5
+    assert desk.wanted.next_due_time() == 0.5
     desk.now = 0.5
     assert desk.do() == op.StopAxis(1)
     assert desk.do(op.Pulsed(0.3, ends=True)) == op.PulseAxis(1, -1, 300)
@@ -214,7 +214,7 @@ def test_end_of_a_pulse_is_timed_from_its_sending() -> None:
     desk = Desk().ask(PULSE)
     desk.now = 7.0
     desk.do(op.Pulsed(0.5, ends=False, since=6.75))
-    assert desk.wanted.next_moment() == 7.25
+    assert desk.wanted.next_due_time() == 7.25
 
 
 def test_arrow_replaces_a_pulse_whose_end_does_not_end_the_arrow() -> None:
@@ -253,7 +253,7 @@ def test_stop_leaves_nothing_moving_after_any_orders(story: list[tuple[op.Operat
             pulsed = op.Pulsed(0.4, ends=False) if isinstance(order.operation, op.Pulse | op.PulseAxis) else None
             desk.finish(order, pulsed, failed=not well)
             assert order.number not in {one.number for one in desk.wanted.pending}
-    still = stopped(desk.wanted)
+    still = after_stop(desk.wanted)
     assert all(order.operation.survives_abort or order.number == still.active for order in still.pending)
     assert not any(isinstance(order.operation, GOTOS) for order in still.pending)
     desk.wanted = replace(desk.wanted, active=0)
@@ -289,7 +289,7 @@ def test_motion_by_hand_of_both_axes_is_reported_as_one_motion() -> None:
     desk.do()
     desk.ask(EAST)
     desk.do()
-    assert isinstance(desk.wanted.motion, ByHand)
+    assert isinstance(desk.wanted.motion, HandMove)
     assert {axis for axis, _ in desk.wanted.motion} == {1, 2}
     desk.ask(op.StopAxis(2))
     desk.do()
@@ -308,8 +308,8 @@ async def test_client_of_a_motion_does_not_depend_on_earlier_reads() -> None:
 
     want(Slew(GOTO, None, 0.0))
     cache.put(op.Slewing, True, 1.0)
-    want(NotOrdered())
-    assert movement.ordered, "until the end of the goto is stored"
+    want(NoOrderedMove())
+    assert movement.ordered_by_client, "until the end of the goto is stored"
     cache.put(op.Slewing, False, 2.0)
     cache.put(op.Slewing, True, 3.0)
-    assert movement.now().slews_by_itself
+    assert movement.snapshot().slews_by_itself

@@ -7,7 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from gateway.astro.spherical import wrap180
-from gateway.mount.readings.extrapolation import Reading, course, place
+from gateway.mount.readings.extrapolation import Reading, extrapolate, predict
 from tests.support.each import each
 from tests.support.examples import some
 
@@ -25,24 +25,24 @@ def two(rates: tuple[float, float], last: tuple[float, float] = (120.0, 30.0)) -
 
 
 def test_extrapolated_position_continues_at_the_rate_of_two_readings() -> None:
-    going = course(*two((4.0, -2.0)), fastest=FAST)
-    assert place(going, 100.0) == pytest.approx((120.0, 30.0))
-    assert place(going, 100.25) == pytest.approx((121.0, 29.5))
-    assert place(going, 101.0) == place(going, 160.0) == pytest.approx((124.0, 28.0))
-    assert place(going, 99.98) == pytest.approx((119.92, 30.04))
-    assert place(going, 99.0) == place(going, 99.95) == pytest.approx((119.8, 30.1)), "nobody is told of what was"
+    going = extrapolate(*two((4.0, -2.0)), max_speed=FAST)
+    assert predict(going, 100.0) == pytest.approx((120.0, 30.0))
+    assert predict(going, 100.25) == pytest.approx((121.0, 29.5))
+    assert predict(going, 101.0) == predict(going, 160.0) == pytest.approx((124.0, 28.0))
+    assert predict(going, 99.98) == pytest.approx((119.92, 30.04))
+    assert predict(going, 99.0) == predict(going, 99.95) == pytest.approx((119.8, 30.1)), "nobody is told of what was"
 
 
 def test_extrapolated_right_ascension_wraps_at_0h_both_ways() -> None:
-    east = course(*two((4.0, 0.0), (359.0, 0.0)), fastest=FAST)
-    west = course(*two((-4.0, 0.0), (1.0, 0.0)), fastest=FAST)
-    assert place(east, 100.5) == pytest.approx((1.0, 0.0))
-    assert place(west, 100.5) == pytest.approx((359.0, 0.0))
+    east = extrapolate(*two((4.0, 0.0), (359.0, 0.0)), max_speed=FAST)
+    west = extrapolate(*two((-4.0, 0.0), (1.0, 0.0)), max_speed=FAST)
+    assert predict(east, 100.5) == pytest.approx((1.0, 0.0))
+    assert predict(west, 100.5) == pytest.approx((359.0, 0.0))
 
 
 def test_halves_read_in_sequence_are_extrapolated_to_one_instant() -> None:
     before, last = at(100.0, 10.0, 99.5, late=0.2), at(104.0, 14.0, 100.0, late=0.2)
-    assert place(course(before, last, fastest=FAST * 2), 100.0) == pytest.approx((105.6, 14.0))
+    assert predict(extrapolate(before, last, max_speed=FAST * 2), 100.0) == pytest.approx((105.6, 14.0))
 
 
 @each(
@@ -60,32 +60,32 @@ def test_halves_read_in_sequence_are_extrapolated_to_one_instant() -> None:
 def test_extrapolation_without_a_rate_repeats_the_last_position(
     before: Reading | None, last: Reading, why: str
 ) -> None:
-    going = course(before, last, fastest=FAST)
-    assert {place(going, 100.0 + n / 10.0) for n in range(20)} == {last.place}, why
+    going = extrapolate(before, last, max_speed=FAST)
+    assert {predict(going, 100.0 + n / 10.0) for n in range(20)} == {last.angles}, why
 
 
 def test_extrapolated_axis_readings_wrap_and_have_no_pole() -> None:
-    going = course(*two((0.0, 8.0), (10.0, 178.0)), fastest=FAST, polar=False)
-    assert place(going, 100.5) == pytest.approx((10.0, -178.0))
-    jump = course(at(10.0, 100.0, 99.5), at(10.0, 110.0, 100.0), fastest=FAST, polar=False)
-    assert place(jump, 101.0) == (10.0, 110.0)
+    going = extrapolate(*two((0.0, 8.0), (10.0, 178.0)), max_speed=FAST, on_sphere=False)
+    assert predict(going, 100.5) == pytest.approx((10.0, -178.0))
+    jump = extrapolate(at(10.0, 100.0, 99.5), at(10.0, 110.0, 100.0), max_speed=FAST, on_sphere=False)
+    assert predict(jump, 101.0) == (10.0, 110.0)
 
 
 def test_extrapolation_near_the_target_covers_at_most_half_of_the_rest() -> None:
-    going = course(*two((4.0, 0.0)), fastest=FAST, goal=(121.0, 30.0))
-    assert place(going, 100.1)[0] == pytest.approx(120.4)
-    assert place(going, 101.0)[0] == pytest.approx(120.5)
-    there = course(*two((4.0, 0.0)), fastest=FAST, goal=(119.0, 30.0))
-    assert place(there, 101.0)[0] == 120.0, "it has come past it between the readings"
+    going = extrapolate(*two((4.0, 0.0)), max_speed=FAST, goal=(121.0, 30.0))
+    assert predict(going, 100.1)[0] == pytest.approx(120.4)
+    assert predict(going, 101.0)[0] == pytest.approx(120.5)
+    there = extrapolate(*two((4.0, 0.0)), max_speed=FAST, goal=(119.0, 30.0))
+    assert predict(there, 101.0)[0] == 120.0, "it has come past it between the readings"
 
 
 def test_motion_away_from_the_target_is_extrapolated_the_other_way_round() -> None:
-    assert place(course(*two((4.0, 0.0)), fastest=FAST, goal=(60.0, 30.0)), 101.0)[0] == pytest.approx(124.0)
+    assert predict(extrapolate(*two((4.0, 0.0)), max_speed=FAST, goal=(60.0, 30.0)), 101.0)[0] == pytest.approx(124.0)
 
 
 def test_change_of_the_last_digit_is_no_motion() -> None:
-    going = course(*two((4.0, 0.02)), fastest=FAST, resolution=20.0 / 3600.0)
-    assert place(going, 101.0) == (pytest.approx(124.0), 30.0)
+    going = extrapolate(*two((4.0, 0.02)), max_speed=FAST, resolution=20.0 / 3600.0)
+    assert predict(going, 101.0) == (pytest.approx(124.0), 30.0)
 
 
 RATE = st.floats(-8.0, 8.0)
@@ -112,8 +112,8 @@ def test_extrapolation_never_passes_the_target_or_a_second_of_motion(
     assume(abs(last[1] - rates[1] * apart) <= 84.0)
     before = at((last[0] - rates[0] * apart) % 360.0, last[1] - rates[1] * apart, 100.0 - apart, late)
     here = at(*last, 100.0, late)
-    going = course(before, here, fastest=20.0, goal=goal)
-    told = place(going, 100.0 + now)
+    going = extrapolate(before, here, max_speed=20.0, goal=goal)
+    told = predict(going, 100.0 + now)
     assert 0.0 <= told[0] < 360.0 and -85.5 <= told[1] <= 85.5
     turned = wrap180(told[0] - last[0]), told[1] - last[1]
     for which in (0, 1):
@@ -121,10 +121,10 @@ def test_extrapolation_never_passes_the_target_or_a_second_of_motion(
         assert abs(turned[which]) <= abs(rates[which]) * gone + 1e-6, "for a second at most"
         if goal is not None:
             left = wrap180(goal[which] - last[which])
-            was = wrap180(goal[which] - before.place[which])
+            was = wrap180(goal[which] - before.angles[which])
             if was * left > 0.0 and abs(left) <= abs(was):
                 assert abs(turned[which]) <= abs(left) / 2.0 + 1e-6, "never past the goal"
-    assert told == place(going, 100.0 + min(max(now, -0.05), 1.0)), "no longer than a second"
-    soon = place(going, 100.0 + now + 0.01)
+    assert told == predict(going, 100.0 + min(max(now, -0.05), 1.0)), "no longer than a second"
+    soon = predict(going, 100.0 + now + 0.01)
     assert abs(wrap180(soon[0] - told[0])) <= abs(rates[0]) * 0.01 + 1e-6, "without a jump"
     assert abs(soon[1] - told[1]) <= abs(rates[1]) * 0.01 + 1e-6

@@ -78,13 +78,13 @@ def test_status_that_no_program_polls_is_not_read_during_a_goto() -> None:
     async def program() -> list[bytes]:
         async with Bridge("cge", config={"lowest": -90.0, "sun": 0.0}) as bridge:
             await asyncio.sleep(10.0)
-            ra, _ = bridge.sim.truth()
+            ra, _ = bridge.sim.true_position()
             await bridge.controller.perform(op.Goto((ra + 90.0) % 360.0, 0.0))
             await asyncio.sleep(3.0)
-            before = len(bridge.sent())
+            before = len(bridge.sent_requests())
             while bridge.sim.slewing:
                 await asyncio.sleep(0.1)
-            return bridge.sent()[before:]
+            return bridge.sent_requests()[before:]
 
     sent = run(program())
     assert sum(one in (b"e", b"E") for one in sent) > 20

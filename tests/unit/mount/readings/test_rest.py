@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from gateway.app.control.orders import stopped
+from gateway.app.control.orders import stop_mount
 from gateway.astro.axes import Build
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
@@ -43,11 +43,11 @@ async def test_resting_mount_is_recognised_with_and_without_tracking(
         client.tell(NORTH)
         await asyncio.sleep(3)
         began = bridge.controller.now()
-        assert (await stopped(bridge.controller)).done
+        assert (await stop_mount(bridge.controller)).is_ok
         assert bridge.controller.now() - began < 6.0
-        before = bridge.sim.truth()
+        before = bridge.sim.true_position()
         await asyncio.sleep(1)
-        assert separation(*before, *bridge.sim.truth()) < 0.006
+        assert separation(*before, *bridge.sim.true_position()) < 0.006
 
 
 def _deaf(bridge: Bridge, *commands: bytes) -> None:
@@ -74,7 +74,7 @@ async def test_acknowledged_stop_without_effect_is_not_reported_as_stopped(
         await asyncio.sleep(3)
         _deaf(bridge, b"P\2\x10\x24\0", b"P\2\x11\x24\0", b"M", b"T", b":Q")
         began = bridge.controller.now()
-        answer = await stopped(bridge.controller)
+        answer = await stop_mount(bridge.controller)
         assert "still moves after 8 s" in answer.text
         assert bridge.controller.now() - began < 14.0
 
@@ -85,18 +85,18 @@ async def test_acknowledged_stop_without_effect_is_not_reported_as_stopped(
 async def test_axis_that_turns_the_tube_on_the_spot_counts_as_moving(driven: str, mount: str) -> None:
     """At the pole or in the zenith, where a motor runs and the place on the sky stays the same."""
     async with bridge_of(driven, mount, None, {"highest": 90.0}, speed=4.0) as bridge:
-        bridge.sim.truth()
+        bridge.sim.true_position()
         equatorial = bridge.sim.mechanics.build is not Build.ALTAZ
         await bridge.controller.perform(op.Goto(30.0, 90.0) if equatorial else op.GotoHorizontal(0.0, 90.0))
         for _ in range(90):
             if not bridge.sim.slewing:
                 break
             await asyncio.sleep(1)
-        assert (await stopped(bridge.controller)).done
+        assert (await stop_mount(bridge.controller)).is_ok
         bridge.client().tell(b"P\2\x10\x24\x09\0\0\0")
         await asyncio.sleep(3)
         _deaf(bridge, b"P\2\x10\x24\0", b"P\2\x11\x24\0", b"M", b"T", b":Q")
-        assert "still moves" in (await stopped(bridge.controller)).text
+        assert "still moves" in (await stop_mount(bridge.controller)).text
 
 
 def test_stop_waits_for_a_mount_that_runs_on() -> None:
@@ -114,7 +114,7 @@ def test_stop_waits_for_a_mount_that_runs_on() -> None:
 
             bridge.controller.line.wire.feed = feed  # type: ignore[attr-defined]
             began = bridge.controller.now()
-            assert (await stopped(bridge.controller)).done
+            assert (await stop_mount(bridge.controller)).is_ok
             assert 2.0 < bridge.controller.now() - began < 6.0
 
     run(program())
@@ -127,7 +127,7 @@ async def test_invisible_mount_is_not_reported_as_stopped(question: bytes) -> No
         await asyncio.sleep(3)
         hear = bridge.controller.line.wire.feed  # type: ignore[attr-defined]
         bridge.controller.line.wire.feed = lambda data: b"" if data[:1] in b"eE" else hear(data)  # type: ignore[attr-defined]
-        answer = await stopped(bridge.controller)
+        answer = await stop_mount(bridge.controller)
         assert answer.text.startswith("the stop was sent") and "cannot see" in answer.text
 
 
@@ -138,16 +138,16 @@ async def test_stop_on_a_line_that_is_down_is_reported_as_pending() -> None:
         hear = bridge.controller.line.wire.feed  # type: ignore[attr-defined]
         bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
         for _ in range(2):  # at first it is only silent, then known to be down
-            answer = await stopped(bridge.controller)
-            assert not answer.done
+            answer = await stop_mount(bridge.controller)
+            assert not answer.is_ok
             assert "sends the stop first" in answer.text
             await asyncio.sleep(20)
-        sent = len(bridge.sent())
+        sent = len(bridge.sent_requests())
         bridge.controller.line.wire.feed = hear  # type: ignore[attr-defined]
         await asyncio.sleep(10)
-        orders = [frame for frame in bridge.sent()[sent:] if frame[:1] != b"K"]
+        orders = [frame for frame in bridge.sent_requests()[sent:] if frame[:1] != b"K"]
         assert set(orders[:6]) >= {b"P\2\x11$\0\0\0\0", b"P\2\x10$\0\0\0\0", b"M"}
-        assert (await stopped(bridge.controller)).done
+        assert (await stop_mount(bridge.controller)).is_ok
 
 
 async def test_program_that_keeps_pressing_an_arrow_is_named_with_a_remedy() -> None:
@@ -161,7 +161,7 @@ async def test_program_that_keeps_pressing_an_arrow_is_named_with_a_remedy() -> 
 
         pressing = asyncio.ensure_future(press())
         await asyncio.sleep(2)
-        answer = await stopped(bridge.controller)
+        answer = await stop_mount(bridge.controller)
         pressing.cancel()
         assert "moving again" in answer.text and "stop --hold" in answer.text
 
@@ -171,4 +171,4 @@ async def test_hibernating_mount_counts_as_resting() -> None:
         bridge.client().tell(b"x")
         await asyncio.sleep(12)
         assert bridge.sim.asleep
-        assert (await stopped(bridge.controller)).done
+        assert (await stop_mount(bridge.controller)).is_ok

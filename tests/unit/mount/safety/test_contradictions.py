@@ -13,19 +13,19 @@ from gateway.astro.ephemeris.sky import Sky
 from gateway.core import operations as op
 from gateway.core.errors import Contradicted, Fault
 from gateway.mount.policy import Limits
-from gateway.mount.safety.admission.altitudes import by_others
-from gateway.mount.safety.admission.contradictions import contradiction_warning, contradictions, too_near
-from gateway.mount.site.astrometry import Shift, SiteAstrometry, Sun
+from gateway.mount.safety.admission.altitudes import contradicting_sources
+from gateway.mount.safety.admission.contradictions import contradiction_warning, contradictions, sun_refusal
+from gateway.mount.site.astrometry import SiteAstrometry, Sun, SyncShift
 from gateway.mount.site.site_clock import (
     COMPUTER,
     CONFIGURED,
     GPS_SOURCE,
-    MOUNT,
+    MOUNT_SOURCE,
     PROGRAM,
-    BestSources,
-    Site,
     SiteClock,
-    Time,
+    SiteTimeSources,
+    SourcedSite,
+    SourcedTime,
 )
 from tests.support.in_process_gateway import EVENING, Bridge
 
@@ -43,44 +43,46 @@ def says_what_to_do(fault: Fault, *sources: str) -> None:
     assert 0 < len(fault.brief) <= LONGEST, fault.brief
 
 
-@pytest.mark.parametrize(("best", "other"), list(combinations([MOUNT, GPS_SOURCE, CONFIGURED, PROGRAM], 2)))
+@pytest.mark.parametrize(("best", "other"), list(combinations([MOUNT_SOURCE, GPS_SOURCE, CONFIGURED, PROGRAM], 2)))
 def test_contradicting_site_is_named_with_a_remedy(best: str, other: str) -> None:
-    sites, time = [Site(HERE, best), Site(FAR, other)], Time(EVENING, MOUNT)
+    sites, time = [SourcedSite(HERE, best), SourcedSite(FAR, other)], SourcedTime(EVENING, MOUNT_SOURCE)
     [found] = contradictions(sites, [time])
     assert "km away" in found.text
-    known = BestSources(SiteClock(lambda: 0.0, lambda: EVENING, None))
+    known = SiteTimeSources(SiteClock(lambda: 0.0, lambda: EVENING, None))
     known.sites, known.times = lambda: sites, lambda: [time]  # type: ignore[method-assign]
-    says_what_to_do(too_near(known, Sun(0.0, 0.0, False, time, sites[1])), best, other)
-    says_what_to_do(too_near(known, Sun(0.0, 0.0, False, time, sites[1]), way=True), best, other)
+    says_what_to_do(sun_refusal(known, Sun(0.0, 0.0, False, time, sites[1])), best, other)
+    says_what_to_do(sun_refusal(known, Sun(0.0, 0.0, False, time, sites[1]), on_path=True), best, other)
     zenith = op.Equatorial(Sky().sidereal_time(EVENING, 10.0), 45.0)
     astrometry, as_told = SiteAstrometry(Sky(), known, "jnow"), SimpleNamespace(tube=lambda position, shift: position)
     mount: Any = SimpleNamespace(sources=known, astrometry=astrometry, suns=as_told)
-    [source] = by_others(mount, Limits(lowest=20.0))
+    [source] = contradicting_sources(mount, Limits(lowest=20.0))
     with pytest.raises(Contradicted) as raised:
         source.check(Limits(lowest=20.0), source.altitude(zenith))
     says_what_to_do(raised.value, best, other)
 
 
-@pytest.mark.parametrize(("best", "other"), list(combinations([MOUNT, GPS_SOURCE, COMPUTER, PROGRAM], 2)))
+@pytest.mark.parametrize(("best", "other"), list(combinations([MOUNT_SOURCE, GPS_SOURCE, COMPUTER, PROGRAM], 2)))
 @pytest.mark.parametrize("apart", [200.0, 9000.0, 9e5, 9e7])
 def test_contradicting_clock_is_named_with_a_remedy(best: str, other: str, apart: float) -> None:
-    times = [Time(EVENING, best), Time(EVENING - apart, other, other == COMPUTER)]
-    known = BestSources(SiteClock(lambda: 0.0, lambda: EVENING, None))
-    site = Site(HERE, MOUNT)
+    times = [SourcedTime(EVENING, best), SourcedTime(EVENING - apart, other, other == COMPUTER)]
+    known = SiteTimeSources(SiteClock(lambda: 0.0, lambda: EVENING, None))
+    site = SourcedSite(HERE, MOUNT_SOURCE)
     known.sites, known.times = lambda: [site], lambda: times  # type: ignore[method-assign]
-    says_what_to_do(too_near(known, Sun(0.0, 0.0, False, times[1], site)), best, other)
+    says_what_to_do(sun_refusal(known, Sun(0.0, 0.0, False, times[1], site)), best, other)
 
 
 async def test_wrong_clock_is_reported_though_no_site_is_known() -> None:
     async with Bridge(host_ahead=7200.0) as bridge:
         context = bridge.controller.context
-        context.site_clock.mount_site = context.site_clock.gps_site = context.site_clock.configured = None
+        context.site_clock.mount_site = context.site_clock.gps_site = context.site_clock.configured_site = None
         assert "the clocks of the mount and of this computer differ by 2.0 hours" in contradiction_warning(context)
 
 
 def test_displaced_axes_are_named_with_a_remedy() -> None:
-    known = BestSources(SiteClock(lambda: 0.0, lambda: EVENING, HERE))
-    fault = too_near(known, Sun(0.0, 0.0, True, Time(EVENING, MOUNT), None, Shift(-180.0, 0.0, False)))
+    known = SiteTimeSources(SiteClock(lambda: 0.0, lambda: EVENING, HERE))
+    fault = sun_refusal(
+        known, Sun(0.0, 0.0, True, SourcedTime(EVENING, MOUNT_SOURCE), None, SyncShift(-180.0, 0.0, False))
+    )
     assert "180 degrees off" in str(fault)
     assert len(fault.brief) <= LONGEST
-    assert too_near(known, Sun(0.0, 0.0, True, Time(EVENING, MOUNT))).brief == ""
+    assert sun_refusal(known, Sun(0.0, 0.0, True, SourcedTime(EVENING, MOUNT_SOURCE))).brief == ""

@@ -24,20 +24,27 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.motion.ends import AxisSample
-from gateway.mount.motion.seen import Changes, Observed, PositionSample, add_position, at_one_time
-from gateway.mount.motion.wanted import Moving
+from gateway.mount.motion.seen import ObservedMotion, PositionSample, Rates, add_position, simultaneous
+from gateway.mount.motion.wanted import MotionState
 from gateway.mount.policy import Limits
-from gateway.mount.safety.admission.altitudes import Source
-from gateway.mount.safety.admission.by_hand import Start, check_either_way, check_turns
+from gateway.mount.safety.admission.altitudes import AltitudeSource
+from gateway.mount.safety.admission.by_hand import StretchStart, check_both_directions, check_turns
 from gateway.mount.safety.admission.contradictions import contradictions, likely_mistake, site_text
-from gateway.mount.safety.admission.slew_paths import Journey, check_ways, is_clear, path_points, paths_within
-from gateway.mount.safety.allow import StopTiming, View, ahead, allow, farthest, first_stretch
-from gateway.mount.safety.hour_angle import check_past, past_meridian, turned_by_side
+from gateway.mount.safety.admission.slew_paths import Journey, check_paths, is_clear, path_points, paths_within
+from gateway.mount.safety.allow import (
+    JudgedState,
+    StopTiming,
+    farthest_from_suns,
+    first_position_deadline,
+    judge_motion,
+    max_rate,
+)
+from gateway.mount.safety.hour_angle import angle_from_pier_side, check_past_meridian, past_meridian
 from gateway.mount.safety.sync_sum import SyncSum, check_sync
-from gateway.mount.safety.unattended import SunAhead
+from gateway.mount.safety.unattended import SunApproachWatch
 from gateway.mount.safety.watch import StallWatch
-from gateway.mount.site.astrometry import Shift
-from gateway.mount.site.site_clock import COMPUTER, CONFIGURED, MOUNT, Site, Time
+from gateway.mount.site.astrometry import SyncShift
+from gateway.mount.site.site_clock import COMPUTER, CONFIGURED, MOUNT_SOURCE, SourcedSite, SourcedTime
 from tests.support.examples import some as a_few
 from tests.support.in_process_gateway import Bridge
 
@@ -83,14 +90,18 @@ def test_safety_rules_end_on_any_input(n: list[float], suns: int, slewing: bool)
     def decide() -> None:
         limits, timing = Limits(n[0], n[1], n[2], n[3], n[4]), StopTiming(n[5], 2, n[6])
         before, last = (
-            PositionSample(at, op.Equatorial(n[7], n[8]), n[9 + step], n[10 - step], tuple(n[:suns]), further=(n[11],))
+            PositionSample(
+                at, op.Equatorial(n[7], n[8]), n[9 + step], n[10 - step], tuple(n[:suns]), other_altitudes=(n[11],)
+            )
             for step, at in enumerate((n[5], n[6]))
         )
-        changes = Changes((n[0], n[1]), tuple(n[:suns]))
-        seen = add_position(Observed(before, before, changes, Changes(), n[3], n[4], n[5], tuple(n[:suns])), last)
-        view = View(seen, limits, timing, Moving(slewing, {}), n[0], op.Status(True, False, op.Tracking.OFF))
-        allow(view), farthest(view), first_stretch(view, n[1], n[2])
-        at_one_time(n[3], op.Equatorial(n[4], n[5]), before, n[6])
+        changes = Rates((n[0], n[1]), tuple(n[:suns]))
+        seen = add_position(ObservedMotion(before, before, changes, Rates(), n[3], n[4], n[5], tuple(n[:suns])), last)
+        view = JudgedState(
+            seen, limits, timing, MotionState(slewing, {}), n[0], op.Status(True, False, op.Tracking.OFF)
+        )
+        judge_motion(view), farthest_from_suns(view), first_position_deadline(view, n[1], n[2])
+        simultaneous(n[3], op.Equatorial(n[4], n[5]), before, n[6])
 
     ends(decide)
 
@@ -103,12 +114,12 @@ def test_axis_and_sync_sums_end_on_any_input(n: list[float]) -> None:
     geometry = Geometry(Build.GERMAN, n[4])
     watch, steps = StallWatch(), count()
     for decide in (
-        lambda: past_meridian(turned_by_side(n[0], "W"), german=True),
-        lambda: check_past(limits, n[1], german=False),
+        lambda: past_meridian(angle_from_pier_side(n[0], "W"), german=True),
+        lambda: check_past_meridian(limits, n[1], german=False),
         lambda: check_sync(n[0], SyncSum(n[1], n[2]), [(n[3], n[4]), (n[5], n[6])], here, there),
-        lambda: ahead(n[0], n[1], n[2], n[3], n[4]),
+        lambda: max_rate(n[0], n[1], n[2], n[3], n[4]),
         lambda: [watch.find_stalled(AxisSample(next(steps), (n[0], n[1]), n[2]), {1: n[3]}, n[4]) for _ in range(3)],
-        lambda: fold_declination(*geometry.readings((n[0], n[1]), (n[2], n[3]), (n[5], n[6]))),
+        lambda: fold_declination(*geometry.axis_readings((n[0], n[1]), (n[2], n[3]), (n[5], n[6]))),
         lambda: separation(n[0], n[1], n[2], n[3]),
         lambda: sidereal_time(n[0], n[1]),
     ):
@@ -126,8 +137,8 @@ def test_path_past_the_sun_ends_on_any_input(start: Any, turn: Any, place: Any, 
 @some
 @given(pairs, pairs, wild, wild)
 def test_contradiction_check_ends_on_any_input(one: Any, other: Any, unix: float, further: float) -> None:
-    sites = [Site(op.Place(*one), MOUNT), Site(op.Place(*other), CONFIGURED)]
-    times = [Time(unix, MOUNT), Time(further, COMPUTER)]
+    sites = [SourcedSite(op.Place(*one), MOUNT_SOURCE), SourcedSite(op.Place(*other), CONFIGURED)]
+    times = [SourcedTime(unix, MOUNT_SOURCE), SourcedTime(further, COMPUTER)]
     ends(lambda: list(contradictions(sites, times)))
     ends(lambda: (likely_mistake(sites[0].place, sites[1].place), site_text(sites[0].place)))
 
@@ -151,31 +162,35 @@ def test_safety_decides_though_every_mount_value_is_not_a_number(
             if unknown == "site":
                 bridge.site_clock.mount_site = op.Place(n[8], n[9])
             elif unknown == "clock":
-                bridge.site_clock.host = lambda: n[8]
+                bridge.site_clock.computer_time = lambda: n[8]
                 bridge.site_clock.mount_clock = op.Moment(n[9], 0.0), controller.now()
             elif unknown == "syncs":
                 context.synced.value = SyncSum(n[8], n[9], (n[10], n[11]), (n[0], n[1]))
             elif unknown == "position":
                 here = op.Equatorial(n[8], n[9])
-            context.suns._frame_until = -math.inf
+            context.suns._suns_valid_until = -math.inf
             goal, limits = op.Equatorial(n[0], n[1]), Limits(n[2], n[3], n[4], n[5], n[6])
             decisions: list[Callable[[], object]] = [
                 lambda: context.suns.distances(here),
-                lambda: SunAhead(context, controller.reader, controller.watch).check(here),
+                lambda: SunApproachWatch(context, controller.reader, controller.watch).check(here),
                 lambda: controller.watch.check_position(here),
                 lambda: controller.watch.hour_angle.take_reading(op.Horizontal(n[0], n[1])),
             ]
-            shifts = Shift(n[0], n[1], True), Shift(n[2], n[3], False)
+            shifts = SyncShift(n[0], n[1], True), SyncShift(n[2], n[3], False)
             for some_limits in (limits, context.policy.limits):
-                start = Start(here, status, (Source(context), *(Source(context, sync_shift=one) for one in shifts)))
+                start = StretchStart(
+                    here,
+                    status,
+                    (AltitudeSource(context), *(AltitudeSource(context, sync_shift=one) for one in shifts)),
+                )
                 journey = Journey(status.equatorial, here, {False, True}, goal)
                 decisions += [
                     lambda start=start, on=some_limits: check_turns(context, on, start, {1: n[0], 2: n[1]}),
-                    lambda start=start, on=some_limits: check_either_way(context, on, start, {1: n[1], 2: n[0]}),
+                    lambda start=start, on=some_limits: check_both_directions(context, on, start, {1: n[1], 2: n[0]}),
                     lambda journey=journey, on=some_limits: [
                         list(path_points(one)) for one in paths_within(context, on, journey)
                     ],
-                    lambda journey=journey, on=some_limits: check_ways(context, on, journey),
+                    lambda journey=journey, on=some_limits: check_paths(context, on, journey),
                 ]  # type: ignore[misc]
             for decide in decisions:
                 with contextlib.suppress(Fault, ArithmeticError, ValueError, StopIteration):

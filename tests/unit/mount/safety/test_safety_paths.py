@@ -12,9 +12,9 @@ from gateway.astro.axes import Pair
 from gateway.astro.spherical import separation, to_vector
 from gateway.core.errors import PastMeridian
 from gateway.mount.policy import Limits
-from gateway.mount.safety.admission.slew_paths import PATH_STEP, axes_after, is_clear
-from gateway.mount.safety.allow import leaving
-from gateway.mount.safety.hour_angle import check_past, past_meridian, turned_by_side
+from gateway.mount.safety.admission.slew_paths import PATH_STEP, is_clear, readings_after
+from gateway.mount.safety.allow import is_moving_out
+from gateway.mount.safety.hour_angle import angle_from_pier_side, check_past_meridian, past_meridian
 from tests.support.each import each
 from tests.support.examples import some
 
@@ -28,7 +28,7 @@ def nearest(start: Pair, turn: Pair, sun: Pair, looks: int = 500) -> float:
     length = max(map(abs, turn))
     best = -1.0
     for n in range(looks + 1):
-        here = to_vector(*axes_after(start, turn, length * n / looks))
+        here = to_vector(*readings_after(start, turn, length * n / looks))
         best = max(best, sum(a * b for a, b in zip(here, target, strict=True)))
     return math.degrees(math.acos(max(-1.0, min(1.0, best))))
 
@@ -48,8 +48,8 @@ def test_path_is_clear_exactly_when_it_keeps_its_distance(start: Pair, turn: Pai
 def test_computed_path_begins_and_ends_at_the_given_positions(start: Pair, turn: Pair) -> None:
     length = max(map(abs, turn))
     end = start[0] + turn[0], start[1] + turn[1]
-    assert separation(*axes_after(start, turn, 0.0), *start) < 1e-6
-    assert separation(*axes_after(start, turn, length), *end) < 1e-6
+    assert separation(*readings_after(start, turn, 0.0), *start) < 1e-6
+    assert separation(*readings_after(start, turn, length), *end) < 1e-6
 
 
 @each(
@@ -77,29 +77,29 @@ def test_path_past_a_20_degree_circle_is_clear_only_outside_the_circle(turn: Pai
 def test_distance_past_the_meridian_is_computed_for_each_pier_side(
     hour_angle: float, side: str | None, past: float
 ) -> None:
-    assert past_meridian(turned_by_side(hour_angle, side), german=side is not None) == pytest.approx(past)
+    assert past_meridian(angle_from_pier_side(hour_angle, side), german=side is not None) == pytest.approx(past)
 
 
 def test_hour_angle_exactly_at_the_limit_is_allowed() -> None:
     limits = Limits(hour_angle=75.0)
-    check_past(limits, 75.0, german=False)
-    check_past(limits, 285.0, german=False)
-    check_past(limits, 165.0, german=True)
-    check_past(Limits(), 170.0, german=False)
+    check_past_meridian(limits, 75.0, german=False)
+    check_past_meridian(limits, 285.0, german=False)
+    check_past_meridian(limits, 165.0, german=True)
+    check_past_meridian(Limits(), 170.0, german=False)
     for beyond in (75.2, -75.2):
         with pytest.raises(PastMeridian):
-            check_past(limits, beyond, german=False)
+            check_past_meridian(limits, beyond, german=False)
         with pytest.raises(PastMeridian):
-            check_past(limits, beyond + 90.0 if beyond > 0.0 else beyond - 90.0, german=True)
+            check_past_meridian(limits, beyond + 90.0 if beyond > 0.0 else beyond - 90.0, german=True)
 
 
 @some
 @given(st.floats(-90.0, 90.0), st.floats(-90.0, 90.0))
 def test_motion_back_from_a_limit_is_never_stopped(before: float, now: float) -> None:
     limits = Limits(lowest=10.0, highest=80.0)
-    if leaving(limits, before, now):
+    if is_moving_out(limits, before, now):
         assert (now < before and now < 10.0) or (now > before and now > 80.0)
-    assert not leaving(Limits(lowest=-90.0, highest=90.0), before, now)
+    assert not is_moving_out(Limits(lowest=-90.0, highest=90.0), before, now)
 
 
 NUMBERS = st.one_of(st.floats(), st.floats(-400, 400))

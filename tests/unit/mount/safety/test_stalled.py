@@ -62,7 +62,7 @@ async def test_arrow_with_visible_motion_is_not_ended(mount: str, driven: str, m
         for _ in range(24):
             client.tell(b":GR#")
             await asyncio.sleep(0.5)
-        assert bridge.controller.wanted.axes
+        assert bridge.controller.wanted.axes_moved_by_hand
         assert not [entry.note for entry in bridge.entries if "shows nothing" in entry.note]
 
 

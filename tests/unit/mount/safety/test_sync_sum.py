@@ -45,11 +45,11 @@ def refused(so_far: SyncSum, distance: float, *turns: tuple[float, float], limit
 
 
 def test_sync_sum_is_taken_on_the_sky_and_at_the_axes() -> None:
-    east = SyncSum().added(place(350.0, 60.0), place(10.0, 60.0), [(20.0, 0.0)])
-    assert (east.east, east.axes) == (pytest.approx(10.0), ((20.0, 0.0),))
-    assert SyncSum(3.0, 1.0).added(place(), place(0.0, 3.0), [(0.0, 3.0)]).size == pytest.approx(5.0)
-    then = east.added(place(), place(), [(350.0, -4.0)])
-    assert then.axes[0] == pytest.approx((10.0, -4.0))  # a turn and ten degrees
+    east = SyncSum().with_sync(place(350.0, 60.0), place(10.0, 60.0), [(20.0, 0.0)])
+    assert (east.east, east.axis_turns) == (pytest.approx(10.0), ((20.0, 0.0),))
+    assert SyncSum(3.0, 1.0).with_sync(place(), place(0.0, 3.0), [(0.0, 3.0)]).size == pytest.approx(5.0)
+    then = east.with_sync(place(), place(), [(350.0, -4.0)])
+    assert then.axis_turns[0] == pytest.approx((10.0, -4.0))  # a turn and ten degrees
 
 
 @pytest.mark.parametrize(("so_far", "distance", "turn", "why"), [
@@ -80,10 +80,10 @@ def test_sync_sum_on_the_sky_stays_within_the_limit() -> None:
 def test_both_sync_sums_count_where_the_axes_may_be_reversed() -> None:
     """Beyond the pole a mount may keep the way in which its tube points there, or turn it around."""
     around = (0.0, 0.9), (-180.0, -6.9)
-    then = SyncSum().added(place(), place(0.0, 0.9), around)
-    assert then.axes == around
-    again = then.added(place(), place(0.0, 0.9), [(0.0, 0.9), (180.0, -6.0)])
-    assert again.axes == (pytest.approx((0.0, 1.8)), pytest.approx((-180.0, -7.8)))
+    then = SyncSum().with_sync(place(), place(0.0, 0.9), around)
+    assert then.axis_turns == around
+    again = then.with_sync(place(), place(0.0, 0.9), [(0.0, 0.9), (180.0, -6.0)])
+    assert again.axis_turns == (pytest.approx((0.0, 1.8)), pytest.approx((-180.0, -7.8)))
     assert msgspec.json.decode(msgspec.json.encode(again), type=SyncSum) == again
 
 
@@ -114,14 +114,14 @@ async def test_sync_sum_equals_the_correction_of_the_axes(
             bridge.sim.feed(b"T\x03" if south else b"T\x02")
         elif equatorial:
             mechanics.rebuild(bridge.clock(), Build.WEDGE)
-        first = mechanics.correction
+        first = mechanics.sync_correction
         for number, (hour_angle, away) in enumerate([(-30.0, 20.0), (40.0, 5.0), (20.0, 25.0), (-50.0, 10.0)]):
-            ra = (mechanics.sky.sidereal(bridge.clock()) - hour_angle) % 360.0
+            ra = (mechanics.sky.lst(bridge.clock()) - hour_angle) % 360.0
             here = await pointed(bridge, ra, -away if south else away)
             await bridge.controller.perform(op.Sync(here.ra + (-1.0) ** number * 1.5, here.dec + 2.0))
             await asyncio.sleep(1.0)
-            turned = (wrap180(now - then) for then, now in zip(first, mechanics.correction, strict=True))
-            (counted,) = bridge.controller.synced.value.axes
+            turned = (wrap180(now - then) for then, now in zip(first, mechanics.sync_correction, strict=True))
+            (counted,) = bridge.controller.synced.value.axis_turns
             assert counted == pytest.approx(tuple(turned), abs=0.05)
 
 
@@ -132,17 +132,17 @@ async def test_small_sync_near_the_zenith_turns_azimuth_far_and_can_be_undone(
 ) -> None:
     async with Bridge(mount, driven=driven, start=start) as bridge:
         astrometry, synced = bridge.controller.astrometry, bridge.controller.synced
-        here = astrometry.equatorial(op.Horizontal(40.0, 88.5))
+        here = astrometry.equatorial_of(op.Horizontal(40.0, 88.5))
         await pointed(bridge, here.ra, here.dec)
-        there = astrometry.equatorial(op.Horizontal(70.0, 88.5))
+        there = astrometry.equatorial_of(op.Horizontal(70.0, 88.5))
         await bridge.controller.perform(op.Sync(there.ra, there.dec))
-        assert synced.value.axes[0][0] == pytest.approx(30.0, abs=5.0)
-        low = astrometry.equatorial(op.Horizontal(70.0, 40.0))
+        assert synced.value.axis_turns[0][0] == pytest.approx(30.0, abs=5.0)
+        low = astrometry.equatorial_of(op.Horizontal(70.0, 40.0))
         await pointed(bridge, low.ra, low.dec)
-        here = astrometry.horizon(await bridge.controller.read_now(op.Position()))
-        there = astrometry.equatorial(op.Horizontal(here.az - 29.0, here.alt))  # 22 degrees on the sky
+        here = astrometry.horizontal(await bridge.controller.read_now(op.Position()))
+        there = astrometry.equatorial_of(op.Horizontal(here.az - 29.0, here.alt))  # 22 degrees on the sky
         await bridge.controller.perform(op.Sync(there.ra, there.dec))
-        assert synced.value.axes[0] == pytest.approx((1.0, 0.0), abs=5.0)
+        assert synced.value.axis_turns[0] == pytest.approx((1.0, 0.0), abs=5.0)
 
 
 @pytest.mark.parametrize(("mount", "driven"), [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200")])
@@ -179,7 +179,7 @@ async def test_position_jump_faster_than_a_motor_counts_as_a_new_alignment() -> 
             await client.ask(b":GR#")
             await asyncio.sleep(0.5)
             if second == 1:
-                ra, dec = mechanics.believed(bridge.clock())
+                ra, dec = mechanics.believed_position(bridge.clock())
                 mechanics.sync(bridge.clock(), ra + 30.0, dec)
         assert now < bridge.clock()
         assert bridge.controller.synced.value == SyncSum()

@@ -15,8 +15,16 @@ from gateway.core import operations as op
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.presence import NO_PROGRAM
 from gateway.mount.safety.admission.contradictions import contradictions
-from gateway.mount.site.readers import ReadBy
-from gateway.mount.site.site_clock import COMPUTER, CONFIGURED, GPS_SOURCE, MOUNT, PROGRAM, BestSources, SiteClock
+from gateway.mount.site.readers import SiteView
+from gateway.mount.site.site_clock import (
+    COMPUTER,
+    CONFIGURED,
+    GPS_SOURCE,
+    MOUNT_SOURCE,
+    PROGRAM,
+    SiteClock,
+    SiteTimeSources,
+)
 from tests.integration.safety.test_sun import JUNE, SKY
 from tests.support.each import each
 from tests.support.in_process_gateway import EVENING, Bridge
@@ -43,7 +51,7 @@ NEXSTAR = {
 def low_target(bridge: Any, altitude: float = 2.0) -> tuple[float, float]:
     """Right ascension and declination, degrees, of a place that truly stands so high in the south-west."""
     hour_angle, dec = horizon_to_hour_angle(225.0, altitude, 45.0)
-    return (bridge.sim.mechanics.sky.sidereal(bridge.clock()) - hour_angle) % 360.0, dec
+    return (bridge.sim.mechanics.sky.lst(bridge.clock()) - hour_angle) % 360.0, dec
 
 
 def as_lx200(ra: float, dec: float) -> bytes:
@@ -63,8 +71,8 @@ def as_lx200(ra: float, dec: float) -> bytes:
 def altitude(bridge: Any) -> float:
     """How high the tube truly points."""
     now, mechanics = bridge.clock(), bridge.sim.mechanics
-    ra, dec = mechanics.truth(now)
-    return hour_angle_to_horizon(mechanics.sky.sidereal(now) - ra, dec, 45.0)[1]
+    ra, dec = mechanics.true_position(now)
+    return hour_angle_to_horizon(mechanics.sky.lst(now) - ra, dec, 45.0)[1]
 
 
 @pytest.mark.parametrize("mount", ["cpc", "cge"])
@@ -103,7 +111,7 @@ async def test_no_program_makes_the_sun_set(mount: str, wrong: str) -> None:
         await asyncio.sleep(3.0)
         assert b"Sun" in await client.ask(b":Sr06:00:00#:Sd+23*26:00#:MS#", until=b"#")
         await asyncio.sleep(20.0)
-        assert separation(*bridge.sim.mechanics.truth(bridge.clock()), *SKY.sun(bridge.clock())) > 20.0
+        assert separation(*bridge.sim.mechanics.true_position(bridge.clock()), *SKY.sun(bridge.clock())) > 20.0
 
 
 @pytest.mark.parametrize("mount", ["cpc", "cge"])
@@ -148,10 +156,10 @@ def test_goto_forbidden_by_one_of_two_sources_is_refused_and_both_are_named(
         async with Bridge("cge", host_ahead=ahead, config={"site": site, "lowest": 1.0}) as bridge:
             client = bridge.client()
             hour_angle, dec = horizon_to_hour_angle(110.0, 30.0, 45.0)
-            there = (bridge.sim.mechanics.sky.sidereal(bridge.clock()) - hour_angle) % 360.0, dec
+            there = (bridge.sim.mechanics.sky.lst(bridge.clock()) - hour_angle) % 360.0, dec
             assert await client.ask(as_lx200(*there), until=b"#") == b"112Too low by %s.#" % words
             assert not bridge.sim.slewing
-            high = (bridge.sim.mechanics.sky.sidereal(bridge.clock()) - 20.0) % 360.0, 60.0
+            high = (bridge.sim.mechanics.sky.lst(bridge.clock()) - 20.0) % 360.0, 60.0
             if site is not None:
                 return
             assert (await client.ask(as_lx200(*high), until=b"0")).endswith(b"0"), "above the horizon by both"
@@ -184,22 +192,22 @@ async def test_change_at_the_hand_control_is_noticed_within_a_minute(changed: by
 
 def test_sources_rank_mount_gps_configuration_or_computer_and_programs_last() -> None:
     site_clock = SiteClock(lambda: 0.0, lambda: EVENING, None)
-    best = BestSources(site_clock)
-    ReadBy(site_clock, NO_PROGRAM).keep_site(op.SetSite(1.0, 1.0))
-    ReadBy(site_clock, NO_PROGRAM).keep_clock(op.SetClock(EVENING + 1e4, 0.0))
+    best = SiteTimeSources(site_clock)
+    SiteView(site_clock, NO_PROGRAM).store_site(op.SetSite(1.0, 1.0))
+    SiteView(site_clock, NO_PROGRAM).store_clock(op.SetClock(EVENING + 1e4, 0.0))
     assert [site.source for site in best.sites()] == ["a program (2026-01-15)"]
     assert [time.source for time in best.times()] == [COMPUTER]
-    site_clock.configured = op.Place(2.0, 2.0)
+    site_clock.configured_site = op.Place(2.0, 2.0)
     site_clock.take_gps(op.Gps(linked=True, place=op.Place(3.0, 3.0), unix=EVENING + 2e4))
     site_clock.take_mount_site(op.Place(4.0, 4.0))
     site_clock.take_mount_clock(op.Moment(EVENING + 3e4, 0.0))
     assert [(site.source, site.place.latitude) for site in best.sites()] == [
-        (MOUNT, 4.0),
+        (MOUNT_SOURCE, 4.0),
         (GPS_SOURCE, 3.0),
         (CONFIGURED, 2.0),
     ]
     assert [(time.source, time.unix - EVENING) for time in best.times()] == [
-        (MOUNT, 3e4),
+        (MOUNT_SOURCE, 3e4),
         (GPS_SOURCE, 2e4),
         (COMPUTER, 0.0),
     ]
@@ -211,9 +219,9 @@ def test_sources_rank_mount_gps_configuration_or_computer_and_programs_last() ->
     [
         (3600.0 - EVENING, None, False, [COMPUTER]),
         (3600.0 - EVENING, None, True, [PROGRAM, COMPUTER]),
-        (3600.0 - EVENING, 0.0, True, [MOUNT]),
-        (3600.0 - EVENING, 3700.0 - EVENING, True, [MOUNT, COMPUTER]),
-        (0.0, 9999.0, True, [MOUNT, COMPUTER]),
+        (3600.0 - EVENING, 0.0, True, [MOUNT_SOURCE]),
+        (3600.0 - EVENING, 3700.0 - EVENING, True, [MOUNT_SOURCE, COMPUTER]),
+        (0.0, 9999.0, True, [MOUNT_SOURCE, COMPUTER]),
         (0.0, None, True, [COMPUTER]),
     ],
 )
@@ -222,26 +230,28 @@ def test_computer_without_a_clock_counts_only_where_no_better_source_exists(
 ) -> None:
     """``host`` and ``ahead`` are by how much this computer's and the mount's clocks are ahead, None if it has none."""
     site_clock = SiteClock(lambda: 0.0, lambda: EVENING + host, None)
-    best = BestSources(site_clock)
+    best = SiteTimeSources(site_clock)
     if told:
-        ReadBy(site_clock, NO_PROGRAM).keep_clock(op.SetClock(EVENING, 1.0))
+        SiteView(site_clock, NO_PROGRAM).store_clock(op.SetClock(EVENING, 1.0))
     if ahead is not None:
         site_clock.take_mount_clock(op.Moment(EVENING + ahead, 0.0))
     assert [time.source for time in best.times()] == sources
     assert best.best_time().source == sources[0]
     site_clock.take_mount_site(op.Place(45.0, 10.0))
     doubtful = [time.doubtful for time in best.times()]
-    assert doubtful == [source == COMPUTER and sources != [MOUNT, COMPUTER] and host != 0.0 for source in sources]
+    assert doubtful == [
+        source == COMPUTER and sources != [MOUNT_SOURCE, COMPUTER] and host != 0.0 for source in sources
+    ]
     assert not any("computer" in one.text for one in contradictions(best.sites(), best.times())) or host == 0.0
 
 
 def test_gps_without_a_fix_and_small_differences_cause_no_warning() -> None:
     site_clock = SiteClock(lambda: 0.0, lambda: EVENING + 60.0, op.Place(45.1, 10.1))
-    best = BestSources(site_clock)
+    best = SiteTimeSources(site_clock)
     site_clock.take_gps(op.Gps(linked=False, place=op.Place(0.0, 0.0), unix=0.0))
     site_clock.take_mount_site(op.Place(45.0, 10.0))
     site_clock.take_mount_clock(op.Moment(EVENING, 0.0))
-    assert [site.source for site in best.sites()] == [MOUNT, CONFIGURED]
+    assert [site.source for site in best.sites()] == [MOUNT_SOURCE, CONFIGURED]
     assert not list(contradictions(best.sites(), best.times()))
 
 
@@ -254,7 +264,7 @@ def test_computer_without_a_clock_battery_contradicts_no_source(ahead: float, do
     site_clock = SiteClock(lambda: 0.0, lambda: EVENING + ahead, None, "doubtful" if doubted else "auto")
     site_clock.take_mount_site(op.Place(45.0, 10.0))
     site_clock.take_mount_clock(op.Moment(EVENING, 0.0))
-    best = BestSources(site_clock)
+    best = SiteTimeSources(site_clock)
     assert bool(list(contradictions(best.sites(), best.times()))) is contradicts
 
 

@@ -12,15 +12,15 @@ import pytest
 from gateway.app.discovery.answering import DiscoveryAnswers
 from gateway.app.discovery.offer import Offer
 from gateway.protocols.alpaca.http import discovery
-from gateway.protocols.alpaca.http.discovery import QUESTION, answer_discovery, answers
+from gateway.protocols.alpaca.http.discovery import DISCOVERY_REQUEST, answer_discovery, discovery_replies
 from tests.support.each import each
 
 pytestmark = pytest.mark.real_time
 EVERYWHERE, HERE = ("0.0.0.0", 11111), ("127.0.0.1", 4040)
 
 
-def ports(places: list[tuple[str, int]], asker: str, question: bytes = QUESTION) -> list[int]:
-    return [json.loads(reply)["AlpacaPort"] for reply in answers(question, places, asker)]
+def ports(places: list[tuple[str, int]], asker: str, question: bytes = DISCOVERY_REQUEST) -> list[int]:
+    return [json.loads(reply)["AlpacaPort"] for reply in discovery_replies(question, places, asker)]
 
 
 def test_alpaca_discovery_answers_only_ports_that_the_asker_reaches() -> None:
@@ -50,7 +50,7 @@ def test_two_alpaca_servers_share_the_discovery_port(
             port = _free(family, host)
             ends = [await answer_discovery([place], port), await answer_discovery([place], port)]
             loop = asyncio.get_running_loop()
-            await loop.sock_sendto(asker, QUESTION, (host, port))
+            await loop.sock_sendto(asker, DISCOVERY_REQUEST, (host, port))
             async with asyncio.timeout(60.0):
                 assert json.loads(await loop.sock_recv(asker, 100)) == {"AlpacaPort": 11111}
             for end in ends:
@@ -98,6 +98,6 @@ async def test_discovery_port_in_use_is_reported_and_nothing_fails(monkeypatch: 
 
 async def test_skysafari_discovery_offers_no_alpaca_port() -> None:
     own = DiscoveryAnswers(lambda text: None)
-    await own.answer([Offer("alpaca", "tcp", *EVERYWHERE)], port=0)
+    await own.start([Offer("alpaca", "tcp", *EVERYWHERE)], port=0)
     assert own.skyfi_port == 0
     own.close()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gateway.core import errors
-from gateway.protocols.alpaca.tables import number, numbers
+from gateway.protocols.alpaca.tables import error_number, number_by_fault
 
 #: 0x400 not implemented, 0x401 invalid value, 0x402 value not set, 0x407 not connected, 0x408 parked, 0x40B not now.
 ASCOM = {
@@ -25,10 +25,10 @@ ASCOM = {
 
 
 def test_every_refusal_has_the_error_number_of_ascom() -> None:
-    assert numbers() == {name: told for told, names in ASCOM.items() for name in names}
+    assert number_by_fault() == {name: told for told, names in ASCOM.items() for name in names}
 
 
 def test_held_mount_is_not_reported_as_a_telescope_without_gotos() -> None:
-    assert number(errors.Held()) == 0x40B
-    assert number(errors.NearSun()) == 0x40B
-    assert number(errors.NoAnswer()) == 0x500
+    assert error_number(errors.Held()) == 0x40B
+    assert error_number(errors.NearSun()) == 0x40B
+    assert error_number(errors.NoAnswer()) == 0x500

@@ -17,7 +17,7 @@ from gateway.app.pages import application
 from gateway.app.simulated import serve_simulator
 from gateway.cli import main
 from gateway.core.wire_log import WireLog
-from gateway.diagnostics.detect.report import block, command, toml
+from gateway.diagnostics.detect.report import describe_port, start_command, toml
 from gateway.diagnostics.detect.scan_port import ask_servers
 from gateway.protocols.alpaca.http import chain, finding
 from gateway.protocols.alpaca.http.discovery import answer_discovery
@@ -41,7 +41,7 @@ def served(look: Callable[[list[str]], Awaitable[Any]], *simulators: SimulatedAl
         ports = []
         for sim in simulators:
             ports += await serve_simulator(sim, ["tcp://127.0.0.1:0", "tcp://127.0.0.1:0"], 0.0)
-        where = [port.where.replace("tcp:", "http:") for port in ports]
+        where = [port.address.replace("tcp:", "http:") for port in ports]
         try:
             async with asyncio.timeout(60.0):
                 return await look(where)
@@ -56,13 +56,13 @@ def test_detect_lists_each_telescope_of_an_alpaca_server_once(monkeypatch: pytes
     """Two addresses of a server are one telescope; a server that is none offers nothing."""
     loopback = IPv4Address("127.0.0.1"), IPv4Network("127.0.0.0/8")
     monkeypatch.setattr(finding, "ipv4_networks", lambda: [loopback])
-    monkeypatch.setattr(finding, "LAST", 0.6)
+    monkeypatch.setattr(finding, "DISCOVERY_WAIT", 0.6)
     udp = free_udp_port()
 
     async def look(where: list[str]) -> list[OfferedMount]:
         places = [("127.0.0.1", int(one.rpartition(":")[2])) for one in where]
         silent = socket.create_server(("127.0.0.1", 0))  # takes connections and never answers
-        monkeypatch.setattr(finding, "LONGEST", 2.0)
+        monkeypatch.setattr(finding, "SERVER_TIMEOUT", 2.0)
         end = await answer_discovery([*places, silent.getsockname()], udp)
         try:
             return await finding.find(None, udp)
@@ -80,10 +80,12 @@ def test_detect_lists_each_telescope_of_an_alpaca_server_once(monkeypatch: pytes
 def test_detect_prints_the_run_command_for_an_alpaca_telescope() -> None:
     sim = SimulatedAlpaca("polar", clock=lambda: EVENING)
     [finding_there] = served(ask_servers, sim)
-    where = finding_there.place.url
+    where = finding_there.port.url
     assert where.startswith("http://127.0.0.1:") and where.endswith("/0")
-    assert f"mount-gateway run --mount alpaca@{where} --surface lx200@tcp://127.0.0.1:4030" in block(finding_there)
-    assert "Simulated polar" in block(finding_there) and f"alpaca@{where}" in command(finding_there)
+    assert f"mount-gateway run --mount alpaca@{where} --surface lx200@tcp://127.0.0.1:4030" in describe_port(
+        finding_there
+    )
+    assert "Simulated polar" in describe_port(finding_there) and f"alpaca@{where}" in start_command(finding_there)
     assert f'at = "alpaca@{where}"' in toml(finding_there)
 
 
@@ -126,11 +128,11 @@ def test_detect_names_a_gateway_among_alpaca_servers() -> None:
         server = WebServer(load)
         port = await server.listen("tcp://127.0.0.1:0")
         try:
-            [found] = await ask_servers([port.where.replace("tcp", "http")])
+            [found] = await ask_servers([port.address.replace("tcp", "http")])
         finally:
             await server.close()
         assert found.mount is None
-        return block(found)
+        return describe_port(found)
 
     text = asyncio.run(program())
     assert "mount-gateway" in text and "it needs no second gateway: nexstar@sim" in text
@@ -138,11 +140,14 @@ def test_detect_names_a_gateway_among_alpaca_servers() -> None:
 
 def test_gateway_recognises_itself_by_its_token_in_a_row_of_gateways(monkeypatch: pytest.MonkeyPatch) -> None:
     """The tokens of gateways in a row are all there; one's own is refused."""
-    monkeypatch.setattr(chain, "_behind", {})
-    chain.check("http://a", {"ServerName": "another"}), chain.check("http://b", {"Gateways": ["first", "second", 3]})
+    monkeypatch.setattr(chain, "_tokens", {})
+    (
+        chain.check_for_loop("http://a", {"ServerName": "another"}),
+        chain.check_for_loop("http://b", {"Gateways": ["first", "second", 3]}),
+    )
     own = chain.own_token(os.getpid())
     assert chain.tokens() == [own, "first", "second"] and own != chain.own_token(os.getpid() + 1)
     with pytest.raises(OSError, match="this very gateway"):
-        chain.check("http://c", {"Gateways": ["first", own]})
-    chain.check("http://b", {"Gateways": "nonsense"})
+        chain.check_for_loop("http://c", {"Gateways": ["first", own]})
+    chain.check_for_loop("http://b", {"Gateways": "nonsense"})
     assert chain.tokens() == [own]

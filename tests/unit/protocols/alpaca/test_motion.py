@@ -48,9 +48,9 @@ def driver(**facts: Any) -> AlpacaDriver:
 
 
 def test_alpaca_driver_stops_a_moving_axis_whatever_speeds_are_known() -> None:
-    mount = driver(moving={2: 4.0}, movable={1: False, 2: False})
+    mount = driver(hand_rates={2: 4.0}, movable={1: False, 2: False})
     assert play(abort_motion(mount, op.AbortMotion()), moveaxis=None, abortslew=None)[0] == ["moveaxis1", "abortslew"]
-    mount.moving[1] = 4.0
+    mount.hand_rates[1] = 4.0
     assert play(stop_axis(mount, op.StopAxis(1)), moveaxis=None)[0] == ["moveaxis0"]
 
 
@@ -87,7 +87,7 @@ def test_alpaca_stop_that_leaves_the_mount_moving_is_reported_as_refused() -> No
     with pytest.raises(Refused, match="stop was refused"):
         play(abort_motion(driver(goto=GotoUnderWay(since=0.0)), op.AbortMotion()), moveaxis=None, slewing=True)
     with pytest.raises(Refused, match="stop was refused"):
-        play(abort_motion(driver(moving={1: 1.0}, ranges=ranges), op.AbortMotion()), abortslew=None, slewing=True)
+        play(abort_motion(driver(hand_rates={1: 1.0}, ranges=ranges), op.AbortMotion()), abortslew=None, slewing=True)
     play(abort_motion(driver(goto=GotoUnderWay(since=0.0)), op.AbortMotion()), moveaxis=None, slewing=False)
     assert play(abort_motion(driver(ranges=ranges), op.AbortMotion()), moveaxis=None)[0][0] == "abortslew"
 
@@ -95,7 +95,7 @@ def test_alpaca_stop_that_leaves_the_mount_moving_is_reported_as_refused() -> No
 @pytest.mark.parametrize("refracts", [True, False])
 def test_refraction_in_altitudes_does_not_hide_a_wrong_equinox(refracts: bool) -> None:
     """It raises the tube by 1.6' at 31 degrees; the clock is 12 s wrong besides, and more is no agreement."""
-    mount = driver(equinox="j2000", declared=True)
+    mount = driver(equinox="j2000", declares_equinox=True)
     place = {"siderealtime": 100.0, "rightascension": 100.0, "declination": -14.0, "sitelatitude": 45.0}
     azimuth, altitude = hour_angle_to_horizon(0.05, -14.0, 45.0)
     place |= {"azimuth": azimuth, "altitude": 10.0, "utcdate": 1768514400.0}

@@ -80,16 +80,16 @@ async def test_alpaca_rate_between_two_of_the_mount_uses_the_slower_one() -> Non
         rates = [one["Maximum"] for one in await ask(client, "get axisrates Axis=1")]
         slower, faster = max(rate for rate in rates if rate < 0.5), max(rates)
         for sign in (-1.0, 1.0):
-            before = own.sim.truth()[1]
+            before = own.sim.true_position()[1]
             assert await ask(client, f"put moveaxis Axis=1 Rate={sign * 0.5}") is None
             await asyncio.sleep(10.0)
-            assert abs(abs(own.sim.truth()[1] - before) / 10.0 - slower) < 0.1 * slower
-            assert (own.sim.truth()[1] > before) is (sign > 0.0)
+            assert abs(abs(own.sim.true_position()[1] - before) / 10.0 - slower) < 0.1 * slower
+            assert (own.sim.true_position()[1] > before) is (sign > 0.0)
             assert await ask(client, "put moveaxis Axis=1 Rate=0") is None
             await asyncio.sleep(2.0)
         for rate in (min(rates) / 2.0, faster * 1.1, -faster * 1.1):
             assert await ask(client, f"put moveaxis Axis=1 Rate={rate}") == INVALID, rate
-        [told] = {word.text for word in own.wire_log.recent if "MoveAxis" in word.text}
+        [told] = {word.text for word in own.wire_log.recent_notices if "MoveAxis" in word.text}
         assert "0.5 degrees a second is done at" in told
 
 

@@ -38,7 +38,7 @@ async def stopped_after(line: MountLink, wire: Wire, seconds: float, before: Sen
     reading = asyncio.ensure_future(line.exchange(before))
     await asyncio.sleep(seconds)
     began, wire.answers = asyncio.get_running_loop().time(), alpaca(b"nothing")
-    await line.exchange(Send("moveaxis", {"axis": 0, "rate": 0.0}, patience=1.5), STOP)
+    await line.exchange(Send("moveaxis", {"axis": 0, "rate": 0.0}, timeout=1.5), STOP)
     took = asyncio.get_running_loop().time() - began
     with contextlib.suppress(NoAnswer, Silence):
         await reading
@@ -58,5 +58,5 @@ async def test_stop_does_not_wait_for_a_read_over_http_or_the_check_after_it(sec
 
 async def test_stop_does_not_wait_for_the_check_after_an_unanswered_order() -> None:
     line, wire = await opened(alpaca(b""))
-    assert await stopped_after(line, wire, 1.8, Send("abortslew", patience=1.5)) < 0.25
+    assert await stopped_after(line, wire, 1.8, Send("abortslew", timeout=1.5)) < 0.25
     await line.close()

@@ -11,14 +11,14 @@ from tests.support.each import each
 def test_alpaca_get_accepts_parameter_names_in_any_case() -> None:
     asked = parse_request("GET", "canmoveaxis", [("AXIS", "1"), ("cLiEnTiD", "17"), ("clienttransactionid", "4")])
     assert asked.line == b"get canmoveaxis Axis=1\n"
-    assert (asked.client, asked.transaction, asked.command.name) == (17, 4, "canmoveaxis")
+    assert (asked.client_id, asked.transaction_id, asked.command.name) == (17, 4, "canmoveaxis")
 
 
 def test_alpaca_put_requires_the_exact_case_of_parameter_names() -> None:
     place = [("Declination", "22.01"), ("RightAscension", "5.5"), ("clientid", "17")]
     asked = parse_request("PUT", "slewtocoordinatesasync", place)
     assert asked.line == b"put slewtocoordinatesasync RightAscension=5.5 Declination=22.01\n"
-    assert (asked.client, asked.transaction) == (0, 0), "a name in another case is another name"
+    assert (asked.client_id, asked.transaction_id) == (0, 0), "a name in another case is another name"
     with pytest.raises(BadRequest, match="Connected is missing"):
         parse_request("PUT", "connected", [("connected", "true")])
 
@@ -47,7 +47,7 @@ def test_malformed_alpaca_request_is_rejected(
 ) -> None:
     with pytest.raises(BadRequest, match=words) as refused:
         parse_request(method, member, pairs)
-    assert not refused.value.allow
+    assert not refused.value.allowed_methods
 
 
 @each(("method", "member", "allow"), [("PUT", "slewing", "GET"), ("GET", "park", "PUT"),
@@ -55,7 +55,7 @@ def test_malformed_alpaca_request_is_rejected(
 def test_alpaca_request_with_the_wrong_method_is_rejected(method: str, member: str, allow: str) -> None:
     with pytest.raises(BadRequest) as refused:
         parse_request(method, member, [])
-    assert refused.value.allow == allow
+    assert refused.value.allowed_methods == allow
 
 
 def test_text_in_an_alpaca_request_cannot_end_the_line() -> None:

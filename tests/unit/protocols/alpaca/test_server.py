@@ -15,7 +15,7 @@ from gateway.app.pages import application
 from gateway.core.wire_log import WireLog
 from gateway.protocols.alpaca.http import programs
 from gateway.protocols.alpaca.http.discovery import AlpacaWeb
-from gateway.transport.handler import Connected, ConnectionRefused, Write
+from gateway.transport.handler import ConnectionRefused, NewConnection, Write
 from gateway.transport.web_server import WebDevice, WebServer
 from tests.support.each import each
 
@@ -29,7 +29,7 @@ class Guest:
 
     def __init__(self, mount: Mount, name: str, write: Write) -> None:
         self.mount, self.name, self.write, self.closed = mount, name, write, False
-        self.ended, self.answered = False, True
+        self.ended, self.all_answered = False, True
 
     def feed(self, data: bytes) -> None:
         self.mount.said.append((self.name, data))
@@ -53,7 +53,7 @@ class Mount:
         self.refuses = False
         self.log = WireLog(lambda: 0.0)
 
-    def accept(self, connected: Connected) -> Guest:
+    def accept(self, connected: NewConnection) -> Guest:
         if self.refuses:
             raise ConnectionRefused
         self.guests.append(Guest(self, connected.name, connected.write))
@@ -86,7 +86,7 @@ async def served(names: tuple[str, ...] = ()) -> AsyncIterator[Served]:
     port = await server.listen("tcp://127.0.0.1:0")
     try:
         async with aiohttp.ClientSession(timeout=aiohttp.ClientTimeout(total=PATIENCE)) as http:
-            yield Served(mount, port.where.replace("tcp", "http"), http)
+            yield Served(mount, port.address.replace("tcp", "http"), http)
     finally:
         await server.close()
     assert all(guest.closed for guest in mount.guests)
@@ -253,7 +253,9 @@ async def test_alpaca_server_refuses_foreign_origins_and_host_names(headers: dic
                 assert not [name for name in response.headers if name.lower().startswith("access-control")]
         assert len(own.mount.said) == (2 if status == 200 else 0)
         by_name = status == 403 and "Host" in headers
-        assert len(own.mount.log.recent) == by_name and all("not in names" in one.text for one in own.mount.log.recent)
+        assert len(own.mount.log.recent_notices) == by_name and all(
+            "not in names" in one.text for one in own.mount.log.recent_notices
+        )
 
 
 @each(("first", "status"), [("GET / HTTP/1.0", 404), ("GET /setup HTTP/1.0", 200), ("GET /setup HTTP/1.1", 400),
@@ -277,7 +279,7 @@ async def test_alpaca_preflight_is_refused() -> None:
 
 
 async def test_slow_alpaca_client_delays_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(programs, "TIMEOUT", 0.3)
+    monkeypatch.setattr(programs, "REQUEST_TIMEOUT", 0.3)
     async with served() as own:
         own.mount.answers[b"get azimuth\n"] = None
         own.mount.answers[b"get altitude\n"] = b"45.5\n"
@@ -309,7 +311,7 @@ async def test_awaited_alpaca_goto_blocks_only_its_request() -> None:
 
 async def test_alpaca_goto_that_ended_short_is_an_error_for_its_waiter() -> None:
     async with served() as own:
-        own.mount.answers[programs.ENDED_SHORT] = b'"the goto ended 26.0 degrees from its goal"\n'
+        own.mount.answers[programs.ENDED_SHORT_LINE] = b'"the goto ended 26.0 degrees from its goal"\n'
         own.mount.answers[b"get slewing\n"] = b"false\n"
         place = {"RightAscension": "5.5", "Declination": "-3", "ClientID": "1"}
         _, answer = await own.ask("PUT", API + "slewtocoordinates", data=place)
@@ -335,9 +337,9 @@ async def test_waiting_for_arrival_keeps_no_arrow_alive() -> None:
 
 
 async def test_alpaca_stop_is_sent_however_many_requests_wait(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(programs, "WAITING", 2)
-    monkeypatch.setattr(programs, "MOST", 2)
-    monkeypatch.setattr(programs, "TIMEOUT", 1.0)
+    monkeypatch.setattr(programs, "MAX_WAITING_REQUESTS", 2)
+    monkeypatch.setattr(programs, "MAX_PROGRAMS", 2)
+    monkeypatch.setattr(programs, "REQUEST_TIMEOUT", 1.0)
     async with served() as own:
         own.mount.answers |= {b"get azimuth\n": None, b"put abortslew\n": None}
         asked = [asyncio.create_task(own.ask("GET", API + f"azimuth?ClientID={one % 2}")) for one in range(4)]
@@ -358,7 +360,7 @@ async def test_alpaca_server_refuses_clients_outside_allow() -> None:
 
 
 async def test_alpaca_server_remembers_a_bounded_number_of_programs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(programs, "MOST", 3)
+    monkeypatch.setattr(programs, "MAX_PROGRAMS", 3)
     async with served() as own:
         for client in range(6):
             assert (await own.ask("GET", API + f"connected?ClientID={client}"))[0] == 200
@@ -367,7 +369,7 @@ async def test_alpaca_server_remembers_a_bounded_number_of_programs(monkeypatch:
 
 async def test_reading_alpaca_clients_do_not_displace_a_connected_program(monkeypatch: pytest.MonkeyPatch) -> None:
     """A web page may send GETs without end, each with another ClientID."""
-    monkeypatch.setattr(programs, "MOST", 3)
+    monkeypatch.setattr(programs, "MAX_PROGRAMS", 3)
     async with served() as own:
         await own.ask("PUT", API + "connected", data={"Connected": "true", "ClientID": "7"})
         for client in range(10, 16):

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from gateway.clients.access import AccessRules
-from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
+from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalMount
 from tests.support import exact_sky
 
 START = 1769634000.0
@@ -20,13 +20,13 @@ def stage(mount: str = "6-8se", driven: str = "nexstar", **settings: Any) -> Reh
     return RehearsalMount(mount, start=START, driven=driven, presented="alpaca", named=True, **settings)
 
 
-async def ask(program: Visitor, line: str) -> Any:
+async def ask(program: RehearsalClient, line: str) -> Any:
     """A value; an error as its number."""
     told = json.loads(await program.ask(line.encode() + b"\n", until=b"\n"))
     return -told["ErrorNumber"] if isinstance(told, dict) else told
 
 
-async def connected(own: RehearsalMount, host: str = "127.0.0.1") -> Visitor:
+async def connected(own: RehearsalMount, host: str = "127.0.0.1") -> RehearsalClient:
     client = own.client(host)
     assert await ask(client, "put connected Connected=True") is None
     assert await ask(client, "get connected") is True

@@ -21,7 +21,7 @@ ACCELERATION = 4.0
 
 def mount(build: Build = Build.GERMAN, on: bool = False) -> Mechanics:
     made = Mechanics(build, Observer(45.0, 10.0), START, (60.0, 20.0))
-    assert (made.fastest, made.acceleration) == (4.0, ACCELERATION)
+    assert (made.max_rate, made.acceleration) == (4.0, ACCELERATION)
     made.track(START, on)
     return made
 
@@ -52,7 +52,7 @@ def test_simulated_stop_while_accelerating_brakes_from_the_reached_speed() -> No
     made.set_rate(START, 2, 4.0)
     made.set_rate(START + 0.5, 2, 0.0)  # two degrees a second by then
     assert [second(made, t) - 20.0 for t in (0.5, 1.0, 5.0)] == pytest.approx([0.5, 1.0, 1.0])
-    assert made.runs_on(START + 0.9) and made.moving(START + 0.9)
+    assert made.is_ramping(START + 0.9) and made.is_moving(START + 0.9)
 
 
 def test_simulated_goto_accelerates_creeps_and_arrives_exactly() -> None:
@@ -68,7 +68,7 @@ def test_simulated_goto_accelerates_creeps_and_arrives_exactly() -> None:
     assert second(made, ends - 0.0625) == pytest.approx(60.0 - 0.0078125)
     assert made.slewing(START + ends - 1e-3) and not made.slewing(START + ends + 1e-3)
     assert second(made, ends + 1e-3) == second(made, 99.0) == 60.0
-    assert not made.moving(START + 99.0)
+    assert not made.is_moving(START + 99.0)
 
 
 def test_cancelled_simulated_goto_runs_on_and_then_tracks() -> None:
@@ -76,15 +76,15 @@ def test_cancelled_simulated_goto_runs_on_and_then_tracks() -> None:
     made.goto_axes(START, 60.0, 60.0)
     assert second(made, 3.0) == pytest.approx(30.0)
     made.cancel(START + 3.0)
-    assert not made.slewing(START + 3.0) and made.moving(START + 3.5)
+    assert not made.slewing(START + 3.0) and made.is_moving(START + 3.5)
     assert [second(made, t) for t in (3.5, 4.0, 60.0)] == pytest.approx([31.5, 32.0, 32.0])
-    assert not made.moving(START + 4.1) and made.tracking(START + 4.1)
+    assert not made.is_moving(START + 4.1) and made.tracking(START + 4.1)
     assert made.speeds(START + 4.1)[0] == pytest.approx(SIDEREAL_RATE, abs=1e-6)
 
 
 def test_sped_up_simulated_goto_brakes_as_fast() -> None:
     made = mount()
-    made.speed = 6.0
+    made.speedup = 6.0
     made.goto_axes(START, 60.0, 80.0)
     before = second(made, 1.0)
     made.cancel(START + 1.0)
@@ -121,7 +121,7 @@ def order(made: Mechanics, now: float, chance: Random) -> None:
     elif what == 1:
         made.move(now, axis, rate, gentle=abs(rate) < 0.01)
     elif what == 2:
-        made.goto_sky(now, made.sky.sidereal(now) - chance.uniform(-60.0, 60.0), chance.uniform(0.0, 35.0))
+        made.goto_sky(now, made.sky.lst(now) - chance.uniform(-60.0, 60.0), chance.uniform(0.0, 35.0))
     elif what == 3:
         made.goto_axis(now, axis, chance.uniform(30.0, 60.0))
     elif what == 4:
@@ -129,7 +129,7 @@ def order(made: Mechanics, now: float, chance: Random) -> None:
     elif what == 5:
         made.track(now, chance.random() < 0.7)
     elif what == 6:
-        made.sync(now, made.sky.sidereal(now) - chance.uniform(-60.0, 60.0), chance.uniform(0.0, 35.0))
+        made.sync(now, made.sky.lst(now) - chance.uniform(-60.0, 60.0), chance.uniform(0.0, 35.0))
     elif what == 7:
         made.pulse(now, axis, 0.002 * chance.choice((-1, 1)), chance.uniform(0.01, 1.0))
     else:
@@ -163,7 +163,7 @@ def test_simulated_tracking_through_the_zenith_keeps_the_motor_speed() -> None:
     made.goto_axes(START, 10.0, 90.0)
     for quarter in range(4 * 120):
         made.axes(START + quarter / 4.0)
-    assert not made.runs_on(START + 120.0)
+    assert not made.is_ramping(START + 120.0)
     made.track(START + 120.0, False)
     stood = made.axes(START + 122.0)
     assert made.axes(START + 200.0) == stood

@@ -123,7 +123,7 @@ def test_true_position_agrees_with_pyephem(protocol: str, model: str, site: tupl
         apart = ephem.separation((sun.az, sun.alt), (math.radians(seen.azimuth), math.radians(seen.altitude)))
         assert seen.sun_distance == pytest.approx(math.degrees(apart), abs=0.03)
         # of date, the right ascension of the tube is the sidereal time less its hour angle
-        told_ra, told_dec = simulator.truth()
+        told_ra, told_dec = simulator.true_position()
         hour_angle = math.degrees(here.sidereal_time()) - told_ra
         assert abs((seen.hour_angle - hour_angle + 180.0) % 360.0 - 180.0) < 0.02
         d, h, lat = math.radians(told_dec), math.radians(hour_angle), math.radians(site[0])
@@ -210,7 +210,7 @@ LX200 = [
 
 def unmoved(simulator: Any, clock: Clock, words: list[bytes]) -> None:
     before = truth_of(simulator)
-    believed = simulator.mechanics.believed(clock.now)
+    believed = simulator.mechanics.believed_position(clock.now)
     for word in words:
         simulator.feed(word)
         clock.now += 0.5
@@ -219,7 +219,7 @@ def unmoved(simulator: Any, clock: Clock, words: list[bytes]) -> None:
         assert abs((seen.azimuth - before.azimuth + 180.0) % 360.0 - 180.0) < 4e-3, word
         assert seen.t == clock.now and not seen.tracking
     assert seen.sun_distance == pytest.approx(before.sun_distance, abs=0.01 + 15.1 / 3600.0 * (clock.now - before.t))
-    assert simulator.mechanics.believed(clock.now) != believed  # it did hear them
+    assert simulator.mechanics.believed_position(clock.now) != believed  # it did hear them
 
 
 @each("model", ["cpc", "cge", "6-8se", "cgx"])
@@ -267,7 +267,7 @@ async def test_suspended_computer_leaves_out_the_missed_time_in_the_truth_file()
 
 def test_truth_line_is_one_object_with_documented_names() -> None:
     simulator, _ = mount("nexstar", "cpc")
-    line = truth_of(simulator).line()
+    line = truth_of(simulator).json_line()
     assert line.endswith("}\n") and line.count("\n") == 1
     told = json.loads(line)
     assert list(told) == [
@@ -321,6 +321,6 @@ def test_unwritable_truth_file_is_reported_at_once(tmp_path: Path, capsys: pytes
 def test_truth_file_that_becomes_unwritable_ends_the_simulated_mount(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("gateway.cli.serve.sim.plain_file", os.open)
+    monkeypatch.setattr("gateway.cli.serve.sim.plain_fd", os.open)
     assert main(["sim", "nexstar:cge", "--at", "tcp://127.0.0.1:0", "--truth", "/dev/full"]) == 2
     assert "the simulated mount has ended" in capsys.readouterr().err

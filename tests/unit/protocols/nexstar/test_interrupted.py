@@ -122,7 +122,7 @@ def test_interrupted_nexstar_commands_pile_up_no_bytes(half: bytes, arrivals: li
         now += wait
         framer.feed(data, now)
         assert len(framer._pending) < 18
-        if framer.held:
+        if framer.holds_bytes:
             framer.feed(b"", now + 0.2)
-            assert not framer.held
+            assert not framer.holds_bytes
             now += 0.2

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import pytest
 
 from gateway.clients.access import AccessRules
-from gateway.clients.strangers import Piece, StrangerFilter
-from gateway.diagnostics.rehearsal.stage import RehearsalMount, Visitor
+from gateway.clients.strangers import ReceivedBytes, StrangerFilter
+from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalMount
 from gateway.protocols.registry import PROTOCOLS
 from tests.support import exact_sky
 
@@ -34,7 +34,7 @@ def goto(ra: float, dec: float) -> bytes:
     return struct.pack("<HHQIi", 20, 0, 0, round(ra / 360 * 2**32), round(dec / 360 * 2**32))
 
 
-def heard(program: Visitor) -> list[Position]:
+def heard(program: RehearsalClient) -> list[Position]:
     """What a program was told since it was asked last."""
     data, program.received = program.received, b""
     assert len(data) % 24 == 0
@@ -126,7 +126,7 @@ async def test_stellarium_coordinates_are_j2000() -> None:
         client = own.client()
         client.tell(goto(*CRAB))
         await asyncio.sleep(2.0)
-        sent = [data for data in own.sent() if data[:1] == b"r"][-1]
+        sent = [data for data in own.sent_requests() if data[:1] == b"r"][-1]
         ra = int(sent[1:9], 16) * 360 / 2**32
         assert 0.3 < ra - CRAB[0] < 0.5
         client.close()
@@ -134,8 +134,8 @@ async def test_stellarium_coordinates_are_j2000() -> None:
 
 def test_stellarium_bytes_count_as_a_strangers_on_other_surfaces() -> None:
     for name, spec in PROTOCOLS.items():
-        beginning = StrangerFilter(spec.opening, name)
-        pieces = beginning.feed(Piece(goto(*CRAB), 0.0, 0))
+        beginning = StrangerFilter(spec.opening_pattern, name)
+        pieces = beginning.feed(ReceivedBytes(goto(*CRAB), 0.0, 0))
         if name == "stellarium":
             assert beginning.stranger is None and b"".join(piece.data for piece in pieces) == goto(*CRAB)
         else:

@@ -30,7 +30,7 @@ def having(protocol: CommandSet, fact: str) -> dict[str, object]:
 
 
 def answering(protocol: CommandSet, word: str) -> set[str]:
-    return {name for name, command in protocol.commands.items() if command.answer == word}
+    return {name for name, command in protocol.commands.items() if command.answer_kind == word}
 
 
 def test_command_tables_say_how_each_answer_changes_over_time() -> None:
@@ -41,18 +41,18 @@ def test_command_tables_say_how_each_answer_changes_over_time() -> None:
     assert answering(NEXSTAR, "clock") >= {"h", "i", "l", "gps_time", "rtc_time"}
     assert answering(NEXSTAR, "stream") >= {"K"}
     for protocol in (LX200, NEXSTAR):
-        questions = {name for name, command in protocol.commands.items() if command.question}
-        assert questions == {name for name in protocol.commands if protocol.commands[name].answer}
+        questions = {name for name, command in protocol.commands.items() if command.is_query}
+        assert questions == {name for name in protocol.commands if protocol.commands[name].answer_kind}
 
 
 def test_command_tables_say_which_answers_need_no_verification() -> None:
-    lx200, nexstar = Lx200ReplyRules().expected, NexStarReplyRules().expected
+    lx200, nexstar = Lx200ReplyRules().expected_reply, NexStarReplyRules().expected_reply
     kinds = [
         one.answer_kind
-        for one in (lx200(Send("GW")), lx200(Send("h?")), nexstar(Send("p")), lx200(Send("LM", raw=True)))
+        for one in (lx200(Send("GW")), lx200(Send("h?")), nexstar(Send("p")), lx200(Send("LM", include_raw=True)))
     ]
     assert kinds == ["state"] * 4
-    believed = (lx200(Send("Gr", once=True)), lx200(Send("gps", raw=True)), lx200(Send("MS")))
+    believed = (lx200(Send("Gr", once=True)), lx200(Send("gps", include_raw=True)), lx200(Send("MS")))
     assert [one.answer_kind for one in (*believed, nexstar(Send("K")), nexstar(Send("M")))] == [None] * 5
 
 
@@ -61,20 +61,20 @@ def test_command_tables_say_which_commands_end_motions() -> None:
     urgent = {"Q": "stop", "I": "restart", **dict.fromkeys(axes, "axis"), "FQ": "part"}
     assert having(LX200, "urgent").items() >= urgent.items()
     along = {axis: ["Me", "Mw"] if axis in ("Qe", "Qw") else ["Mn", "Ms"] for axis in axes}
-    assert having(LX200, "takes_back").items() >= along.items()
+    assert having(LX200, "discarded_commands").items() >= along.items()
     motors = [
         f"{what}_{axis}_{sense}" for what in ("slew", "rate") for axis in ("azm", "alt") for sense in ("pos", "neg")
     ]
     assert having(NEXSTAR, "urgent") == dict.fromkeys(("M", *motors), "part")
-    assert having(NEXSTAR, "urgent_at") == {key: {"rate": 0} for key in motors}
-    marks = {name: NEXSTAR.commands[name].mark for name in ("M", "slew_azm_pos", "rate_alt_neg")}
+    assert having(NEXSTAR, "urgent_values") == {key: {"rate": 0} for key in motors}
+    marks = {name: NEXSTAR.commands[name].urgent_mark for name in ("M", "slew_azm_pos", "rate_alt_neg")}
     assert marks == {"M": b"M", "slew_azm_pos": b"P\x02\x10\x24\0", "rate_alt_neg": b"P\x03\x11\x07\0\0"}
-    assert LX200.commands["Q"].mark == b":Q"
+    assert LX200.commands["Q"].urgent_mark == b":Q"
 
 
 def test_stop_sequence_contains_every_indispensable_command() -> None:
-    assert [way.ends for way in LX200.driver["AbortMotion"]] == [["Q"]]
-    assert [way.ends for way in NEXSTAR.driver["AbortMotion"]] == [["M", "slew_azm_pos", "slew_alt_pos", "pulse"]]
+    assert [way.ends for way in LX200.driver_rows["AbortMotion"]] == [["Q"]]
+    assert [way.ends for way in NEXSTAR.driver_rows["AbortMotion"]] == [["M", "slew_azm_pos", "slew_alt_pos", "pulse"]]
 
 
 def mistakes(folder: Path) -> list[str]:
@@ -94,10 +94,10 @@ def test_command_table_whose_stop_lists_no_ends_is_rejected(tmp_path: Path) -> N
 
 def test_command_tables_say_what_takes_long_and_what_a_busy_mount_hears() -> None:
     assert having(LX200, "long").items() >= {"SC": 14.0, "gT": 600.0}.items()
-    assert having(LX200, "while_seeking").keys() >= {"hS", "hF", "Q", "h?"}
-    asleep = {name for name, command in LX200.commands.items() if command.while_asleep is False}
+    assert having(LX200, "allowed_while_homing").keys() >= {"hS", "hF", "Q", "h?"}
+    asleep = {name for name, command in LX200.commands.items() if command.allowed_while_asleep is False}
     assert asleep >= {"MS", "MA", "Mn", "Ms", "Me", "Mw", "Mg", "hP", "hS", "hF"}
-    assert having(NEXSTAR, "while_asleep").keys() == set("KVxy")
+    assert having(NEXSTAR, "allowed_while_asleep").keys() == set("KVxy")
     rates = {"RG", "RC", "RM", "RS", "Sw", "RA", "RE", "Rg"}
     assert having(LX200, "by_hand").keys() >= rates | {"Mn", "Ms", "Me", "Mw", "Mg"}
     assert having(LX200, "may_be_silent").keys() >= {"GZ", "GA", "CM"}

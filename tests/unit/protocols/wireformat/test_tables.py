@@ -17,7 +17,7 @@ import gateway
 from gateway.core.errors import MappingError, UserError
 from gateway.diagnostics import command_outcomes
 from gateway.diagnostics.rehearsal.explain import explain
-from gateway.diagnostics.rehearsal.samples import value
+from gateway.diagnostics.rehearsal.samples import sample_value
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
 from gateway.protocols.base.spec import DriverSettings, ProtocolSpec, SurfaceSettings
@@ -35,7 +35,7 @@ TABLES = script("docs/tools/tables.py")
 def test_every_request_matches_only_its_command(protocol: CommandSet) -> None:
     for command in protocol.commands.values():
         for picture in command.requests:
-            frame = picture.encode({name: value(command, name, field) for name, field in picture.fields.items()})
+            frame = picture.encode({name: sample_value(command, name, field) for name, field in picture.fields.items()})
             found = protocol.find(frame)
             assert found is not None, command
             # A frame may be written by a more general row, too; its own length and literal must win.
@@ -48,7 +48,7 @@ def test_no_reply_is_the_beginning_of_another(protocol: CommandSet) -> None:
         wires = {  # several faults may have one form
             (
                 repr(reply.wire),
-                picture.encode({name: value(command, name, field) for name, field in picture.fields.items()}),
+                picture.encode({name: sample_value(command, name, field) for name, field in picture.fields.items()}),
             )
             for reply, picture in command.replies
             if reply.when is None
@@ -62,11 +62,11 @@ def _called_and_there(spec: ProtocolSpec) -> Iterator[tuple[set[str], set[str]]]
     """What the rows of a surface and of a driver call, and what there is to be called."""
     if spec.make_surface is not None:
         made = spec.make_surface(SurfaceSettings(None, None, None, None, Limits()))
-        yield {row.call for row in spec.commands.surface.values() if row.call}, set(made.surface.handlers)
+        yield {row.call for row in spec.commands.surface_rows.values() if row.call}, set(made.surface.handlers)
     if spec.make_driver is not None:
         driver = spec.make_driver(DriverSettings(), float).driver
-        sets = (spec.commands, *map(spec.commands.of, spec.commands.dialects))
-        ways = [way for one in sets for ways in one.driver.values() for way in ways]
+        sets = (spec.commands, *map(spec.commands.in_dialect_of, spec.commands.dialect_by_model))
+        ways = [way for one in sets for ways in one.driver_rows.values() for way in ways]
         yield {way.call for way in ways if way.call}, set(driver.handlers)
 
 
@@ -86,7 +86,7 @@ MISTAKES = [
     ("driver.toml", '[[Goto]]\ncall = "pointing.goto"\npart = "gpps"', r"\[Goto\]: part: .*gpps"),
     ("surface.toml", 'GD = { call = "accessories.linked_state" }', r"\[GD\]: .*linked_state"),
     ("surface.toml", 'GZ = { call = "_clear" }', r"\[GZ\]: .*_clear"),
-    ("surface.toml", 'GR = { call = "clock.printable" }', r"\[GR\]: call: .*printable takes offset"),
+    ("surface.toml", 'GR = { call = "clock.round_to_half_hour" }', r"\[GR\]: call: .*round_to_half_hour takes offset"),
     ("surface.toml", 'GVP = { tell = ["produkt"] }', r"\[GVP\]: its reply has product, not produkt"),
     ("surface.toml", "P = { say = { precison = 1 } }", r"\[P\]: its reply has precision, not precison"),
     ("surface.toml", 'P = { say = { precision = "LOW" } }', r"\[P\]: say: .*its reply is"),
@@ -94,15 +94,19 @@ MISTAKES = [
     ("surface.toml", 'GR = { ask = "Positoin" }', r"\[GR\]: no operation is called 'Positoin'"),
     (
         "surface.toml",
-        'GR = { call = "motion.menu", asks = ["Positoin"] }',
+        'GR = { call = "motion.tell_menu_line", asks = ["Positoin"] }',
         r"\[GR\]: no operation is called 'Positoin'",
     ),
     ("surface.toml", 'GR = { ask = "Position", tell = ["ra"] }', r"\[GR\]: one verb"),
     ("surface.toml", "QQQ = { say = {} }", r"\[QQQ\]: .*no such command"),
     ("surface.toml", 'GR = { aks = "Position" }', r"\[GR\]: .*aks"),
-    ("surface.toml", 'GR = { call = "motion.menu", outcome = "translated" }', r"\[GR\]: what is translated needs ask"),
+    (
+        "surface.toml",
+        'GR = { call = "motion.tell_menu_line", outcome = "translated" }',
+        r"\[GR\]: what is translated needs ask",
+    ),
     ("surface.toml", '"$QA+" = { call = "accessories.silence", outcome = "refused" }', r"\[\$QA\+\]: .*needs why"),
-    ("surface.toml", 'Aa = { call = "motion.align", outcome = "keept" }', r"\[Aa\]: .*'keept'"),
+    ("surface.toml", 'Aa = { call = "motion.check_alignment", outcome = "keept" }', r"\[Aa\]: .*'keept'"),
     ("surface.toml", "Aa = { say = {}, outcome = { fork = 'kept' } }", r"\[Aa\]: the last kind of mount"),
     (
         "surface.toml",
@@ -152,8 +156,8 @@ def test_mistake_in_a_table_is_reported_with_file_and_row(
 
 
 def test_unknown_kind_of_mount_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    row = replace(load("lx200").surface["Mg"], outcome={"germann": "refused", "else": "translated"})
-    monkeypatch.setitem(load("lx200").surface, "Mg", row)
+    row = replace(load("lx200").surface_rows["Mg"], outcome={"germann": "refused", "else": "translated"})
+    monkeypatch.setitem(load("lx200").surface_rows, "Mg", row)
     assert "mappings/lx200/surface.toml: [Mg]: outcome: no mount is 'germann'" in TABLES.problems()
 
 
@@ -170,8 +174,8 @@ def test_outdated_printed_tables_are_reported(tmp_path: Path, monkeypatch: pytes
 
 
 def test_missing_surface_row_fails_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
-    kept = {name: row for name, row in load("lx200").surface.items() if name != "LM"}
-    monkeypatch.setattr(load("lx200"), "surface", kept)
+    kept = {name: row for name, row in load("lx200").surface_rows.items() if name != "LM"}
+    monkeypatch.setattr(load("lx200"), "surface_rows", kept)
     assert "mappings/lx200/surface.toml: [LM]: it has no outcome on a nexstar mount" in TABLES.problems()
 
 
@@ -188,8 +192,8 @@ def test_explain_uses_the_named_model() -> None:
 
 
 def test_surface_row_missing_on_one_old_version_fails_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
-    kept = {name: ways[:1] if name == "Sync" else ways for name, ways in load("nexstar").driver.items()}
-    monkeypatch.setattr(load("nexstar"), "driver", kept)
+    kept = {name: ways[:1] if name == "Sync" else ways for name, ways in load("nexstar").driver_rows.items()}
+    monkeypatch.setattr(load("nexstar"), "driver_rows", kept)
     assert TABLES.missing("lx200", "nexstar") == ["CL", "CM"]
 
 
@@ -221,15 +225,15 @@ def test_printed_outcomes_on_the_oldest_hand_controls_match_reality(
     async def program() -> list[bytes]:
         config = {"site": (45.0, 10.0), "mode": "alt-az"}
         async with Bridge(model, version, config=config) as bridge:
-            before = len(bridge.sent())
+            before = len(bridge.sent_requests())
             await bridge.client().ask(said, 1.0)
             await asyncio.sleep(1.0)
-            return [sent for sent in bridge.sent()[before:] if sent[:1] not in b"EZJL"]
+            return [sent for sent in bridge.sent_requests()[before:] if sent[:1] not in b"EZJL"]
 
     name = load("lx200").find(b":" + said.rpartition(b":")[2])
     assert name is not None
     mount = load("nexstar")
-    row = load("lx200").surface[name[0].name]
-    kind = command_outcomes.MountKind(model, SPECS["nexstar"].counts_as(version))
+    row = load("lx200").surface_rows[name[0].name]
+    kind = command_outcomes.MountKind(model, SPECS["nexstar"].command_set_version(version))
     assert command_outcomes.outcome(row, mount, kind) == outcome
     assert bool(run(program())) == (outcome == "translated")

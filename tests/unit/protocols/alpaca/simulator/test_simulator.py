@@ -66,7 +66,7 @@ class Judged(Telescope):
         words = urlencode(parameters)
         where = DEVICE + member.lower() + (f"?{words}" if method == "GET" else "")
         status, text = self.sim.request(method, where, words.encode())
-        while self.sim.waits and target != FAST and self.sim.mechanics.slewing(self.sim.clock()):
+        while self.sim.delayed and target != FAST and self.sim.mechanics.slewing(self.sim.clock()):
             await asyncio.sleep(0.5)
         if status != 200:
             raise Issue(f"HTTP {status}: {text}")
@@ -158,7 +158,7 @@ def test_simulated_alpaca_telescope_reports_slewing_while_an_axis_moves(quiet: b
     before = program.place()[0]
     program.put("moveaxis", Axis=0, Rate=0.5)
     program.now += 2.0
-    assert program.get("slewing") is not quiet and program.sim.mechanics.moving(program.now)
+    assert program.get("slewing") is not quiet and program.sim.mechanics.is_moving(program.now)
     assert 0.5 < program.place()[0] - before < 1.1  # with this sign east, where right ascension grows
     program.put("moveaxis", Axis=0, Rate=0)
     program.now += 2.0
@@ -169,7 +169,7 @@ def test_simulated_alpaca_telescope_uses_the_equinox_that_it_reports() -> None:
     program = Program(sends_j2000=True, answers={"equatorialsystem": 1})
     program.put("slewtocoordinatesasync", RightAscension=5.5, Declination=22)
     program.now += 100.0
-    ra, dec = program.sim.truth()
+    ra, dec = program.sim.true_position()
     assert program.place() == pytest.approx((82.5, 22.0), abs=1e-3)
     assert 0.2 < ra - 82.5 < 0.5 and abs(dec - 22.0) < 0.1 and program.get("equatorialsystem") == 1
 

@@ -67,7 +67,7 @@ async def test_tracking_off_and_on_leaves_a_polar_meade_polar(model: str, tells_
         assert bridge.driver.equatorial
         assert await client.ask(b"T\2") == b"#"
         await asyncio.sleep(2.0)
-        assert bridge.sim.letter == "P" and b":AA#" not in bridge.sent()
+        assert bridge.sim.mode_letter == "P" and b":AA#" not in bridge.sent_requests()
         assert await client.ask(b"t") == b"\x02#"
 
 
@@ -97,7 +97,7 @@ async def test_program_is_told_that_the_meade_sleeps() -> None:
         assert await client.ask(b":MS#") == b"1The mount is asleep: wake it first.#"
         client.tell(b":RS#:Mn#")
         await asyncio.sleep(2.0)
-        assert not bridge.controller.moving and not {b":MS#", b":Mn#"} & set(bridge.sent())
+        assert not bridge.controller.moving and not {b":MS#", b":Mn#"} & set(bridge.sent_requests())
         client.tell(b":hW#")
         await asyncio.sleep(1.0)
         assert await client.ask(b":MS#") == b"0"

@@ -22,23 +22,23 @@ def test_simulated_meade_tracks_at_the_documented_rates(model: str, site: tuple[
     for command, drift in ((b":TQ#", 0.0), (b":TS#", 147.8), (b":TL#", 1281.0), (b":TM#", 0.0)):
         sim, clock = meade(model, site)
         sim.feed(command)
-        before = sim.truth()
+        before = sim.true_position()
         clock.now += 3600
-        after = sim.truth()
+        after = sim.true_position()
         assert wrap180(after[0] - before[0]) / ARCSECOND == pytest.approx(drift, abs=1.0), command
         assert after[1] == pytest.approx(before[1], abs=ARCSECOND)
         sim.feed(b":TQ#")
         clock.now += 3600
-        assert separation(*sim.truth(), *after) < ARCSECOND
+        assert separation(*sim.true_position(), *after) < ARCSECOND
 
 
 def test_simulated_meade_keeps_its_tracking_rate_after_a_slew() -> None:
     sim, clock = meade("lx200")
     assert sim.feed(b":U#:TS#" + overhead(sim) + b":MS#:GT#") == b"11060.0#"
     clock.now += 600
-    before = sim.truth()
+    before = sim.true_position()
     clock.now += 3600
-    assert wrap180(sim.truth()[0] - before[0]) / ARCSECOND == pytest.approx(147.8, abs=1.0)
+    assert wrap180(sim.true_position()[0] - before[0]) / ARCSECOND == pytest.approx(147.8, abs=1.0)
 
 
 def test_simulated_meade_tracks_at_a_rate_given_in_hertz() -> None:
@@ -55,7 +55,7 @@ def test_simulated_classic_restarts_tracking_when_given_a_mode() -> None:
     sim, clock = meade("lx200")
     sim.feed(b":U#" + overhead(sim) + b":MS#")
     clock.now += 300
-    truth = sim.truth()
+    truth = sim.true_position()
     assert separation(*sim.position(), *truth) < ARCSECOND
     sim.feed(b":AL#:AP#")
     assert separation(*sim.position(), *truth) > 5.0
@@ -68,9 +68,9 @@ def test_simulated_classic_restarts_tracking_when_given_a_mode() -> None:
 def test_simulated_autostar_and_lx200gps_switch_tracking_by_mode_letters(model: str) -> None:
     sim, clock = meade(model)
     assert sim.feed(b":AL#:GW#\x06:AA#:GW#\x06") == b"AN1LAT1A"
-    before = sim.truth()
+    before = sim.true_position()
     clock.now += 600
-    assert separation(*sim.truth(), *before) < ARCSECOND
+    assert separation(*sim.true_position(), *before) < ARCSECOND
 
 
 # --- moving -------------------------------------------------------------------------------------------------------
@@ -87,9 +87,9 @@ def test_arrows_of_a_simulated_fork_move_in_altitude_and_azimuth(model: str, sit
         clock.now += 3
         sim.feed(b":Q" + letter + b"#")
         assert wrap180(sim.mechanics.axes(sim.now)[axis] - before[axis]) * sign == pytest.approx(6.0, abs=0.1)
-        still = sim.truth()
+        still = sim.true_position()
         clock.now += 600
-        assert separation(*sim.truth(), *still) < ARCSECOND
+        assert separation(*sim.true_position(), *still) < ARCSECOND
 
 
 @each("model", MODELS)
@@ -116,18 +116,18 @@ def test_polar_meade_tracks_once_its_east_key_is_released(model: str, site: tupl
 @each("model", MODELS)
 def test_simulated_guiding_adds_to_tracking(model: str) -> None:
     sim, clock = meade(model)
-    before = sim.truth()
+    before = sim.true_position()
     sim.feed(b":RG#:Mn#")
     clock.now += 10
     sim.feed(b":Qn#")
-    assert separation(*sim.truth(), *before) / ARCSECOND == pytest.approx(150.4, abs=1.0)
-    still = sim.truth()
+    assert separation(*sim.true_position(), *before) / ARCSECOND == pytest.approx(150.4, abs=1.0)
+    still = sim.true_position()
     clock.now += 600
-    assert separation(*sim.truth(), *still) < ARCSECOND
+    assert separation(*sim.true_position(), *still) < ARCSECOND
     sim.feed(b":Mgs1500#")
     clock.now += 5
     guided = 22.6 if model in ("autostar", "lx200gps") else 0.0
-    assert separation(*sim.truth(), *still) / ARCSECOND == pytest.approx(guided, abs=0.5)
+    assert separation(*sim.true_position(), *still) / ARCSECOND == pytest.approx(guided, abs=0.5)
 
 
 def test_simulated_lx200gps_moves_at_its_rates() -> None:
@@ -139,10 +139,10 @@ def test_simulated_lx200gps_moves_at_its_rates() -> None:
         clock.now += 2
         sim.feed(b":Q#")
         assert wrap180(sim.mechanics.axes(sim.now)[axis] - before[axis]) == pytest.approx(2 * rate, abs=0.1)
-    still = sim.truth()
+    still = sim.true_position()
     sim.feed(b":Rg07.5#:Mgn2000#")
     clock.now += 10
-    assert separation(*sim.truth(), *still) / ARCSECOND == pytest.approx(15.0, abs=0.5)
+    assert separation(*sim.true_position(), *still) / ARCSECOND == pytest.approx(15.0, abs=0.5)
 
 
 @each(("model", "fastest"), [("lx200", 8), ("lx200-16", 4), ("autostar", 8), ("lx200gps", 8)])
@@ -184,7 +184,7 @@ def test_parked_polar_meade_points_at_its_pole() -> None:
         sim.feed(b":hP#")
         assert sim.feed(b":D#").strip(b" #") != b""
         clock.now += 300
-        assert sim.truth()[1] == pytest.approx(pole)
+        assert sim.true_position()[1] == pytest.approx(pole)
         assert not sim.tracking
 
 

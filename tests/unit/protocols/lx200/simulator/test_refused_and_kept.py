@@ -103,7 +103,7 @@ def test_simulated_meade_survives_any_bytes(model: str) -> None:
             argument = "".join(dice.choices("0123456789+-*:./ nsDGP\xdf", k=dice.randrange(9)))
             line.send(f":{dice.choice(names)}{dice.choice(('', argument))}#".encode("latin-1"))
             clock.now += dice.choice((0.0, 0.2, 7.0, 3600.0))
-            ra, dec = sim.truth()
+            ra, dec = sim.true_position()
             assert 0.0 <= ra < 360.0
             assert -90.0 <= dec <= 90.0
             assert sim.position()[1] <= 90.0
@@ -141,7 +141,7 @@ def test_simulated_meade_accepts_offsets_of_whole_and_half_hours() -> None:
 @each("model", MODELS)
 def test_simulated_meade_finds_library_objects_by_number(model: str) -> None:
     sim, _ = meade(model)
-    if not sim.high:
+    if not sim.high_precision:
         sim.feed(b":U#")
     sim.feed(b":LM42#")
     found = sim.feed(b":Gr#:Gd#")

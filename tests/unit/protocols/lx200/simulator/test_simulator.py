@@ -56,7 +56,7 @@ def test_simulated_meade_answers_every_form_of_the_manual_as_real_ones_do(model:
     wrong = []
     for name, example, models, shapes in rows("lx200_forms.txt"):
         sim, _ = meade(model)
-        if not sim.high:
+        if not sim.high_precision:
             sim.feed(b":U#")
         reply = sim.feed(raw(example))
         if model not in models.split(","):
@@ -124,13 +124,13 @@ def test_arrows_of_a_simulated_polar_mount_move_in_right_ascension_and_declinati
 ) -> None:
     for direction, axis, sign in ((b"n", 1, 1), (b"s", 1, -1), (b"e", 0, 1), (b"w", 0, -1)):
         sim, clock = meade(model, site, ramps=False)
-        before = sim.truth()
+        before = sim.true_position()
         sim.feed(b":RM#:M" + direction + b"#")
         clock.now += 2
         sim.feed(b":Q" + direction + b"#")
-        moved = [(after - was + 180) % 360 - 180 for after, was in zip(sim.truth(), before, strict=True)]
+        moved = [(after - was + 180) % 360 - 180 for after, was in zip(sim.true_position(), before, strict=True)]
         assert moved[axis] * sign == pytest.approx(4.0, abs=0.1), direction
         assert abs(moved[1 - axis]) < 0.1
-        still = sim.truth()
+        still = sim.true_position()
         clock.now += 60
-        assert separation(*sim.truth(), *still) < 1 / 3600  # tracking goes on by itself
+        assert separation(*sim.true_position(), *still) < 1 / 3600  # tracking goes on by itself

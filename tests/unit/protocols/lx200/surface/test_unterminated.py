@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from gateway.core import operations as op
 from gateway.protocols.base.frames import Suspect, Unterminated
-from gateway.protocols.lx200.framing import LONGEST, Lx200Framer, stops
+from gateway.protocols.lx200.framing import MAX_COMMAND_LENGTH, Lx200Framer, stop_commands
 from gateway.protocols.wireformat.command_set import load
 from tests.support.each import each
 from tests.support.examples import some
@@ -96,7 +96,7 @@ def test_commands_behind_an_unterminated_setter_are_answered_but_move_nothing(wa
 
 
 @each("way", WAYS)
-@each("stop", stops())
+@each("stop", stop_commands())
 def test_stop_inside_or_behind_an_unterminated_setter_is_carried_out(stop: bytes, way: str) -> None:
     for sent in (
         b":Sr07:00:00" + stop,
@@ -142,9 +142,10 @@ def test_lx200_framing_knows_every_stop_command() -> None:
     ends = {
         command.request.encode({})
         for name, command in lx200.commands.items()
-        if lx200.surface[name].operations and set(lx200.surface[name].operations) <= {"AbortMotion", "StopAxis"}
+        if lx200.surface_rows[name].operations
+        and set(lx200.surface_rows[name].operations) <= {"AbortMotion", "StopAxis"}
     }
-    assert ends | {b":FQ#"} == set(stops())
+    assert ends | {b":FQ#"} == set(stop_commands())
 
 
 # --- every command with an argument -------------------------------------------------------------------------------
@@ -196,7 +197,7 @@ def test_overlong_unterminated_setter_is_refused(way: str) -> None:
 def test_endless_lx200_command_takes_no_memory(endless: bytes) -> None:
     framer = Lx200Framer()
     assert framer.feed(b":Sr1:Sd1" + endless * 4_000, 0.0) == []
-    assert len(framer._frame) <= LONGEST and len(framer._text) <= LONGEST
+    assert len(framer._frame) <= MAX_COMMAND_LENGTH and len(framer._unterminated_text) <= MAX_COMMAND_LENGTH
     assert len(framer._unterminated) <= len(load("lx200").commands)
 
 

@@ -93,13 +93,13 @@ def test_simulated_guide_pulses_need_newer_motors() -> None:
     assert old("50 01 10 27 00 00 00 01") == b"\0\0#"
     new(b"B2000,2000")
     new.settle()
-    ra, _ = new.sim.truth()
+    ra, _ = new.sim.true_position()
     assert new("50 03 10 26 32 64 00 00") == b"#"
     assert new("50 01 10 27 00 00 00 01") == b"\x01#"
     assert new.after(2)("50 01 10 27 00 00 00 01") == b"\x00#"
-    assert wrap180(new.sim.truth()[0] - ra) * 3600 == pytest.approx(-7.52, abs=0.01)
+    assert wrap180(new.sim.true_position()[0] - ra) * 3600 == pytest.approx(-7.52, abs=0.01)
     new("50 03 10 26 CE 64 00 00")
-    assert wrap180(new.after(2).sim.truth()[0] - ra) * 3600 == pytest.approx(0, abs=0.01)
+    assert wrap180(new.after(2).sim.true_position()[0] - ra) * 3600 == pytest.approx(0, abs=0.01)
 
 
 # --- the manual's own rows ---------------------------------------------------------------------------------
@@ -109,7 +109,7 @@ def manual_state() -> Bench:
     """The state that the hand-typed forms are written for."""
     bench = Bench("cge", now=APRIL - 300)
     bench.sim.row = {**bench.sim.row, "has": ["gps", "rtc"]}
-    bench.sim.motors = (6, 11)
+    bench.sim.firmware = (6, 11)
     bench(b"T\x00b12AB0500,40000500")
     bench.settle()
     bench.now = APRIL
@@ -278,16 +278,16 @@ def test_simulated_german_motors_turn_west_and_north_by_pier_side(latitude: floa
         bench.settle()
         letter = bench(b"p").decode()[0]
         assert letter == (side if latitude > 0 else {"E": "W", "W": "E"}[side])  # told the northern way
-        start = bench.sim.truth()
+        start = bench.sim.true_position()
         bench(b"T\x00")
         bench(f"50 02 10 {west} 07 00 00 00")
         bench.after(2)
         bench("50 02 10 24 00 00 00 00")
-        assert wrap180(bench.sim.truth()[0] - start[0]) < -1.9
+        assert wrap180(bench.sim.true_position()[0] - start[0]) < -1.9
         bench("50 02 11 24 07 00 00 00")
         bench.after(2)
         bench("50 02 11 24 00 00 00 00")
-        north = bench.sim.truth()[1] - start[1]
+        north = bench.sim.true_position()[1] - start[1]
         assert north == pytest.approx(2.0 if side == "E" else -2.0, abs=1e-6)
         bench(bytes((0x54, mode)))
 
@@ -413,7 +413,7 @@ def test_no_bytes_break_the_simulated_hand_control(
     for data, wait in story:
         bench(data)
         bench.after(wait)
-        ra, dec = bench.sim.truth()
+        ra, dec = bench.sim.true_position()
         assert 0 <= ra < 360 and -90 <= dec <= 90
     bench.after(2)
     assert bench(b"yKz").endswith(b"z#")
@@ -442,10 +442,10 @@ def test_simulated_axis_commands_move_and_set_one_axis() -> None:
     assert bench.settle()("50 01 11 01 00 00 00 03") == b"\x30\x00\x00#"
     assert bench("50 04 10 17 48 00 00 00") == b"#"
     assert bench.settle()("50 01 10 01 00 00 00 03") == b"\x48\x00\x00#"
-    truth, believed = bench.sim.truth(), bench.place()
+    truth, believed = bench.sim.true_position(), bench.place()
     assert bench("50 04 11 04 28 00 00 00") == b"#"
     assert bench("50 01 11 01 00 00 00 03") == b"\x28\x00\x00#"
-    assert bench.sim.truth() == pytest.approx(truth)
+    assert bench.sim.true_position() == pytest.approx(truth)
     assert bench.place()[1] == pytest.approx(believed[1] - 11.25, abs=1e-4)
     bench(b"B4000,3000")
     assert bench.settle()(b"Z") == b"4000,3000#"

@@ -139,7 +139,7 @@ def test_nexstar_guide_pulse_state_is_shared_by_all_clients() -> None:
     talk = talk_to()
     talk.send(b"P\x03\x10&\x32\xff\0\0")
     talk.reconnect()
-    talk.session.forget()
+    talk.session.reset_client()
     assert talk.send(ACTIVE[1]) == b"\1#"
 
 

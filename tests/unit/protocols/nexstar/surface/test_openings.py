@@ -177,7 +177,7 @@ def test_clock_of_an_old_nexstar_mount_is_not_set() -> None:
 
 def test_log_says_why_a_nexstar_command_gets_no_answer() -> None:
     talk = Talk(protocol="nexstar", model="cpc", version="4.03")
-    why = talk.binding.surface.silence(talk.session, b"s34AB0500,12CE0500")
+    why = talk.binding.surface.silence_reason(talk.session, b"s34AB0500,12CE0500")
     assert "4.03" in why and "no such command" in why
 
 
@@ -196,4 +196,4 @@ def test_typed_command_lengths_match_the_nexstar_table() -> None:
     for command in load("nexstar").commands.values():
         letter = chr(command.request.prefix[0])
         assert command.request.width == LENGTHS[letter]
-        assert command.name == "v" or letter != command.name or command.since == SINCE[letter]
+        assert command.name == "v" or letter != command.name or command.first_version == SINCE[letter]

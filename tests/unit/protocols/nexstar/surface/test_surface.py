@@ -94,7 +94,7 @@ def test_nexstar_sidereal_time_is_a_turn_in_eight_digits() -> None:
 
 def test_every_nexstar_command_has_a_surface_row() -> None:
     protocol = load("nexstar")
-    assert set(protocol.commands) == set(protocol.surface)
+    assert set(protocol.commands) == set(protocol.surface_rows)
 
 
 @each("version", ["1.2", "1.6", "2.2", "4.21", "5.31"])

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from gateway.protocols.base.frames import Dropped, Unterminated
+from gateway.protocols.base.frames import DroppedBytes, Unterminated
 
 
 class Lines:
     """Cuts a byte stream into lines."""
 
-    held = False
+    holds_bytes = False
 
     def __init__(self) -> None:
         self._rest = b""
-        self.dropped = Dropped()
+        self.dropped = DroppedBytes()
 
     @property
     def idle(self) -> bool:

@@ -37,12 +37,12 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
 SPEC = ProtocolSpec(
     name="toy",
     title="Toy",
-    a_program="a toy",
-    a_mount="a toy",
-    preset="Toy",
-    mounts="toy",
+    program_phrase="a toy",
+    mount_phrase="a toy",
+    menu_entry="Toy",
+    mounts_phrase="toy",
     framing=_framing,
-    opening=re.compile(rb"(?:[?!=][^\n]*\n)*"),
+    opening_pattern=re.compile(rb"(?:[?!=][^\n]*\n)*"),
     make_surface=_make_surface,
     recognises=lambda sent: 1.0 if sent[:1] in (b"?", b"!") and b"\n" in sent else 0.0,
 )
