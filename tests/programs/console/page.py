@@ -178,7 +178,7 @@ class Visit:
         """Look again until it is so; the page goes on meanwhile."""
 
         def look() -> bool:
-            self.page.wait_for_timeout(20)  # what the browser reports is heard while it is waited here
+            self.page.wait_for_timeout(60)  # what the browser reports is heard while it is waited here
             return bool(happened())
 
         wait_until(what, look)
