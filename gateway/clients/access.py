@@ -49,8 +49,7 @@ class AccessRules(Struct, frozen=True):
     """The access rules of a surface.
 
     ``allow``: networks that may connect (None: all). ``read_only``: networks that may only read, or True for all.
-    ``max_clients``: maximum number of clients at a time. ``may_hibernate``: whether network clients may hibernate the
-    mount.
+    ``max_clients``: maximum number of clients at a time. ``may_hibernate``: network clients may hibernate the mount.
     """
 
     allow: Networks | None = None
@@ -89,9 +88,7 @@ class Rights(Struct, frozen=True):
 
 
 class ClientAdmission:
-    """Decides which connections surface ``surface_number`` accepts. A refused host is logged once and shown in
-    ``status``.
-    """
+    """Decides which connections surface ``surface_number`` accepts. ``status`` shows a refused host; the log, once."""
 
     def __init__(self, access: AccessRules, surface_number: int, wire_log: WireLog) -> None:
         self._access, self._surface, self._log = access, surface_number, wire_log

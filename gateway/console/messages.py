@@ -1,7 +1,7 @@
 """The messages that a page sends over its WebSocket: requests common to all clients, and requests of pages only.
 
-A message is a JSON object: ``do`` is the request, ``mount_index`` the number of the mount, ``answer_number`` the number
-of the answer, which the page chooses (0: no answer is wanted). The other fields are those of the request. A target is a
+A message is a JSON object: ``do`` is the request, ``mount_index`` the number of the mount, ``answer_number`` that of
+the answer, which the page chooses (0: no answer is wanted). The other fields are those of the request. A target is a
 ``name``, or ``ra`` and ``dec``, of date unless ``j2000`` is true. Angles are degrees, longitudes east positive, times
 Unix seconds.
 """

@@ -14,9 +14,7 @@ from gateway.protocols.registry import ANY, surface_protocols
 
 
 class RecordedSides:
-    """The protocols of the connections in a recording, by name; ``protocols_of_surfaces`` are those of the surfaces, in
-    order.
-    """
+    """The protocols of a recording's connections, by name; ``protocols_of_surfaces``: of its surfaces, in order."""
 
     def __init__(self, recording: Recording) -> None:
         config = recording.settings["config"]

@@ -111,9 +111,8 @@ class Dispatcher:
     async def _carry_out(self, text: str, order: str, arguments: str) -> None:
         self._is_busy = True
         try:
-            request = (
-                GotoRequest(ByName(arguments), who=CLIENT) if order == GOTO_ORDER else PLAIN_ORDERS[order](who=CLIENT)
-            )
+            name = ByName(arguments)
+            request = GotoRequest(name, who=CLIENT) if order == GOTO_ORDER else PLAIN_ORDERS[order](who=CLIENT)
             answer = await self._gateway.carry_out(request)
         finally:
             self._is_busy = False

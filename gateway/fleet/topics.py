@@ -24,9 +24,7 @@ MAX_EVENTS = 200
 
 
 class MqttMessage(Struct, frozen=True):
-    """A message to publish. ``replaces``: it takes the place of a waiting one of its topic, and is repeated after a
-    reconnect.
-    """
+    """A message to publish. ``replaces``: it replaces a waiting one of its topic, and is sent again on reconnection."""
 
     topic: str
     payload: bytes

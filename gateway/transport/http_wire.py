@@ -47,8 +47,7 @@ class HttpRequest(NamedTuple):
 class HttpDialect(Protocol):
     """Converts lines to requests, and answers to lines.
 
-    ``first_requests``: the requests when the wire opens. ``check_first_answer`` raises OSError if an answer to them is
-    of the wrong server.
+    ``first_requests``: sent when the wire opens. ``check_first_answer`` raises OSError if a wrong server answers.
     """
 
     @property

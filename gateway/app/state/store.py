@@ -150,10 +150,8 @@ class StateStore:
         self._get_driver_memory = controller.driver.saved_state
         self._get_sync_sum = lambda: controller.synced.value
         restore(controller, self.previous_run)
-        self._get_motion, self._host_clock = (
-            controller.identification.leftover_motion,
-            controller.site_clock.computer_time,
-        )
+        self._get_motion = controller.identification.leftover_motion
+        self._host_clock = controller.site_clock.computer_time
         self._site = controller.site_clock.site_to_store
         self._get_as_left = lambda: controller.same_mount.snapshot
         for lasting in (controller.changed, controller.site_clock.lasting, controller.same_mount.lasting):

@@ -98,9 +98,7 @@ def _rows(where: str, *values: Any, columns: str = _COLUMNS) -> list[tuple[Any, 
 
 
 def matching(limits: SearchLimits) -> list[Candidate]:
-    """Return all candidates within the limits, sorted by ``search_order``; callers must not change it. Raises
-    NotInstalled.
-    """
+    """Return all candidates within the limits, by ``search_order``; callers must not change it. Raises NotInstalled."""
     return _matching(data_file("pyongc", "ongc.db"), limits)
 
 

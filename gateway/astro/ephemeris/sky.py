@@ -161,9 +161,8 @@ class Sky:
             if len(self._frame_at) >= _MAX_CACHED_FRAMES:
                 self._frame_at.clear()
             values = self._values("frame", minute)
-            frame = self._frame_at[minute] = (
-                closed_forms.frame(minute) if values is None else _to_frame(minute, *values)
-            )
+            frame = closed_forms.frame(minute) if values is None else _to_frame(minute, *values)
+            self._frame_at[minute] = frame
         return minute, frame
 
     def _table_vector(self, part: str, unix: float) -> Vector | None:

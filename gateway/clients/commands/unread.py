@@ -23,9 +23,7 @@ _IGNORED_BYTES = b"#\r\n\0 "
 
 
 class UnreadText:
-    """The held-back text of a connection. ``send_bytes`` sends and logs bytes; a ``hold_time`` of 0 s holds nothing
-    back.
-    """
+    """The held-back text of a connection. ``send_bytes`` sends and logs bytes; ``hold_time`` 0 s holds nothing back."""
 
     def __init__(
         self, send_bytes: Callable[[bytes], None], log: ClientLog, loop: asyncio.AbstractEventLoop, hold_time: float

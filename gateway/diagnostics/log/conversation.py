@@ -112,11 +112,9 @@ class ConnectionDecoder:
                 return self._describe(ask, *taken)
         if (message := self._match_pushed(self._partial_reply)) is not None:
             return message
-        return (
-            None
-            if self._due or self._pushed
-            else (DecodedMessage(b"", "nobody asked", fails=True), len(self._partial_reply))
-        )
+        if self._due or self._pushed:
+            return None
+        return DecodedMessage(b"", "nobody asked", fails=True), len(self._partial_reply)
 
     def describe_reply(self, data: bytes) -> DecodedMessage:
         """Describe a complete reply on a connection with one request at a time: it answers the last command.

@@ -37,12 +37,10 @@ def why_no_room(telescope: CheckedMount, sky: op.Equatorial | None = None) -> st
     if sky is None:
         return ""
     altitude, hour_angle = telescope.controller.astrometry.alt_and_ha(sky)
-    limits = telescope.controller.policy.limits
+    limits, suns = telescope.controller.policy.limits, telescope.controller.suns
     if abs(sky.dec) > MAX_DECLINATION:
         return "it points near the pole"
-    if (
-        sun := min(telescope.controller.suns.distances(sky), default=inf)
-    ) < telescope.controller.suns.limit + SUN_MARGIN:
+    if (sun := min(suns.distances(sky), default=inf)) < suns.limit + SUN_MARGIN:
         return f"it points {sun:.0f}° from the Sun"
     if altitude is not None and not limits.lowest + MARGIN <= altitude <= min(90.0, limits.highest) - MARGIN:
         return f"its altitude is {altitude:.0f}°"

@@ -50,9 +50,7 @@ STAGES: tuple[Stage, ...] = (
 
 
 class Person(Protocol):
-    """The person at the terminal. ``stop`` is set when the space bar is pressed; ``ask_for_key`` asks, and returns a
-    key.
-    """
+    """The person at the terminal. ``ask_for_key`` asks, and returns the pressed key."""
 
     stop: asyncio.Event  # set when the space bar is pressed
 

@@ -117,9 +117,8 @@ class CheckedMount:
             by = controller.wanted.stopped_by
             raise StoppedByOthers(f"the mount was stopped{f' by {by}' if by else f' ({reason})' * bool(reason)}")
         if controller.line.state not in ("up", "busy"):
-            still = "; it may still move, and is stopped as soon as it answers" * (
-                controller.wanted.stop_owed or self.moving
-            )
+            may_move = controller.wanted.stop_owed or self.moving
+            still = "; it may still move, and is stopped as soon as it answers" if may_move else ""
             raise StageEnd(f"the mount does not answer ({controller.line.down_cause}){still}")
         if other := self.other_mover:
             raise StageEnd(f"another program moves the mount ({other})")
@@ -261,9 +260,8 @@ class CheckedMount:
 
     def speed_of_key(self, key: int) -> float:
         """Return the speed of a rate key on this model, degrees a second."""
-        return min(
-            self.driver.speed(op.Rate(key=key)), float(getattr(self.driver, "model_facts", {}).get("max_rate", inf))
-        )
+        fastest = float(getattr(self.driver, "model_facts", {}).get("max_rate", inf))
+        return min(self.driver.speed(op.Rate(key=key)), fastest)
 
     # --- what a position means ----------------------------------------------------------------------------------------
 

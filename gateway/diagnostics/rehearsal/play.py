@@ -61,9 +61,7 @@ class PlayedStep(NamedTuple):
 
 
 class Prelude(NamedTuple):
-    """The commands that a program sends first: ``completed`` are completed before the next one, ``in_progress`` only
-    begun.
-    """
+    """The commands that a program sends first: those ``completed`` before the next one, and those ``in_progress``."""
 
     completed: tuple[bytes, ...] = ()
     in_progress: tuple[bytes, ...] = ()

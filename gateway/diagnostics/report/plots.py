@@ -219,11 +219,8 @@ def _draw_time_labels(points: Iterable[TrackPoint]) -> list[str]:
     taken: list[Point] = []
     for place in points:
         x, y = _point(place.az, place.alt)
-        if (
-            place.slewing
-            or not place.continues_track
-            or any(abs(x - a) < WIDTH and abs(y - b) < HIGH for a, b in taken)
-        ):
+        is_covered = any(abs(x - a) < WIDTH and abs(y - b) < HIGH for a, b in taken)
+        if place.slewing or not place.continues_track or is_covered:
             continue
         drawn.append(tag("circle", cx=x, cy=y, r=3.5, class_="dot"))
         drawn.append(text(format_time_of_day(place.time), x + 7, y + 4, "time", "start"))

@@ -283,7 +283,7 @@ class Transaction:
 
     async def exchange(self, command: Send, firm: bool = False, is_resync: bool = False, stop: bool = False) -> Answer:
         """Send a request and return the fields of its reply, or the Fault that came instead. ``firm``: a stop
-        does not cut short the pause after it. ``is_resync``: it gets the full timeout of the protocol. ``is_stop``: it
+        does not cut short the pause after it. ``is_resync``: it gets the full timeout of the protocol. ``stop``: it
         does not wait until the line is quiet.
         """
         try:
@@ -306,9 +306,8 @@ class Transaction:
         self._stop_unheard = stop and expected.silent
         self.long, self.long_until = False, self._clock() if command.long else self.long_until
         if taken is None:
-            return (
-                GaveWayToStop() if overtakes and self._must_give_way else self._silent_fault(command, expected, began)
-            )
+            gave_way = overtakes and self._must_give_way
+            return GaveWayToStop() if gave_way else self._silent_fault(command, expected, began)
         outcome, length = taken
         if len(self._buffer) > length + self._new_stops:  # each stop sent meanwhile may have been refused with a byte
             outcome = Garbled()

@@ -66,12 +66,11 @@ def after_stop(wanted: Wanted, reason: str | None = None) -> Wanted:
         for order in wanted.pending
         if survives_abort(order.operation) or (order.urgent and order.number == wanted.active)
     )
-    short = (
-        f"the goto ended before its goal: {reason}" if reason and isinstance(wanted.motion, Slew) else wanted.failure
-    )
+    ends_goto = bool(reason) and isinstance(wanted.motion, Slew)
+    failure = f"the goto ended before its goal: {reason}" if ends_goto else wanted.failure
     return replace(
         wanted, pending=pending, pulses=(), arrows=(), taps=(), stop_owed=True, n_stops=wanted.n_stops + 1,
-        failure="" if reason == "" else short,
+        failure="" if reason == "" else failure,
     )  # fmt: skip
 
 

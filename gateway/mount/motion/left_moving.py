@@ -67,7 +67,7 @@ def axis_speeds(before: AxisSample, after: AxisSample) -> Pair:
 
 
 def axes_still_moving(left: Leftover, rates: Pair) -> frozenset[int]:
-    """Return the axes that still turn as recorded. ``axis_rates``: the present speeds, degrees a second."""
+    """Return the axes that still turn as recorded. ``rates``: the present speeds, degrees a second."""
     axes = {
         axis for axis, speed in left.speeds.items() if MIN_RATIO * speed <= abs(rates[axis - 1]) <= TOO_FAST * speed
     }

@@ -40,7 +40,7 @@ class TimedPosition(Struct, frozen=True):
 
 
 class RunOn(Struct, frozen=True):
-    """The time after the end of a motion: ``after_goto`` (also park or home), or by hand. ``positions`` are those that
+    """The time after the end of a motion: ``goto`` (also park or home), or by hand. ``positions`` are those that
     can show rest; ``last_position_at`` is when the mount last reported any position.
     """
 

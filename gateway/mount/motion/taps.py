@@ -155,10 +155,8 @@ def after_stop_as_release(wanted: Wanted, activity: HostActivity, now: float) ->
 
 def end_tap(wanted: Wanted, end: Halt) -> Wanted:
     """Add the halt that ends a tap. It cancels no later order, and is void once a goto under way has begun."""
-    gotos = [other.number for other in wanted.waiting_gotos if other.number == wanted.active]
-    end = replace(
-        end, rank=FIRST_RANK, overtakes=True, order_count=wanted.order_count, void_by=gotos[0] if gotos else 0
-    )
+    goto = next((other.number for other in wanted.waiting_gotos if other.number == wanted.active), 0)
+    end = replace(end, rank=FIRST_RANK, overtakes=True, order_count=wanted.order_count, void_by=goto)
     return replace(wanted, pending=(*wanted.pending, end))
 
 

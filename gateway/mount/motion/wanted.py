@@ -55,7 +55,7 @@ class Arrow(Struct, frozen=True):
 class Order(Struct, frozen=True):
     """An operation that a client or the gateway has ordered and that is not done.
 
-    ``number`` is its sequence number, ``client`` the client's connection. Loop times: ``arrived_at`` of its arrival,
+    ``number`` is its sequence number, ``client`` the client's connection. Loop times: ``came_at`` of its arrival,
     ``at`` from which it is due, ``deadline`` until which its client waits. A ``follow_up`` is the
     gateway's own, ``urgent`` if it ends a motion, ``not_while_busy`` if it waits until the mount accepts commands.
     """
@@ -229,7 +229,7 @@ class DoneHalt(Struct, frozen=True):
 class Wanted(Struct, frozen=True):
     """All that the gateway wants of a mount now. ``active``: the order that is being carried out, 0 for none.
 
-    ``short_taps`` are taps that are too short for this mount, and are added to the next ones. ``stop_count`` and
+    ``short_taps`` are taps that are too short for this mount, and are added to the next ones. ``n_stops`` and
     ``goto_count`` count the orders of these kinds so far, ``gotos_begun`` the gotos that the mount has acknowledged,
     ``motions_begun`` the acknowledged motions of each axis, ``order_count`` all orders except halts. ``stop_owed``: the
     mount has not acknowledged a stop yet. ``homed``: the mount was sent home, and no order has moved it since.

@@ -51,9 +51,8 @@ class Reader:
     """Reads for clients: ``peek`` returns a cached answer, and ``answer`` asks the mount, within a timeout. Reads for
     the gateway are not extrapolated: ``read`` uses the cache if possible, ``read_now`` always asks the mount.
 
-    Signals: ``position``, ``axes`` and ``status`` with each new reading; ``position_failed`` when a position read
-    failed; ``goto_over`` when the mount reports the end of a goto, and ``goto_missed`` with a message if it missed its
-    goal.
+    Signals: ``position``, ``axes`` and ``status`` with each new reading; ``position_failed`` after a failed read;
+    ``goto_over`` when the mount reports the end of a goto, and ``goto_missed`` with a message if it missed its goal.
     """
 
     def __init__(self, context: Context, runner: DriverRunner) -> None:

@@ -222,9 +222,8 @@ class SunAvoidance:
             if not _are_comparable(self._risen_suns, suns):
                 self.era += 1
             self._risen_suns, self.confirmed = suns, sum(sun.confirmed for sun in suns)
-            if (
-                self._site_read.is_set() and self._sources.best_time().source == COMPUTER
-            ):  # before, it may still tell one
+            # before the site is read, the mount may still report a date
+            if self._site_read.is_set() and self._sources.best_time().source == COMPUTER:
                 self._note_once("WARNING: the mount has reported no date: this computer's is used to avoid the Sun")
         return self._risen_suns
 

@@ -189,9 +189,8 @@ class NexStarFramer(LengthFramer):
         """Like ``LengthFramer.feed``. Without data, it returns what was held back, if the line is quiet."""
         quiet = now - self._last_byte_at
         if self._remembers and self._pending and data and QUIET_GAP <= quiet < QUIET_GAP + END_WINDOW:
-            self._interrupted = PartialCommand(
-                bytes(self._pending), now - quiet + QUIET_GAP + END_WINDOW, self._lengths
-            )
+            until = self._last_byte_at + QUIET_GAP + END_WINDOW
+            self._interrupted = PartialCommand(bytes(self._pending), until, self._lengths)
         interrupted = self._interrupted
         if interrupted is None:
             return super().feed(data, now)

@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
 
 NAME, DEFAULT_MODEL = "nexstar", "6-8se"
-#: Versions are at least ``OLDEST`` and below ``TOO_NEW``; those of a GT begin at ``GT``; a StarSense has
-#: its own.
+#: Versions are at least ``OLDEST`` and below ``TOO_NEW``; those of a GT begin at ``GT``; a StarSense has its own.
 OLDEST, TOO_NEW, GT = (1, 2), (6, 0), 100
 #: An echo request; it is no command of a Meade.
 ECHO = b"Kx"

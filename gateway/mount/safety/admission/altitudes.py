@@ -29,7 +29,7 @@ from gateway.mount.site.astrometry import PointingFrame, SiteAstrometry, SyncShi
 
 class AltitudeSource(NamedTuple):
     """One way to calculate an altitude: by the mount's own data; as if the syncs were wrong, so that the tube is off by
-    ``sync_shift``; or by another site and time (``contradiction``), with the astronomy for these in ``sky``.
+    ``sync_shift``; or by another site and time (``contradicts``), with the astronomy for these in ``sky``.
     """
 
     mount: Context

@@ -153,9 +153,8 @@ class AlpacaTelescope(Simulated):
         """The value of Slewing: true during a slew or MoveAxis, and until the motors have reached the ordered speed."""
         if self.mechanics.slewing(self.now):
             return True
-        return not self.quiet_axes and (
-            bool(self.moving) or (self.mechanics.is_ramping(self.now) and not self.is_pulsing)
-        )
+        ramps = self.mechanics.is_ramping(self.now) and not self.is_pulsing
+        return not self.quiet_axes and (bool(self.moving) or ramps)
 
     @property
     def is_pulsing(self) -> bool:

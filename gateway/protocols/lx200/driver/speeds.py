@@ -112,10 +112,8 @@ def _key_speeds(model_speeds: ModelSpeeds, requested: float) -> Iterator[Speed]:
         yield Speed("RG", SPEEDS["RG"])
     yield Speed("RC", SPEEDS["RC"])
     if model_speeds.free:
-        free = min(
-            float(model_speeds.max_speed_range[1]),
-            max(_MIN_AXIS_RATE, round(round(requested / _AXIS_STEP) * _AXIS_STEP, 1)),
-        )
+        free = max(_MIN_AXIS_RATE, round(round(requested / _AXIS_STEP) * _AXIS_STEP, 1))
+        free = min(float(model_speeds.max_speed_range[1]), free)
         yield Speed("RS", free, axis_rate=free)
         return
     yield Speed("RM", SPEEDS["RM"])

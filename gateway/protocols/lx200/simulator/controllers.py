@@ -204,14 +204,9 @@ class ControllerMotion(SimulatedLx200):
 
     def drive_rate_reply(self) -> bytes:
         """:GT - the tracking rate, hertz."""
-        on = self.mechanics.tracking(self.now)
-        return (
-            f"{self.stored_values.get('hertz', 60.16427):.5f}#".encode()
-            if on
-            else b"0#"
-            if self.onstep
-            else b"0.00000#"
-        )
+        if not self.mechanics.tracking(self.now):
+            return b"0#" if self.onstep else b"0.00000#"
+        return f"{self.stored_values.get('hertz', 60.16427):.5f}#".encode()
 
 
 # --- the commands that a Meade does not have, or answers otherwise ----------------------------------------------------

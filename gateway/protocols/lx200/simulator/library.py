@@ -65,10 +65,9 @@ def step_object(sim: MeadeTelescope, name: str, _: Values) -> None:
         return
     up = [thing for thing in _OBJECTS if altitude(sim, *_SKY.to_of_date(thing.ra, thing.dec, sim.utc())) > 0]
     if up:
-        place = sim.stored_values["step"] = (
-            (sim.stored_values.get("step", 0) + _STEPS[name]) % len(up) if _STEPS[name] else 0
-        )
-        _set_target(sim, up[place].ra, up[place].dec, f"M{up[place].messier} {up[place].kind}")
+        index = (sim.stored_values.get("step", 0) + _STEPS[name]) % len(up) if _STEPS[name] else 0
+        sim.stored_values["step"] = index
+        _set_target(sim, up[index].ra, up[index].dec, f"M{up[index].messier} {up[index].kind}")
 
 
 def select_catalogue(sim: MeadeTelescope, name: str, values: Values) -> bytes:

@@ -39,9 +39,8 @@ def slew(sim: MeadeTelescope, name: str, _: Values) -> bytes:
 
 def target_from_horizontal(sim: MeadeTelescope) -> Pair:
     """Return right ascension and declination of the target of :Sz and :Sa."""
-    hour_angle, dec = horizon_to_hour_angle(
-        sim.stored_values.get("az", 0.0), sim.stored_values.get("alt", 0.0), sim.site[0]
-    )
+    az, alt = (sim.stored_values.get(name, 0.0) for name in ("az", "alt"))
+    hour_angle, dec = horizon_to_hour_angle(az, alt, sim.site[0])
     return wrap360(sim.mechanics.sky.lst(sim.now) - hour_angle), dec
 
 

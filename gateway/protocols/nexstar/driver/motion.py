@@ -51,9 +51,8 @@ def _is_reversed(mount: NexStar, direction: op.Direction) -> Steps:
     except Fault:
         return mount.reports_beyond_pole
     west = mount.tube_side(reported) == "W"
-    return west != (
-        mount.reports_beyond_pole and mount.supports("p")
-    )  # without p both follow from the same axis reading
+    # without p both follow from the same axis reading
+    return west != (mount.reports_beyond_pole and mount.supports("p"))
 
 
 def move(mount: NexStar, operation: op.Move) -> Steps:

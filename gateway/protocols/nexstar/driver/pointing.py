@@ -43,9 +43,8 @@ def axis_readings(mount: NexStar) -> Send:
 def axis_position(mount: NexStar, _: op.AxisPosition) -> Steps:
     """Return the readings of both axes; on a German mount, counted as a Celestron counts them (POLE_AXES)."""
     answer = yield axis_readings(mount)
-    return op.Horizontal(
-        wrap360(answer["az"] + mount.axis_offset) if mount.axis_offset else answer["az"], answer["alt"]
-    )
+    az = wrap360(answer["az"] + mount.axis_offset) if mount.axis_offset else answer["az"]
+    return op.Horizontal(az, answer["alt"])
 
 
 def horizontal_position(mount: NexStar, _: op.HorizontalPosition) -> Steps:
