@@ -92,7 +92,7 @@ def plain_message(message: str, prog: str, example: str) -> str:
 
 
 def first_example(epilog: str, prog: str) -> str:
-    """Return the first example in the epilog ``epilog`` of a command, without its remark; empty if it has none."""
+    """Return the first example in the ``epilog`` of a command, without its remark; empty if it has none."""
     lines = (line.strip().partition("  ")[0] for line in epilog.splitlines() if line.startswith(f"  {prog} "))
     return next(lines, "")
 

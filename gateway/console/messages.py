@@ -1,9 +1,8 @@
 """The messages that a page sends over its WebSocket: requests common to all clients, and requests of pages only.
 
-A message is a JSON object: ``do`` is the request, ``mount_index`` the number of the mount, ``answer_number`` that of
-the answer, which the page chooses (0: no answer is wanted). The other fields are those of the request. A target is a
-``name``, or ``ra`` and ``dec``, of date unless ``j2000`` is true. Angles are degrees, longitudes east positive, times
-Unix seconds.
+A message is a JSON object: ``do`` is the request, ``mount`` the number of the mount, ``id`` the number of the answer,
+which the page chooses (0: no answer is wanted). The other fields are those of the request. A target is a ``name``, or
+``ra`` and ``dec``, of date unless ``j2000`` is true. Angles are degrees, longitudes east positive, times Unix seconds.
 """
 
 from __future__ import annotations
@@ -127,7 +126,7 @@ class Message(NamedTuple):
 
 
 def answer_number(text: str | bytes) -> int:
-    """Return the answer number (``answer_number``) of a message that cannot be decoded; 0 if it has none."""
+    """Return the number of the answer (``id``) to a message that cannot be decoded; 0 if it has none."""
     try:
         return msgspec.json.decode(text, type=_AnswerNumber).id
     except ValueError:

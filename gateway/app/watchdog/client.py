@@ -3,7 +3,7 @@
 Every message is one line of ASCII: ``line NUMBER TITLE LOCK``, sent with a duplicate of the line's descriptor, or
 ``server NUMBER TITLE LOCK HOST PORT WHEN`` (``beside`` or ``alone``: see ``ServedMount``); ``gone NUMBER``; ``moving
 NUMBER COMMAND…`` with the commands that stop the mount, or ``clear NUMBER COMMAND…`` if it is on a path that was
-checked; ``rest NUMBER``; and ``start_heartbeats``. Texts and commands are in hexadecimal. The process answers ``stopped
+checked; ``rest NUMBER``; and ``beat``. Texts and commands are in hexadecimal. The process answers ``stopped
 NUMBER``. The event loop sends heartbeats only while a mount moves; they cost no exchange with the mount.
 """
 

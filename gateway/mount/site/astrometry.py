@@ -34,7 +34,7 @@ OFF = 1.0
 
 
 class FixedSiteTime(NamedTuple):
-    """The site and time (Unix ``unix_seconds``) of one particular source, for a comparison with the others."""
+    """The site and time (``unix_seconds``) of one particular source, for a comparison with the others."""
 
     place: op.Place
     unix_seconds: float
@@ -86,7 +86,7 @@ class SiteAstrometry:
     def axes_of(self, position: op.Equatorial, on_wedge: bool = False) -> op.Horizontal:
         """Return the axis readings of an equatorial mount for a position.
 
-        The first axis of a German mount reads 0 at hour angle 0, that of a fork on a ``on_wedge`` reads 0 in the north.
+        The first axis of a German mount reads 0 at hour angle 0, that of a fork on a wedge reads 0 in the north.
         """
         geometry = Geometry(Build.WEDGE if on_wedge else Build.GERMAN, self.place().latitude)
         first, second = geometry.axes(self.sidereal_time() - position.ra, position.dec, False)
