@@ -19,7 +19,7 @@ from gateway.system import garbage, streams
 INFORMATION_FLAGS = ("-h", "--help", "--version")
 _LOG_FILTERS = ("program", "mount", "changes", "refusals")
 LOG_VALUES = ("all", "true", "false", *_LOG_FILTERS, "json", *(f"json-{side}" for side in _LOG_FILTERS))
-#: Flags that may have no value -> the values that may follow as a separate word; and the value meant without one.
+#: Flag whose value may be omitted -> the values that it may have; flag -> the value that is meant if it is omitted.
 CHOICES_BY_BARE_FLAG = {"--log": LOG_VALUES, "--read-only": ("all", "true")}
 DEFAULT_BY_BARE_FLAG = {"--log": "true", "--read-only": "all"}
 #: Commands that take a position on the sky.
@@ -78,7 +78,7 @@ def _parse(typed_words: list[str]) -> argparse.Namespace:
 
 
 def _report_stdout_error(error: Exception, code: int) -> int:
-    """Report that stdout could not be written, and return the exit code: ``code`` if its reader closed the pipe."""
+    """Report that stdout could not be written, and return the exit code: 2; ``code`` if its reader closed the pipe."""
     if isinstance(error, BrokenPipeError):
         return code
     why = explain_os_error(error) if isinstance(error, OSError) else str(error)

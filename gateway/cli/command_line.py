@@ -20,7 +20,7 @@ from gateway.core.errors import UserError
 
 #: The flags for help.
 HELP_FLAGS = ("-h", "--help")
-#: The word behind ``--help`` that asks for all of it: every command or flag, models and exit codes.
+#: The word after ``--help`` that asks for all of it: every command or flag, models and exit codes.
 ALL_HELP_WORD = "all"
 EXIT_CODES_HELP = """\
 Exit codes:
@@ -44,7 +44,7 @@ or sim (a simulated mount)
             of a surface: tcp://HOST:PORT, pty:PATH (a virtual serial port), /dev/ttyS0, COM5, rfc2217://HOST:PORT \
 (for drivers that redirect a COM port to the network)
 """
-#: The object of argparse to which a command adds its parser.
+#: The subparsers object of argparse, to which each command adds its own parser.
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 
@@ -136,14 +136,14 @@ class Parser(argparse.ArgumentParser):
                 action.help = help_text
 
     def _get_formatter(self) -> argparse.HelpFormatter:
-        """Return the formatter of help. Only help that is shown looks for the terminal's width, which takes 4 ms."""
+        """Return the formatter of help. The terminal's width is looked up, in 4 ms, only for help that is shown."""
         return HelpLayout(self.prog, width=self._width)
 
     def error(self, message: str) -> NoReturn:
         raise UserError(plain_message(message, self.prog, first_example(self._epilog_text(), self.prog)))
 
     def _get_option_tuples(self, option_string: str) -> Any:
-        """Return the flags that a word abbreviates. ``--name``, a key that has no flag, does not mean ``--names``."""
+        """Return the flags that a word abbreviates. ``--name`` is a key without a flag, not short for ``--names``."""
         return [] if option_string.partition("=")[0] == "--name" else super()._get_option_tuples(option_string)
 
     def _epilog_text(self) -> str:
@@ -227,7 +227,7 @@ class _CommandsAction(argparse._SubParsersAction):  # type: ignore[type-arg]
 
 
 def make_parser(argv: Sequence[str] = ()) -> Parser:
-    """Make the parser of all commands, or of those in ``argv``. If that begins with ``--help``, they get no flags."""
+    """Make the parser of the commands that occur in ``argv``, else of all: without their flags if help comes first."""
     *shown, rest = COMMAND_GROUPS
     whole = Parser(
         prog="mount-gateway",

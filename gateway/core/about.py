@@ -1,7 +1,7 @@
 """The version of this program, the commit that it was built from, its date, and the folder of its package.
 
 pyproject.toml defines the version: a checkout reads it in that file, an installation in its metadata. The commit comes
-from the checkout, from pip, or from a file that the build put into the wheel. It is only shown to the user.
+from the checkout, from pip, or from a file that the build put into the wheel; it is only shown to the user.
 """
 
 from __future__ import annotations

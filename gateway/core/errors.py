@@ -99,7 +99,7 @@ class Fault(GatewayError):
             self.brief = brief
 
     def with_summary(self, summary: str) -> str:
-        """Return ``summary`` followed by this reason; a refused sync's reason begins with ``summary`` already."""
+        """Return ``summary`` and this error's text; only the text if that begins with ``summary`` (a refused sync)."""
         return str(self) if str(self).startswith(summary) else f"{summary}: {self}"
 
 

@@ -7,14 +7,14 @@ from gateway.core import operations as op
 GOTOS = (op.Goto, op.GotoHorizontal, op.GotoAxes, op.Park, op.Home)
 #: Motions that last as long as a key is pressed, or less. They are never begun late: the user has released the key.
 HAND_MOTIONS = (op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
-#: Operations whose motion continues if the gateway is killed. (To store its home, an LX200GPS searches for it.)
+#: Operations whose motion continues if the gateway is killed. (``SetHome``: an LX200GPS moves to find its home.)
 MOVERS = (*GOTOS, op.Move, op.MoveAxis, op.Pulse, op.PulseAxis, op.SetHome)
 #: Operations that the reconciler carries out one after the other, because they share the motors or the target.
 MOTIONS = (
     *GOTOS, op.AbortSlew, op.Sync, op.Move, op.MoveAxis, op.StopAxis, op.Pulse, op.PulseAxis, op.SetTracking,
     op.TrackRate, op.SetHome, op.Unpark, op.Hibernate, op.Wake, op.Focus, op.Choose,
 )  # fmt: skip
-#: Orders that end a motion, and are carried out before others; orders that they interrupt, to be begun again.
+#: Orders that end a motion, and are carried out before others; and the orders that are begun again after such a one.
 END_ORDERS = (op.StopAxis, op.AbortSlew)
 RESUMABLE_ORDERS = (op.Move, op.MoveAxis, op.SetTracking, op.TrackRate)
 

@@ -1,6 +1,6 @@
 """Waiting and background work on the event loop, for needs that asyncio alone does not meet.
 
-`TimedEvent` waits with a timeout cheaply, because every exchange does so several times. `result_of` shares work between
+`TimedEvent` makes a timeout cheap, because every exchange waits with one several times. `result_of` shares work between
 several callers: it continues if a caller is cancelled, and `shared_result` tells them if it is itself cancelled.
 `BackgroundTasks` keeps references to tasks and ends them at shutdown. `run_in_thread` also works when Python ends.
 """
@@ -55,7 +55,7 @@ async def result_of(work: asyncio.Future[_T]) -> _T:
 
 
 async def shared_result(work: asyncio.Future[_T]) -> _T:
-    """Like `result_of`, but raises NoAnswer if the work was cancelled. CancelledError: the caller was cancelled."""
+    """Like `result_of`, but raises NoAnswer if the work was cancelled. CancelledError means that the caller was."""
     await _wait_until_done(work)
     if work.cancelled():
         raise NoAnswer
@@ -72,7 +72,7 @@ async def _wait_until_done(work: asyncio.Future[_T]) -> None:
 
 
 async def run_in_thread(function: Callable[..., Any], *arguments: object) -> Any:
-    """Run a function on another thread. While Python shuts down, threads take no more work: run it on this one."""
+    """Run a function on another thread. While Python shuts down and starts no thread, run it on this one."""
     working = functools.partial(function, *arguments)
     try:
         future = asyncio.get_running_loop().run_in_executor(None, working)

@@ -1,9 +1,9 @@
 """Connects to an MQTT broker: credentials, TLS, and limits on what the broker may send.
 
-The password comes from a file or from the environment; missing settings are reported before anything is opened. Of a
-message that is too large only the beginning is kept, because aiomqtt limits no incoming message; and aiomqtt leaves
-open a connection on which the broker did not answer. Only this module works around both, by means of paho's client
-inside aiomqtt. A broker with MQTT 5 passes on whether a message was published with the retain flag; a broker with only
+The password comes from a file or from the environment; missing settings are reported before anything is opened. Two
+defects of aiomqtt are worked around here, through the paho client inside it: it does not limit the size of received
+messages (of one that is too large, only the beginning is kept), and it does not close a connection on which the broker
+has not answered. A broker with MQTT 5 passes on whether a message was published with the retain flag; one with MQTT
 3.1.1 sets the flag on stored messages alone.
 """
 
@@ -120,7 +120,7 @@ Connect = Callable[[MqttMessage | None], AbstractAsyncContextManager[Client]]
 
 
 def make_connect(access: BrokerAccess) -> Connect:
-    """Return a function that connects to a broker. It raises Flooded, OSError, ValueError or aiomqtt's MqttError."""
+    """Return a function that connects to a broker. It raises OSError, ValueError or aiomqtt's MqttError."""
 
     old = False
 

@@ -1,6 +1,6 @@
 """Publishes the mounts of one gateway on a broker, once a second if something has changed, and takes orders from it.
 
-This costs the mounts no exchange. After each mount the event loop serves programs; all changes are sent together.
+The mounts are not asked for it. Between two mounts the event loop serves programs; all changes are sent together.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Dispatcher:
     """Carries out the broker's orders for one mount, if they are ``allowed``. The limits of the gateway apply.
 
     A stop does not wait for other orders. An order with the retain flag is refused: the broker stores it, and it would
-    be carried out again at every connection. ``doubt`` returns why only stops are carried out now; empty if all are.
+    be carried out again at every connection. ``doubt`` returns why only stops are carried out now, or an empty text.
     """
 
     def __init__(self, gateway: Gateway, allowed: Collection[str], doubt: Callable[[], str], report: Report) -> None:

@@ -24,7 +24,7 @@ MAX_EVENTS = 200
 
 
 class MqttMessage(Struct, frozen=True):
-    """A message to publish. ``replaces``: it replaces a waiting one of its topic, and is sent again on reconnection."""
+    """A message to publish. With ``replaces`` it replaces a queued one of its topic, and is resent on reconnection."""
 
     topic: str
     payload: bytes

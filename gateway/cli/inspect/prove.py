@@ -138,7 +138,7 @@ class Terminal(Screen):
         return " "
 
 
-#: How far the check keeps the tube from the Sun by day, degrees, unless the user has set more.
+#: Minimum distance between tube and Sun during the check by day, degrees, unless the user has set more.
 MIN_SUN_DISTANCE = 40.0
 #: How many findings are shown at the end.
 MAX_SHOWN_FINDINGS = 8
@@ -217,7 +217,7 @@ def _run_prove(arguments: argparse.Namespace) -> int:
 
 
 def config_for_check(config: Config) -> Config:
-    """Return the configuration for the check: far from the Sun, without status line, log and waiting for a mount.
+    """Return the configuration for the check: at least ``MIN_SUN_DISTANCE``, no status line, no log, no ``--wait``.
 
     Raises UserError if there are several mounts.
     """
@@ -230,7 +230,7 @@ def config_for_check(config: Config) -> Config:
 
 
 def summary(findings: Findings) -> Iterator[str]:
-    """Yield a line with the number of findings for each verdict, then lines for the findings that are not the same."""
+    """Yield a line with the number of findings for each verdict, then a line for each that differs or is missing."""
     from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME
     from gateway.diagnostics.prove.guide import STAGES
 

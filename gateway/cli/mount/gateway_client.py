@@ -114,7 +114,7 @@ def run_with_gateway(
 
 
 async def cancelled_while_waiting(interrupted: asyncio.Event) -> bool:
-    """Wait until the next request for the progress; return whether the user pressed Ctrl-C meanwhile."""
+    """Wait ``PROGRESS_PERIOD`` seconds or until the user presses Ctrl-C; return whether that was pressed."""
     with contextlib.suppress(TimeoutError):
         await asyncio.wait_for(interrupted.wait(), PROGRESS_PERIOD)
     return interrupted.is_set()

@@ -124,7 +124,7 @@ def _add_wait_flag(command: Parser) -> None:
 
 
 def _add_request(command: Parser, make_request: RequestFactory) -> None:
-    """Add the flags that choose a gateway, and the function that makes the request."""
+    """Add the flags that choose a gateway, and let the command send the request that ``make_request`` returns."""
     gateway_client.add_gateway_flags(command)
     command.set_defaults(run=lambda arguments: _carry_out(arguments, make_request), wait=False)
 

@@ -1,6 +1,6 @@
-"""``stop``: stops every mount of this computer, with or without a running gateway; holds and releases mounts.
+"""``stop``: stops every mount of this computer, with or without a running gateway; sets and lifts a hold.
 
-It prints one line for each mount. Exit code 0: every mount is at rest by its positions, or there is no mount; 1: a
+It prints one line for each mount. Exit code 0: the positions show every mount at rest, or there is none; 1: a
 mount could not be stopped, its position is missing, or a gateway does not answer. Fit for systemd's ``ExecStopPost``.
 """
 

@@ -51,9 +51,9 @@ if TYPE_CHECKING:
     #: A coroutine function of this process that uses a gateway's mount for a while, such as the check of ``prove``.
     GatewayJob: TypeAlias = Callable[[Gateway], Coroutine[object, object, None]]
 
-#: How long the ready lines wait for site and clock of a mount that was found, seconds.
+#: Seconds that the ready lines wait for the site and clock of a mount that was found.
 SITE_AND_CLOCK_WAIT = 3.0
-#: Seconds between two looks at the addresses of this computer.
+#: Seconds between two checks of this computer's network addresses.
 ADDRESS_CHECK_PERIOD = 3.0
 #: Timeout in seconds for a stop before the process is suspended.
 SUSPEND_TIMEOUT = 4.0

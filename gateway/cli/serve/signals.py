@@ -1,7 +1,7 @@
 """Handles the signals that end or suspend the process.
 
 SIGINT, SIGTERM and closing the terminal end it after an orderly shutdown; a second Ctrl-C ends it at once. Windows
-reports a closed window to a handler of the console's instead, and gives the process 5 s. Ctrl-Z suspends it only after
+calls a console handler for a closed window instead, and gives the process 5 s. Ctrl-Z suspends it only after
 the mount was stopped, because a suspended gateway cannot supervise a moving mount.
 """
 
@@ -80,7 +80,7 @@ def _call_on_window_close(on_close: Callable[[], object]) -> None:
 
 
 async def race(done: asyncio.Event, work: Awaitable[_T]) -> _T | None:
-    """Return the result of ``work``; if ``done`` is set first, cancel it and return None. Raises what it raises."""
+    """Return the result of ``work``; if ``done`` is set first, cancel it and return None. Raises its errors."""
     working, end = asyncio.ensure_future(work), asyncio.ensure_future(done.wait())
     await asyncio.wait((working, end), return_when=asyncio.FIRST_COMPLETED)
     for future in (end, working):

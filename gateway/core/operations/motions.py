@@ -130,7 +130,7 @@ class AbortSlew(Operation[None], frozen=True):
 class SetTracking(Operation[None], frozen=True):
     """Turn tracking off, or on in ``mode``, by default the mount's own mode.
 
-    With ``heard`` it waits for the mode that the mount reports then, and raises Refused if the mode has not changed.
+    With ``heard`` it then waits until the mount reports its mode, and raises Refused if the mode has not changed.
     ``code`` is the mode's number in the mount's own protocol, if the client speaks that protocol.
     """
 

@@ -130,7 +130,7 @@ class NativeRequest(Read[bytes], frozen=True):
     """A request in the client's own protocol -> bytes: the mount's reply, unchanged.
 
     Client and mount must speak the same protocol. ``keep`` says how long the reply is cached for all clients, and
-    which setting makes it obsolete (a key of ``REUSE_DESCRIPTIONS`` in ``wireformat/rows.py``), or is ``dialect`` for a
+    which setting makes it obsolete: a key of ``REUSE_DESCRIPTIONS`` (``wireformat/rows.py``), or ``dialect`` for a
     command of the mount's dialect. Raises Unsupported if the mount did not accept a value that a client has set,
     Silence if it does not reply.
     """

@@ -8,8 +8,8 @@ from gateway.core.operations.values import Operation
 class SetSite(Operation[None], frozen=True):
     """Set latitude and/or longitude (east positive) in degrees; None keeps the present value.
 
-    ``others`` are sites that the gateway has sent to the mount for clients. With them, the mount's own site applies
-    again: the given site is sent only if the mount reports no site, or one of ``others``.
+    With ``others``, the sites that clients have set through the gateway, a client returns to the mount's own site:
+    latitude and longitude are sent only if the mount reports no site, or one of ``others``.
     """
 
     latitude: float | None = None
@@ -30,7 +30,7 @@ class SetClock(Operation[None], frozen=True):
 
 
 class SetZone(Operation[None], frozen=True):
-    """Set the UTC offset with which this client reads the time (local minus UTC, hours). The mount's clock stays."""
+    """Set the UTC offset with which this client reads the time (local minus UTC, hours), not the mount's clock."""
 
     offset: float  # local minus UTC, hours
 

@@ -133,7 +133,7 @@ class StopForm(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Overview:
-    """Serves the page until it is closed. ``on_connection`` is called when the broker is connected, and when lost.
+    """Serves the page until it is closed. ``on_connection`` is called when the broker is connected or lost.
 
     ``style_folder`` is the folder of the console's page, whose style this page shares.
     """
