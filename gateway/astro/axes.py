@@ -79,9 +79,9 @@ class Geometry(NamedTuple):
         return (first + 180.0, 180.0 - second) if flipped else (first, second)
 
     def axis_readings(self, position: Pair, current: Pair, goal: Pair) -> Pair:
-        """Return the axis readings at ``goal``, corrected by the offset that the mount's readings have at ``position``.
+        """Return the axis readings at ``goal``, an hour angle and declination; the counterweight stays low.
 
-        ``position`` (the present one) and ``goal`` are hour angles and declinations. The counterweight stays low.
+        The mount's readings have an offset, which is found from the ``current`` readings at the present ``position``.
         """
         ways = [self.axes(*position, flipped) for flipped in (False, True)]
         offsets = [(wrap180(current[0] - first), wrap180(current[1] - second)) for first, second in ways]

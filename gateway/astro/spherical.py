@@ -108,7 +108,7 @@ def separation(lon1: float, lat1: float, lon2: float, lat2: float) -> float:
     return math.degrees(math.atan2(math.hypot(across, up), along))
 
 
-#: Cosine of 89.4 degrees of altitude or declination: rates nearer to the zenith or pole are limited to those there.
+#: Cosine of 89.4 degrees of altitude or declination: nearer to the zenith or pole, the rates at this angle are used.
 _MIN_ZENITH_COSINE = 0.01
 
 
@@ -138,7 +138,7 @@ def hour_angle_rates(az: float, alt: float, lat: float) -> tuple[float, float]:
 
 
 def declination_rates(az: float, alt: float, lat: float) -> tuple[float, float]:
-    """Return how (azimuth, altitude) change per degree of declination, degrees; the direction is the parallactic angle.
+    """Return how (azimuth, altitude) change per degree of declination (by the parallactic angle), degrees.
 
     Limited near the zenith and the poles.
     """

@@ -41,9 +41,9 @@ class MountKind(NamedTuple):
 
 
 def outcome(row: SurfaceRow | None, mount: CommandSet, kind: MountKind, face: frozenset[str] | None = None) -> str:
-    """Return the outcome of a command on such a mount, and for a presented model with these traits (None: any model).
+    """Return the outcome of a command for a kind of mount and the traits of the presented model (None: any model).
 
-    For a *translated* command it is the outcome in the implementation of its first operation.
+    If the command's row says *translated*, return the outcome that the implementation of its first operation has.
     """
     if row is None:
         return MISSING_OUTCOME
@@ -60,7 +60,7 @@ def _traits(mount: CommandSet, model: str, wedge: bool) -> frozenset[str]:
 
 
 def _all_hold(traits: str, mount: CommandSet, kind: MountKind, unable: bool, presented: frozenset[str] | None) -> bool:
-    """Whether a condition holds: all its traits are true of such a mount and of the presented model."""
+    """Whether all traits of a condition are true; ``unable``: the mount can carry out none of the row's operations."""
 
     def is_true(trait: str) -> bool:
         if trait in (ANY_MOUNT, UNABLE, UNALIGNED):

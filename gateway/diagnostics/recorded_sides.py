@@ -31,8 +31,8 @@ class RecordedSides:
         return number
 
     def after_recognition(self, lines: Iterable[Event]) -> Iterator[Event]:
-        """Yield all lines, but a connection's first bytes only after the line that names its protocol, if they were
-        needed to recognise it. So the protocol is always known."""
+        """Yield all lines; if the gateway recognised a connection's protocol by its first bytes, yield these after the
+        line that names the protocol, so that it is known when they are decoded."""
         held: dict[str, list[Event]] = {}
         for line in lines:
             side, waiting = line.side, held.get(line.side)

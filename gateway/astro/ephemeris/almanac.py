@@ -35,7 +35,7 @@ _LAYOUTS["frame"] = (_FRAME_ROW, 0)
 _DAY_BYTES = ROWS * (_FRAME_ROW.size + len(PARTS[1:]) * _BODY.size)
 #: The first bytes of a file: the name and version of the format.
 FILE_HEADER = b"mount-gateway almanac 1\n"
-#: The size limit of a file that is read (eight years), and how many days, the newest, are stored.
+#: The size limit of a file that is read (eight years); and how many days are stored: the newest.
 MAX_FILE_BYTES, MAX_DAYS = 8_000_000, 200
 SHIPPED_FILE = Path(__file__).with_name("rehearsal.almanac")
 

@@ -41,7 +41,7 @@ class Sky:
     def __init__(self) -> None:
         self._almanac = Almanac()
         self._frame_at: dict[float, Frame] = {}
-        #: The last day (since the Unix epoch) that was needed but missing; another one calls `request_almanac`.
+        #: The last day (since the Unix epoch) that the almanac lacked when needed; a new one calls `request_almanac`.
         self.missing_day: int | None = None
         self.request_almanac: Callable[[], object] = lambda: None
 

@@ -49,7 +49,7 @@ NO_ADAPTER_ADVICE = (
     "only ports that are built into this computer were looked at: if the mount is on a USB adapter, plug that in; "
     "dmesg | tail shows whether this computer noticed"
 )
-#: Advice if nothing answers; between these two, the cables of each protocol's mounts are listed.
+#: Advice if nothing answers: this one first, then the cables of each protocol's mounts, then the next constant.
 SWITCH_ON_ADVICE = "switch the mount on, and wait until its hand control has started"
 SILENT_PORT_ADVICE = (
     "use the cable that is made for this hand control: others fit, but are wired differently",

@@ -165,7 +165,7 @@ OTHER_BAUD_RATES = (19200, 38400, 57600, 115200, 1200, 14400, 28800, DEFAULT_BAU
 LISTENING_TIME = 1.6
 #: Verdicts after which other rates are tried.
 UNDECIDED_VERDICTS = (PortVerdict.SILENT, PortVerdict.GARBLED, PortVerdict.TALKER)
-#: A port in use: by a program, by this user's gateway, perhaps by another user's; and a gateway in the network.
+#: A port in use by a program, by this user's gateway, perhaps by another user's; a mount that a network server offers.
 BUSY, SERVED, FOREIGN, OFFERED = "busy", "served", "foreign", "offered"
 #: The port could not be opened; it disappeared during the search; a mount answered but could not be identified.
 UNOPENED, VANISHED, NO_ID = "unopened", "vanished", "mute"

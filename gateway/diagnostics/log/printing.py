@@ -171,7 +171,7 @@ class LogFilter:
         return self._count_row(key, run, line.row) if line.row.time - run.shown_at >= REPEAT_REPORT_PERIOD else []
 
     def _show_unanswered(self, connection: _LoggedConnection) -> list[Row]:
-        """Return the held rows if they contain an unanswered request, as the next request has arrived."""
+        """Return the rows held back, if one is a request: it stays unanswered, because the next one has arrived."""
         if all(row.arrow in CONNECTION_ARROWS for row in connection.held_rows):
             return []
         if self._filter == "refusals":

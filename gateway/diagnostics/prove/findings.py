@@ -59,7 +59,7 @@ class Finding(Struct, frozen=True, omit_defaults=True):
 
 
 def untried_rest_title(stage: str) -> str:
-    """Return the title of the finding that stands for the untried rest of a stage that ended early."""
+    """Return the title of the finding for the parts that were not tried because a stage ended early."""
     return f"the rest of {stage}"
 
 

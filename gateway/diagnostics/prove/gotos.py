@@ -24,7 +24,7 @@ GOTO_DISTANCE, GOAL_TOLERANCE, REST_TOLERANCE, MIN_DISTANCE_FROM_GOAL = 5.0, 0.1
 MARGIN, MAX_DECLINATION, SUN_MARGIN = 20.0, 75.0, 7.0
 #: A German mount's least distance from the meridian, degrees: for small motions, and for the goal of a goto.
 ROOMY_MERIDIAN_DISTANCE, MIN_MERIDIAN_DISTANCE = 15.0, 3.0
-#: Where to look for a better position: these hour angles, degrees, and a declination of this part of the latitude.
+#: Where to look for a better position: hour angles, degrees; the declination is the latitude times this factor.
 HOUR_ANGLES, LATITUDE_FACTOR = (30.0, -30.0, 50.0, -50.0, 10.0, -10.0), 0.5
 #: How many gotos the stage has: there, back, a goto that is cancelled, and back again.
 GOTO_COUNT = 4

@@ -22,7 +22,7 @@ UNASKED_QUESTIONS = frozenset(("GM", "GN", "GO", "GP", "Lf", "LI", "??", "?+", "
                         "targetrightascension"))  # fmt: skip
 #: Seconds to wait after a missing answer before the next question.
 RECOVERY_TIME = 3.0
-#: Questions about product and version, which old mounts do not answer; the text for the unknown version of those.
+#: Questions about product and version, which old mounts do not answer; the text for a version that is unknown.
 NAME_QUESTIONS, UNKNOWN_VERSION = frozenset(("GVP", "GVN", "GVD", "GVT")), "?"
 #: This word is in the description of a reply whose form is wrong.
 GARBLED_WORD = "garbled"

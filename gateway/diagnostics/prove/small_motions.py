@@ -28,27 +28,27 @@ from gateway.diagnostics.prove.findings import (
 from gateway.diagnostics.prove.telescope import FAST, MAX_DEGREES, MAX_SECONDS, CheckedMount, Motion
 from gateway.mount.safety.allow import RUN_ON, RUN_UP_SECONDS
 
-#: The rate keys of the hand control, fastest first: if several have the same speed, the slowest number is tried.
+#: The rate keys of the hand control, fastest first: if several have the same speed, the lowest number is tried.
 RATE_KEYS: Sequence[int] = range(9, 0, -1)
 #: Tolerances of a rate, as parts of it: if measured between readings, if the motion is a series of small gotos, and if
 #: measured by the whole distance of a short motion.
 STEADINESS_TOLERANCE, STEPPED_TOLERANCE, SHORT_TOLERANCE = 0.08, 0.25, 0.35
 #: Seconds: the least time between two readings that show a rate, and how long tracking is observed.
 MIN_RATE_SPAN, TRACKING_TIME = 1.5, 10.0
-#: A distance of fewer steps of the mount's reading is no measurement.
+#: A distance is only measured if it is longer than so many steps of the mount's reading.
 MIN_READING_STEPS = 10.0
 #: Degrees by which the run-on may exceed the assumed one.
 RUN_ON_TOLERANCE = 0.3
 #: The tolerance of tracking, degrees a second.
 TRACKING_TOLERANCE = 3.0 / 3600.0
-#: The greatest believable ratio of measured and assumed rate, or inverse; the range of the run-on setting, seconds.
+#: The greatest believable ratio of two rates, measured and assumed; the range of the run-on setting, seconds.
 MAX_RATE_RATIO, RUN_ON_RANGE = 4.0, (0.5, 10.0)
 RATE_EFFECT = "Arrows of programs move your mount at another speed than they show; rates in gateway.toml corrects that."
 DIRECTION_PAIRS = ((Direction.WEST, Direction.EAST), (Direction.NORTH, Direction.SOUTH))
 
 
 class Velocity(NamedTuple):
-    """How fast an axis turned, the error of that rate, how far it turned and ran on, and if the motion was short."""
+    """The rate of an axis and its error (degrees a second), distance and run-on (degrees), and whether it was short."""
 
     rate: float
     error: float
@@ -58,7 +58,7 @@ class Velocity(NamedTuple):
 
 
 def velocity(telescope: CheckedMount, motion: Motion, axis: int, speed: float) -> Velocity | None:
-    """Return how an axis moved that was to turn at ``speed``; None if the start or end position is unknown."""
+    """Return how an axis moved when ordered to turn at ``speed``; None if the start or end position is unknown."""
     if motion.start_position is None or motion.end_position is None:
         return None
     number, tick, lasted = axis - 1, telescope.angle_steps[axis - 1], motion.ended_at - motion.began_at
@@ -130,7 +130,7 @@ async def _measure(telescope: CheckedMount, name: str, speed: float, key: int, p
 def rate_finding(
     title: str, rate: float, error: float, nominal: float, measured_velocity: Velocity, distance: float, min_arc: float
 ) -> Finding:
-    """Return the finding on a rate; an axis that turned no farther than the least distance has no measured rate."""
+    """Return the finding on a rate; no rate is measured if the axis turned no farther than ``min_arc``."""
     measured, assumed = rate_text(rate), rate_text(nominal)
     if distance <= min_arc:
         if nominal * MAX_SECONDS > 2.0 * min_arc:

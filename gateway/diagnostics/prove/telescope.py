@@ -39,7 +39,7 @@ CHECK_PERIOD, REST_TIMEOUT, POSITION_SPACING = 0.1, 15.0, 0.8
 ENOUGH_READING_CHANGES, MAX_SECONDS, MAX_DEGREES, MAX_CROSS_MOTION = 20, 10.0, 5.0, 0.5
 #: At this rate (degrees a second) or faster, a reading must change within so many seconds.
 FAST, MAX_UNCHANGED_TIME = 0.5, 2.0
-#: Degrees: the finest step of a server's angles that is believed; smaller changes than the second are rounding errors.
+#: Degrees: the finest step of a server's angles that is believed; a change below the second value is a rounding error.
 FINEST_STEP, CALCULATED_CHANGE = 1.0 / 3600.0, 0.5 / 3600.0
 
 Pair = tuple[float, float]  # of the two axes, degrees
@@ -230,7 +230,7 @@ class CheckedMount:
         return self.drift(before, after) > max(self.angle_steps) if fast else before.position != after.position
 
     async def goto(self, goal: op.Equatorial, seconds: float) -> str:
-        """Go to a position; cancel that after ``seconds``. Return the reason if it is refused. Raises StageEnded."""
+        """Go to a position; cancel the goto when time is up. Return why it was refused, or "". Raises StageEnded."""
         number = requests.new_request_number()
         where = requests.SkyPosition(goal.ra % 360.0, goal.dec)
         self.moving, controller, over = True, self.controller, False

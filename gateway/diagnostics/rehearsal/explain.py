@@ -142,7 +142,7 @@ def traits_of(surface: Endpoint, command: Command, facts: Model | None = None) -
 
 
 def commands_before(surface: Endpoint, row: SurfaceRow) -> Prelude:
-    """Return the commands that a program sends before this command: those to complete first, and those to begin."""
+    """Return the commands that a program sends before this command: completed ones, and those still in progress."""
     spec = PROTOCOLS[surface.protocol]
     after = (*spec.required_requests, *spec.target_requests, *row.after)
     return Prelude(tuple(map(unescape, after)), tuple(map(unescape, row.during)))
@@ -153,7 +153,7 @@ def play_on_new_stage(
 ) -> tuple[Play, str, str]:
     """Send a frame through a new gateway, whose presented model fits the mount if none is named.
 
-    Return the play, its outcome, and the outcome by the tables: another one if it is refused or changes nothing.
+    Return its record, the actual outcome, and that in the tables: they differ if it is refused or changes nothing.
     """
     protocol, driven = load(face.protocol), load(mount.protocol).in_dialect_of(mount.model)
     match = protocol.find(frame)

@@ -134,8 +134,8 @@ def set_up(
 ) -> RehearsalMount:
     """Return a gateway between a presented model and a simulated mount, each with its version, at ``START_TIME``.
 
-    ``missing`` names a part that the simulated mount lacks. What old mounts do not report is in the settings: model,
-    site, and on a wedge the tracking mode.
+    ``missing`` names a part that the simulated mount lacks. The gateway's settings state what old mounts do not
+    report: model, site, and on a wedge the tracking mode.
     """
     spec = PROTOCOLS[mount.protocol]
     return RehearsalMount(
