@@ -78,7 +78,7 @@ def _parse(typed_words: list[str]) -> argparse.Namespace:
 
 
 def _report_stdout_error(error: Exception, code: int) -> int:
-    """Report that stdout could not be written, and return the exit code: 2; ``code`` if its reader closed the pipe."""
+    """Report that stdout cannot be written; return the exit code: 2, or ``code`` if its reader closed the pipe."""
     if isinstance(error, BrokenPipeError):
         return code
     why = explain_os_error(error) if isinstance(error, OSError) else str(error)

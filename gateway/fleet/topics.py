@@ -24,12 +24,12 @@ MAX_EVENTS = 200
 
 
 class MqttMessage(Struct, frozen=True):
-    """A message to publish. With ``replaces`` it replaces a queued one of its topic, and is resent on reconnection."""
+    """A message to publish: an event or a state. A state replaces a queued one of its topic; a reconnect resends it."""
 
     topic: str
     payload: bytes
     retain: bool = False
-    replaces: bool = False
+    replaces: bool = False  # is a state
 
 
 class ReceivedMessage(Struct, frozen=True):
