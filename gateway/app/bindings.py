@@ -62,7 +62,7 @@ def make_driver(
 
 
 def _speed_factor(endpoint: Endpoint, speed: float, warn: Callable[[str], None] | None) -> float:
-    """Return how many times faster than a real mount it slews: 1.0, unless it is simulated, here or over a network."""
+    """Return how many times faster than a real mount this one slews: 1.0, unless it is simulated, here or elsewhere."""
     elsewhere = "://" in endpoint.where
     if elsewhere and speed != 1.0 and warn is not None:
         warn(
@@ -226,7 +226,7 @@ def access_networks(config: SurfaceConfig | ConsoleConfig) -> tuple[Networks | N
 def exposure_warning(address: str, surface: SurfaceConfig, networks_of: Callable[[str], Sequence[IPv4Network]]) -> str:
     """Return the warning for a port that other computers can reach; empty if there is nothing to warn of.
 
-    ``networks_of`` gives the networks of the addresses that the gateway prints for phones.
+    ``networks_of`` returns the networks from which phones reach the addresses that the gateway prints for them.
     """
     if not is_exposed(address):
         return ""

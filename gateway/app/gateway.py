@@ -176,7 +176,7 @@ class Gateway:
             )
 
     async def carry_out(self, request: Request) -> Answer:
-        """Carry out a request of a person. A stop loads nothing from a disk that may be broken."""
+        """Carry out a request of a person. A stop imports no module, because the disk may be broken."""
         if isinstance(request, StopOrHold):
             assert self.store is not None
             return await carry_out_stop(request, self.controller, self.store)

@@ -65,7 +65,7 @@ class MountState(Struct, frozen=True, dict=True):
     unix_time: float
 
     def to_state(self, surfaces: Sequence[str] = ()) -> State:
-        """Return the state as texts for ``status``. Of several ``surfaces``, orders name the one they came by."""
+        """Return the state as texts for ``status``; if there are several ``surfaces``, each order names its surface."""
         identity = self.identity
         return State(
             self.look,

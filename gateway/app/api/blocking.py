@@ -45,7 +45,7 @@ def _make_blocking(
 
 
 class BlockingMount:
-    """The methods of ``Mount``, each waiting for its result. By ``open_blocking_gateway`` and ``connect_blocking``.
+    """``Mount`` with methods that wait for their results; made by ``open_blocking_gateway`` and ``connect_blocking``.
 
     Ctrl-C ends the wait. If it also leaves the ``with`` block of ``open_blocking_gateway``, the mount is stopped.
     """
@@ -74,8 +74,8 @@ class BlockingMount:
 
 
 class _GatewayThread(threading.Thread):
-    """Runs an event loop on which one gateway is open until ``end``; ``atexit`` calls ``end`` at the latest. The thread
-    is a daemon: Python would wait for any other thread before ``atexit``, and so for ever.
+    """Runs an event loop on which one gateway is open until ``end`` is called, at the latest by ``atexit``. The thread
+    is a daemon, because Python waits for all other threads before it runs ``atexit``: the program would never end.
     """
 
     mount: Mount

@@ -43,7 +43,7 @@ class Mount:
     def __init__(self, name: str, send_request: Send, client_name: str) -> None:
         self.name = name
         self._send_request, self._client_name = send_request, client_name
-        #: The request number that all operations but gotos share: each of them keeps a motion by hand alive.
+        #: All operations but gotos have this one request number, so that each of them keeps a motion by hand alive.
         self._operation_number = requests.new_request_number()
         #: The number of the last request for a goto, park or home; empty before the first, and after arrival.
         self._goto_id = ""

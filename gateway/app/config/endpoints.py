@@ -266,7 +266,7 @@ def _parse_map_coordinates(text: str, parts: Sequence[str]) -> tuple[float, floa
 
 
 def _angle(text: str, sides: str) -> float | None:
-    """Return an angle as on maps in degrees, with or without one of two ``sides``, positive first; None if invalid."""
+    """Parse an angle as on maps; return degrees, None if invalid. ``sides``: the letters for + and -, like ``NS``."""
     match = _MAP_COORDINATE.fullmatch(text)
     if match is None or match[5] not in ("", *sides) or (match[1] == "-" and match[5]):
         return None

@@ -17,7 +17,7 @@ from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Version, parse_version
 from gateway.transport.listening import NETWORK_SCHEMES
 
-#: Stands for hand controls that programs treat as the newest, although their version numbers start from 1 again.
+#: The version that comparisons assume for StarSense hand controls, whose own numbers start from 1, and for no version.
 NEWEST = (99,)
 
 
@@ -94,7 +94,7 @@ def as_fields(needs: list[NeededSetting]) -> dict[str, object]:
 
 
 def hold(surface: SurfaceConfig, protocol: str, program: str) -> float:
-    """Return how many seconds the text of a refusal is held back: infinite if the program never reads it."""
+    """Return by how many seconds the text of a refusal is delayed: infinite if the program never reads it."""
     if not surface.hold_text:
         return 0.0
     row = programs(protocol).get(program)

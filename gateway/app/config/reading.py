@@ -126,7 +126,7 @@ def make_config(tables: dict[str, object], source: Source, must_serve: bool = Tr
 
 
 def _parse_msgspec_error(message: str) -> tuple[Place, str | None, str]:
-    """Parse msgspec's message: return the path, the key (None for a wrong value), and if it is unknown or missing."""
+    """Parse msgspec's message: return path, key (None for a wrong value), and whether the key is unknown or missing."""
     where = re.search(r" - at `\$\.?([^`]*)`$", message)
     steps = re.findall(r"[^.\[\]]+|\[\d+\]", where.group(1) if where else "")
     place = tuple(int(step[1:-1]) if step.startswith("[") else step for step in steps)
@@ -174,7 +174,7 @@ def _wrong_value(tables: dict[str, object], source: Source, table: str, key_path
 
 
 def _example_value(key: Key, value: object) -> Any:
-    """Return the key's example; for a site written as ``LAT,LON``, that site in the form of the file."""
+    """Return the key's example; for a site written as ``LAT,LON``, that site as the file writes it."""
     with contextlib.suppress(UserError):
         if key.name == "site" and isinstance(value, str):
             return list(parse_site(value))

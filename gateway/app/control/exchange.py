@@ -2,9 +2,9 @@
 
 An endpoint file contains a gateway's port and secret. An invalid file (half written, a directory, another program's) is
 ignored and never hides the others. A killed gateway leaves its file behind; the next gateway, or ``stop``, removes it
-if nothing listens on its port. A datagram is ``SEAL NUMBER TEXT``: the client draws the number, the answer repeats it,
-and the seal is an HMAC of the rest. The text is ``ask`` with a request in JSON, or the ``Answer`` in JSON, in numbered
-parts if it exceeds the size of a datagram.
+if nothing listens on its port. A datagram is ``HMAC NUMBER TEXT``: the client chooses a number, the answer repeats it,
+and the HMAC is made of both with the secret. The text is ``ask`` with a request in JSON, or the ``Answer`` in JSON, in
+numbered parts if it exceeds the size of a datagram.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def motion_markers(endpoint: ControlEndpoint) -> list[Path]:
 
 
 def remove_stale(folder: Path) -> None:
-    """Delete the endpoint files of gateways that no longer run, unless they lead to a motion marker. Raises OSError."""
+    """Delete the endpoint files of gateways that no longer run, unless a motion marker needs them. Raises OSError."""
     for path, endpoint in read_endpoints(folder, user_id()):
         if not is_listening(endpoint) and not motion_markers(endpoint):
             with contextlib.suppress(OSError):
@@ -100,13 +100,13 @@ def remove_stale(folder: Path) -> None:
 
 
 def seal(secret: str, request_number: str, text: str) -> bytes:
-    """Return a datagram that begins with an HMAC of its content."""
+    """Return a datagram: the request number and the text, preceded by their HMAC."""
     sealed = f"{request_number} {text}"
     return f"{_seal(secret, sealed)} {sealed}".encode()
 
 
 def unseal(secret: str, data: bytes) -> tuple[str, str] | None:
-    """Return the number and the text of a datagram; None if it was not sealed with this secret."""
+    """Return the number and the text of a datagram; None if its HMAC was not made with this secret."""
     given, _, sealed = data.decode("utf-8", "replace").partition(" ")
     if len(data) > MAX_DATAGRAM or not hmac.compare_digest(given.encode(), _seal(secret, sealed).encode()):
         return None

@@ -1,6 +1,6 @@
 """Carries out the requests ``StopRequest``, ``HoldRequest`` and ``ReleaseHoldRequest``.
 
-A request is done only if that was verified: the mount was seen at rest. Every other answer says what went wrong.
+A stop or a hold is reported as done only if the mount was seen at rest. Every other answer says what went wrong.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The gateway's control endpoint: requests arrive as datagrams, and each is answered once it has been carried out.
 
-No request needs a file descriptor. A caller that missed the answer sends the request again with the same number and
-gets the same answer, so nothing is carried out twice.
+A request opens no file descriptor, so it works when none is left. A caller that missed the answer sends the request
+again with the same number and gets the same answer, so nothing is carried out twice.
 """
 
 from __future__ import annotations

@@ -31,15 +31,15 @@ from gateway.core.requests import FAILED, Answer, ReleaseHoldRequest, StopOrHold
 from gateway.mount.readings.rest import wait_for_rest
 from gateway.system.processes import age
 
-#: A gateway process without an endpoint may be starting: search so many times, so many seconds apart. After the last
-#: number of seconds it is no longer starting but may be ending: search once more only, and report it.
+#: A gateway process without an endpoint may be starting: how many times to search for its endpoint, and seconds
+#: between two searches. A process older than the third number (seconds) is not starting: search only once more.
 TRIES, SEARCH_PERIOD, MAX_START = 9, 0.125, 30.0
 
 
 class StopReport(Struct):
     """The result of a stop: a (mount, answer) pair for each gateway, warnings, and mounts that were not selected.
 
-    A mount is listed by its name, else by its endpoint; it is empty if unknown.
+    A mount is listed by its name, else by its endpoint; the text is empty if neither is known.
     """
 
     outcomes: list[tuple[str, Answer]]
@@ -103,7 +103,7 @@ async def request_all(scope: Scope, mount_name: str | None, request: StopOrHold)
 async def _request_mount(
     gateways: Sequence[tuple[Path, ControlEndpoint]], request: StopOrHold, marker: tuple[Path, MarkerContent] | None
 ) -> list[Answer]:
-    """Return the answers of a mount's gateways; if none runs any more, stop the mount directly, return its result."""
+    """Return the answers of a mount's gateways; if none runs now, stop the mount directly and return that answer."""
     asked = await asyncio.gather(*(ask(endpoint, request, STOP_TIMEOUT) for _, endpoint in gateways))
     answers = [answer for answer in asked if answer is not None]
     if marker is not None and not answers:

@@ -1,7 +1,7 @@
 """Answers programs that look for a mount on the network, so that their users need not type an address.
 
 SkySafari finds a mount by SkyFi's discovery: it broadcasts ``skyfi?``, or ``skyfi:NAME?`` if its user has named a
-mount, to UDP port 4031. The answer is the question with ``@`` and an address in place of the question mark:
+mount, to UDP port 4031. The answer is the query with ``@`` and an address in place of the question mark:
 ``skyfi:NAME@192.168.1.5``. It contains no port: SkySafari connects to the port in its settings.
 If the discovery port cannot be opened, a message says so, and everything else works.
 """
@@ -93,7 +93,7 @@ class _SkyFiProtocol(asyncio.DatagramProtocol):
 
 
 def skyfi_answer(question: bytes, offers: Sequence[Offer], sender: tuple[str, int]) -> bytes:
-    """Return the answer to a SkyFi question from (host, port); empty for any other datagram."""
+    """Return the answer to a SkyFi query from ``sender`` (host, port); empty for any other datagram."""
     match = re.fullmatch(_SKYFI_QUESTION, question)
     able = [offer for offer in offers if offer.reached_by_ipv4]
     if match is None or not able:

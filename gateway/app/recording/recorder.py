@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 #: Bytes after which a new file is begun, and how many files are kept, including the file being written.
 MAX_FILE_BYTES, MAX_FILES = 10_000_000, 20
-#: Seconds until an event is written, and between two checks of a disk that hangs; how many events may wait for it.
+#: Seconds until an event is written; seconds between two checks of a disk that hangs; how many events may queue.
 WRITE_DELAY, DISK_CHECK_PERIOD, MAX_UNWRITTEN_LINES = 0.1, 1.0, 100_000
 #: How many lines are formatted at a time; the event loop waits meanwhile.
 LINES_PER_WRITE = 32
@@ -61,7 +61,7 @@ class Recorder:
         self._clock, self._loop_time, self._start_time = clock, now, now()
         self._settings = {**settings, "python": "{}.{}".format(*sys.version_info)}
         self._unwritten: deque[Entry] = deque(maxlen=MAX_UNWRITTEN_LINES)
-        #: Takes an entry of the wire log. Nothing more is done then: a program waits for its reply.
+        #: Queues an entry of the wire log. It is written later, because a program waits for its reply now.
         self.put = self._unwritten.append
         self._lock, self._flush_event = asyncio.Lock(), TimedEvent()
         self._closing = self._has_failed = False
@@ -128,9 +128,9 @@ class Recorder:
     def _write_out(self, entries: list[Entry], start_time: float, end_time: float) -> bool:
         """Write entries; return whether the oldest file was deleted for the first time.
 
-        ``start_time`` is the start of the recording by the clock of the entries, which may have been set since;
-        ``end_time`` is the present second of the recording. If the file cannot be written any more, it is closed;
-        then raises OSError.
+        ``start_time`` is the Unix time at which the recording began, ``end_time`` the seconds since then. If the clock
+        was set meanwhile, an entry's time is forced between the last entry's and ``end_time``. Closes the file and
+        raises OSError if it cannot be written any more.
         """
         full = False
         for start in range(0, len(entries) if self._descriptor >= 0 else 0, LINES_PER_WRITE):

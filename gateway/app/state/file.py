@@ -1,4 +1,4 @@
-"""The files of a state folder: the state that a real hand control keeps when switched off, motion markers, the hold.
+"""The files of a state folder: the state that a real hand control keeps when off, motion markers, the hold file.
 
 A file is always complete, because a new file is written beside the old file, flushed to the disk, and renamed. A file
 that cannot be read is moved aside and never prevents a start. No event loop here; ``store.py`` decides when to write.
@@ -47,9 +47,9 @@ class SavedState(Struct, omit_defaults=True):
     motors: dict[str, Byte] = {}
     #: The driver's state: where home is, whether the mount is parked.
     mount: Values = {}
-    #: How far all syncs since the mount's alignment have moved the sky in total.
+    #: The total offset by all syncs since the mount's alignment.
     synced: SyncSum = SyncSum()
-    #: The mount's last known position, if other stored values become wrong once the mount is switched off.
+    #: The mount as last seen. If it differs later, it was switched off meanwhile, and some stored values are wrong.
     left: MountSnapshot | None = None
     #: The site that a program has set last, if the mount reports none.
     site_of_program: SiteOfProgram | None = None
@@ -121,7 +121,7 @@ def is_held(folder: Path) -> bool:
 
 
 def hold_folder(folder: Path) -> None:
-    """Hold the mounts of a folder, even over a power failure as far as the disk allows. Raises OSError."""
+    """Hold the mounts of a folder; the hold file is flushed to the disk to survive a power failure. Raises OSError."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if is_held(folder):
         return

@@ -96,7 +96,7 @@ class MotionMarker:
             self._watch_task = asyncio.get_running_loop().create_task(self._delete_when_quiet())
 
     async def _delete_when_quiet(self) -> None:
-        """Delete the marker once nothing has moved for ``REST_DELAY`` seconds; a guiding program moves all the time."""
+        """Delete the marker after ``REST_DELAY`` seconds at rest, so not between two guide pulses."""
         self._quiet_time = 0.0
         while self._quiet_time < REST_DELAY:
             await asyncio.sleep(CHECK_PERIOD)

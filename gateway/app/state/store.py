@@ -40,7 +40,7 @@ class PreviousRun(Struct, frozen=True):
 
 
 def restore(controller: MountController, previous_run: PreviousRun) -> None:
-    """Restore the state of the previous run. A mount left moving is stopped, or only examined if that was long ago."""
+    """Restore the state of the previous run. A mount left moving is stopped; much later, only if it still moves."""
     controller.driver.restore_state(previous_run.saved.mount, moving=False)
     controller.synced.value = previous_run.saved.synced
     controller.same_mount.snapshot = previous_run.saved.left

@@ -179,8 +179,8 @@ class WatchedMount:
     """One mount as the watchdog knows it.
 
     ``stop_commands`` returns the bytes that stop it now, ``busy`` whether it moves or is about to; ``on_stopped`` is
-    called when the process has stopped the mount because heartbeats were missing; ``path_is_clear`` returns whether all
-    that moves is a goto on a path within the limits. ``lock`` is the file that changes when another gateway takes over.
+    called when the process has stopped the mount because heartbeats were missing; ``path_is_clear`` returns whether the
+    only motion is a goto on a path within the limits. ``lock`` is the file that names the gateway that has the mount.
     """
 
     def __init__(

@@ -17,8 +17,8 @@ import time
 
 #: Seconds without a heartbeat after which a gateway with a moving mount counts as hung.
 MAX_SILENCE = 1.2
-#: The same for a gateway that waits for a processor while every moving mount is on a clear path; the fraction of the
-#: silence that it must have waited, and seconds between two checks of that.
+#: The same for a gateway that gets no processor time while every moving mount is on a checked path; the fraction
+#: of the silence for which it must have waited for a processor; seconds between two checks of this.
 MAX_STARVED_SILENCE, MIN_WAITING_TIME, WAITING_CHECK_PERIOD = 5.0, 0.8, 0.25
 #: Seconds between two commands of a stop: a hand control must answer each before it can receive the next.
 COMMAND_GAP = 0.15
@@ -37,7 +37,7 @@ class GuardedMount:
         self.title, self.lock_path, self.descriptor = title, lock_path, descriptor
         self.holder = read(lock_path)
         self.stop_commands: list[bytes] = []
-        #: Whether it is on a path that was checked.
+        #: Whether its only motion is a goto on a path that was checked against the limits.
         self.path_is_clear = False
 
     def taken_over(self) -> bool:
@@ -112,7 +112,7 @@ class ServedMount(GuardedMount):
 
 
 def read(path: str) -> bytes:
-    """Return the content of a lock file, which names its holder; empty if it cannot be read."""
+    """Return the first 100 bytes of a file; empty if it cannot be read. A lock file names its holder there."""
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
     except (OSError, ValueError):
@@ -160,7 +160,7 @@ class Watch:
                 self.stop_for_silent_gateway(moving)
 
     def restart_silence(self) -> None:
-        """Note that the gateway has sent something: its silence begins anew."""
+        """Measure the silence of the gateway from now on, because it has just sent something."""
         self.last_heard, self._cpu_wait, self._timeout = time.monotonic(), cpu_wait(self.gateway), MAX_SILENCE
 
     def starved(self) -> bool:
