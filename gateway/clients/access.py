@@ -88,14 +88,14 @@ class Rights(Struct, frozen=True):
 
 
 class ClientAdmission:
-    """Decides which connections surface ``surface_number`` accepts. ``status`` shows a refused host; the log, once."""
+    """Decides which connections a surface accepts. A refused host is shown by ``status``, and logged once."""
 
     def __init__(self, access: AccessRules, surface_number: int, wire_log: WireLog) -> None:
         self._access, self._surface, self._log = access, surface_number, wire_log
 
     def check(self, peer: NewConnection, connected_hosts: Sequence[str]) -> None:
         """Raise ConnectionRefused if the host of ``peer`` is not allowed, or there are too many clients or open files.
-        ``connected_hosts`` contains the host of every client; a serial line needs no further open file.
+        ``connected_hosts`` contains the host of every connected client. Serial lines are not counted as open files.
         """
         host, most = peer.host, self._access.max_clients
         if not self._access.admits(host):

@@ -3,8 +3,8 @@
 On network ports anyone may connect. A browser or port scanner is recognised and disconnected before it is answered.
 
 A connection is behind while more bytes wait than one read takes. Such bytes may be old: they begin no motion if a stop
-came after the connection fell behind, and after a second behind, they begin none at all. A connection has caught up
-when a read leaves no bytes. If it was behind for more than a second, it must also stay so for a second.
+came after the connection fell behind, or if it has been behind for more than a second. A connection has caught up when
+a read leaves no bytes; if it was behind for more than a second, only when none have waited for a second.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ LATE_TIME = 1.0
 CATCH_UP_TIME = 5.0
 
 
-#: Processes received bytes. For bytes that waited: the number of stops when they were sent, the time of their arrival.
+#: Processes bytes (bytes; for bytes that waited, the number of stops when they were sent, and their time of arrival).
 DeliverBytes = Callable[[bytes, int | None, float | None], None]
 
 
@@ -88,7 +88,7 @@ class ClientConnection:
         self.host, self.last_received_at = new_connection.host, -1e9
         self._first_bytes = first_bytes
         self._backlog = Backlog()
-        #: Whether its lateness was logged; whether the other end has closed.
+        #: Whether it was logged that the connection is late; whether the other end has closed.
         self._has_logged_late = self._peer_closed = False
         self._deliver: DeliverBytes = (
             self._deliver_serial
@@ -163,7 +163,7 @@ class ClientConnection:
         return False
 
     def _deliver_filtered(self, data: bytes, stops: int | None, arrived_at: float | None) -> None:
-        """Process the bytes that cannot be a stranger's, with their time of arrival; disconnect a stranger."""
+        """Process the bytes that cannot come from a stranger, with their times of arrival; disconnect a stranger."""
         now = self._controller.now()
         assert self._filter is not None
         pieces = self._filter.feed(ReceivedBytes(data, now, self._controller.stops if stops is None else stops))

@@ -70,13 +70,13 @@ class SurfaceBinding(Struct, frozen=True):
     model: Model
     settings: ClientSettings
     equinox: EquinoxConverter | None = None
-    #: The converter for a presented model whose coordinates are J2000; None if the user has chosen the equinox.
+    #: The converter to use if the presented model has J2000 coordinates; None if the user has chosen the equinox.
     model_equinox: EquinoxConverter | None = None
     #: The equinox of its clients if the user does not set it: ``jnow`` or ``j2000``.
     default_equinox: str = "jnow"
     #: Seconds for which the text of a refusal is held back on the network, from a program that was not recognised.
     hold: float = 0.0
-    #: Whether its program sends a command that stops all motion when an arrow is released.
+    #: Whether the client program sends a command that stops all motion when an arrow is released.
     releases_by_stop: bool = False
     #: Returns the model to present for (is equatorial, is German or None, has GPS); None if the user has named one.
     fit: Callable[[bool, bool | None, bool], Model] | None = None

@@ -1,7 +1,7 @@
 """Answers at the pace of a serial line: a reply leaves some milliseconds after the last byte of its request.
 
 Programs that were developed with real hand controls write a command, discard their unread input, and then read. A real
-hand control never answers before that; over a pseudo-terminal the gateway would. Only replies wait, not commands.
+hand control never answers before the input is discarded; over a pseudo-terminal it would. Only replies wait.
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ class Greeting(Struct, frozen=True):
 UNKNOWN_METHOD_GREETING = Greeting("an HTTP request with a method of its own", (), is_http=True)
 
 
-#: Byte -> the set of this byte only. Shared by all greetings to load them faster, since the first client waits.
+#: For each byte, the set of this byte only. All greetings share these sets, so that the table loads faster.
 _SINGLE_BYTE_VALUES = [frozenset((byte,)) for byte in range(256)]
 
 
@@ -199,7 +199,7 @@ class ReceivedBytes(NamedTuple):
 
 
 class StrangerFilter:
-    """Holds back the first bytes of a connection until they cannot be a stranger's.
+    """Holds back the first bytes of a connection until it is certain that no stranger sent them.
 
     ``command_pattern`` is a regular expression for the well-formed commands and idle bytes of ``served_protocol``.
     """
@@ -213,7 +213,7 @@ class StrangerFilter:
 
     @property
     def held_bytes(self) -> bytes:
-        """The bytes that are held back, because they may be a stranger's."""
+        """The bytes that are held back, because a stranger may have sent them."""
         return b"".join(piece.data for piece in self._held_pieces)
 
     @property

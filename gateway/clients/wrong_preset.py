@@ -15,9 +15,9 @@ from gateway.protocols.base.frames import Framer
 from gateway.protocols.registry import PROTOCOLS, streams
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
-#: Seconds from the first bytes to a command of the surface's own protocol, after which the gateway warns.
+#: The gateway warns if no command of the surface's own protocol arrives within this many seconds of the first bytes.
 OWN_COMMAND_WINDOW = 3.0
-#: Maximum number of bytes that are examined of a connection, and of hosts that are remembered.
+#: Maximum number of bytes of a connection that are examined; maximum number of hosts that are remembered.
 MAX_BYTES, MAX_HOSTS = 64, 1000
 
 

@@ -20,7 +20,7 @@ from gateway.core.requests import FAILED, Answer, PressKeyRequest, ReleaseKeyReq
 class HeldKey(NamedTuple):
     """An arrow that is held down: the numbers of the press and of its request, the rate, the loop time of the press.
 
-    ``end_counts``: how many stops and gotos there were at that time. After a further one, the arrow moves nothing.
+    ``end_counts``: how many stops and gotos there were at the press. After another stop or goto, it moves nothing.
     """
 
     press_number: int

@@ -33,7 +33,7 @@ class Beat(Struct, frozen=True, tag="beat"):
 
 
 class Talk(Struct, frozen=True, tag="talk"):
-    """Start or stop sending the page what clients, gateway and mount say to each other."""
+    """Start or stop sending the page the messages between clients, gateway and mount."""
 
     on: bool = True
 

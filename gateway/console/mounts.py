@@ -27,14 +27,14 @@ from gateway.protocols.wireformat.command_set import load
 from gateway.system.files import state_folder
 from gateway.system.own_commands import gateway_argv
 
-#: Seconds until an explanation or a report is given up; each runs a complete gateway in another process.
+#: The timeout for an explanation or a report in seconds; each runs a complete gateway in another process.
 EXPLAIN_TIMEOUT = 20.0
 RECORDINGS_FOLDER = "recordings"
 _RECORDING_NAME = re.compile(r"[\w.@-]+\.rec(\.\d+)?")
 
 
 class Mounts:
-    """The mounts of this gateway. ``pin`` allows a page to act; if it is empty, every page may."""
+    """The mounts of this gateway. A page must enter ``pin`` before it may control them; no PIN is needed if empty."""
 
     def __init__(self, gateways: Sequence[Gateway], pin: str = "") -> None:
         self.gateways = list(gateways)

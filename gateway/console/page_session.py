@@ -28,7 +28,7 @@ from gateway.core.requests import Answer, ByName, StopRequest, Target
 from gateway.core.waiting import BackgroundTasks
 from gateway.mount.controller import MountController
 
-#: How many names are suggested while the user types; seconds of a night, and between two positions in it.
+#: How many names are suggested while the user types; the length of a night and the step between positions, seconds.
 MAX_SUGGESTIONS, NIGHT_LENGTH, NIGHT_STEP = 12, 57600.0, 7200.0
 
 
@@ -76,7 +76,7 @@ def _rounded(position: Sequence[float]) -> tuple[float, float]:
     return round(position[0], COARSE_DECIMALS), round(position[1], COARSE_DECIMALS)
 
 
-#: Seconds without a message until arrows are released, between checks of this, and between orders of a held motion.
+#: Seconds without a message until arrows are released; between two checks of that; between repeated motion orders.
 KEY_TIMEOUT, KEY_CHECK_PERIOD, KEY_REPEAT_PERIOD = 1.5, 0.2, 5.0
 #: The maximum number of simultaneous requests of a page.
 MAX_PAGE_REQUESTS = 32
@@ -133,7 +133,7 @@ class PageSession:
             self._tasks.cancel()
 
     async def _send_newest(self) -> None:
-        """Send the newest state, then the newest rows of the conversation, unless the page has them."""
+        """Send the newest state, then the newest rows of the conversation; nothing that the page already has."""
         publisher = self._mounts.publisher
         if publisher.message_text != self._last_sent_text:
             self._last_sent_text = publisher.message_text

@@ -1,4 +1,4 @@
-"""The console's PIN, and the limits of tries.
+"""The console's PIN, and limits on the number of wrong tries.
 
 An address has five wrong tries, then one a minute. All addresses together have ten wrong tries a minute, except those
 that have given the right PIN before. A try above a limit is refused without comparing the PIN, so that the refusal
@@ -14,11 +14,11 @@ from math import ceil
 from gateway.app.pages import same_token
 from gateway.core.errors import UserError
 
-#: Wrong tries that an address has without waiting; seconds between two further tries.
+#: How many wrong tries an address has before it must wait; seconds that it then waits between two tries.
 FREE_TRIES, TRY_PERIOD = 5, 60.0
-#: Wrong tries of all addresses together within ``TRY_PERIOD`` seconds.
+#: The maximum number of wrong tries of all addresses together within ``TRY_PERIOD`` seconds.
 TOTAL_FREE_TRIES = 10
-#: Addresses that are remembered.
+#: The maximum number of addresses that are remembered.
 MAX_HOSTS = 1000
 
 
@@ -27,7 +27,7 @@ class Pin:
 
     def __init__(self, pin: str, monotonic_time: Callable[[], float], warn: Callable[[str], None]) -> None:
         self._pin, self._monotonic_time, self._warn = pin, monotonic_time, warn
-        #: Address -> its number of wrong tries and time of the last; addresses that gave the right PIN; times of all.
+        #: Address -> number and last time of wrong tries; addresses that gave the right PIN; times of all tries.
         self._wrong_tries: dict[str, tuple[int, float]] = {}
         self._known_hosts: set[str] = set()
         self._wrong_try_times: deque[float] = deque(maxlen=TOTAL_FREE_TRIES)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 #: The state of the kernel's clock, and the bit of its status, that mean "not synchronised" (linux/timex.h).
 _CLOCK_ERROR_STATE, _UNSYNCHRONISED_BIT = 5, 0x40
-#: Seconds between two questions to the kernel.
+#: Seconds between two checks whether the kernel's clock is synchronised.
 _QUESTION_PERIOD = 60.0
 
 

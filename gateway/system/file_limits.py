@@ -14,7 +14,7 @@ try:
 except ImportError:  # Windows, which has no such limit
     resource = None  # type: ignore[assignment]
 
-#: Number of open files reserved for the gateway, in use by the gateway, and in use by each mount and surface.
+#: Numbers of open files: reserved for the gateway; in use by the gateway; in use by each mount and each surface.
 RESERVED_FILES, GATEWAY_FILES, FILES_PER_MOUNT = 16, 24, 6
 
 
@@ -27,7 +27,7 @@ def open_file_limit() -> int | None:
 
 
 def raise_limit(client_count: int, ports: int) -> str:
-    """Raise the limit for so many clients, and mounts and surfaces (``ports``). Return a warning if it is too low."""
+    """Raise the limit as the clients and ``ports`` (mounts and surfaces) need. Return a warning if it is too low."""
     wanted = RESERVED_FILES + GATEWAY_FILES + FILES_PER_MOUNT * ports + client_count
     most = open_file_limit()
     if most is None or most >= wanted:

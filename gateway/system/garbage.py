@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import gc
 
-#: New objects before a collection of each of the three generations: at the start, and Python's own values.
+#: The collector's thresholds for its three generations (``gc.set_threshold``): at the start, and Python's defaults.
 START_THRESHOLDS, USUAL_THRESHOLDS = (200_000, 10, 10), (700, 10, 10)
 
 

@@ -29,7 +29,7 @@ class PidLock:
     """A lock on the file ``path``, which contains the decimal id of the process that holds or last held it."""
 
     def __init__(self, path: Path, *, remove: bool = False) -> None:
-        """With ``remove`` the file is deleted when the lock is released."""
+        """With ``remove``, the file is deleted when the lock is released."""
         self.path, self._remove = path, remove
         self._descriptor: int | None = None
         #: Whether the file had content already, because a previous holder was killed.

@@ -1,6 +1,6 @@
 """Finds the running gateways, and the processes that listen on TCP ports, from Linux's ``/proc``.
 
-If a gateway is found in no other way, it cannot be controlled; the gateway's commands only show that it runs, and as
+A gateway that is found only in this way cannot be controlled; the gateway's commands show just that it runs, and as
 which user. The open files and ports of other users' processes are hidden.
 """
 

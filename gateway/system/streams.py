@@ -122,7 +122,7 @@ def flush() -> Exception | None:
 
 
 def redirect_to_null(stream: TextIO) -> None:
-    """Redirect a stream to the null device, so that Python does not complain about it at the end."""
+    """Redirect a stream to the null device, so that Python does not report a failed flush when it exits."""
     with contextlib.suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())

@@ -13,7 +13,7 @@ from gateway.core.wire_log import WireLog
 from gateway.system.own_names import is_own_host
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
-#: Key of an application's function that tells whether the client of a request may only read and stop.
+#: The key under which an application stores a function: whether the client of a request may only read and stop.
 READ_ONLY_KEY: web.AppKey[Callable[[web.Request], bool]] = web.AppKey("read only")
 
 

@@ -2,8 +2,8 @@
 
 A protocol's ``HttpDialect`` converts both. Only the reply to the newest request is delivered, because the caller has
 given up the earlier ones. A read or stop whose connection was closed is sent again. If a motion command is unanswered
-when a stop is sent, the mount may begin that motion late: so the stop is repeated for some seconds, and once after the
-answer. Connections stay open, unless the server serves one at a time. An unreachable server counts as a lost line.
+when a stop is sent, the mount may begin that motion after it: so the stop is repeated for some seconds, and once after
+that answer. Connections stay open, unless the server serves one at a time. An unreachable server is a lost line.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 #: Seconds until a connection must be open, until the first answer, and until a request is given up.
 CONNECT_TIMEOUT, FIRST_ANSWER_TIMEOUT, ANSWER_TIMEOUT = 4.0, 6.0, 120.0
-#: Seconds that an idle connection stays open; attempts to read if the connection was closed.
+#: Seconds that an idle connection stays open; how often a read or stop is tried if its connection is closed.
 IDLE_TIME, READ_ATTEMPTS = 60.0, 5
 #: Seconds between repetitions of a stop, and seconds after which it is no longer repeated without an answer to the
 #: motion command: it would also end the motions of other programs.
@@ -58,8 +58,8 @@ class HttpDialect(Protocol):
 
 
 class AddressWatcher(Protocol):
-    """Is informed when the connection to a server opens and closes. ``beside``: the server answers while another
-    connection is idle."""
+    """Is informed when the connection to a server opens and closes. ``answers_in_parallel``: the server
+    answers while another connection is idle."""
 
     def reached(self, host: str, port: int, answers_in_parallel: bool) -> None: ...
     def closed(self) -> None: ...

@@ -16,7 +16,7 @@ from gateway.system import processes
 ACCEPT_BACKLOG = 512
 #: Schemes of addresses at which clients connect over the network.
 NETWORK_SCHEMES = ("tcp://", "rfc2217://")
-#: Stands for an address if an existing web server serves the requests.
+#: Used in place of an address if an existing web server serves the requests.
 WEB_SERVED = "web"
 
 

@@ -1,9 +1,9 @@
 """A virtual serial port: a raw pseudo-terminal behind a name that stays the same.
 
-Programs open and close it at will. Each opening is a connection of its own: it begins with the first byte, and ends
-when the last program has closed its end. A pseudo-terminal reports that by a hang-up, but only while the gateway itself
-does not hold that end open. (Linux reports the hang-up continuously, so edge-triggered epoll is used. On
-other systems the gateway holds the end open: there is one connection.) Its end discards replies, settings and locks.
+Programs open and close it at will. A connection begins with the first byte, and ends when the last program has closed
+the port. A pseudo-terminal reports that by a hang-up, but only while the gateway itself does not hold the programs'
+end open. (Linux reports the hang-up continuously, so edge-triggered epoll is used. On other systems the gateway holds
+that end open: there is one connection.) The end of a connection discards unread replies, settings and locks.
 """
 
 from __future__ import annotations

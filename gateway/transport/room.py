@@ -1,6 +1,6 @@
-"""Limits the number of connections, in total and per address that they come from.
+"""Limits the number of connections, in total and for each client address.
 
-One address gets at most three quarters of them, this computer all. The last are for addresses without a connection.
+An address gets at most three quarters of them, this computer all. The last are for addresses without a connection.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class ConnectionQuota:
         return True
 
     def give_back_place(self, host: str) -> None:
-        """Give a place back."""
+        """Free the place of a closed connection of this host."""
         self._count_by_address -= Counter([plain_address(host)])
 
 

@@ -28,7 +28,7 @@ LINGER_TIME = 2.0
 #: Seconds between two checks whether a client that sends no more has got all its replies.
 CHECK_EVERY = 0.02
 #: Seconds without data before a keep-alive probe, seconds between probes, and their number; and milliseconds after
-#: which replies without acknowledgement end the connection. Each system has some of these names.
+#: which unacknowledged replies end the connection. No system has all of these options.
 KEEPALIVE = {"TCP_KEEPIDLE": 30, "TCP_KEEPALIVE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3, "TCP_USER_TIMEOUT": 60_000}
 
 
@@ -39,7 +39,7 @@ class _Connection(asyncio.BufferedProtocol):
         self._transport: asyncio.Transport | None = None
         self._buffer = bytearray(READ_BYTES)
         self._view = memoryview(self._buffer)
-        #: The replies so far while bytes are being processed, to be sent together; else None.
+        #: The replies to the bytes that are being processed, collected to be sent together; None at other times.
         self._replies: list[bytes] | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:

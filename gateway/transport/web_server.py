@@ -24,7 +24,7 @@ from gateway.transport.room import ConnectionQuota
 
 #: Connections at a time. Seconds until a request must be complete, an idle connection ends, and answers end at close.
 MAX_CONNECTIONS, REQUEST_TIMEOUT, IDLE_TIMEOUT, CLOSE_TIMEOUT = 256, 10.0, 60.0, 0.5
-#: Bytes that a connection may send before the server is loaded: no legitimate request is longer.
+#: Maximum number of bytes from a connection before the server is loaded: no legitimate request is longer.
 MAX_EARLY_BYTES = 16384
 
 NO_PAGE_RESPONSE = (

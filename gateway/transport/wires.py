@@ -165,7 +165,7 @@ def descriptor(port: Serial) -> int | None:
 
 
 def unlock(port: Serial) -> None:
-    """End the exclusive lock of a port, which a duplicate of its descriptor in another process would keep."""
+    """End the exclusive lock of a port; else it would last while another process has a copy of its descriptor."""
     number = descriptor(port)
     if number is not None and os.name == "posix":
         import fcntl
@@ -208,7 +208,7 @@ def open_port(url: str, baud: int) -> Serial:
         ) from None
 
 
-#: Connects to a simulated mount: gets a function that delivers bytes later, returns a function from bytes to reply.
+#: Connects to a simulated mount. Its argument delivers (seconds, bytes) later; it returns a function: bytes -> reply.
 SimulatedConnection = Callable[[Callable[[float, bytes], None]], Callable[[bytes], bytes]]
 
 

@@ -26,7 +26,7 @@ MAX_IDLE_BYTES = 64
 
 
 class AnyProtocolConnection:
-    """A connection to a port for every protocol, which it recognises. ``closed`` is called at its end."""
+    """A connection to a port for every protocol; it recognises the client's one. ``closed`` is called when it ends."""
 
     def __init__(self, port: AnyProtocolAcceptor, connected: NewConnection, closed: Callable[[], None]) -> None:
         self._acceptors, self._web, self._controller, self._closed = port.acceptors, port.web, port.controller, closed
@@ -138,7 +138,7 @@ class AnyProtocolConnection:
 class AnyProtocolAcceptor:
     """Accepts the connections of one port. ``acceptors``: the acceptors by protocol; ``web`` takes HTTP connections."""
 
-    #: None, because each protocol presents a model of its own.
+    #: The port as a whole has no model, because each protocol presents a model of its own.
     model: str | None = None
 
     def __init__(self, acceptors: Mapping[str, ConnectionAcceptor], web: WebServer) -> None:

@@ -47,14 +47,14 @@ def decide(received: bytes) -> Decision | None:
 
 
 def shared_prefix_length(protocol: str, received: bytes) -> int:
-    """Return the length of the commands at the start with which clients of another protocol may begin, too."""
+    """Return how many of the first bytes are commands with which clients of another protocol may begin, too."""
     pattern = PROTOCOLS[protocol].shared_openings
     match = re.match(pattern, received) if pattern is not None else None
     return match.end() if match is not None else 0
 
 
 def protocol_may_change(protocol: str, received: bytes) -> bool:
-    """Whether a client that has sent these bytes, taken for this protocol so far, may still speak another."""
+    """Whether a client that is assumed to speak this protocol, and has sent these bytes, may still speak another."""
     rest = received.lstrip(IDLE_BYTES)
     return PROTOCOLS[protocol].mount_speaks_first or (bool(rest) and shared_prefix_length(protocol, rest) == len(rest))
 

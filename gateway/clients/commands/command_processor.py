@@ -2,8 +2,8 @@
 
 Commands that can be answered from the readings cache are answered within the call that delivered the bytes. The others
 wait in a task of this connection, so that no client waits for another. A reply made only of cached readings is reused
-while they are valid. Replies keep the order of the commands: a late reply is dropped, and the next commands are
-answered. The operation of its command is still carried out, unless it would begin a motion that late.
+while they are valid. Replies keep the order of the commands. A reply that comes too late is dropped, and the next
+commands are answered; the operation of the late command is still carried out, unless it would begin a motion.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from gateway.protocols.base.wants import Subscription
 from gateway.transport.baud import BaudTrial
 from gateway.transport.handler import NewConnection
 
-#: Seconds within which the releases of all four arrows are a stop.
+#: If all four arrows are released within this many seconds, the mount is stopped.
 RELEASE_GAP = 0.3
 
 
@@ -146,7 +146,7 @@ class CommandProcessor:
         #: The task of the command that waits for the mount, and the tasks of commands whose reply is too late.
         self._task: asyncio.Task[None] | None = None
         self._detached_tasks: set[asyncio.Task[None]] = set()
-        #: The command that waits for the mount; whether it has no timeout, but waits until the next command.
+        #: The command that waits for the mount, and whether it waits without a timeout until the next command arrives.
         self._waiting_command: PendingCommand | None = None
         self._waits_past_timeout = False
         self.is_open = True
@@ -181,9 +181,9 @@ class CommandProcessor:
     def feed(self, data: bytes, stop_count: int | None = None, arrived_at: float | None = None) -> None:
         """Process received bytes.
 
-        For bytes that waited unread, ``stop_count`` is the number of stops when the client sent them. For bytes that
-        were held back, ``arrived_at`` is the loop time of their arrival. Empty ``data``: process the bytes that the
-        framer has held back.
+        ``stop_count``: for bytes that waited unread, the number of stops of the mount when the client sent them.
+        ``arrived_at``: for bytes that were held back, the loop time of their arrival. With empty ``data``, the bytes
+        that the framer has held back are processed.
         """
         self.activity.sent_data |= stop_count != BEFORE_ALL_STOPS
         if self.log.sinks and data:
@@ -289,7 +289,7 @@ class CommandProcessor:
             self._answer_waiting_commands()
 
     def _detach(self, pending: PendingCommand) -> None:
-        """Let the task of this command run on without a reply, and answer as if the mount does not respond."""
+        """Let the task of this command continue, but send the client the protocol's reply for a silent mount."""
         assert self._task is not None
         self._detached_tasks.add(self._task)
         self._task.add_done_callback(self._detached_tasks.discard)

@@ -38,7 +38,7 @@ from gateway.protocols.base.wants import (
     ReuseLastReading,
 )
 
-#: As the count of stops of a command: it was sent before every stop, so it neither begins nor prolongs a motion.
+#: A ``stop_count`` for commands that count as sent before every stop, so that they neither begin nor prolong a motion.
 BEFORE_ALL_STOPS = -1
 #: Seconds after which a reply is no longer sent: clients have given up by then and would take it for the reply to the
 #: next command (NexStar protocol: the hand control answers within 3.5 s). The mount gets a little less time, so that
@@ -129,7 +129,7 @@ ReadingKinds = list[type[op.Operation]]
 
 #: Maximum number of commands whose replies are cached.
 MAX_CACHED_REPLIES = 32
-#: Seconds within which two coordinates that are requested separately are taken from the same reading.
+#: If a client requests two coordinates separately within this many seconds, both come from the same reading.
 COORDINATE_PAIR_WINDOW = 1.0
 
 
@@ -201,7 +201,7 @@ LONG_OPERATION = op.ClockFromGps
 
 
 class CommandRunner:
-    """Runs the commands of a client, which has these ``rights``. ``equinox_converter`` converts its coordinates."""
+    """Runs the commands of a client. ``rights``: what it may do. ``equinox_converter`` converts its coordinates."""
 
     def __init__(
         self,
@@ -217,7 +217,7 @@ class CommandRunner:
         self.rights, self.equinox_converter = rights, binding.converter
         self.background = BackgroundOperations(controller, log, activity)
         self._deferral_timers: dict[str, asyncio.TimerHandle] = {}
-        #: Kind of reading -> the last reading as it was sent, the loop time, and the version of the readings.
+        #: Kind of reading -> the last reading sent to the client, its loop time, the ``version`` of the readings then.
         self._sent_readings: dict[type[op.Operation], tuple[object, float, int]] = {}
 
     def advance(self, pending: PendingCommand, answer: object, fault: Fault | None = None) -> op.Operation:
@@ -283,7 +283,7 @@ class CommandRunner:
     # --- requested operations ----------------------------------------------------------------------------------------
 
     def _start(self, pending: PendingCommand, operation: op.Operation) -> None:
-        """Start an operation without waiting. One that was started when the bytes arrived is not started again."""
+        """Start an operation without waiting, unless it was already started when the bytes of its command arrived."""
         pending.is_reusable = False
         if self._refusal(operation, pending.arrived_at):
             return

@@ -18,7 +18,7 @@ from gateway.core.wire_log import ClientLog
 HOLD_TIME = 1.2
 #: Seconds added to ``HOLD_TIME``, so that a command that arrived while this computer was busy is read first.
 SETTLE_TIME = 0.02
-#: Bytes between commands, which are no command.
+#: Bytes that programs send between commands and that are not part of a command.
 _IGNORED_BYTES = b"#\r\n\0 "
 
 

@@ -1,7 +1,7 @@
 """What clients, gateway and mount say to each other, as rows for the pages: the bytes and their meaning.
 
 A client's command gets a number. Its reply, and the exchanges with the mount until then, have the same number. Log
-entries are collected only while a page shows them; rows are made of them later, not while logging.
+entries are collected only while a page shows them; they are made into rows later, so that logging stays fast.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class ConversationView:
         return known.pop(side) if entry.arrow == "-" else known[side]
 
     def _command_number(self, entry: Entry) -> int | None:
-        """Return the number of the client's command that an entry belongs to, by order in the log; None if unknown."""
+        """Return the number of the client's command to which an entry belongs, by their order; None if unknown."""
         if entry.side != MOUNT_SIDE and entry.arrow == ">":
             self._last_command_number += 1
             self._unanswered[entry.side] = (self._last_command_number, entry.time)
