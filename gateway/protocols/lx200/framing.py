@@ -27,7 +27,7 @@ _FIRST_BYTES = frozenset(b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz$
 
 
 def setter(beginning: bytes) -> str | None:
-    """Return the name of the command with argument that ``beginning`` begins, "" for unknown ``:S``, else None."""
+    """Return the name of the command with an argument that these bytes begin, "" for an unknown ``:S``, else None."""
     command = load("lx200").begun_command(beginning)
     if command is not None:
         return command.name if command.request.fields else None
@@ -44,7 +44,7 @@ def stop_commands() -> tuple[bytes, ...]:
 class Lx200Framer:
     """Cuts a byte stream into whole commands, such as ``b":GR#"``, ``b"$Q#"`` or the single byte 0x06 (ACK)."""
 
-    #: Nothing is held back until the line is quiet.
+    #: This framer never delays bytes until the line is quiet.
     holds_bytes = False
 
     def __init__(self) -> None:
@@ -95,7 +95,7 @@ class Lx200Framer:
         self._pending_colon = self._before_pause = False
 
     def _begin_burst(self) -> None:
-        """Begin a new burst after a pause: nothing is suspect, and of an unterminated text only half a stop is kept."""
+        """Begin a burst after a pause: nothing is suspect, and of an unterminated text only a partial stop is kept."""
         self._suspect = False
         self._before_pause = bool(self._frame)
         if self._unterminated:

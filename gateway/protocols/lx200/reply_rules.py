@@ -230,7 +230,7 @@ def _form_texts(protocol: CommandSet, command: str) -> tuple[str, ...]:
 
 @cache
 def _undocumented_digits(protocol: CommandSet, command: str) -> frozenset[bytes]:
-    """Return the digits that have no documented meaning, for an order some of whose replies have a text."""
+    """Return the digits without a documented meaning as replies to a command that may also reply with a text."""
     replies = [(reply.fault, str(template.source)) for reply, template in protocol.commands[command].replies]
     if protocol.commands[command].is_query or not any("{text" in source for _, source in replies):
         return frozenset()
@@ -282,7 +282,7 @@ def _expected(protocol: CommandSet, command: str, once: bool, raw: bool) -> Expe
 
 
 def _fault(name: str, values: Values, default_text: str | None) -> Fault:
-    """Return the fault of a reply form, with the mount's own text if it sent any, or what its form ``default_text``."""
+    """Return the fault of a reply form, with the mount's own text if it sent any, else ``default_text``."""
     fault: type[Fault] = getattr(errors, name)
     text = str(values.get("text", "")).strip()
     return fault(" ".join(text.split()) or default_text)

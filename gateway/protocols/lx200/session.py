@@ -20,7 +20,7 @@ class ClockDraft(Struct):
     """The parts of a clock that a client has set and that are not sent to the mount yet.
 
     ``time`` is seconds of the day, and the host's time when it was set; ``changed_at`` is when the last part was set.
-    ``set_together``: one command has set date and time. ``carried_parts``: parts taken over from the clock sent before.
+    ``set_together``: one command has set date and time. ``carried_parts``: parts kept from the clock sent before.
     """
 
     time: tuple[float, float] | None = None
@@ -99,7 +99,7 @@ class LxClientState(ClientState):
         self.selected_entry = self.moving_object = self.object_text = None
 
     def select_nothing(self, reason: str) -> None:
-        """Clear the target after a failed selection; ``reason`` is the reason, for :LI and the next :MS."""
+        """Clear the target after a failed selection; ``reason`` is the text that :LI and the next :MS reply."""
         self.deselect()
         self.ra = self.dec = None
         self.object_text = reason

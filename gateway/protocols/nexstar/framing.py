@@ -29,7 +29,7 @@ STRAY_BY_OPCODE = {ord("y"): (b"01", 1), ord("t"): (b"\0\1\2\3", 1), ord("B"): (
 
 
 class Continuation(Enum):
-    """How the bytes after an interrupted command are read: its end, a part of it, end and more, commands, noise."""
+    """What follows an interrupted command: its end, a part of its end, its end and more, other commands, or noise."""
 
     END = auto()
     PART = auto()
@@ -71,7 +71,7 @@ class PartialCommand:
         self.missing, self.expires_at, self.burst = lengths[received[0]] - len(received), expires_at, bytearray()
         self._opcode, self._pos = received[0], len(received)
         self._lengths = lengths
-        #: The places in the burst of commands that have been passed on.
+        #: The indices in the burst at which commands begin that have been passed on.
         self._passed_positions: set[int] = set()
         #: The bytes of the burst that arrived together at its beginning.
         self._first = b""
@@ -95,7 +95,7 @@ class PartialCommand:
 
     @property
     def is_decided(self) -> bool:
-        """Whether no further byte can change the verdict."""
+        """Whether further bytes cannot change what ``continuation`` returns."""
         count = len(self.burst)
         if not self._fits_command() or count > self.missing + LONGEST:
             return True
@@ -105,7 +105,7 @@ class PartialCommand:
 
     @property
     def continuation(self) -> Continuation:
-        """Return how to read the burst if no more bytes belong to it."""
+        """What the burst is if no more bytes follow."""
         count = len(self.burst)
         if not self._fits_command() or (count != self.missing and self._is_one_command()):
             return Continuation.COMMANDS
@@ -118,7 +118,7 @@ class PartialCommand:
         return Continuation.PART if count < self.missing else Continuation.NOISE
 
     def _fits_command(self) -> bool:
-        """Whether the bytes may stand where those that were missing would."""
+        """Whether the command is valid with the burst in place of its missing bytes."""
         sample, rest = _sample_command(self._opcode), bytes(self.burst[: self.missing])
         completed = sample[: self._pos] + rest + sample[self._pos + len(rest) :]
         return not sample or load("nexstar").find(completed) is not None
@@ -127,7 +127,7 @@ class PartialCommand:
         return len(self.burst) == self._lengths.get(self.burst[0])
 
     def _split(self, index: int) -> tuple[list[tuple[int, bytes]], bool]:
-        """Return the whole commands of the burst from a place on, each with its place, and whether that is all."""
+        """Return the whole commands of the burst from an index on, each with its index, and whether no byte is left."""
         frames: list[tuple[int, bytes]] = []
         while index < len(self.burst):
             length = self._lengths.get(self.burst[index])

@@ -23,7 +23,7 @@ EXTRA = {"t": 4}
 #: Printable bytes for echo requests. None is ``#``; consecutive resynchronisations use different ones.
 ECHOES = range(0x40, 0x7E)
 #: Seconds that a hand control may take to answer (Developer Notes, Timeouts). It takes all of them if it passes a
-#: command to a missing device, so the line is given some more.
+#: command to a missing device, so the gateway waits a little longer.
 TIMEOUT, LINE_ALLOWANCE = 3.5, 0.5
 
 

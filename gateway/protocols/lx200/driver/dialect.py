@@ -1,7 +1,7 @@
 """Reads what another maker's controller, such as an OnStep, reports, as the table of its dialect describes it.
 
-A status report serves all reads for some seconds, unless an order is sent. Speeds are read if they depend on the setup.
-If the controller's own timer ends an arrow that nobody has released, the arrow is pressed again.
+A status report answers all status queries for some seconds, unless a command is sent. If the controller's own timer
+ends the motion of an arrow (a direction key) that the client has not released, the gateway presses the arrow again.
 """
 
 from __future__ import annotations
@@ -117,16 +117,16 @@ class CheckArrow(Operation, frozen=True):
 
 
 def watch_arrow(mount: Lx200Driver, axis: int) -> Steps:
-    """Check later whether an arrow moves the mount, if its controller can end arrows by itself."""
+    """Schedule a check whether an arrow still moves the mount, if its controller can end such a motion by itself."""
     if "arrows" in mount.dialect and mount.has_status:
         yield Schedule(ARROW_CHECK_DELAY, CheckArrow(axis, mount.now(), mount.now()))
 
 
 def check_arrow(mount: Lx200Driver, operation: CheckArrow) -> Steps:
-    """Press an arrow again if the controller's timer has ended it and nobody has released it.
+    """Press an arrow again if the controller's timer has ended its motion and the client has not released it.
 
-    An arrow that ended at any other time met a limit or was stopped at the keypad: it is not pressed again. A release
-    has to wait for this check, so an unverified reply is accepted if it shows motion, and the timeout is short.
+    A motion that ended at any other time met a limit or was stopped at the keypad: it is not begun again. A release
+    of the arrow waits for this check, so the timeout is short, and a reply that shows motion is not verified.
     """
     axis, letter = operation.axis, mount.moving.get(operation.axis)
     if not letter:

@@ -36,7 +36,7 @@ class RepeatEnd(Operation, frozen=True):
 
 
 def count_motion(mount: Lx200Driver, *axes: int) -> None:
-    """Count a motion that is about to begin on these axes."""
+    """Increase the number of motions begun on each of these axes; called before a motion."""
     for axis in axes:
         mount.motions_begun[axis] = mount.motions_begun.get(axis, 0) + 1
 
@@ -51,7 +51,7 @@ def end_motion(mount: Lx200Driver, command: str, axes: tuple[int, ...], was_movi
 
 
 def repeat_end(mount: Lx200Driver, operation: RepeatEnd) -> Steps:
-    """Repeat an end command. A busy telescope has received a newer command: the repetition is dropped."""
+    """Repeat an end command; not on a busy telescope, because that has received a newer command."""
     begun = mount.motions_at_end.pop(operation.command, None)
     if begun is not None and all(mount.motions_begun.get(axis, 0) == number for axis, number in begun.items()):
         with contextlib.suppress(Busy):

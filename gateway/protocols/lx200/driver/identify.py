@@ -21,7 +21,7 @@ from gateway.protocols.wireformat.command_set import load
 FACTOR, MIN_PROBE_TIMEOUT = 2.0, 0.6
 #: Questions to an unknown controller, and what remains unknown without an answer.
 UNKNOWN_BY_COMMAND = {"GVN": "its version", "ACK": "how it is mounted", "GW": "whether it tracks"}
-#: How many positions, so many seconds apart, show whether a mount with bars moves.
+#: How many positions are read to find out whether a mount that shows bars moves, and the seconds between two.
 POSITION_READS, POSITION_READ_INTERVAL = 3, 1.5
 #: How often another maker's mount is asked for its status: without an answer it counts as an unknown controller.
 STATUS_TRIES = 3

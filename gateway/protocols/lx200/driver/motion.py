@@ -37,7 +37,7 @@ _REMARK_THRESHOLD = math.log(1.1)
 
 
 def _direction_letter(mount: Lx200Driver, axis: int, sense: int) -> Steps:
-    """Return the letter of the sky direction for a sense of a motor."""
+    """Return the letter (n, s, e, w) of the sky direction in which a motor moves with this sense, +1 or -1."""
     if axis == 2 and mount.equatorial and not mount.german and mount.southern:  # lifting is towards the southern pole
         sense = -sense
     elif axis == 2 and mount.german:  # the motor's sense is reversed on one side of the pier
@@ -107,7 +107,7 @@ def _remark_deviation(requested: float, actual: float) -> Steps:
 
 
 def _begin_motion(mount: Lx200Driver, axis: int, letter: str, rate: op.Rate, speed: Speed | None) -> Steps:
-    """Begin a motion by hand. Without ``speed`` the rate is named; a speed without a command is tracking alone."""
+    """Begin a motion by hand at ``speed``; None: at the named rate. A speed without a command is tracking alone."""
     mount.check_movable()
     old = mount.moving.get(axis)
     none = speed is not None and speed.command is None
@@ -135,7 +135,7 @@ def _send_named_rate(mount: Lx200Driver, axis: int, rate: op.Rate) -> Steps:
 
 
 def _send_chosen_rate(mount: Lx200Driver, axis: int, speed: Speed) -> Steps:
-    """Set the rate of a chosen speed, and the values that define it."""
+    """Set the rate of a chosen speed, and the values that it needs (``:Rg :Sw :RA :RE``)."""
     if speed.guide is not None:
         yield from send_guide_rate(mount, speed.guide)
     if speed.command == "RS" and speed.axis_rate is None and not mount.dialect:
@@ -228,7 +228,7 @@ def pulse_axis(mount: Lx200Driver, operation: op.PulseAxis) -> Steps:
 
 
 def _pulse_rate(mount: Lx200Driver, fraction: float) -> Steps:
-    """Return the rate of the mount's own pulses, a fraction of sidereal; of several, the slowest fast enough."""
+    """Return the mount's pulse rate, a fraction of sidereal: of several, the slowest not below ``fraction``."""
     if not (pulses := mount.dialect.get("pulses")):
         return 1.0
     speeds = {name: mount.speeds.get(name, SPEEDS["RG"]) / SPEEDS["RG"] for name in pulses["rates"]}

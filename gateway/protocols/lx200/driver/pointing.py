@@ -124,7 +124,7 @@ def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
 def _stands_still(mount: Lx200Driver, state: Lx200GotoState) -> bool:
     """Whether the position shows that the telescope has not moved for a while since it was sent to a goal.
 
-    The bars of a mount that reports its state are right: an OnStep's goto may wait for a person at the meridian.
+    False if the mount reports its state: then its bars are right, and an OnStep may wait for the user at the meridian.
     """
     reports = mount.dialect and mount.has_status
     return state.purpose is None and not reports and state.position_read_at - state.moved_at > STILL_PERIOD
@@ -170,7 +170,7 @@ def begin_goto(mount: Lx200Driver, command: str, then_command: str | None = None
 
 
 def _send_goto(mount: Lx200Driver, command: str) -> Steps:
-    """Send it. What looks like a refusal is none if the mount is judged by the effect, and slews."""
+    """Send a goto command. A model with ``by_effect`` may slew although it refuses: if bars show it, none is raised."""
     try:
         yield from ask(mount, command)
     except (BelowHorizon, TooHigh, Refused):
@@ -242,7 +242,7 @@ def note_chosen_side(mount: Lx200Driver, ra: float) -> None:
 
 
 def beyond_pole(mount: Lx200Driver) -> Steps:
-    """Return whether the second axis is turned beyond the pole, by report or by the last goto. False for a fork."""
+    """Return whether the second axis is turned beyond the pole: as reported, or by the last goto; False for a fork."""
     if not mount.german:
         return False
     if (side := (yield from read_pier_side(mount))) is not None:

@@ -31,10 +31,10 @@ class Speed(Struct, frozen=True):
     """A choice of rates. ``degrees`` is the resulting speed, degrees per second.
 
     command         the rate command of the direction key, None if no key is pressed
-    guide_rate      the guide rate to set for :RG, a fraction of sidereal
+    guide           the guide rate to set for :RG, a fraction of sidereal
     max_speed       the value for :Sw, and axis_rate that for :RA or :RE, degrees per second
-    drive_hertz     the drive rate to set, hertz, None to leave it
-    key_is_west     the direction of the key on the first axis, if it differs from the requested direction
+    hertz           the drive rate to set, hertz, None to leave it
+    west            whether the key on the first axis is west, if this may differ from the requested direction
     """
 
     command: str | None
@@ -47,9 +47,9 @@ class Speed(Struct, frozen=True):
 
 
 class ModelSpeeds(Struct, frozen=True):
-    """The speeds of a model: whether it has :Rg, :RA with :RE, and :Sw; its usual and its settable fastest rates,
-    degrees per second; its drive rates, hertz. ``speeds`` are another maker's rate commands with their speeds, degrees
-    per second, which are added to tracking.
+    """The speeds of a model, degrees per second. ``guides``: it has :Rg; ``free``: :RA and :RE; ``has_max_speed``: :Sw,
+    which sets ``max_speed`` within ``max_speed_range``. ``hertz_range``: its drive rates, hertz. ``speeds``: another
+    maker's rate commands with their speeds, which are added to tracking.
     """
 
     guides: bool
@@ -62,7 +62,7 @@ class ModelSpeeds(Struct, frozen=True):
 
 
 def ratio_error(requested: float, actual: float) -> float:
-    """Return the difference of two speeds as the logarithm of their ratio; infinite for other signs or zero."""
+    """Return the difference of two speeds as the logarithm of their ratio; infinite if the signs differ or one is 0."""
     if requested == actual:
         return 0.0
     return abs(math.log(actual / requested)) if requested * actual > 0.0 else math.inf

@@ -19,12 +19,12 @@ from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model
 
 BUSY_RETRIES, BUSY_WAIT = 5, 0.4
-#: Questions whose answers are of one moment only: they are accepted without verification.
+#: Queries whose replies are true for one moment only, so that they are accepted without verification.
 ONCE = frozenset({"GS", "Gr", "Gd"})
 #: Stands for an unknown value of a rate register: it differs from every rate.
 UNKNOWN_RATE = -1
 _COMMAND_BY_RATE_NAME = {"guide": "RG", "center": "RC", "find": "RM", "max": "RS"}
-#: The commands that identify it; telescopes without a product name answer none of them.
+#: The commands for product name and firmware; a telescope without a product name answers none of them.
 NAME_COMMANDS = frozenset({"GVP", "GVN", "GVD", "GVT", "GVF"})
 #: Timeout in seconds of commands that some firmware lacks: a telescope that has the command replies within it.
 KNOWN_COMMAND_TIMEOUT = 1.5
@@ -46,8 +46,8 @@ class Lx200GotoState(GotoUnderWay):
 
 class ControllerReport(Struct, frozen=True):
     """The status that another maker's mount reports. ``moves``: an arrow or a pulse moves it; ``slews``: a goto or a
-    search for home does, None if not reported. ``build``: a Meade's letter for the mounting. ``side``: the pier side, E
-    or W, or None. ``fault``: a limit or an error.
+    search for home moves it, None if not reported. ``build``: the mounting, as a Meade's letter. ``side``: the pier
+    side, E or W, or None. ``fault``: it has met a limit or reports an error.
     """
 
     tracks: bool
@@ -80,13 +80,13 @@ class Lx200Driver(Driver):
         self.named_model = settings.model
         self.assume_model(settings.model)
         self.product, self.firmware = "", ""
-        #: Whether it replies in low precision; another maker's mount is then sent the second form of a request.
+        #: Whether it replies in low precision; another maker's mount is then sent the low-precision form of a request.
         self.low = False
         # alignment and tracking
         self.mounting = "A"  # the mounting in :GW# or ACK: A, P or G
         #: Whether it is in land mode, in which it does not track.
         self.land = False
-        #: Whether it answers :GW#.
+        #: Whether it answers its status command, :GW# on a Meade.
         self.has_status = False
         #: The questions that it did not answer, or not in a known form; and how long a reply takes, seconds.
         self.mute: frozenset[str] = frozenset()
@@ -140,9 +140,9 @@ class Lx200Driver(Driver):
         self.power_on()
 
     def power_on(self) -> None:
-        """Reset what no Meade reports: it may have been switched off and on while the line was lost.
+        """Reset the values that no Meade reports, because it may have been switched off and on while the line was down.
 
-        A rate that the gateway had changed is then unknown, and is sent again before it is used.
+        A rate that the gateway had changed then counts as unknown, and is sent again before it is used.
         """
         #: Whether it seeks its home.
         self.seeking = False
@@ -274,7 +274,7 @@ class Lx200Driver(Driver):
 
     @property
     def emulated(self) -> str:
-        """What is wrong after a power cycle: the counted PEC toggle. Empty for a model with on and off commands."""
+        """Text on the PEC state, which is wrong after a power cycle if :$Q only toggles it; empty if it can be set."""
         known = not self.pec_axes or self.supports("$QZ+")
         return "" if known else "its periodic error counts as not corrected"
 
@@ -357,7 +357,7 @@ def send_command(
     values: Mapping[str, object],
     unverified_ok: Callable[[Mapping[str, object]], bool] | bool,
 ) -> Steps:
-    """Send a command, and verify the reply unless it may be ``unverified_ok`` (see ``Send``). Retry a few times if the
+    """Send a command, and verify the reply unless ``unverified_ok`` accepts it (see ``Send``). Retry a few times if the
     telescope is busy (NAK), unless the command begins a motion by hand.
 
     Raises Unsupported if the model lacks it, Busy while it seeks its home, and Refused if a sleeping mount would move.

@@ -121,12 +121,12 @@ class SimulatedLx200(MeadeTelescope):
 
     @staticmethod
     def _no(command: Command) -> bytes:
-        """Return the refusal of a value that it cannot read, or nothing."""
+        """Return the reply that refuses an unreadable value of this command; empty if the command has none."""
         refusals = [form for reply, form in command.replies if reply.fault]
         return refusals[0].encode({}) if refusals and not refusals[0].fields else b""
 
     def _split_slow_reply(self, name: str, reply: bytes, later: SendLater | None) -> bytes:
-        """Return the part of a slow reply that is sent at once; pass the rest to ``later`` with the seconds to wait."""
+        """Return the part of a slow reply to send at once; pass the rest to ``later`` with the seconds to wait."""
         seconds = settings.reply_duration(self, name)
         if later is None or not seconds or reply == b"0":
             return reply

@@ -216,7 +216,7 @@ def _search_query(session: LxSession) -> SearchLimits:
 
 
 def _visibility(session: LxSession) -> Handling:
-    """Return (a test whether a position is visible now, the right ascension in the south); without a site all are."""
+    """Return a test whether a position is visible now (true without a site), and the right ascension in the south."""
     limits = session.limits
     try:
         zenith: op.Equatorial = yield op.Zenith()

@@ -51,7 +51,7 @@ def set_site_coordinate(session: LxSession, values: Values) -> Handling:
 
 
 def _select_for_all(session: LxSession, index: int) -> Handling:
-    """Select this site for all clients that select none; the first time, store the mount's own as site 1 before."""
+    """Select this site for all clients that have selected none; before the first time, store the mount's as site 1."""
     if not session.shared.site and index != 0:
         with suppress(Fault):
             place: Place = yield GetSite()

@@ -56,9 +56,9 @@ def move(mount: NexStar, operation: Move) -> Steps:
 def pulse(mount: NexStar, operation: Pulse) -> Steps:
     """Guide along a motor axis, or in right ascension or declination with both motors; the caller ends the pulse.
 
-    While the commands reach the motors, tracking is lost: the rates make up for it. If the gateway itself is late, the
-    pulse gets longer by what the first motor loses meanwhile. A pulse too short for the commands that begin and end it
-    is sent longer and slower.
+    While the commands are sent, the motors do not track: faster rates make up for that. If the gateway itself is late,
+    the pulse gets longer by what the first motor loses meanwhile. A pulse that is shorter than the time to send its
+    commands is sent longer and slower.
     """
     direction = operation.direction
     if mount.goto is not None:

@@ -33,7 +33,7 @@ class NexStarGotoState(GotoUnderWay):
 
 
 class SmallGotoMotion(Struct):
-    """An axis that moves by small gotos: degrees a second west or north, start time, and start position once known."""
+    """An axis that moves by small gotos: speed, degrees a second (west or north positive), start time and position."""
 
     speed: float
     started_at: float
@@ -41,7 +41,7 @@ class SmallGotoMotion(Struct):
 
 
 class Memory(Struct, omit_defaults=True):
-    """What is saved of a mount. ``native``: tracking mode, ``mode_code``: its byte, ``offset``: of an emulated sync."""
+    """What is saved of a mount. ``native``: tracking mode, ``code``: its byte, ``offset``: of an emulated sync."""
 
     home: op.Horizontal | None = None
     home_state: int = 0
@@ -107,7 +107,7 @@ class NexStar(Driver):
         self.moving: dict[int, float] = {}
         #: The tracking mode to resume after fast motion; None if tracking is not suspended.
         self.suspended_mode: op.Tracking | None = None
-        #: Tracking was suspended before the line was lost or in an earlier run; the mount may have been off since.
+        #: Resume tracking only if the mount is aligned: it may have been switched off since tracking was suspended.
         self.resume_needs_alignment = False
         self.mode_checks_left = 0
         #: The mount was woken; tracking is to be turned on shortly.
@@ -197,11 +197,11 @@ class NexStar(Driver):
 
     @property
     def _mode_code_is_usual(self) -> bool:
-        """Whether the byte of its tracking mode follows from the mode."""
+        """Whether the byte of its tracking mode is the usual one for that mode."""
         return self.native_mode is None or self.mode_code == code_of(self.native_mode, self.model_facts, self.version)
 
     def record_alignment_lost(self) -> None:
-        """Note that an alignment was lost, and with it the values that the gateway keeps for it."""
+        """Reset the sync offset and the drive rate, because they belong to an alignment that was lost."""
         self.sync_offset, self.rate, self.drive = (0.0, 0.0), op.TrackRate(name="sidereal"), "own"
 
     def forget_emulated(self) -> Steps:

@@ -133,7 +133,7 @@ def _goto_operation(session: NexStarSession, first: float, second: float) -> Han
 
 
 def _uses_axes(session: NexStarSession, status: op.Status) -> bool:
-    """Whether the readings are those of the motors: as on the mount if it is presented itself, else by the model."""
+    """Whether the readings are those of the motor axes; the model decides, or the mount if it is presented itself."""
     return status.equatorial if session.model.get("own") else _presents_german(session) or status.wedge
 
 
