@@ -95,7 +95,7 @@ class ClientAdmission:
 
     def check(self, peer: NewConnection, connected_hosts: Sequence[str]) -> None:
         """Raise ConnectionRefused if the host of ``peer`` is not allowed, or there are too many clients or open files.
-        ``connected_hosts`` contains the host of every connected client. Serial lines are not counted as open files.
+        ``connected_hosts`` has one entry for each client. For a serial line, open files are not checked.
         """
         host, most = peer.host, self._access.max_clients
         if not self._access.admits(host):

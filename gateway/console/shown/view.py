@@ -86,7 +86,7 @@ def _park_position(controller: MountController, status: op.Status) -> dict[str, 
 def coordinates(
     controller: MountController, position: op.Equatorial, horizontal: op.Horizontal | None = None
 ) -> dict[str, Any]:
-    """Return a position of date in degrees, with its J2000 and ``horizontal`` coordinates (None without a site)."""
+    """Return a position of date in degrees, also as J2000 and as altitude and azimuth (None if the site is unknown)."""
     derived = controller.astrometry
     ra2000, dec2000 = derived.sky.to_j2000(position.ra, position.dec, derived.site_clock.unix())
     shown: dict[str, Any] = {
