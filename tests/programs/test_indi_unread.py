@@ -39,7 +39,7 @@ def reads_right(telescope: Telescope, tap: Tap, mark: int, there: Spot) -> None:
         pytest.param(SIXTEEN, 250, id="16"),
     ],
 )
-def test_refused_goto_shifts_no_reading_of_indi_lx200(workshop: Workshop, driver: Driver, period: int) -> None:
+def test_refused_goto_leaves_replies_to_indi_lx200_in_step(workshop: Workshop, driver: Driver, period: int) -> None:
     requires("indiserver", driver.program)
     wire, truth = start_simulator(workshop, FORK, NORTH, speed=SPEED)
     tap = Tap(workshop, start_gateway(workshop, wire, driver.model, "tcp").port)
@@ -57,7 +57,7 @@ def test_refused_goto_shifts_no_reading_of_indi_lx200(workshop: Workshop, driver
     scenario.goes_to(telescope, truth, target_up(truth.position(), 50.0, NORTH), exact_end=driver.asks_end)
 
 
-def test_unparking_shifts_no_reading_of_indi_lx200(workshop: Workshop) -> None:
+def test_unparking_leaves_replies_to_indi_lx200_in_step(workshop: Workshop) -> None:
     """LX200 GPS unparks by `:I#`, which an LX200GPS answers, and does not read the answer."""
     requires("indiserver", GPS.program)
     wire, truth = start_simulator(workshop, FORK, NORTH, speed=SPEED)

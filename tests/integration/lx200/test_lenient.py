@@ -133,7 +133,7 @@ def test_meade_driver_rejects_bytes_that_are_no_reply(command: str, reply: bytes
     assert taken is None or isinstance(taken[0], Garbled) or taken[1] < len(reply)
 
 
-async def test_program_reads_the_text_of_a_refusal_that_no_table_has() -> None:
+async def test_program_reads_the_text_of_a_refusal_unknown_to_the_tables() -> None:
     bridge = Bridge("lx200", driven="lx200", surface="lx200", config={"sun": 0.0})
     oddly(bridge, b":MS#", b"4Object above limit.#")
     async with bridge:

@@ -111,7 +111,7 @@ def test_no_date_and_no_site_makes_the_sky_fail(loaded: Sky, moment: float, lat:
         assert 0.0 <= sky.sidereal_time(moment, lon) < 360.0
 
 
-def test_one_sky_frame_serves_a_minute_of_several_clocks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sky_frame_is_calculated_once_a_minute_for_several_clocks(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[float] = []
     original = closed_forms.frame
 

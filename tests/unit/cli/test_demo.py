@@ -38,7 +38,9 @@ def test_demo_leaves_the_live_link_of_another_program_alone(tmp_path: Path, term
     assert not is_free(str(path)) and os.readlink(path) == terminal
 
 
-def test_demo_replaces_the_link_of_a_killed_gateway(tmp_path: Path, terminal: str, started: list[Running]) -> None:
+def test_demo_replaces_the_symbolic_link_of_a_killed_gateway(
+    tmp_path: Path, terminal: str, started: list[Running]
+) -> None:
     """Though its pseudo-terminal's number is another program's by now."""
     path = tmp_path / "lx200"
     killed = Running("demo", "--port", "0", "--pty", str(path))

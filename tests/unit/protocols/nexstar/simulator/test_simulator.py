@@ -158,7 +158,7 @@ def test_simulated_old_hand_control_lacks_later_commands(version: str) -> None:
             assert bench(typed(request) + b"Kz") == b"z#"
 
 
-def test_simulated_commands_beyond_the_manual_begin_with_their_version() -> None:
+def test_simulator_knows_later_commands_only_from_their_version_on() -> None:
     for letter, since in ((b"v", "2.2"), (b"l", "4.12"), (b"p", "4.15"), (b"x", "4.21"), (b"u", "5.29")):
         for version in (*VERSIONS, "4.12", "4.15", "5.31"):
             assert bool(Bench("cgem", version)(letter)) == (number(version) >= number(since))

@@ -98,6 +98,6 @@ def test_every_nexstar_command_has_a_surface_row() -> None:
 
 
 @each("version", ["1.2", "1.6", "2.2", "4.21", "5.31"])
-def test_nexstar_variant_is_answered_in_every_version(version: str) -> None:
+def test_get_variant_command_is_answered_at_every_version(version: str) -> None:
     """One program asks it of every hand control, and waits five seconds for it, twice."""
     assert talk_to(version=version).send(b"v") == b"\x11#"
