@@ -30,11 +30,11 @@ from gateway.protocols.base.driver import Remark, Schedule, Send, Step, Wait
 NEAR_DEGREES = 0.05
 #: The highest speed of any mount in degrees a second: 8 on one axis, both axes combined.
 MAX_SPEED = 8.0 * math.sqrt(2.0)
-#: Degrees by which a latitude grows at most between two replies in a row.
+#: Degrees by which a latitude (such as the declination) grows at most between two replies in a row.
 MAX_LATITUDE_STEP = 2.0
 #: Seconds by which a clock may differ from its last reading: it has whole seconds, and replies take time.
 CLOCK_TOLERANCE = 1.6
-#: A reply after over SLOW_REPLY_TIME seconds on a usually quick line may be outdated: it is skipped, SLOW_TRIES times.
+#: A reply after over SLOW_AFTER seconds on a usually quick line may be outdated: it is skipped, up to SLOW_TRIES times.
 SLOW_AFTER, SLOW_TRIES = 0.5, 3
 #: How often a request is sent at most to verify its reply, and how often if the reply was garbled.
 MAX_TRIES, GARBLED_TRIES = 9, 3
@@ -43,12 +43,12 @@ MAX_TRIES, GARBLED_TRIES = 9, 3
 JUMP_REPLIES, QUICK_REPLY_TIME, SLOW_LINE_JUMP_REPLIES = 5, 0.25, 3
 #: Shortest sleep in seconds: timers may fire this much too early.
 MIN_SLEEP = 0.001
-#: Seconds that a command waits at most until replies to older commands like it can no longer arrive.
+#: The longest time in seconds that a command waits until no late reply to an earlier, similar command can arrive.
 LATE_REPLY_WAIT = 12.0
 #: How many late replies to earlier requests are assumed at most: if more replies than that agree, one of them must
 #: belong to the present request.
 MAX_LATE_REPLIES = 4
-#: How many requests have their last reply remembered: clients may ask for any number of devices.
+#: For how many requests the last reply is stored: limited, because clients may ask for any number of devices.
 MAX_LAST_REPLIES = 100
 DAY_SECONDS = 86400.0
 #: Fields that describe the form of a reply, not its meaning.
@@ -83,7 +83,7 @@ class ReplyVerifier:
         self._latitudes: dict[str, float] = {}
 
     async def exchange(self, command: Send, priority: int) -> tuple[ReceivedReply, int]:
-        """Return a verified reply, and how many exchanges that took. Raises Fault."""
+        """Send a command, and return its verified reply and the number of exchanges needed. Raises Fault."""
         kind = self._line.reply_rules.expected_reply(command).answer_kind
         if kind is None:
             asked = self._clock()

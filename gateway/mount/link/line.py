@@ -20,7 +20,7 @@ from gateway.protocols.base.driver import Send
 from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.transport.wires import Transport
 
-#: Seconds of silence after half a command: a hand control would take what is sent earlier for the other half.
+#: Seconds of silence after half a command: a hand control takes whatever arrives sooner for the other half.
 HALF_COMMAND_SILENCE = 3.5
 #: Seconds between two commands of a stop that is written without waiting for replies, unless a reply comes sooner.
 BLIND_GAP = 0.2
@@ -132,7 +132,7 @@ class MountLink:
         return (await self.timed_exchange(command, priority))[0]
 
     async def timed_exchange(self, command: Send, priority: int) -> tuple[Values, float]:
-        """Like `exchange`, but also return the seconds that the reply took. Raises Fault with ``took`` set."""
+        """Like `exchange`, but also return the seconds that the reply took. Raises Fault, with ``reply_seconds``."""
         if self.state == "down":
             self._hurry_stop(priority)
             unheard = NoAnswer()
@@ -145,7 +145,7 @@ class MountLink:
         return await outcome
 
     def _hurry_stop(self, priority: int) -> None:
-        """Have a queued stop written soon, unless it was; during a long operation, have all new requests examined."""
+        """Have a queued stop written soon, if it is not yet; in a long operation, have all new requests examined."""
         stop = priority == STOP and not (self.transaction.written and self.transaction.written.issuperset(self._stop()))
         if stop or self.transaction.long:
             self.transaction.wake(stop)
@@ -195,7 +195,7 @@ class MountLink:
         await self._recover()
 
     async def _write_stop(self) -> bool:
-        """Write the commands of `_stop_commands` without waiting for replies; return whether there were any."""
+        """Write the commands of `_stop` without waiting for replies; return whether there were any."""
         commands, before = self._stop(), self.reply_rules.half_command_end
         self.transaction.note_stop_written(commands)
         for command in commands:

@@ -49,7 +49,7 @@ LATE_REPLY_TIME = 2.5
 #: The timeout of a position read is POSITION_FACTOR times the typical reply time, at least SHORTEST_TIMEOUT seconds.
 #: The protocol's timeout applies until MIN_REPLY_COUNT replies have come.
 POSITION_FACTOR, SHORTEST_TIMEOUT, MIN_REPLY_COUNT = 8.0, 1.2, 20
-#: A late reply raises the timeouts to LATE_FACTOR times its seconds, unless it took over MAX_COUNTED_LATE_TIME.
+#: A late reply raises the timeouts to LATE_FACTOR times its seconds, unless it took over MAX_COUNTED_LATE.
 LATE_FACTOR, MAX_COUNTED_LATE = 1.5, 6.0
 #: The first reply sets the typical time, up to this many seconds.
 MAX_FIRST_REPLY_TIME = 1.0
@@ -159,7 +159,7 @@ class Transaction:
         self.ever_answered = False
         self.last_failed_exchange = b"", b""
         self._buffer, self._bytes_event = b"", TimedEvent()
-        #: Loop time of the last byte.
+        #: Loop times of the last byte, and of the last byte that belonged to no reply.
         self.heard_at = self._stray = -1e9
         self._last_command: Send | None = None
         self._new_stops = 0
@@ -263,7 +263,7 @@ class Transaction:
         return left
 
     async def carry_out(self, command: Send, is_stop: bool) -> Answer:
-        """Carry out an exchange. If the previous pause was cut short, keep this one in full and send a stop twice."""
+        """Carry out an exchange. If the pause before it was cut short, pause in full after it and send a stop twice."""
         hurried, self._pause_cut_short = self._pause_cut_short, False
         if not is_stop:
             self.written.clear()
@@ -283,8 +283,8 @@ class Transaction:
 
     async def exchange(self, command: Send, firm: bool = False, is_resync: bool = False, stop: bool = False) -> Answer:
         """Send a request and return the fields of its reply, or the Fault that came instead. ``firm``: a stop
-        does not cut short the pause after it. ``is_resync``: it gets the full timeout of the protocol. ``stop``: it
-        does not wait until the line is quiet.
+        does not cut short the pause after it. ``is_resync``: the reply gets the protocol's full timeout. ``stop``: the
+        request does not wait until the line is quiet.
         """
         try:
             request = self.reply_rules.encode(command)

@@ -119,7 +119,7 @@ def stopped_since(wanted: Wanted, operation: op.Operation, stop_count: int | Non
 
 
 def without_superseded(wanted: Wanted, operation: op.Operation) -> Wanted:
-    """Remove the pending orders that a halt, the end of gotos or a newer rate ends before they have begun."""
+    """Remove the pending orders that a halt, an end of all gotos or a newer rate cancels before they begin."""
     pending = tuple(order for order in wanted.pending if not _cancels(operation, order, order.number == wanted.active))
     return wanted if len(pending) == len(wanted.pending) else replace(wanted, pending=pending)
 
@@ -217,7 +217,7 @@ def _apply_halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Want
 
 
 def _apply_end(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """Queue a halt first, but behind a goto that it may have to end, and last if a client keeps repeating it."""
+    """Queue a halt before all orders, but behind a goto that it may end, and last if a client keeps repeating it."""
     assert isinstance(order, Halt)
     axis = halted_axis(order.operation)
     wanted = without_superseded(

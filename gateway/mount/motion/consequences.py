@@ -13,7 +13,7 @@ from gateway.mount.motion.wanted import Slew, Wanted
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.watch import LimitWatch
 
-#: Fraction of its length by which a guide pulse must have been too long to be logged.
+#: The least excess of a guide pulse that is logged, as a fraction of the ordered length.
 MIN_LOGGED_EXCESS = 0.1
 
 
@@ -82,8 +82,8 @@ class Consequences:
             self._cache.correct(op.GetStatus, replace(status, tracking=op.Tracking.OFF))
 
     def log_pulse_excess(self, axis: int, ordered_at: float, started_at: float) -> None:
-        """Log by how much a guide pulse was too long, if that matters. ``ordered_at`` and ``started_at`` are the loop
-        times at which the reconciler began with its end, and at which the command for that was sent.
+        """Log by how much a guide pulse was too long, if that matters. ``ordered_at``: the loop time at which the
+        reconciler took up the order to end it; ``started_at``: that at which the command to end it was sent.
         """
         pulse = next((sent for sent in self._context.wanted.value.pulses if sent.axis == axis), None)
         late = 0.0 if pulse is None else started_at - pulse.ends_at

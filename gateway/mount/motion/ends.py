@@ -47,7 +47,7 @@ class MotionEnd(Struct, frozen=True):
     """A motion that was ended: its axes (1, 2), its speed in degrees a second, and the times at which the command to
     end it was sent.
 
-    ``motions_begun`` is ``Wanted.motions_begun`` at that time: if it has grown since, the axis was set moving again,
+    ``motions_begun`` is ``Wanted.motions_begun`` at its end: if it has grown since, the axis was set moving again,
     and need not come to rest.
     """
 
@@ -118,7 +118,7 @@ class EndWatch:
 
     @property
     def ending(self) -> MotionEnd | None:
-        """The ended motion that positions do not confirm yet, without axes that were set moving again since."""
+        """The motion whose end positions have not shown yet, without the axes that were set moving again since."""
         ending, begun = self._ending, self._wanted.value.motions_begun
         if ending is not None and ending.motions_begun != begun:
             axes = frozenset(axis for axis in ending.axes if ending.motions_begun[axis - 1] == begun[axis - 1])

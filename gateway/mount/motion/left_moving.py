@@ -1,4 +1,4 @@
-"""Motion that went on without the gateway: motion that it had begun when its line was lost, or when it was killed.
+"""Motion that the gateway began and that went on without it: its line was lost, or its process was killed.
 
 A marker file records the motion. If it is recent, the mount is stopped at once. Later, a person at the hand control
 may have begun another motion, which the gateway leaves alone. So a goto is stopped only if the marker names a goto, and

@@ -32,7 +32,7 @@ REST_UNITS = 1.25
 
 
 class TimedPosition(Struct, frozen=True):
-    """A position, the loop times of its request and of its arrival."""
+    """A position, and the loop times of its arrival (``at``) and of its request (``asked``)."""
 
     at: float
     asked: float
@@ -77,11 +77,11 @@ def after_position(run_on: RunOn, position: TimedPosition, equatorial: bool, res
 
 
 class RunOnWatch:
-    """Holds the ``current`` run-on, None at rest. ``changed``: the loop time until which pulses wait."""
+    """Holds the ``current`` run-on, None at rest. ``changed`` is emitted with the loop time until which pulses wait."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
-        #: Emitted with each command that may set the mount moving; and its count when the mount was last seen at rest.
+        #: Emitted with each command that may move the mount; how often that was when the mount was last seen at rest.
         self.sent: Signal[None] = Signal()
         self._commands_at_rest = 0
         #: When the mount was last seen at rest after the end of a motion.

@@ -18,7 +18,7 @@ from gateway.mount.site.astrometry import SiteAstrometry
 JUMP_DEGREES = 30.0
 #: The resolution of positions in degrees: a second of right ascension or a 16-bit reading; that of low precision.
 POSITION_RESOLUTION, COARSE_RESOLUTION = 0.006, 0.025
-#: Degrees between two positions that show the direction of a motion; declination or altitude above which they cannot.
+#: Degrees between two positions that show the direction of a motion; declination or altitude above which none do.
 MIN_DIRECTION_STEP, NEAR_POLE = 0.2, 85.0
 #: When the tube passes the pole or the zenith, the first axis seems to turn by half a circle: the degrees that count as
 #: such, and the declination or altitude above which they do.
@@ -30,8 +30,8 @@ class PositionSample(Struct, frozen=True):
     """A position of the mount, its altitude and hour angle (None without a site), and its distances from the Sun: one
     for each source of site and time.
 
-    ``other_altitudes`` are those by other sources of site and time, or if the syncs were wrong. The first
-    ``own_altitude_count`` of all altitudes are by the mount's own site and clock. ``lifting`` is the motion
+    ``other_altitudes`` are those by other sources of site and time, and those that hold if the syncs were wrong. The
+    first ``own_altitude_count`` of all altitudes are by the mount's own site and clock. ``lifting`` is the motion
     by hand of the second axis at that time. Samples with equal ``comparison_key`` can be compared.
     """
 
@@ -59,7 +59,7 @@ class Rates(Struct, frozen=True):
 
 
 class ObservedMotion(Struct, frozen=True):
-    """The last two positions, the ``rates`` of change between them, and the ``earlier`` before them.
+    """The last two positions, the ``rates`` of change between them, and the ``earlier`` rates before these.
 
     ``began_at`` is when the last motion began, ``ordered_speed`` its speed if known, ``across`` the speed on the
     sky. ``farthest_from_suns``: for each possible position of the Sun, the greatest distance since the tube came near.

@@ -16,13 +16,13 @@ from gateway.core.motion_kinds import END_ORDERS, axis_moved
 from gateway.mount.motion.wanted import FIRST_RANK, Arrow, AxisMotion, Halt, HandMove, NoOrderedMove, Order, Tap, Wanted
 from gateway.mount.presence import HostActivity
 
-#: A press that has waited longer than this for its turn is dropped with its release, and so is a press that was held
-#: longer.
+#: Seconds: a press that has waited for its turn longer than MAX_WAIT is dropped with its release; so is a press that
+#: waits and was held longer than MAX_TAP_TIME.
 MAX_WAIT, MAX_TAP_TIME = 1.5, 1.0
 #: A motion that has begun, a moment after the press, lasts this part of the time for which its arrow was held, if that
 #: was MAX_TAP_TIME at most, and all of it if it was no longer than SHORT_TAP_TIME.
 MIN_TAP_FRACTION, SHORT_TAP_TIME = 0.75, 0.3
-#: A full stop of a program that releases arrows by it lets an arrow move that was pressed no longer ago than this.
+#: Seconds: an arrow pressed no longer ago still moves the mount if its program releases it by a full stop.
 RECENT_PRESS_AGE = 0.5
 #: A tap at guide rate lasts no longer than this multiple of the time that its arrow was held.
 MAX_TAP_FACTOR = 1.5
@@ -37,7 +37,7 @@ class TapDropped(Busy):
 def released(wanted: Wanted, release: Order) -> Wanted | None:
     """Return the new ``Wanted`` after the release of an arrow whose motion continues for a while.
 
-    None if the release ends something at once.
+    None if the release takes effect at once.
     """
     axis = axis_of(release)
     waiting = waiting_arrows(wanted, release)
@@ -234,7 +234,7 @@ def _waited_too_long(press: Order, release: Order) -> bool:
 
 
 def _same_arrow(order: Order, other: Order) -> bool:
-    """Whether ``other`` is an arrow of the axis and the client of another arrow, or of a release."""
+    """Whether ``other`` is an arrow of the same axis and host as ``order``, which is an arrow or a release."""
     return axis_moved(other.operation) == axis_of(order) and _paired(other.client, order.client)
 
 

@@ -44,7 +44,7 @@ class Postponement(NamedTuple):
 class Arrow(Struct, frozen=True):
     """An arrow key whose motion has not begun. ``held_seconds``: how long it was held; None if it is still held.
 
-    ``then_stop``: a full stop follows at once. A tap below ``min_time`` is added to the next tap.
+    ``then_stop``: a full stop follows at once. A tap shorter than ``min_time`` seconds is added to the next.
     """
 
     held_seconds: float | None = None
@@ -230,7 +230,7 @@ class Wanted(Struct, frozen=True):
     """All that the gateway wants of a mount now. ``active``: the order that is being carried out, 0 for none.
 
     ``short_taps`` are taps that are too short for this mount, and are added to the next ones. ``n_stops`` and
-    ``goto_count`` count the orders of these kinds so far, ``gotos_begun`` the gotos that the mount has acknowledged,
+    ``n_gotos`` count the orders of these kinds so far, ``gotos_begun`` the gotos that the mount has acknowledged,
     ``motions_begun`` the acknowledged motions of each axis, ``order_count`` all orders except halts. ``stop_owed``: the
     mount has not acknowledged a stop yet. ``homed``: the mount was sent home, and no order has moved it since.
     ``failure`` is why the last goto ended before its goal, until the next order. Guide pulses wait until the mount
@@ -366,9 +366,7 @@ class MotionState(Struct, frozen=True):
 
     @property
     def slews_by_itself(self) -> bool:
-        """Whether the mount does a goto that no client ordered: from its hand control, or a meridian flip
-        of its own.
-        """
+        """Whether the mount does a goto that no client ordered: from its hand control, or its own meridian flip."""
         return self.slewing and not self.ordered_by_client
 
     @property

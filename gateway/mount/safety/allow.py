@@ -36,12 +36,12 @@ AXIS_STOP_GAP = 2.0
 RUN_UP_SECONDS = 1.0
 #: The part of the commanded speed above which a rate shows an approach; a slower change means moving along the limit.
 MIN_APPROACH_PART = 0.2
-#: Degrees a second, faster than any tracking: the mount is moved, or a coarse position changed by a digit.
+#: Degrees a second; a faster change is no tracking: the mount is moved, or a coarse position changed by a digit.
 MAX_TRACKING_SPEED = 0.1
 #: Degrees by which a goto that brakes before a limit covers less than at its last speed.
 BRAKING_DEGREES = 0.75
-#: Degrees by which positions may show a goto beyond a limit, plus the seconds at its speed: the tube moves between the
-#: reads of the two coordinates.
+#: Degrees by which positions may show a goto beyond a limit, plus its way in so many seconds: the tube moves between
+#: the reads of the two coordinates.
 MAX_OVERSHOOT, READ_TIME_ALLOWANCE = 0.1, 0.2
 #: Degrees below the lowest point of its paths at which a goto is stopped as astray, if that is below the horizon.
 LOST_GOTO_DEGREES = 10.0
@@ -50,8 +50,8 @@ SUN_JITTER_DEGREES = 0.05
 
 
 class StopTiming(Struct, frozen=True):
-    """Timing of a mount in seconds: of one exchange (``n_reads`` of them read a position), between two reads
-    of a position, and the ``run_on`` after a stop, as a time at full speed.
+    """Timing of a mount in seconds: ``round_trip`` of an exchange (``n_reads`` of them read a position),
+    ``position_period`` between two positions, and the ``run_on`` after a stop, as a time at full speed.
     """
 
     round_trip: float
@@ -87,8 +87,8 @@ class StopTiming(Struct, frozen=True):
 def max_rate(rate: float, earlier_rate: float | None, commanded_speed: float, first: float, last: float) -> float:
     """Return how fast the mount may approach a limit from now on, degrees a second.
 
-    ``rate`` was measured between the last two positions, ``earlier_rate`` before them in the same motion. The two
-    ``elapsed`` are the seconds from the beginning of the motion to these positions. ``commanded_speed``: 0 if unknown.
+    ``rate`` was measured between the last two positions, ``earlier_rate`` before them in the same motion. ``first``
+    and ``last`` are the seconds from the start of the motion to these positions. ``commanded_speed``: 0 if unknown.
     """
     grown = max(0.0, rate - earlier_rate) if earlier_rate is not None else 0.0
     if first < RUN_UP_SECONDS and rate > MIN_APPROACH_PART * commanded_speed * _mean_speed(first, last):
@@ -231,7 +231,7 @@ class JudgedState(Struct, frozen=True):
 
 
 class Room(NamedTuple):
-    """The degrees that remain up to a limit, and that remained at the position before; they may shrink by ``rate``
+    """The degrees that remain up to the limit named ``limit``, and at the position before; they may shrink by ``rate``
     degrees a second. A motion that would go beyond the limit by more than ``tolerance`` must end, for this ``reason``.
     """
 

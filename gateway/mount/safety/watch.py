@@ -93,7 +93,7 @@ class LimitWatch:
         #: Loop times at which the last motion by hand and the last goto ended.
         self.at_rest_since = self._goto_ended_at = NEVER
         self.next_path = CheckedPath()
-        #: What was known of the last motion when it began.
+        #: What admission knew of the path of the last motion when that began.
         self._current_path = CheckedPath()
 
     @property
@@ -368,7 +368,7 @@ def blind_reason(moving: MotionState, position_age: float, since_stop: float) ->
 
 
 class AxisCourse(Struct, frozen=True):
-    """The motion of an axis: commanded speed, time of its first sample, the last sample, and the degrees between."""
+    """The motion of an axis: commanded speed, time of its first sample, last sample, and degrees moved in between."""
 
     speed: float
     began: float

@@ -1,4 +1,4 @@
-"""The altitude of a direction, by every source of site and time that counts, and by the axes as before the syncs.
+"""The altitude of a direction, by every source of site and time that counts, and as if the syncs were wrong.
 
 An altitude by the mount's own site and clock is checked against all limits. But if the syncs since the alignment were
 wrong, the tube points elsewhere; and another source of site and time may be right although it contradicts the mount's.
@@ -75,7 +75,7 @@ def mount_sources(mount: Context) -> Iterator[AltitudeSource]:
 
 
 def unsynced_sources(mount: Context, frame: PointingFrame) -> Iterator[AltitudeSource]:
-    """Yield the sources as if the syncs were wrong."""
+    """Yield the sources that assume that the syncs were wrong."""
     for shift in frame.shifts:
         yield AltitudeSource(mount, sync_shift=shift)
 

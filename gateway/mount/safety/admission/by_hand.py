@@ -48,7 +48,7 @@ class StretchStart(NamedTuple):
     suns: tuple[Sun, ...] = ()
 
     def past(self, mount: Context, west: float) -> float | None:
-        """Return how far the tube is past the meridian when the first axis has turned west by so many degrees; None if
+        """Return how far the tube is past the meridian when the first axis has turned by ``west`` degrees; None if
         unknown.
         """
         return None if self.angle is None else past_meridian(self.angle + west, mount.driver.german)
@@ -135,7 +135,7 @@ class HandAdmission:
     async def check_pulse(self, pulse: op.Pulse | op.PulseAxis) -> None:
         """Raises BelowHorizon, TooHigh, NearSun or PastMeridian if a guide pulse leads (farther) beyond a limit.
 
-        The Sun counts only by the mount's own coordinates or axes, because a wrong clock must not end guiding. Raises
+        Only Sun positions by the mount's own coordinates or axes count: a wrong clock must not end guiding. Raises
         Refused while somebody else moves the axis, because the pulse would end that motion.
         """
         if self._watch.others_move(pulse.axis if isinstance(pulse, op.PulseAxis) else pulse.direction.axis):

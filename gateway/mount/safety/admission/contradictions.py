@@ -1,9 +1,9 @@
 """Contradictions: sources of site or time that differ, and a park position beyond the limits.
 
 They are reported at the start, in one line, so that the user does not learn of them from a refusal. A goto or a motion
-by arrow key is refused if by any source it leads beyond an altitude limit that the user has set, or near the Sun; the
-latter also ends there. A goto under way and tracking are judged by the best source alone, so that a wrong source cannot
-stop a mount that is right.
+by arrow key is refused if by any source it leads beyond an altitude limit that the user has set, or near the Sun; a
+motion by arrow key also ends there. A goto under way and tracking are judged by the best source alone, so that a wrong
+source cannot stop a mount that is right.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ NO_TIME_TEXT = (
 )
 
 
-#: By source: how to correct its site. CLOCK_REMEDIES: how to correct its time.
+#: How to correct the site of each source; in CLOCK_REMEDIES, how to correct its time.
 SITE_SET = {
     MOUNT_SOURCE: "the mount's at its hand control or in the program that sets it",
     GPS_SOURCE: "the receiver's by a new fix",
@@ -81,7 +81,7 @@ class Contradiction(NamedTuple):
 
 
 def sun_refusal(sources: SiteTimeSources, sun: Sun, on_path: bool = False) -> NearSun:
-    """Return the refusal of a motion that leads to the Sun, or past it (``on_path``), with the source for that."""
+    """Return the refusal of a motion that leads to the Sun, or past it (``on_path``), with its source."""
     text = "The way there passes too close to the Sun." if on_path else NearSun.default_text
     if sun.confirmed and sun.sync_shift is not None:
         off = max(abs(sun.sync_shift.first), abs(sun.sync_shift.second))
@@ -195,7 +195,7 @@ def contradiction_warning(mount: Context) -> str:
 
 
 def note_contradictions(mount: Context) -> None:
-    """Log the warning about contradictions, once for the same ones, although the times in it change."""
+    """Log the warning about contradictions; not again for the same ones if only the times in its text change."""
     if warning := contradiction_warning(mount):
         mount.note_once(warning, kind=re.sub(r"\([^()]* UTC\)", "", warning))
 

@@ -200,8 +200,8 @@ class MotionAdmission:
             raise type(fault)(f"{fault} {PARK_TIP}" if isinstance(operation, op.Park) else str(fault)) from None
 
     def _check_target(self, limits: Limits, goal: op.Equatorial) -> float | None:
-        """Check the altitude of a target by the mount's own site and clock, and limits that the user has set by every
-        other source as well. Return the altitude; None if the site is unknown.
+        """Check a target by the mount's own site and clock, and its altitude also by every other source, but then only
+        against limits that the user has set. Return the altitude; None if the site is unknown.
 
         Raises BelowHorizon, TooHigh, Contradicted or PastMeridian; NearSun if the time is unknown.
         """

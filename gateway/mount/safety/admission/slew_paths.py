@@ -31,7 +31,7 @@ Path = tuple[Pair, Pair]
 HALF_CIRCLE_TOLERANCE = 5.0
 #: Degrees from the meridian, and from the pole, within which a German mount may choose either side of the pier.
 MERIDIAN_TOLERANCE = 2.0
-#: Step along a path where it passes close to a circle, degrees; the greatest error is half of it.
+#: Step along a path where it passes close to a forbidden circle, degrees; the greatest error is half a step.
 PATH_STEP = 0.2
 #: Degrees that an axis can turn on a path, and degrees between two points of ``path_points``.
 MAX_AXIS_TURN, POINT_SPACING = 1080.0, 3.0
@@ -67,7 +67,7 @@ def axis_readings_at(astrometry: SiteAstrometry, direction: op.Equatorial | Sun,
 
 
 def zenith_readings(mount: Context, equatorial: bool) -> list[Pair]:
-    """Return the axis readings at which this mount points at the zenith: by its site and clock, and by each other."""
+    """Return the axis readings of the zenith by the site and clock of this mount, and by each other source."""
     skies = [mount.astrometry, *(sky for _, sky in skies_by_others(mount))]
     overhead = (op.Equatorial(sky.sidereal_time(), sky.place().latitude) for sky in skies)
     return [axis_readings_at(mount.astrometry, place, equatorial) for place in overhead]
@@ -135,7 +135,7 @@ def _hour_angle(astrometry: SiteAstrometry, position: op.Equatorial) -> float:
 
 
 def readings_after(start: Pair, turn: Pair, degrees: float) -> Pair:
-    """Return the readings after so many degrees: both axes are equally fast, and rest at the end of their turn."""
+    """Return the readings after each axis has turned by ``degrees``, or by its whole turn if that is smaller."""
     first, second = (copysign(min(abs(whole), degrees), whole) for whole in turn)
     return start[0] + first, start[1] + second
 

@@ -27,7 +27,7 @@ GOTO_END_WAIT, CHECK_PERIOD = 2.5, 0.2
 #: Degrees from the pole or zenith within which a mount may believe after a sync that its axes point the other way.
 POLE_DISTANCE = 1.0
 MOVING_MESSAGE = "The mount is moving, so nothing is centred: sync when it has stopped."
-#: Degrees by which a sync may differ from the target of the goto under way: low precision, and equinoxes differ.
+#: Degrees by which a sync may differ from the target of its goto: positions may be coarse, and equinoxes differ.
 SAME_TARGET_DEGREES = 0.5
 
 
