@@ -36,16 +36,16 @@ class Send(NamedTuple):
     #: Seconds without a reply after which ``Silence`` is raised although the line stays up; None: the line then counts
     #: as lost.
     timeout: float | None = None
-    #: Whether the mount is busy with it for up to ``silence_timeout`` seconds. Meanwhile other commands are refused,
-    #: except a stop that has no reply. If there is no reply in the end, the line counts as lost.
+    #: Whether this command keeps the mount busy, for up to ``silence_timeout`` seconds. Others are refused meanwhile,
+    #: except a stop that has no reply. If no reply arrives in this time, the line counts as lost.
     long: bool = False
     #: Whether it begins a motion by hand: if the line or the mount is busy it is refused instead of delayed.
     at_once_or_never: bool = False
     #: Whether the bytes of the reply are returned too, as the field ``raw``.
     include_raw: bool = False
-    #: Whether the first reply is accepted without a second request to verify it; or a function of the reply's fields.
+    #: Whether the first reply is accepted without a second one; or a function that decides this by the reply's fields.
     unverified_ok: bool | Callable[[Mapping[str, object]], bool] = False
-    #: Whether it must not be sent a second time to verify the reply: the reply belongs to the command before it, or
+    #: Whether it must not be sent again to verify the reply, because the reply belongs to the command before it, or
     #: concerns only the client that requested it.
     once: bool = False
 
@@ -90,7 +90,7 @@ SavedValues = dict[str, Any]
 
 
 class GotoUnderWay(Struct):
-    """A goto under way, or a way to the park or home position."""
+    """A goto under way; the motion to the park or home position counts as one."""
 
     #: When it began, by the driver's clock; infinite until the mount acknowledges it: until then a mount at rest does
     #: not mean that the goto has ended.
@@ -117,12 +117,12 @@ class Driver:
     sent_at = next_send_at = 0.0
     #: When each coordinate of the last position was read, by the same clock; None if one command reads both.
     read_at: tuple[float, float] | None = None
-    #: Resolution of the reported position, degrees: at rest two readings differ by no more; of RA and of declination.
+    #: Degrees by which two reported positions may differ at rest; and the resolution of RA and of declination, degrees.
     resolution = 20.0 / 3600.0
     angle_steps: tuple[float, float] = (resolution, resolution)
     #: How many times faster than a real mount a simulated mount slews.
     speed_factor = 1.0
-    #: The years to which the mount's clock can be set; if it has none, the clock that the gateway keeps for it.
+    #: The years to which the mount's clock can be set, or that of the gateway for a mount without a clock.
     clock_years = range(1900, 2100)
     #: Whether the mount has a GPS receiver of its own, and whether it times guide pulses itself.
     gps = times_pulses = False

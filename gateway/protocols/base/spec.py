@@ -83,13 +83,13 @@ class MadeDriver(NamedTuple):
 class Probe(Struct, frozen=True):
     """A request that ``detect`` may send to an unknown device, and how it judges the answer."""
 
-    #: Its place in the order of the questions of all protocols; those that are harmless to every mount come first.
+    #: Requests of all protocols are sent in the order of their ranks, those that are harmless to every mount first.
     rank: int
     request: bytes
     #: (bytes received since the request, seconds without further bytes) -> the protocol, another state, or None.
     judge: Callable[[bytes, float], str | None]
     opt_in: bool = False  # it is only sent to a port whose protocol the user has named
-    slow: bool = False  # the answer may arrive after the next questions
+    slow: bool = False  # the answer may arrive after the next requests
 
 
 class OfferedMount(Struct, frozen=True):
@@ -177,7 +177,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     check_version: Callable[[str], str] = _checked_version
     #: A row of models.toml -> the versions of that model.
     versions_of: Callable[[Model], list[str]] = lambda row: list(row.get("versions", ()))
-    #: Word that may stand for a model and imply a version -> function of the given version, which returns the version.
+    #: Word that stands for a model of certain versions -> function from the configured version to the version meant.
     version_names: Mapping[str, Callable[[str | None], str]] = {}
     #: The version that is presented to programs if the user names none.
     presented_version: str | None = None
@@ -193,7 +193,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     #: are answered, and the protocol stays undecided.
     shared_openings: bytes | None = None
     questions: tuple[Probe, ...] = ()
-    #: Other states of a device that an answer to a question of ``detect`` may show -> their descriptions.
+    #: State of a device other than a protocol, as ``Probe.judge`` returns it -> its description for ``detect``.
     detect_states: Mapping[str, str] = {}
     #: Returns the mounts that servers offer: those at these addresses, or all that answer in the network.
     find_mounts: Callable[[Sequence[str] | None], Awaitable[list[OfferedMount]]] | None = None
@@ -203,7 +203,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     detect_warning: str = ""
     #: Default host or port of devices of this maker that the gateway does not support -> what it is, and what to do.
     unsupported_at: Mapping[str, str] = {}
-    #: Who says that mounts of some versions use J2000, in messages.
+    #: The source, in messages, of the statement that mounts of some versions use J2000.
     j2000_source: str = "its maker"
     #: What the user should know of a mount of an unknown model, given its version.
     unknown_model: Callable[[str], str] = lambda version: ""

@@ -242,7 +242,7 @@ class Surface:
 
 
 def _drops_motion(request: SurfaceStep) -> bool:
-    """Whether to drop a request because it would begin a motion. Raises Disturbed if the command can be refused."""
+    """Whether a request would begin a motion and is dropped silently. Raises Disturbed if its client awaits a reply."""
     if not begins_motion(getattr(request, "operation", request)):
         return False
     if isinstance(request, FireAndForget):

@@ -16,7 +16,7 @@ from gateway.protocols.mechanics.axis_motor import APPROACH_RATE, RAMP_SECONDS, 
 
 #: Seconds between two positions whose difference gives the ordered speed: a power of two, for exact arithmetic.
 _DIFFERENCE_STEP = 2.0**-7
-#: Axis positions in place of those at the aim if no axis follows it, because to calculate these takes long.
+#: Used instead of the axis positions at the target if no axis follows it: the calculation would take long.
 _UNUSED_AIM: Pair = (math.nan, math.nan)
 
 
@@ -34,7 +34,7 @@ class Mechanics:
         self._axes = {1: Axis(axes[0], now), 2: Axis(axes[1], now)}
         self._aim: Pair = (0.0, 0.0)  # right ascension and declination that are tracked, or the target of a goto
         self._follows_aim = False  # an alt-az mount tracks: both axes follow the aim
-        self._state_noted = False  # positions and speeds are noted; the ramps of the next order have not begun
+        self._state_noted = False  # ``_note_state`` has run for the next order, ``_begin_ramps`` has not
         self.speedup = 1.0  # a factor for the speed of gotos
         #: When a motor was first ordered to do something other than tracking; None while no such order is in force.
         self.suspended_since: float | None = None

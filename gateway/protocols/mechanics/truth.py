@@ -21,7 +21,7 @@ from gateway.protocols.mechanics.simulated import Simulated
 
 #: Seconds of the simulator's time between two samples.
 SAMPLE_PERIOD = 0.1
-#: Field -> digits after the decimal point in a file, for the time; and for other fields (0.004 arcseconds for angles).
+#: Decimals in a file: of the time, and of all other fields (0.004 arcseconds for angles).
 _DIGITS = {"t": 3}
 _OTHER_DIGITS = 6
 

@@ -157,7 +157,7 @@ class CommandSet:
 
     @cached_property
     def partly_read_replies(self) -> dict[bytes, int]:
-        """Frame -> bytes that some programs read of its reply, for commands of which programs read only a part."""
+        """Frame -> how many bytes some programs read of its reply; only commands whose reply is not read to the end."""
         return {command.request.prefix: command.read for command in self.commands.values() if command.read is not None}
 
     def frames_discarded_by(self, command: Command) -> frozenset[bytes]:
@@ -186,7 +186,7 @@ class CommandSet:
         return not data or any(prefix.startswith(data[: len(prefix)]) for prefix in self._by_prefix)
 
     def begun_command(self, beginning: bytes) -> Command | None:
-        """Return the command whose prefix, without its ``#``, begins these bytes; the longest prefix counts."""
+        """Return the command with the longest prefix (without its ``#``) that these bytes begin with; None if none."""
         for length in range(min(len(beginning), self._max_prefix_length), 0, -1):
             for prefix in (beginning[:length] + b"#", beginning[:length]):
                 for command, _ in self._by_prefix.get(prefix, ()):

@@ -28,13 +28,13 @@ REUSE_DESCRIPTIONS: dict[ReplyReuse, str] = {
 #: runs, a state stays as it is until something is done, a stream is different every time.
 AnswerKind = Literal["position", "clock", "state", "stream"]
 #: What an urgent command, which is sent before queued commands, ends. stop: every motion, and it does nothing else;
-#: restart: every motion, and it does more; axis: the motion of one axis; part: something else, or a motion in its turn.
+#: restart: every motion, and it does more; axis: that of one axis; part: something else, or a motion but only in turn.
 UrgentKind = Literal["stop", "restart", "axis", "part"]
 #: What the gateway does with a command, for the generated tables.
 Outcome = Literal["translated", "derived", "kept", "synthesised", "refused", "silent"]
-#: Keys of ``outcome`` besides the traits of models (``CommandSet.traits``): an unaligned mount, a mount that supports
-#: no operation of the row, any mount. Prefixes: before an operation, mounts that do not support it; before a trait,
-#: the presented model.
+#: Keys of ``outcome`` are traits of the mount's model (``CommandSet.traits``), or one of these: an unaligned mount, a
+#: mount that supports no operation of the row, any mount. ``no-OPERATION`` stands for mounts that do not support the
+#: operation, ``as-TRAIT`` for a trait of the model that the surface presents.
 UNALIGNED, UNABLE, ANY_MOUNT, LACKS_PREFIX, PRESENTED_PREFIX = "unaligned", "unable", "else", "no-", "as-"
 
 
@@ -92,7 +92,7 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     call: str | None = None  # run this function (``module.function``)
     given: dict[str, object] = {}  # with ``ask``: fields of the operation that the command does not have
     asks: list[str] = []  # with ``call``: the operations that the function requests; reads only if it changes nothing
-    passes: bool | None = None  # pass it on to a mount of the same protocol that has it; None: if refused here
+    passes: bool | None = None  # pass it on to a mount of the same protocol; None: only if it is refused here
     after: list[str] = []  # in examples: what a program sends before it, until the mount is at rest
     during: list[str] = []  # in examples: what a program sends before it, so that the mount moves
     why: str | None = None  # the remark in the generated tables
@@ -159,7 +159,7 @@ class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return {name: replace(rows[name], models=None, since=None) for name in self.has} | self.commands
 
     def merge(self, rows: dict[str, list[Implementation]], has: frozenset[str]) -> dict[str, list[Implementation]]:
-        """Return operation -> implementations: ``rows`` with only commands in ``has``, or the dialect's own."""
+        """Return operation -> implementations: the dialect's own, else ``rows`` that need only commands in ``has``."""
         usable = {}
         for operation, ways in rows.items():
             possible = [replace(way, uses=[name for name in way.uses if name in has]) for way in ways]

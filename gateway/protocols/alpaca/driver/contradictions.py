@@ -57,7 +57,7 @@ def compare_equinox(mount: AlpacaDriver, _: CompareEquinox | None = None) -> Ste
 
 
 def expect_direction(mount: AlpacaDriver, axis: int, sense: int, pier_side: str) -> None:
-    """Note the sense on the sky in which a motion by hand that begins now is to move the tube."""
+    """Store the sense on the sky that a motion by hand should have; ``check_sense`` compares it with the position."""
     fast = abs(mount.hand_rates.get(axis, 0.0)) >= MIN_SPEED
     mount.directions[axis] = (sense, pier_side, None)
     if mount.reversed is not None or not fast or (axis, pier_side) in mount.verified_senses:

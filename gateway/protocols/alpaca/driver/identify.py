@@ -88,7 +88,7 @@ def _read_mount_kind(mount: AlpacaDriver) -> Steps:
 
 
 def _speed_ranges(axis_rates: Any) -> tuple[tuple[float, float], ...]:
-    """Return the speed ranges in an answer to AxisRates, degrees a second, up to the greatest that is used."""
+    """Return the speed ranges in an answer to AxisRates, degrees a second, cut off at ``FASTEST``."""
     ranges = []
     for entry in axis_rates if isinstance(axis_rates, list) else ():
         with suppress(KeyError, TypeError, ValueError):

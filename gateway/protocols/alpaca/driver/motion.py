@@ -35,8 +35,8 @@ MAX_CHECKS, CHECK_PERIOD = 4, 0.5
 REMARK_THRESHOLD = 0.1
 #: The longest guide pulse of one request, milliseconds; a longer one is split, because no request ends a pulse.
 MAX_PULSE_MS = 500
-#: Direction, and name of a tracking rate -> ASCOM's number; the tracking rates in the order of these numbers, as
-#: multiples of the sidereal rate.
+#: ASCOM's numbers of the directions, and of the tracking rates. ``RATE_FACTORS`` has the tracking rates in the order
+#: of their numbers, as multiples of the sidereal rate.
 NUMBER_BY_DIRECTION = {"n": 0, "s": 1, "e": 2, "w": 3}
 NUMBER_BY_RATE = {"sidereal": 0, "lunar": 1, "solar": 2}
 RATE_FACTORS = (1.0, 14.685 / 15.041067, 15.0 / 15.041067, 15.0369 / 15.041067)
@@ -156,7 +156,7 @@ def _sky_following_speeds(mount: AlpacaDriver, side: str) -> Steps:
 
 
 def _send_rate(mount: AlpacaDriver, axis: int, rate: float) -> Steps:
-    """Send the rate of an axis, signed as MoveAxis counts. If the server refuses it, turn tracking on again."""
+    """Send the rate of an axis, with the sign of MoveAxis. If the server refuses it, turn tracking on again."""
     mount.hand_rates[axis], mount.parked, mount.moved_by_hand = rate, False, True
     try:
         yield Send("moveaxis", {"axis": axis - 1, "rate": rate}, timeout=MAX_WAIT, at_once_or_never=True)

@@ -21,15 +21,15 @@ from gateway.protocols.alpaca.driver.state import AlpacaDriver, read_member, rea
 from gateway.protocols.alpaca.tables import Parked
 from gateway.protocols.base.driver import GotoUnderWay, Remark, Schedule, Send, Steps, Wait
 
-#: Seconds that the driver waits for the answer to an order before it reads whether the mount slews: a stop could not be
-#: sent meanwhile.
+#: Seconds that the driver waits for the answer to an order before it reads whether the mount slews: meanwhile it
+#: cannot send a stop.
 MAX_WAIT = 1.5
 #: Seconds after the beginning of a goto in which the server may still report that the mount does not slew.
 START_GRACE = 2.0
 #: Seconds from the end of the first goto to the comparison of the declared equinox.
 EQUINOX_CHECK_DELAY = 3.0
-#: Seconds from the end of a motion until the driver reads whether the mount tracks; and until a report counts again at
-#: the latest.
+#: Seconds from the end of a motion until the driver reads whether the mount tracks; seconds after which it trusts the
+#: reports of tracking again even without that check.
 TRACKING_CHECK_DELAY, TRACKING_CHECK_DEADLINE = 1.0, 3.0
 #: Seconds that a goto waits for the end of an earlier motion, and between two checks of that.
 MOTION_END_TIMEOUT, END_CHECK_PERIOD = 10.0, 0.5
@@ -112,7 +112,7 @@ def slewing(mount: AlpacaDriver, _: op.Slewing) -> Steps:
 
 def _begin_goto(mount: AlpacaDriver, steps: Steps, then_command: str | None = None, side: str = "") -> Steps:
     """Begin a goto with these steps; ``side`` is the tube's side of the pier at the goal, empty if unknown. If no
-    answer shows that it has begun, end it: the mount may begin it late.
+    answer shows that the goto has begun, send a stop, because the mount may begin it late.
     """
     try:
         yield from mount.begin_goto(GotoUnderWay(purpose=then_command), steps, _is_slewing)

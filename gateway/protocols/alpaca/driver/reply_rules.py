@@ -88,7 +88,7 @@ def _fault_by_number() -> dict[int, type[Fault]]:
 
 
 def _reply_values(command: Command, value: Any) -> Values | Fault:
-    """Return the value of an answer, with its field name of the table. Raises ValueError if it has another type."""
+    """Return the value of an answer under the name of the reply's field. Raises ValueError if it has another type."""
     if value is None and command.is_query:
         return UnreadableMember("The server gives no value.")
     for name, codec in command.replies[0][1].fields.items():

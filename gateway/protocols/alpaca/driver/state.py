@@ -72,7 +72,7 @@ class AlpacaDriver(Driver):
         self.tracks: bool | None = None
         #: Until this time of ``now``, reports of tracking may still describe the last motion, and are ignored.
         self.untrusted_until = -math.inf
-        #: Axis moved by hand -> the rate sent for it, degrees a second, signed as MoveAxis counts.
+        #: Axis moved by hand -> the rate sent for it, degrees a second, with the sign of MoveAxis.
         self.hand_rates: dict[int, float] = {}
         #: Whether the driver has turned tracking off for slow motion by hand.
         self.tracking_paused = False
@@ -195,7 +195,7 @@ class AlpacaDriver(Driver):
         return self.rates[0] * SIDEREAL if self.moves_by_pulses(rate) else max(self.fit(axis, rate) for axis in (1, 2))
 
     def moves_by_pulses(self, rate: op.Rate) -> bool:
-        """Whether motion by hand at this rate consists of guide pulses: no speed is near tracking plus this rate."""
+        """Whether motion by hand at this rate consists of guide pulses: MoveAxis cannot add it to tracking."""
         wanted = self.requested_speed(rate)
         if wanted >= SLOW_MOTION_LIMIT or not (self.equatorial and self.times_pulses and self.tracks):
             return False

@@ -256,7 +256,7 @@ class AlpacaTelescope(Simulated):
                 self.mechanics.resume_tracking(self.now)
 
     def release(self) -> None:
-        """End motion by hand. The mount then counts as neither at nor on the way to its park or home position."""
+        """End motion by hand. The mount is then not parked, not at its home position, and on the way to neither."""
         for axis in tuple(self.moving):
             self.move_axis(axis, 0.0)
         self.at = self.destination = ""
