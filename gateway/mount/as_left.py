@@ -1,9 +1,9 @@
 """Checks whether the mount was switched off while the gateway or the line was down.
 
-For a hand control without a sync command the gateway stores an offset instead, and for every hand control the drive
-rate, because no hand control reports it. Both become wrong when the mount is switched off. So the gateway records the
-mount's position, tracking and clock, and compares them after a reconnect. If anything differs or cannot be read, the
-gateway discards the stored values and the sum of syncs, and the log asks the user to sync again.
+If a hand control has no sync command, the gateway stores the offset of the syncs. It also stores the drive rate, which
+no hand control reports. Both become wrong when the mount is switched off. So the gateway records the mount's position,
+tracking and clock, and compares them after a reconnect. If anything differs or cannot be read, the gateway discards the
+stored values and the sum of syncs, and the log asks the user to sync again.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class MountSnapshot(Struct, frozen=True):
 
 
 class SameMountCheck:
-    """Keeps the last record of the mount (``left``); ``lasting`` is emitted when it should be written to disk."""
+    """Keeps the last record of the mount (``snapshot``); ``lasting`` is emitted when it should be written to disk."""
 
     def __init__(self, context: Context, runner: DriverRunner) -> None:
         self._context, self._runner = context, runner
@@ -58,7 +58,7 @@ class SameMountCheck:
         return bool(driver.emulated) or ((synced != NO_SYNC or any(driver.sync_offset)) and driver.emulates_sync)
 
     def record_position(self, _: op.Equatorial) -> None:
-        """Record the mount's state, if the gateway stores values that a power cut of the mount would make wrong."""
+        """Record the mount's state if the gateway stores values that become wrong when the mount is switched off."""
         if not (self._checked and self._has_state):
             return
         context = self._context

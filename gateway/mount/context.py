@@ -93,7 +93,7 @@ class Context:
         self.log.note("mount", text)
 
     def remark(self, remark: Remark) -> None:
-        """Log once that the driver did something else than requested: only the first remark of each kind or text."""
+        """Log a remark of the driver, that it did something else than requested, once for each kind or text."""
         self.log.note_once("mount", remark.text, kind=remark.kind)
 
     def note_once(self, text: str, kind: str = "") -> None:

@@ -51,7 +51,7 @@ class MountController:
     """``perform`` carries out any operation and waits for it; ``begin`` does not wait. ``certain_fault`` returns the
     reason why an operation cannot succeed. ``peek`` answers a client's read if the answer is cached; ``answer`` asks
     the mount if it is not. The gateway itself uses ``read``, and ``read_now``, which never uses the cache.
-    ``fresh_until``: the loop time until which a client may get the same answers again; ``touch`` notes that it did.
+    ``fresh_until``: the loop time until which a client may get the same answers again; ``touch`` notes a poll.
     ``announcers`` are awaited before any command that sets the mount moving.
     """
 

@@ -1,4 +1,4 @@
-"""Identifies the mount whenever the line comes up, after sending a stop that the mount has not acknowledged.
+"""Identifies the mount whenever the line comes up; first it repeats a stop that the mount has not acknowledged.
 
 If the mount moved when the line was lost, a stop is the first command on the restored line. After a longer loss, a
 person may have taken over at the hand control, so the motion of the mount is observed first (``left_moving.py``). A
@@ -66,7 +66,7 @@ class Identification:
         self._check_same_mount = check
         self._identify_task: asyncio.Task[Any] | None = None
         self.identified: Signal[None] = Signal()
-        #: Whether the mount moved when the port was lost, the time of that, and the motion (None: cannot be compared).
+        #: Whether the mount moved when the port was lost; the loop time of the loss; the motion (None: not comparable).
         self._motion_interrupted, self._lost_at = False, 0.0
         self._leftover_motion: Leftover | None = None
         self._status_when_lost: op.Status | None = None
@@ -87,7 +87,7 @@ class Identification:
         return find_leftover(self._reconciler.wanted, self._context.driver.speed, self._end_watch.samples)
 
     def set_leftover_motion(self, motion: Leftover) -> None:
-        """Set the motion that an earlier run of the gateway left; when the line is up, it is stopped if it goes on."""
+        """Set the motion that an earlier run of the gateway left; it is stopped if it goes on when the line is up."""
         self._leftover_motion = motion
 
     def _on_reopened(self, _: None) -> None:
@@ -103,8 +103,8 @@ class Identification:
             self._reconciler.begin_stop("stopped when the connection to the mount was lost and restored")
 
     def _add_owed_stop(self, commands: list[bytes]) -> None:
-        """Add the stop commands if the mount has not acknowledged the last stop, or if no position has confirmed that
-        the mount stopped and no newer motion is being sent.
+        """Add the stop commands if the mount has not acknowledged the last stop. Add them also if no position has
+        confirmed yet that the mount stopped, unless a newer motion is being sent.
         """
         wanted = self._reconciler.wanted
         active = wanted.active_order

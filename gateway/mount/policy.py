@@ -1,9 +1,9 @@
-"""The decisions of the mount's owner: limits, parking, whether the mount is held, how long clients may be silent.
+"""The decisions of the mount's owner: limits, parking, a hold on motion, how long clients may be silent.
 
 Hand controls do not report their limits, so the gateway has its own. Angles are degrees. A position exactly at a limit
 is allowed, and a motion that leads out of a forbidden region is never forbidden. The default altitude limits, 0 and 90
-degrees, apply to the goals of gotos, by the mount's own site and clock, and end arrows and tracking. Altitude limits
-that the owner has set apply also on the way of a goto, and by every known site and clock.
+degrees, apply to the goals of gotos, by the mount's own site and clock. They also end motion by arrows, and tracking.
+Altitude limits that the owner has set apply also along the path of a goto, and by every known site and clock.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from gateway.core.errors import BelowHorizon, Held, Invalid, Refused, TooHigh
 
 #: Degrees by which a position may exceed a limit because of rounding.
 LIMIT_TOLERANCE = 0.1
-#: The motion orders that are allowed while a mount is held; all others are refused.
+#: The motion orders that are allowed during a `Hold`; all others are refused.
 HOLD_ALLOWS = (op.AbortSlew, op.Choose, op.Focus, op.StopAxis, op.Hibernate, op.Sync, op.TrackRate)
 #: The advice in a refused park or home: how to choose a park position.
 PARK_TIP = "Write park = [AZ, ALT] under [mount] for a place of your own choice; it may lie beyond lowest and highest."
@@ -45,7 +45,7 @@ class Limits(Struct, frozen=True):
         sun: float | None = None,
         hour_angle: float | None = None,
     ) -> Limits:
-        """Return these limits, narrowed to the arguments where these are tighter; None leaves a limit."""
+        """Return these limits, narrowed to the arguments where these are tighter; None leaves a limit as it is."""
         angles = [angle for angle in (self.hour_angle, hour_angle) if angle is not None]
         return replace(
             self,
@@ -106,7 +106,7 @@ class Policy(Struct, frozen=True):
     ``own_park``: the owner has chosen the park position. ``unaligned``: whether a mount that is not aligned may be sent
     to axis readings (``allow`` or ``refuse``). ``dead_man`` and ``dead_man_closed``: for how many seconds a client that
     moves the mount by hand may be silent while it is connected, and after it has disconnected. ``run_on``: for how many
-    seconds the mount moves on after a stop, at its speed before.
+    seconds after a stop the mount continues at its previous speed.
     """
 
     limits: Limits = Limits()
@@ -133,10 +133,10 @@ def check_unknown_park(operation: op.Park | op.Home, limits: Limits) -> None:
 
 
 class Hold:
-    """While it is ``on``, no order may move the mount or turn its tracking on (``mount-gateway stop --hold``).
+    """While ``is_on`` is set, no order may move the mount or turn its tracking on (``mount-gateway stop --hold``).
 
     Orders that end a motion or tracking are allowed, and orders that move nothing: reads, settings, syncs, the rate of
-    a drive that is on, and the focuser, which does not turn the mount.
+    a drive that already runs, and the focuser, which does not turn the mount.
     """
 
     def __init__(self) -> None:

@@ -36,7 +36,7 @@ MAX_AGE: dict[Kind, float] = {
     op.Position: 0.5, op.HorizontalPosition: 0.5, op.AxisPosition: 0.5, op.Slewing: 1.0, op.GetStatus: 6.0,
     op.GetIdentity: 1e9, op.PierSide: 5.0,
 }  # fmt: skip
-#: The age in seconds up to which a reply in the mount's own protocol is fresh, by kind of request; others are not kept.
+#: The age in seconds up to which a reply in the mount's own protocol is fresh, by ``keep`` of its `op.NativeRequest`.
 OWN_AGE = {"fixed": inf, "state": 1.0, "site": 1.0}
 #: The largest number of cached replies in the mount's own protocol: clients may ask for any number of devices.
 MAX_NATIVE_REPLIES = 200
@@ -79,9 +79,9 @@ class CachedAnswer(Struct):
     """An answer of the mount (or the Fault instead), the loop time at which it arrived, and for how many seconds it is
     fresh.
 
-    ``asked``: loop time of the request. ``order_count``: orders and settings sent before it. A reported position has a
-    ``reading``, its ``prior`` entry, and a ``course`` once calculated. ``from_kind``: the kind from which a
-    position was calculated. A ``forgotten`` answer is for clients of a mount that does not reply.
+    ``asked``: loop time of the request. ``order_count``: number of orders and settings sent before it. A position also
+    has its ``reading``, the entry before it (``prior``) and, once calculated, its extrapolation (``course``).
+    ``from_kind``: the kind from which it was calculated. ``forgotten``: returned only while the mount does not reply.
     """
 
     value: Any
@@ -124,7 +124,7 @@ class ReadingsCache:
         self.mark_changed(kind)
 
     def correct(self, kind: Kind, value: Any) -> None:
-        """Replace the last value by the effect of an order; this does not delay the next read."""
+        """Replace the last answer by the value that an order has caused; this does not delay the next read."""
         self.entries[kind].value = value
         self.mark_changed(kind)
 

@@ -22,9 +22,9 @@ from gateway.mount.readings.cache import CachedAnswer, Kind, Pair, Reading, angl
 
 #: Seconds after the last reading for which the position is extrapolated.
 MAX_EXTRAPOLATION = 1.0
-#: Seconds before the last reading for which it is calculated, because replies may refer to a moment ago.
+#: A position is also calculated for up to this many seconds before the last reading: replies may refer to the past.
 MAX_BACKWARD_TIME = 0.05
-#: The shortest and longest time between two readings that give a rate, seconds: rounding, and outdated readings.
+#: Two readings give a rate if they are this many seconds apart: if less, rounding dominates; if more, one is outdated.
 MIN_GAP, MAX_READING_GAP = 0.1, 3.0
 #: Degrees: no extrapolation beyond this latitude, or if the first angle has changed by more between two readings.
 POLE_LATITUDE, MAX_TURN = 85.0, 30.0

@@ -27,8 +27,8 @@ POSITION_PERIOD = 5.0
 #: poll, and while none does. The limits depend on them even without a client.
 SETTING_READS: tuple[Kind, ...] = (op.GetSite, op.GetClock)
 SETTING_PERIOD, SETTING_PERIOD_ALONE = 50.0, 200.0
-#: Seconds between two reads of the site of a mount that accepts none while aligned. They are short, so that a site that
-#: a person sets at the mount soon counts for gotos.
+#: Seconds between two reads of the site of a mount that accepts no site while aligned. The time is short, so that gotos
+#: soon use a site that a person sets at the mount.
 SITE_PERIOD = 5.0
 #: Seconds to wait after an error, and until the next check if the site or clock cannot be read now.
 RETRY_DELAY = 1.0

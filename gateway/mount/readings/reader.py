@@ -70,7 +70,7 @@ class Reader:
         self._commands_before_stop = 0
         #: Whether clients get the last known position because the mount has not replied in time.
         self.gives_last_position = False
-        #: By kind, the last position that a client got without extrapolation: its loop time, and that of the reply.
+        #: By kind, the last position given to a client without extrapolation: loop times of its reading and the answer.
         self._given_positions: dict[Kind, tuple[float, float]] = {}
         self.position: Signal[op.Equatorial] = Signal()
         self.axes: Signal[op.Horizontal] = Signal()

@@ -23,7 +23,7 @@ from gateway.mount.site.readers import SiteView
 from gateway.mount.site.site_clock import COMPUTER, SiteTimeSources, SourcedSite, SourcedTime
 from gateway.protocols.base.driver import Driver
 
-#: Seconds for which the direction of a single Sun is cached, and of several, because some move against the stars.
+#: Seconds for which the Suns are cached: if there is one, and if there are several, because some move in RA and dec.
 SUN_CACHE_TIME, SUNS_CACHE_TIME = 60.0, 5.0
 #: Degrees: Suns nearer to each other than this count as the same; a Sun that moved by more shows a new clock or site.
 SAME_SUN_DEGREES, SUN_JUMP_DEGREES = 0.5, 0.1
@@ -115,7 +115,7 @@ class SiteAstrometry:
 class SyncShift(NamedTuple):
     """A pointing error of the tube that syncs may have caused: of the first and of the second axis, degrees.
 
-    In azimuth and altitude, or if ``polar`` in hour angle and declination.
+    These axes are azimuth and altitude, or hour angle and declination if ``polar``.
     """
 
     first: float
@@ -124,7 +124,7 @@ class SyncShift(NamedTuple):
 
 
 class PointingFrame(NamedTuple):
-    """How the mount derives axes from coordinates (``polar`` or alt-az), and the possible pointing errors by syncs."""
+    """How the mount derives axes from coordinates (``polar`` or alt-az), and pointing errors that syncs may cause."""
 
     polar: bool = False
     shifts: tuple[SyncShift, ...] = ()
@@ -163,7 +163,7 @@ class Sun(NamedTuple):
     """A possible direction of the Sun, in the mount's coordinates (equinox of date), and its source of site and time.
 
     ``confirmed``: calculated from the mount's own site and time; only confirmed Suns stop a motion in progress. With a
-    ``sync_shift``, distances are measured from the direction of the tube after this pointing error.
+    ``sync_shift``, distances are measured from where the tube points if it has this pointing error.
     """
 
     ra: float
@@ -270,7 +270,7 @@ class SunAvoidance:
         return _distinct(sorted(suns, key=lambda sun: not sun.confirmed))
 
     def _suns_up(self, sites: list[SourcedSite], time: SourcedTime, place: Pair) -> Iterator[_RisenSun]:
-        """Yield the Sun for each site where it is up at this time; ``equatorial``: its RA and declination."""
+        """Yield the Sun for each site where it is up at this time; ``place``: its right ascension and declination."""
         for site in sites:
             over = self._sky.horizon(*place, site.place.latitude, site.place.longitude, time.unix)
             if over[1] >= SUN_UP_ALTITUDE:
@@ -278,7 +278,7 @@ class SunAvoidance:
 
     def _in_mount_coordinates(self, risen: _RisenSun, polar: bool, place: op.Place, unix: float) -> Pair:
         """Return the position that the mount would report if its axes pointed at the azimuth and altitude of this Sun
-        (or hour angle, if ``polar``). ``equatorial`` and ``unix``: the mount's site and time.
+        (if ``polar``: hour angle and declination). ``place`` and ``unix``: the mount's site and time.
         """
         if not polar:
             return self._sky.to_ra_dec(*risen.horizontal, place.latitude, place.longitude, unix)
@@ -287,8 +287,8 @@ class SunAvoidance:
 
 
 class _RisenSun(NamedTuple):
-    """The Sun by one source of time and one of site, for which it is up: its right ascension and declination, and its
-    azimuth and altitude.
+    """A Sun above the horizon, calculated with one source of time and one of site: its right ascension and declination,
+    and its azimuth and altitude.
     """
 
     time: SourcedTime

@@ -17,7 +17,7 @@ from gateway.astro.spherical import wrap180
 from gateway.core.operations import Moment, Place, SetSite
 from gateway.mount.presence import ProgramId
 
-#: The number of programs whose settings are stored: those that have set something last.
+#: The largest number of programs whose settings are stored; the ones that set something last are kept.
 MAX_PROGRAMS = 200
 
 Clock = tuple[Moment, float]

@@ -52,7 +52,7 @@ def note_not_sent(mount: Context, setting: Setting, why: str) -> None:
 
 
 def note_sent(mount: Context, setting: Setting, clock_advance: float | None = None) -> None:
-    """Log who has set the mount's site, or its clock (``clock_advance``: by how many seconds), and contradictions."""
+    """Log who has set the mount's site or clock (by ``clock_advance`` seconds), and which sources contradict it."""
     by, value = setting.client_name or "the gateway", setting.value
     if isinstance(value, op.SetSite) and value.latitude is not None and value.longitude is not None:
         mount.note(
@@ -80,7 +80,7 @@ class SettingsSender:
         self._incoming = context.incoming
         #: Returns whether the position shows a motion that no program has ordered. The controller sets this function.
         self.moved_by_others: Callable[[], bool] = lambda: False
-        #: By kind: the settings sent since the mount last reported its value. Next: the kind that is being sent.
+        #: By kind, the settings sent since the mount last reported its value; and the kind that is being sent now.
         self._sent: dict[Kind, tuple[Setting, ...]] = {}
         self._sending: Kind | None = None
         self._is_ready = False
@@ -260,7 +260,7 @@ class SettingsSender:
         return isinstance(operation, op.SetSite) and self._site_clock.is_mount_site(operation)
 
     async def _needs_no_sending(self, setting: Setting) -> bool:
-        """Read the mount's value; return whether it makes sending needless: equal, or changed there. Raises Fault."""
+        """Read the mount's value; return whether it equals the setting or was changed at the mount. Raises Fault."""
         running = setting.value_now(self._now())
         if isinstance(running, op.SetClock):
             changed = self.take_reported_value(await self._runner.perform(op.GetClock(), READ))
@@ -297,7 +297,7 @@ class SettingsSender:
         self._drop_program_copies(setting)
 
     def _drop_program_copies(self, setting: Setting) -> None:
-        """Remove a setting that the mount has now from the pending ones, and the values that programs have set."""
+        """Remove a setting that the mount now has from ``pending`` and, if no newer is pending, from all programs."""
         newest = self.pending.get(kind_of(setting.value)) is setting
         self.pending = pending_settings.without_setting(self.pending, setting)
         self._sent.pop(kind_of(setting.value), None)

@@ -21,7 +21,7 @@ from gateway.mount.site.program_settings import ProgramSettings, SiteOfProgram
 #: Degrees and seconds: if the mount's site or clock differs from the last by more, somebody has set it.
 SITE_TOLERANCE = 1.0 / 60.0
 CLOCK_TOLERANCE = 30.0
-#: If a program moves the mount's site by more degrees, the Sun is avoided at the former site, too, for these seconds.
+#: If a program moves the mount's site by more than these degrees, the Sun at the former site counts for these seconds.
 MIN_SITE_CHANGE, FORMER_SITE_TIME = 2.0, 12 * 3600.0
 #: Degrees within which another source confirms a site.
 CONFIRM_DISTANCE = 0.5
@@ -158,7 +158,7 @@ class SiteClock:
         """Store the site that the mount reports. Return whether somebody has changed it at the mount; if so, forget the
         sites of programs.
 
-        ``sent_by_gateway``: not changed there, the gateway has sent it for a program on the host ``set_by``.
+        ``sent_by_gateway``: the gateway itself has sent this site, for a program on the host ``set_by``.
         """
         before = self.mount_site
         if before is None or not _same_place(before, place):  # some tell minutes of what was set to seconds
