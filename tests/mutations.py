@@ -171,7 +171,7 @@ MUTATIONS = [
     ),
     Mutation(
         "a stalled motor goes unnoticed",
-        r"course\.moved < STALL_MIN_PART \* course\.speed \* elapsed",
+        r"course\.distance < STALL_MIN_PART \* course\.speed \* elapsed",
         "False",
         "tests/unit/mount/safety/test_stalled.py",
     ),
@@ -184,7 +184,7 @@ MUTATIONS = [
     ),
     Mutation(
         "a sync that makes the sum smaller is refused",
-        r"if all\(is_correction\(limit, before, after\) for before, after in zip.*:",
+        r"if all\(is_correction\(sync_limit, before, after\) for before, after in zip.*:",
         "if False:",
         "tests/unit/mount/safety/test_sync_sum.py",
     ),
@@ -291,7 +291,7 @@ MUTATIONS = [
     ),
     Mutation(
         "the release of an arrow ends a newer arrow of another",
-        r"if active\.pressed is not None and self\._holds\(active\):\n            by",
+        r"if active\.pressed is not None and self\._has_key\(active\):\n            by",
         "if active.pressed is not None:\n            by",
         "tests/unit/console tests/unit/app/control",
     ),
@@ -377,7 +377,7 @@ MUTATIONS = [
     ),
     Mutation(
         "a Meade program's clock is set before its date has come",
-        r"session\.clock\(\) - _draft\(session\)\.changed_at >= DRAFT_PAUSE - 0\.1",
+        r"session\.clock\(\) - _get_draft\(session\)\.changed_at >= DRAFT_PAUSE - 0\.1",
         "True",
         "tests/unit/protocols/lx200/surface",
     ),

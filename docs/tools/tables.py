@@ -19,8 +19,8 @@ sys.path.insert(0, str(ROOT))
 
 from docs.tools.checked import checked_table  # noqa: E402
 from docs.tools.mistakes import calls, mistakes, traits  # noqa: E402
-from gateway.app.config.describing import header, keys  # noqa: E402
-from gateway.app.config.showing import toml  # noqa: E402
+from gateway.app.config.describing import header, keys_of  # noqa: E402
+from gateway.app.config.showing import to_toml  # noqa: E402
 from gateway.core.errors import MappingError  # noqa: E402
 from gateway.core.wire_log import printable  # noqa: E402
 from gateway.diagnostics.command_outcomes import (  # noqa: E402
@@ -274,8 +274,8 @@ def keys_table() -> str:
     lines = ["| table | key | what it says | it is | default |", "|---|---|---|---|---|"]
     for name in ("", "mount", "surface", "console", "mqtt"):
         head = f"`{header(name)}`" if name else ""
-        for key in keys(name):
-            default = "needed" if key.required else "" if key.default is None else f"`{toml(key.default)}`"
+        for key in keys_of(name):
+            default = "needed" if key.required else "" if key.default is None else f"`{to_toml(key.default)}`"
             lines.append(f"| {head} | `{key.name}` | {key.description} | {key.allowed} | {default} |")
     return "\n".join(lines) + "\n"
 

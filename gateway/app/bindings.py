@@ -29,7 +29,7 @@ from gateway.protocols.base.spec import DriverSettings, MadeDriver, SurfaceSetti
 from gateway.protocols.registry import ANY, PROTOCOLS, surface_protocols
 from gateway.transport import Accept, Listener, open_port
 from gateway.transport.http_wire import HttpWire, request_bytes
-from gateway.transport.listening import WEB_SERVED
+from gateway.transport.listening import WEB_ADDRESS
 from gateway.transport.tcp import is_exposed
 from gateway.transport.web_server import WebPort, WebServer
 from gateway.transport.wires import SerialTransport, Transport, bytes_on_wire
@@ -106,7 +106,7 @@ def make_surface(
 async def open_surface(endpoint: Endpoint, surface: SurfaceConfig, accept: Accept, web: WebServer) -> Listener:
     """Open the port of a surface; ``web`` serves the protocols that use HTTP. Raises UserError."""
     spec = PROTOCOLS.get(endpoint.protocol)
-    if endpoint.where == WEB_SERVED:
+    if endpoint.where == WEB_ADDRESS:
         return WebPort()
     if spec is None or spec.web is None:
         seconds = HARDWARE_REPLY_TIME if is_hardware_port(endpoint.where) else 0.0
@@ -118,7 +118,7 @@ async def open_surface(endpoint: Endpoint, surface: SurfaceConfig, accept: Accep
 
 def is_hardware_port(address: str) -> bool:
     """Whether programs use this address like a telescope's serial port, and not as a plain network connection."""
-    return not address.startswith("tcp://") and address not in (WEB_SERVED, "-")
+    return not address.startswith("tcp://") and address not in (WEB_ADDRESS, "-")
 
 
 #: Accepts the connections of a surface.
@@ -144,7 +144,7 @@ class AcceptorFactory:
     ) -> None:
         self._controller, self._mount, self._config = controller, mount, config
         self._shared_state, self._clock, self._warn, self._web = shared_state, clock, warn, web
-        self._j2000 = EquinoxConverter(sky, controller.sources.unix)
+        self._converter = EquinoxConverter(sky, controller.sources.unix)
         #: The bindings of all surfaces with their protocols, and those that present the mount itself.
         self.bindings: list[tuple[str, SurfaceBinding]] = []
         self.native_bindings: list[SurfaceBinding] = []
@@ -166,7 +166,7 @@ class AcceptorFactory:
     ) -> ConnectionAcceptor:
         """Make the acceptor of one protocol. ``protocol_titles`` lists all protocols of the surface, if several."""
         entry, bind = access_rules(surface, self._config), partial(self._bind, endpoint, surface, protocol_titles)
-        later = endpoint.where == WEB_SERVED and endpoint.protocol != self._mount.protocol  # with the web server
+        later = endpoint.where == WEB_ADDRESS and endpoint.protocol != self._mount.protocol  # with the web server
         made, where, only = bind if later else bind(), endpoint.where, not protocol_titles
         return ConnectionAcceptor(
             self._controller, made, self._shared_state, self._clock, surface_number, entry, where, self._warn, only
@@ -181,16 +181,16 @@ class AcceptorFactory:
         binding = msgspec.structs.replace(
             binding,
             protocol_titles=protocol_titles or binding.protocol_titles,
-            equinox=self._j2000 if (surface.equinox or binding.default_equinox) == "j2000" else None,
-            model_equinox=None if surface.equinox else self._j2000,
-            profiles=tuple(profiles(endpoint.protocol, surface, self._j2000)),
-            hold=hold(surface, endpoint.protocol, surface.client),
+            equinox=self._converter if (surface.equinox or binding.default_equinox) == "j2000" else None,
+            model_equinox=None if surface.equinox else self._converter,
+            profiles=tuple(profiles_of(endpoint.protocol, surface, self._converter)),
+            hold_time=hold(surface, endpoint.protocol, surface.client),
         )
         self.bindings.append((endpoint.protocol, binding))
         return binding
 
 
-def framer_and_replies(protocol: str, model: str | None = None) -> tuple[MakeFramer, ReplyParser]:
+def framer_and_parser(protocol: str, model: str | None = None) -> tuple[MakeFramer, ReplyParser]:
     """Return the factory of a protocol's framer, and the parser of a mount's replies.
 
     The replies of some models differ: ``model`` is the mount's, None if it is not known.
@@ -201,7 +201,7 @@ def framer_and_replies(protocol: str, model: str | None = None) -> tuple[MakeFra
     return spec.framing, spec.reply_rules(model) if model in spec.commands.dialect_by_model else spec.reply_rules()
 
 
-def policy(config: MountConfig) -> Policy:
+def policy_of(config: MountConfig) -> Policy:
     """Return the operator's settings in the form that the controller takes."""
     return Policy(**_fields_from_config(config, Policy) | {"own_park": config.park is not None})
 
@@ -248,11 +248,11 @@ def exposure_warning(address: str, surface: SurfaceConfig, networks_of: Callable
     )
 
 
-def profiles(protocol: str, surface: SurfaceConfig, j2000: EquinoxConverter) -> Iterator[ClientProfile]:
+def profiles_of(protocol: str, surface: SurfaceConfig, converter: EquinoxConverter) -> Iterator[ClientProfile]:
     """Yield a profile for each program that a surface recognises by its first bytes."""
     for first, program in first_bytes(surface).items():
         needs = as_fields(unmet_needs(surface, program))
-        equinox = j2000 if needs.pop("equinox", None) == "j2000" else None
+        equinox = converter if needs.pop("equinox", None) == "j2000" else None
         row = programs(protocol)[program]
         yield ClientProfile(first, row.name, needs, equinox, hold(surface, protocol, program), row.stops_arrows)
 
@@ -295,7 +295,7 @@ def presents_mount(mount: Endpoint, surface: Endpoint) -> bool:
 def configure_binding(controller: MountController, binding: SurfaceBinding) -> None:
     """Make a surface present the model and version that the mount itself has reported."""
     binding.model.update(controller.driver.presented_model())
-    binding.surface.as_written = controller.line.reply_rules.in_mount_notation
+    binding.surface.to_mount_form = controller.line.reply_rules.in_mount_notation
 
 
 def make_transport(mount: Endpoint, config: MountConfig, watchdog_mount: WatchedMount | None) -> Transport:

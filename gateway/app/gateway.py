@@ -18,7 +18,7 @@ from gateway.app.bindings import (
     make_driver,
     make_transport,
     open_surface,
-    policy,
+    policy_of,
 )
 from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.config.endpoints import device_text
@@ -45,9 +45,9 @@ from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.protocols.base.session import SharedSettings
 from gateway.system.computer_clock import ClockCheck
 from gateway.system.locks import NameClaim
-from gateway.system.runtime_folders import folders
+from gateway.system.runtime_folders import find_folders
 from gateway.transport import Listener
-from gateway.transport.listening import WEB_SERVED, split_address
+from gateway.transport.listening import WEB_ADDRESS, split_address
 from gateway.transport.web_server import WebDevice, WebServer
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ class Gateway:
         site = op.Place(*config.site) if config.site else None
         site_clock = SiteClock(loop.time, self.clock, site, config.computer_clock, ClockCheck() if self.store else None)
         line = make_line(reply_rules, self.wire_log)
-        context = Context(driver, policy(config), self.wire_log, line, self.sky, site_clock)
+        context = Context(driver, policy_of(config), self.wire_log, line, self.sky, site_clock)
         announcers = [part.before_motion for part in (self.watchdog_mount, self.store) if part is not None]
         self._controller = MountController(context, follow_ups, announcers)
         if self.store is not None:
@@ -165,8 +165,8 @@ class Gateway:
     async def _open_control(self) -> None:
         """Open the control endpoint for ``mount-gateway stop`` and the other commands."""
         assert self.store is not None
-        where = [self.store.directory, *folders()[0]]
-        self.control = ControlServer(where, self.store.name, str(self.mount), self.carry_out, self.config.name or "")
+        where = [self.store.directory, *find_folders()[0]]
+        self.control = ControlServer(where, self.store.stem, str(self.mount), self.carry_out, self.config.name or "")
         try:
             await self.control.open()
         except OSError as error:
@@ -213,8 +213,8 @@ class Gateway:
         for port, surface in zip(self.ports, self.surfaces, strict=True):
             if warning := exposure_warning(port.address, surface, reachable_networks):
                 yield warning
-        if self.store is not None and self.store.other_gateway:
-            yield self.store.other_gateway
+        if self.store is not None and self.store.conflict_text:
+            yield self.store.conflict_text
 
     def names(self) -> list[str]:
         """Return one ``PROTOCOL:MODEL@WHERE`` per open port, followed by the mount's name if it has one."""
@@ -222,7 +222,7 @@ class Gateway:
         return [
             f"{device_text(endpoint.protocol, acceptor.model)}@{port.address}{name}"
             for endpoint, acceptor, port in zip(self.endpoints, self.acceptors, self.ports, strict=False)
-            if port.address != WEB_SERVED
+            if port.address != WEB_ADDRESS
         ]
 
     def web_devices(self) -> Iterator[tuple[str, WebDevice]]:

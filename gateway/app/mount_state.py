@@ -71,7 +71,7 @@ class MountState(Struct, frozen=True, dict=True):
             self.look,
             self.mount,
             *((identity.product, identity.model, identity.version) if identity else ("", "", "")),
-            tuple(self._orders(surfaces)),
+            tuple(self._order_texts(surfaces)),
             tuple(self._limit_texts()),
             self.site,
             self.time,
@@ -119,7 +119,7 @@ class MountState(Struct, frozen=True, dict=True):
             return f"azimuth {self.goal.az:.1f}°, altitude {self.goal.alt:.1f}°"
         return "" if self.goal is None else format_position(self.goal)
 
-    def _orders(self, surfaces: Sequence[str]) -> Iterator[str]:
+    def _order_texts(self, surfaces: Sequence[str]) -> Iterator[str]:
         """Yield the orders under way, with the clients that gave them, and the waiting orders."""
 
         def origin(by: HostActivity | None, asked_at: float) -> str:
@@ -138,7 +138,7 @@ class MountState(Struct, frozen=True, dict=True):
         yield from filter(None, (wanted.failure, self.sun_warning, self.sync_warning))
         for axis, moving in motion if isinstance(motion, HandMove) else ():
             tube = self.look.status is not None and not self.look.status.equatorial
-            yield _arrow(moving.operation, axis, tube) + origin(moving.client, moving.began_at)
+            yield _arrow_text(moving.operation, axis, tube) + origin(moving.client, moving.began_at)
         for order in wanted.pending:
             if not order.follow_up and order.number != wanted.active:
                 yield f"{order.operation.title()}, not begun yet{origin(order.client, order.came_at)}"
@@ -194,7 +194,7 @@ def mount_state(
         can_enforce_hour_angle=identity is None or can_enforce_hour_angle(controller.context),
         horizontal=astrometry.horizontal(position) if sites and position is not None else None,
         wanted=wanted.value,
-        goal=_goal(controller),
+        goal=_goal_of(controller),
         sun_warning=controller.sun_approach_watch.warning,
         sync_warning=controller.synced.resync_reason,
         policy=controller.policy,
@@ -211,7 +211,7 @@ def mount_state(
     )
 
 
-def _goal(controller: MountController) -> op.Equatorial | op.Horizontal | None:
+def _goal_of(controller: MountController) -> op.Equatorial | op.Horizontal | None:
     motion = controller.wanted.value.motion
     operation = motion.operation if isinstance(motion, Slew) else None
     if isinstance(operation, op.Goto):
@@ -225,7 +225,7 @@ def _goal(controller: MountController) -> op.Equatorial | op.Horizontal | None:
 _TUBE_DIRECTIONS = {"north": "up", "south": "down", "east": "left", "west": "right"}
 
 
-def _arrow(operation: op.Move | op.MoveAxis, axis: int, moves_tube: bool) -> str:
+def _arrow_text(operation: op.Move | op.MoveAxis, axis: int, moves_tube: bool) -> str:
     """Return the text for an arrow: with ``moves_tube`` up, down, left or right (alt-azimuth), else as on the sky."""
     if isinstance(operation, op.Move):
         word = operation.direction.label

@@ -89,7 +89,7 @@ def bundle_scripts(texts: Mapping[str, str], main_path: str, folder: str) -> str
 
 
 #: Content types of the files that are served, by their suffix.
-TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".json": "application/json",
+MIME_MAP = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".json": "application/json",
          ".svg": "image/svg+xml", ".webmanifest": "application/manifest+json", ".png": "image/png", ".mp4": "video/mp4",
          ".txt": "text/plain"}  # fmt: skip
 
@@ -101,7 +101,7 @@ FOREIGN_HOST_ANSWER = (
     'router, add it: names = ["pier.example.org"] on the surface or under [console], or --names pier.example.org.'
 )
 _PORT_RULES: web.AppKey[Mapping[int, AccessRules]] = web.AppKey("rules of ports")
-_TEXTS = {kind for suffix, kind in TYPES.items() if suffix not in (".png", ".mp4")}
+_TEXTS = {kind for suffix, kind in MIME_MAP.items() if suffix not in (".png", ".mp4")}
 #: In a page: the addresses of its own files, its style sheets and plain scripts, and the script of its modules.
 _LINKS = re.compile(r'\b(href|src)="([\w./-]+\.\w+)"')
 _INLINABLE = re.compile(r'<(?:link rel="stylesheet" href|script src)="([^"]+)">(?:</script>)?')
@@ -128,7 +128,7 @@ class Pages:
 
     def __init__(self, paths: Mapping[str, Path]) -> None:
         self._files = {
-            name: (path.read_bytes(), TYPES[path.suffix]) for name, path in paths.items() if path.suffix in TYPES
+            name: (path.read_bytes(), MIME_MAP[path.suffix]) for name, path in paths.items() if path.suffix in MIME_MAP
         }
         self._compressed: dict[str, bytes] = {}
         digest = hashlib.sha256(b"".join(body for _, (body, _) in sorted(self._files.items())))
@@ -143,7 +143,7 @@ class Pages:
         def bundle_module(match: re.Match[str]) -> str:
             folder = match[1].rpartition("/")[0]
             bundle = f"{folder}/all.js" if folder else "all.js"
-            self._files[bundle] = bundle_scripts(texts, match[1], folder).encode(), TYPES[".js"]
+            self._files[bundle] = bundle_scripts(texts, match[1], folder).encode(), MIME_MAP[".js"]
             return match[0].replace(match[1], bundle)
 
         def inline_file(match: re.Match[str]) -> str:
@@ -163,7 +163,7 @@ class Pages:
         for name, word in texts.items():
             page = page.replace(f"{{{{{name}}}}}", html.escape(word))
         headers = {"Cache-Control": "no-store", CSP_HEADER: self._csp}
-        return await self._answer(request, page, page.encode(), TYPES[".html"], headers)
+        return await self._answer(request, page, page.encode(), MIME_MAP[".html"], headers)
 
     async def file(self, request: web.Request) -> web.StreamResponse:
         """Serve any other file, by the ``path`` of its route."""
@@ -188,7 +188,7 @@ class Pages:
         return web.Response(body=body, content_type=mime, charset="utf-8" if mime in _TEXTS else None, headers=headers)
 
 
-def application(
+def make_app(
     hosts: Sequence[str] = (), logs: Sequence[WireLog] = (), ports: Mapping[int, AccessRules] = MappingProxyType({})
 ) -> web.Application:
     """Return an application that refuses requests with a foreign Host header; ``logs`` record those refusals.

@@ -12,7 +12,7 @@ from gateway.core.errors import UserError
 from gateway.protocols.mechanics.simulated import Simulated
 from gateway.protocols.registry import PROTOCOLS, simulated_protocols
 from gateway.transport import Accept, Listener, open_port
-from gateway.transport.baud import SerialPace
+from gateway.transport.baud import PacedLine
 from gateway.transport.wires import DEFAULT_BAUD, SimulatedTransport
 
 DEFAULT_SITE = (45.0, 10.0)
@@ -76,9 +76,9 @@ class _SimulatedConnection:
         self._delayed_replies = 0
         self._answer: Callable[[bytes], bytes] = simulator.connection(self._send_later)
         self.feed: Callable[[bytes], None] = self._receive
-        self._line_paces: list[SerialPace] = []
+        self._line_paces: list[PacedLine] = []
         if baud is not None:
-            self._line_paces = [SerialPace(baud, self._receive), SerialPace(baud, write_bytes)]
+            self._line_paces = [PacedLine(baud, self._receive), PacedLine(baud, write_bytes)]
             self.feed, self._write = self._line_paces[0].send, self._line_paces[1].send
 
     def _send_later(self, seconds: float, answer: bytes) -> None:

@@ -33,10 +33,10 @@ async def load_web_application(
         await gateway.ports_ready.wait()
     # loading takes a quarter of a second, and clients must not wait
     add_page = await asyncio.to_thread(_load_web_server, gateways, load_page)
-    from gateway.app.pages import application
+    from gateway.app.pages import make_app
 
     every = [*host_names, *(name for gateway in gateways for surface in gateway.surfaces for name in surface.names)]
-    app = application(every, [gateway.wire_log for gateway in gateways], _rules_by_port(gateways))
+    app = make_app(every, [gateway.wire_log for gateway in gateways], _rules_by_port(gateways))
     for name, spec in PROTOCOLS.items():
         devices = [device for gateway in gateways for protocol, device in gateway.web_devices() if protocol == name]
         if spec.web is not None and devices:

@@ -122,7 +122,7 @@ class AverageRate:
 
 def status_text(lines: Sequence[StatusLine], columns: int | None = None) -> str:
     """Return all mounts on one line of at most ``columns`` characters; None: of any length."""
-    parts = [_parts(line) for line in lines]
+    parts = [_parts_of(line) for line in lines]
     text = ""
     for count in range(len(parts[0]), MIN_PARTS - 1, -1):
         text = "  |  ".join("  ".join(part for part in of_one[:count] if part) for of_one in parts)
@@ -132,7 +132,7 @@ def status_text(lines: Sequence[StatusLine], columns: int | None = None) -> str:
     return text[: columns - 1] + "…" if columns > 0 else ""
 
 
-def _parts(line: StatusLine) -> list[str]:
+def _parts_of(line: StatusLine) -> list[str]:
     """Return name, position, activity, programs and rate; a part that is not known is empty."""
     if not line.online:
         points, is_doing = f"{line.state}{': ' if line.reason else ''}{line.reason}", ""

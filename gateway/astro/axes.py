@@ -70,7 +70,7 @@ class Geometry(NamedTuple):
             axis1, axis2 = axis1 + 180.0, 180.0 - axis2
         return wrap180(self.ns_sign * (axis1 - self._meridian_reading)), wrap180(self.ns_sign * axis2)
 
-    def axes(self, hour_angle: float, dec: float, flipped: bool) -> Pair:
+    def to_axes(self, hour_angle: float, dec: float, flipped: bool) -> Pair:
         """Return the axis positions for a direction, on either side of the pier (``flipped``)."""
         if self.build is Build.ALTAZ:
             first, second = hour_angle_to_horizon(hour_angle, dec, self.latitude)
@@ -83,10 +83,10 @@ class Geometry(NamedTuple):
 
         The mount's readings have an offset, which is found from the ``current`` readings at the present ``position``.
         """
-        ways = [self.axes(*position, flipped) for flipped in (False, True)]
+        ways = [self.to_axes(*position, flipped) for flipped in (False, True)]
         offsets = [(wrap180(current[0] - first), wrap180(current[1] - second)) for first, second in ways]
         offset = min(offsets, key=lambda pair: abs(pair[0]) + abs(pair[1]))
-        first, second = self.axes(*goal, self.is_flipped(goal[0]))
+        first, second = self.to_axes(*goal, self.is_flipped(goal[0]))
         return first + offset[0], second + offset[1]
 
     def is_flipped(self, hour_angle: float) -> bool:

@@ -25,7 +25,7 @@ DEFAULT_BY_BARE_FLAG = {"--log": "true", "--read-only": "all"}
 #: Commands that take a position on the sky.
 POSITION_COMMANDS = ("goto", "sync")
 #: Maximum length of a message in characters: three lines of a terminal, paths included.
-MAX_LENGTH = 500
+MAX_MESSAGE = 500
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -43,7 +43,7 @@ def main(argv: list[str] | None = None) -> int:
         code = int(arguments.run(arguments) or 0)
     except UserError as error:
         text = str(error)  # a user may have typed a thousand digits
-        short = text if len(text) <= MAX_LENGTH else f"{text[: MAX_LENGTH // 2]} ... {text[-MAX_LENGTH // 2 :]}"
+        short = text if len(text) <= MAX_MESSAGE else f"{text[: MAX_MESSAGE // 2]} ... {text[-MAX_MESSAGE // 2 :]}"
         streams.warn(short, streams.ERROR)
         code = error.exit_code
     except KeyboardInterrupt:
@@ -77,10 +77,10 @@ def _parse(typed_words: list[str]) -> argparse.Namespace:
     return arguments
 
 
-def _report_stdout_error(error: Exception, code: int) -> int:
-    """Report that stdout cannot be written; return the exit code: 2, or ``code`` if its reader closed the pipe."""
+def _report_stdout_error(error: Exception, exit_code: int) -> int:
+    """Report that stdout cannot be written; return the exit code: 2, or ``exit_code`` if its reader closed the pipe."""
     if isinstance(error, BrokenPipeError):
-        return code
+        return exit_code
     why = explain_os_error(error) if isinstance(error, OSError) else str(error)
     streams.warn(f"cannot write to stdout: {why}", streams.ERROR)
     return 2

@@ -47,7 +47,7 @@ def completion_script(shell: str) -> str:
         import shtab
     except ImportError:
         raise UserError("completion: the package shtab is missing; pip install shtab") from None
-    from gateway.app.config.describing import keys
+    from gateway.app.config.describing import keys_of
     from gateway.app.control.objects import BODIES
     from gateway.astro.catalog.names import HIPPARCOS
     from gateway.diagnostics.command_outcomes import model_versions
@@ -56,7 +56,7 @@ def completion_script(shell: str) -> str:
 
     whole = make_parser()
     _set_short_descriptions(whole)
-    few = {f"--{key.name}": key.choices for key in keys("mount") if key.choices}
+    few = {f"--{key.name}": key.choices for key in keys_of("mount") if key.choices}
     for action in _all_actions(whole):
         if action.metavar == "FILE":
             action.complete = shtab.FILE  # type: ignore[attr-defined]

@@ -30,7 +30,7 @@ The page is for browsers of this computer. From elsewhere: ssh -L 4090:127.0.0.1
 
 
 def add_fleet(commands: Commands) -> None:
-    from gateway.app.config.describing import keys
+    from gateway.app.config.describing import keys_of
 
     fleet = commands.add_parser(
         "fleet",
@@ -39,7 +39,7 @@ def add_fleet(commands: Commands) -> None:
         epilog=EXAMPLES,
     )  # fmt: skip
     fleet.add_argument("--mqtt", metavar="URL", required=True, help="mqtt://[USER@]HOST:PORT, or mqtts:// with TLS")
-    for key in keys("mqtt"):
+    for key in keys_of("mqtt"):
         if key.name in MQTT_KEYS:
             fleet.add_argument(f"--{key.name}", default=key.default, metavar=key.metavar, help=key.help)
     fleet.add_argument("--port", type=int, default=PORT, help=f"of the page, on this computer (default {PORT})")

@@ -18,7 +18,7 @@ from gateway.core.operations import AbortMotion, AbortSlew, Focus, Hibernate, Op
 from gateway.core.wire_log import WireLog
 from gateway.system.file_limits import no_room_reason
 from gateway.transport.handler import ConnectionRefused, NewConnection
-from gateway.transport.room import max_places_of
+from gateway.transport.room import host_capacity
 
 Networks = tuple[IPv4Network | IPv6Network, ...]
 
@@ -102,7 +102,7 @@ class ClientAdmission:
             why = "its address is not in allow"
         elif len(connected_hosts) >= most:
             why = f"there are {most} clients (max-clients) already"
-        elif connected_hosts.count(host) >= (part := max_places_of(host, most)):
+        elif connected_hosts.count(host) >= (part := host_capacity(host, most)):
             why = f"it has {part} clients already, three quarters of max-clients"
         elif not peer.is_serial_line and (full := no_room_reason()):
             why = full

@@ -151,10 +151,10 @@ class ClientConnection:
         """Process bytes, and compare the first bytes of the connection with the known client programs."""
         if self._profiles:
             self._first_bytes += data
-            self._profiles = tuple(profile for profile in self._profiles if self._may_match(profile))
+            self._profiles = tuple(profile for profile in self._profiles if self._try_profile(profile))
         self.client.feed(data, stop_count, arrived_at)
 
-    def _may_match(self, profile: ClientProfile) -> bool:
+    def _try_profile(self, profile: ClientProfile) -> bool:
         """Apply a profile if the first bytes match it. Return whether more bytes are needed to decide."""
         if not self._first_bytes.startswith(profile.first_bytes):
             return profile.first_bytes.startswith(self._first_bytes)

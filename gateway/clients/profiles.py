@@ -75,7 +75,7 @@ class SurfaceBinding(Struct, frozen=True):
     #: The equinox of its clients if the user does not set it: ``jnow`` or ``j2000``.
     default_equinox: str = "jnow"
     #: Seconds for which the text of a refusal is held back on the network, from a program that was not recognised.
-    hold: float = 0.0
+    hold_time: float = 0.0
     #: Whether the client program sends a command that stops all motion when an arrow is released.
     releases_by_stop: bool = False
     #: Returns the model to present for (is equatorial, is German or None, has GPS); None if the user has named one.

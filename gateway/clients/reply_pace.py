@@ -21,17 +21,17 @@ class ReplyPace:
     """Delays the replies of a connection by ``delay``; ``accept`` makes the handler that replies."""
 
     def __init__(
-        self, connected: NewConnection, accept: Callable[[NewConnection], ConnectionHandler], delay: float
+        self, connection: NewConnection, accept: Callable[[NewConnection], ConnectionHandler], delay: float
     ) -> None:
-        self._write_bytes, self._seconds = connected.write, delay
+        self._write_bytes, self._delay = connection.write, delay
         self._loop = asyncio.get_running_loop()
         self._reply_due_at = 0.0
         self._delayed_bytes = b""
         self._timer: asyncio.TimerHandle | None = None
-        change = connected.change_baud
+        change = connection.change_baud
         self._handler = accept(
             replace(
-                connected,
+                connection,
                 write=self._send,
                 hand_over=None,
                 change_baud=None if change is None else lambda baud: self._change_baud(change, baud),
@@ -39,7 +39,7 @@ class ReplyPace:
         )
 
     def feed(self, data: bytes) -> None:
-        self._reply_due_at = self._loop.time() + self._seconds
+        self._reply_due_at = self._loop.time() + self._delay
         self._handler.feed(data)
 
     def _send(self, data: bytes) -> int | None:

@@ -108,26 +108,26 @@ class UnknownMethodMatcher:
     """
 
     def __init__(self) -> None:
-        self._method_length, self._tail_matched = 0, 0
+        self._method_length, self._tail_length = 0, 0
         #: Whether such a request may still arrive.
         self.may_match = True
 
     @property
     def is_partly_matched(self) -> bool:
         """Whether a method and the space after it have arrived; then the following bytes are held back."""
-        return self.may_match and self._tail_matched > 0
+        return self.may_match and self._tail_length > 0
 
     def feed(self, data: bytes) -> bool:
         """Examine more bytes. Return whether an HTTP request is recognised now."""
         for byte in data if self.may_match else b"":
             if not self._method_length and byte in IDLE_BYTES:
                 continue
-            if self._method_length and byte in _AFTER_METHOD[self._tail_matched]:
-                self._tail_matched += 1
-                if self._tail_matched == len(_AFTER_METHOD):
+            if self._method_length and byte in _AFTER_METHOD[self._tail_length]:
+                self._tail_length += 1
+                if self._tail_length == len(_AFTER_METHOD):
                     self.may_match = False
                     return True
-            elif self._tail_matched or byte not in _METHOD_CHARACTERS or self._method_length == MAX_METHOD_LENGTH:
+            elif self._tail_length or byte not in _METHOD_CHARACTERS or self._method_length == MAX_METHOD_LENGTH:
                 self.may_match = False
                 break
             else:
@@ -146,7 +146,7 @@ class StrangerRecogniser:
         #: Whether a greeting of the table may still be recognised.
         self._table_may_match = True
         self._unknown_method = UnknownMethodMatcher()
-        self._partial: list[tuple[Greeting, int]] = []
+        self._candidates: list[tuple[Greeting, int]] = []
         self._in_idle_bytes = True
 
     @property
@@ -166,7 +166,7 @@ class StrangerRecogniser:
 
     def _match_table(self, data: bytes) -> Greeting | None:
         for byte in data:
-            partial = [(greeting, count + 1) for greeting, count in self._partial if byte in greeting.pattern[count]]
+            partial = [(greeting, count + 1) for greeting, count in self._candidates if byte in greeting.pattern[count]]
             if self._in_idle_bytes:
                 partial += [(greeting, 1) for greeting in _greetings_beginning_with(byte, self._served_protocol)]
                 self._in_idle_bytes = byte in IDLE_BYTES
@@ -174,7 +174,7 @@ class StrangerRecogniser:
                 if count == len(greeting.pattern):
                     self._table_may_match = False
                     return greeting
-            self._partial = partial
+            self._candidates = partial
             if not partial and not self._in_idle_bytes:
                 self._table_may_match = False
                 break

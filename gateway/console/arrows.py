@@ -17,7 +17,7 @@ from gateway.core.operations import Direction
 from gateway.core.requests import FAILED, Answer, PressKeyRequest, ReleaseKeyRequest, new_request_number
 
 
-class HeldKey(NamedTuple):
+class ArrowPress(NamedTuple):
     """An arrow that is held down: the numbers of the press and of its request, the rate, the loop time of the press.
 
     ``end_counts``: how many stops and gotos there were at the press. After another stop or goto, it moves nothing.
@@ -41,54 +41,54 @@ class Arrows:
     def __init__(self, gateway: Gateway, client_name: str, all_pages: list[Arrows]) -> None:
         self._gateway, self._client_name, self._all_pages = gateway, client_name, all_pages
         self._controller = gateway.controller
-        self._held_keys: dict[Direction, HeldKey] = {}
+        self._presses: dict[Direction, ArrowPress] = {}
         #: The number of the newest press.
         self._last_press_number = 0
         all_pages.append(self)
 
     def __bool__(self) -> bool:
         """Whether an arrow is held down."""
-        return bool(self._held_keys)
+        return bool(self._presses)
 
     def press(self, direction: Direction, rate: int, press_number: int = 0) -> asyncio.Task[Answer]:
         """Press an arrow and release the opposite arrow, or change the rate if this ``press_number`` is held.
 
         A press without a number is a new press.
         """
-        held = self._held_keys.get(direction)
+        held = self._presses.get(direction)
         if held is not None and 0 < press_number == held.press_number:
             held = held._replace(rate=rate)
         elif 0 < press_number <= self._last_press_number:
             return self._controller.spawn(_answer_already_ended())
         else:
-            for other in [arrow for arrow in self._held_keys if arrow.axis == direction.axis]:
+            for other in [arrow for arrow in self._presses if arrow.axis == direction.axis]:
                 self.release(other)
             self._last_press_number = max(self._last_press_number, press_number)
-            held = HeldKey(press_number, new_request_number(), rate, self._controller.now(), self._end_counts())
-        self._held_keys[direction] = held
+            held = ArrowPress(press_number, new_request_number(), rate, self._controller.now(), self._end_counts())
+        self._presses[direction] = held
         return self._controller.spawn(self._move(direction, held))
 
-    async def _move(self, direction: Direction, held_key: HeldKey) -> Answer:
-        request = PressKeyRequest(direction, held_key.rate, number=held_key.request, who=self._client_name)
+    async def _move(self, direction: Direction, press: ArrowPress) -> Answer:
+        request = PressKeyRequest(direction, press.rate, number=press.request, who=self._client_name)
         answer = await self._gateway.carry_out(request)
-        if not answer.is_ok and (now := self._held_keys.get(direction)) is not None and now.request == held_key.request:
-            del self._held_keys[direction]  # refused, or ended by something else: a stop, a limit, the mount
-            self._send_release(held_key, page_is_lost=True)
+        if not answer.is_ok and (now := self._presses.get(direction)) is not None and now.request == press.request:
+            del self._presses[direction]  # refused, or ended by something else: a stop, a limit, the mount
+            self._send_release(press, page_is_lost=True)
         return answer
 
-    def _send_release(self, held_key: HeldKey, page_is_lost: bool) -> None:
-        request = ReleaseKeyRequest(page_is_lost, number=held_key.request, who=self._client_name)
+    def _send_release(self, press: ArrowPress, page_is_lost: bool) -> None:
+        request = ReleaseKeyRequest(page_is_lost, number=press.request, who=self._client_name)
         self._controller.spawn(self._gateway.carry_out(request))
 
-    async def repeat_orders(self) -> None:
+    async def renew_motions(self) -> None:
         """Order the motions of all held arrows again, so that they do not time out."""
-        for direction, held in list(self._held_keys.items()):
+        for direction, held in list(self._presses.items()):
             await self._move(direction, held)
 
-    def release_all_but(self, held_keys: Set[tuple[Direction, int]]) -> None:
+    def release_all_but(self, held_presses: Set[tuple[Direction, int]]) -> None:
         """Release every arrow except these, each given with the number of its press."""
-        for direction, held in list(self._held_keys.items()):
-            if (direction, held.press_number) not in held_keys:
+        for direction, held in list(self._presses.items()):
+            if (direction, held.press_number) not in held_presses:
                 self.release(direction, page_is_lost=True)
 
     def release(self, direction: Direction | None = None, press_number: int = 0, page_is_lost: bool = False) -> None:
@@ -96,28 +96,28 @@ class Arrows:
 
         If the page has disconnected (``page_is_lost``), a motion that has not begun is dropped.
         """
-        for released in list(self._held_keys) if direction is None else [direction]:
-            held = self._held_keys.get(released)
+        for released in list(self._presses) if direction is None else [direction]:
+            held = self._presses.get(released)
             if held is not None and press_number in (0, held.press_number):
-                del self._held_keys[released]
+                del self._presses[released]
                 refused = partial(self._send_release, held, True)
                 any(page.take_over(released, held, refused) for page in self._all_pages)
                 self._send_release(held, page_is_lost)
 
-    def take_over(self, direction: Direction, released_press: HeldKey, on_refused: Callable[[], None]) -> bool:
+    def take_over(self, direction: Direction, released_press: ArrowPress, on_refused: Callable[[], None]) -> bool:
         """Continue a motion for this page if it has held the arrow longer than the page that has just released it.
 
         Return whether it does. ``on_refused`` is called, and ends the motion, if the mount refuses to continue.
         """
-        held = self._held_keys.get(direction)
+        held = self._presses.get(direction)
         if held is None or held.since > released_press.since or held.end_counts != self._end_counts():
             return False
-        self._held_keys[direction] = held = held._replace(request=new_request_number())
-        self._controller.spawn(self._begin_press(direction, held, on_refused))
+        self._presses[direction] = held = held._replace(request=new_request_number())
+        self._controller.spawn(self._continue_press(direction, held, on_refused))
         return True
 
-    async def _begin_press(self, direction: Direction, held_key: HeldKey, on_refused: Callable[[], None]) -> None:
-        if not (await self._move(direction, held_key)).is_ok:
+    async def _continue_press(self, direction: Direction, press: ArrowPress, on_refused: Callable[[], None]) -> None:
+        if not (await self._move(direction, press)).is_ok:
             on_refused()
 
     def _end_counts(self) -> tuple[int, int]:

@@ -133,7 +133,7 @@ def answer_number(text: str | bytes) -> int:
         return 0
 
 
-def read(text: str | bytes, client_name: str) -> Message:
+def decode(text: str | bytes, client_name: str) -> Message:
     """Decode a message of the page named ``client_name``. Raises ValueError."""
     fields: dict[str, Any] = msgspec.json.decode(text, type=dict[str, Any])
     head = msgspec.convert(fields, _MessageHeader)

@@ -150,7 +150,7 @@ class MountRecorder:
         await recorder.close()
         return path
 
-    def file(self, name: str) -> Path | None:
+    def path_of(self, name: str) -> Path | None:
         """Return the path of a recording by its name, or None."""
         if not _RECORDING_NAME.fullmatch(name):
             return None

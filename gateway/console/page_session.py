@@ -77,7 +77,7 @@ def _rounded(position: Sequence[float]) -> tuple[float, float]:
 
 
 #: Seconds without a message until arrows are released; between two checks of that; between repeated motion orders.
-KEY_TIMEOUT, KEY_CHECK_PERIOD, KEY_REPEAT_PERIOD = 1.5, 0.2, 5.0
+ARROW_TIMEOUT, ARROW_CHECK_PERIOD, ARROW_REPEAT_PERIOD = 1.5, 0.2, 5.0
 #: The maximum number of simultaneous requests of a page.
 MAX_PAGE_REQUESTS = 32
 READ_ONLY_MESSAGE = "This page only looks. Enter the pin to act; STOP needs none."
@@ -114,7 +114,7 @@ class PageSession:
         """Send the state until cancelled or disconnected; then release all arrows."""
         mounts, publisher = self._mounts, self._mounts.publisher
         publisher.subscribe()
-        guard = self._loop.create_task(self._watch_keys())
+        guard = self._loop.create_task(self._watch_arrows())
         try:
             await self._send({"hello": {
                 "version": full_version(), "act": self._may_act, "pin": bool(mounts.pin) and not self._may_act,
@@ -145,18 +145,18 @@ class PageSession:
     async def _send(self, value: Any) -> None:
         await self._socket.send(encode(value))
 
-    async def _watch_keys(self) -> None:
+    async def _watch_arrows(self) -> None:
         """Release the arrows of a silent page, else repeat their orders. A stalled browser does not delay this."""
         while True:
-            await asyncio.sleep(KEY_CHECK_PERIOD)
+            await asyncio.sleep(ARROW_CHECK_PERIOD)
             now = self._loop.time()
-            repeats = now - self._last_repeat_at > KEY_REPEAT_PERIOD
+            repeats = now - self._last_repeat_at > ARROW_REPEAT_PERIOD
             for arrows in filter(None, self._arrows):
-                if now - self._last_message_at > KEY_TIMEOUT:
+                if now - self._last_message_at > ARROW_TIMEOUT:
                     arrows.release(page_is_lost=True)
                 elif repeats:
                     self._last_repeat_at = now
-                    self._tasks.spawn(arrows.repeat_orders())
+                    self._tasks.spawn(arrows.renew_motions())
 
     # --- requests ---------------------------------------------------------------------------------------------------
 
@@ -164,7 +164,7 @@ class PageSession:
         """Receive a message from the page. An invalid message is answered with an error and has no effect."""
         self._last_message_at = self._loop.time()
         try:
-            message = messages.read(text, self._client_name)
+            message = messages.decode(text, self._client_name)
         except ValueError as error:
             self._tasks.spawn(
                 self._answer(messages.answer_number(text), False, f"the console does not understand this: {error}")
@@ -247,7 +247,7 @@ class PageSession:
     def _show_conversation(self, is_shown: bool) -> None:
         if is_shown != (self._next_row is not None):
             publisher = self._mounts.publisher
-            publisher.count_listeners(1 if is_shown else -1)
+            publisher.change_listeners(1 if is_shown else -1)
             self._next_row = publisher.row_count if is_shown else None
 
     async def _record(self, message: Message, starts: bool) -> None:

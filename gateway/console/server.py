@@ -46,7 +46,7 @@ class Console:
         self._mounts, self._access = Mounts(gateways, pin), access
         self._token = secrets.token_urlsafe(24)
         self._metrics = Metrics(gateways)
-        self._pages: set[asyncio.Task[Any]] = set()
+        self._page_tasks: set[asyncio.Task[Any]] = set()
         self._page_quota = ConnectionQuota(MAX_PAGES)
 
     def add_to(self, app: web.Application) -> None:
@@ -61,10 +61,10 @@ class Console:
 
     async def _close(self, app: web.Application) -> None:
         """Close all pages, which releases their arrows, and end running recordings."""
-        for task in list(self._pages):
+        for task in list(self._page_tasks):
             task.cancel()
-        if self._pages:
-            await asyncio.wait(self._pages, timeout=1.0)
+        if self._page_tasks:
+            await asyncio.wait(self._page_tasks, timeout=1.0)
         self._metrics.close()
         for recording in self._mounts.recordings:
             if recording.state is not None:
@@ -106,7 +106,7 @@ class Console:
         recordings = self._mounts.recordings
         known = mount.isdecimal() and int(mount) < len(recordings)
         recorded = f"{name.removesuffix('.html')}.rec" if name.endswith(".html") else name
-        path = recordings[int(mount)].file(recorded) if known else None
+        path = recordings[int(mount)].path_of(recorded) if known else None
         if path is None:
             raise web.HTTPNotFound
         if name.endswith(".html"):
@@ -122,20 +122,20 @@ class Console:
         host = request.remote or "?"
         ws = web.WebSocketResponse(max_msg_size=MAX_MESSAGE_BYTES, heartbeat=HEARTBEAT_PERIOD, compress=False)
         await ws.prepare(request)
-        if not self._page_quota.take_place(host):  # the page tries again much later
+        if not self._page_quota.acquire(host):  # the page tries again much later
             await ws.close(code=WSCloseCode.TRY_AGAIN_LATER, drain=False)
             return ws
         try:
-            await self._converse(ws, request, host)
+            await self._serve_page(ws, request, host)
         finally:
-            self._page_quota.give_back_place(host)
+            self._page_quota.release(host)
         return ws
 
-    async def _converse(self, websocket: web.WebSocketResponse, request: web.Request, host: str) -> None:
+    async def _serve_page(self, websocket: web.WebSocketResponse, request: web.Request, host: str) -> None:
         """Serve a page until it disconnects."""
         session = PageSession(self._mounts, _Socket(websocket, request), host, self._may_act(request))
         shown = asyncio.ensure_future(session.run())
-        self._pages.add(shown)
+        self._page_tasks.add(shown)
         try:
             async for message in websocket:
                 if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
@@ -146,7 +146,7 @@ class Console:
             shown.cancel()
             with contextlib.suppress(asyncio.CancelledError, ConnectionError):
                 await shown
-            self._pages.discard(shown)
+            self._page_tasks.discard(shown)
 
 
 class _Socket:

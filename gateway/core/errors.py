@@ -31,7 +31,7 @@ class UserError(GatewayError):
     exit_code = 2
 
 
-class SunIsNoGoal(UserError):
+class SunIsNoTarget(UserError):
     """The user named the Sun as a target. The input is valid, so the exit code is that of a refusal."""
 
     exit_code = 1
@@ -85,7 +85,7 @@ class Fault(GatewayError):
     #: Seconds that the mount took to reply, if the refusal is the mount's.
     reply_seconds = 0.0
     #: Whether the command may have reached the mount.
-    sent = True
+    is_sent = True
 
     #: Whether the log already shows and counts it as a refusal.
     is_logged = False

@@ -10,7 +10,7 @@ HAND_MOTIONS = (op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
 #: Operations whose motion continues if the gateway is killed. (``SetHome``: an LX200GPS moves to find its home.)
 MOVERS = (*GOTOS, op.Move, op.MoveAxis, op.Pulse, op.PulseAxis, op.SetHome)
 #: Operations that the reconciler carries out one after the other, because they share the motors or the target.
-MOTIONS = (
+SEQUENTIAL = (
     *GOTOS, op.AbortSlew, op.Sync, op.Move, op.MoveAxis, op.StopAxis, op.Pulse, op.PulseAxis, op.SetTracking,
     op.TrackRate, op.SetHome, op.Unpark, op.Hibernate, op.Wake, op.Focus, op.Choose,
 )  # fmt: skip

@@ -118,11 +118,11 @@ class WireLog:
         self.remember_notice(host, text)
         self.note_once(side, text, host)
 
-    def remember_notice(self, host: str, text: str) -> None:
+    def remember_notice(self, side: str, text: str) -> None:
         """Add a notice to ``recent_notices`` without logging it. It replaces an earlier notice with the same text."""
         if same := next((old for old in self.recent_notices if old.text == text), None):
             self.recent_notices.remove(same)
-        self.recent_notices.append(Notice(self.clock(), host, text))
+        self.recent_notices.append(Notice(self.clock(), side, text))
 
 
 class ClientLog:

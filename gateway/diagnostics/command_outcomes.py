@@ -37,7 +37,7 @@ class MountKind(NamedTuple):
     model: str
     version: Version | None = None
     aligned: bool = True
-    wedge: bool = False  # a fork on a wedge
+    on_wedge: bool = False  # a fork on a wedge
 
 
 def outcome(row: SurfaceRow | None, mount: CommandSet, kind: MountKind, face: frozenset[str] | None = None) -> str:
@@ -70,7 +70,7 @@ def _all_hold(traits: str, mount: CommandSet, kind: MountKind, unable: bool, pre
         if trait.startswith(LACKS_PREFIX):
             way = next(possible_implementations(trait.removeprefix(LACKS_PREFIX), mount, kind), None)
             return way is None or way.outcome == "refused"
-        return trait in _traits(mount, kind.model, kind.wedge)
+        return trait in _traits(mount, kind.model, kind.on_wedge)
 
     return all(map(is_true, traits.split()))
 
@@ -83,7 +83,7 @@ def choose(row: SurfaceRow | None, mount: CommandSet, kind: MountKind) -> list[I
 
 def possible_implementations(operation: str, mount: CommandSet, kind: MountKind) -> Iterator[Implementation]:
     """Yield the implementations of an operation that such a mount can carry out, the preferred first."""
-    traits = _traits(mount, kind.model, kind.wedge)
+    traits = _traits(mount, kind.model, kind.on_wedge)
     for way in mount.driver_rows.get(operation, ()):
         if (way.part and way.part not in traits) or way.aligned not in (None, kind.aligned):
             continue

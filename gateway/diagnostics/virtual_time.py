@@ -145,7 +145,7 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         self._timers.clear()
 
 
-def run(program: Coroutine[object, object, _T], loop: Callable[[], VirtualLoop] = VirtualLoop) -> _T:
+def run(program: Coroutine[object, object, _T], make_loop: Callable[[], VirtualLoop] = VirtualLoop) -> _T:
     """Run a coroutine in virtual time, and return its result."""
-    with asyncio.Runner(loop_factory=loop) as runner:
+    with asyncio.Runner(loop_factory=make_loop) as runner:
         return runner.run(program)

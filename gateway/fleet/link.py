@@ -110,7 +110,7 @@ class BrokerLink:
             if self._loop is not None:
                 self._loop.call_soon_threadsafe(function)
 
-    def _on_caller_loop(self, function: Callable[..., object], *arguments: object) -> None:
+    def _call_on_caller(self, function: Callable[..., object], *arguments: object) -> None:
         with contextlib.suppress(RuntimeError):  # the gateway has ended
             if self._caller_loop is not None:
                 self._caller_loop.call_soon_threadsafe(function, *arguments)
@@ -139,7 +139,7 @@ class BrokerLink:
                 if isinstance(error, FloodError) or type(error).__name__ == "MqttConnectError":  # the broker refuses
                     pause = LONG_PAUSE
                 if not self._end_requested.is_set():
-                    self._on_caller_loop(self._on_connection, False, _failure_reason(error))
+                    self._call_on_caller(self._on_connection, False, _failure_reason(error))
             await self._pause(pause * random.uniform(0.8, 1.2))
 
     async def _pause(self, seconds: float) -> None:
@@ -154,7 +154,7 @@ class BrokerLink:
         for message in self._first_messages:
             await _send(client, message)
         self._outbox.requeue_states()
-        self._on_caller_loop(self._on_connection, True, "")
+        self._call_on_caller(self._on_connection, True, "")
         await _run_until_first_ends(self._read(client), self._write(client), self._end_requested.wait())
         if self._end_requested.is_set():
             for message in (*self._outbox.take(MAX_IN_FLIGHT), *self._last_messages):
@@ -170,7 +170,7 @@ class BrokerLink:
             if count > self._max_message_rate:
                 raise FloodError(f"it sent more than {self._max_message_rate} messages in a second")
             payload = message.payload[: MAX_MESSAGE_BYTES + 1] if isinstance(message.payload, bytes) else b""
-            self._on_caller_loop(self._on_message, ReceivedMessage(str(message.topic), payload, bool(message.retain)))
+            self._call_on_caller(self._on_message, ReceivedMessage(str(message.topic), payload, bool(message.retain)))
 
     async def _write(self, client: Client) -> None:
         while True:
@@ -180,7 +180,7 @@ class BrokerLink:
                 self._wake_event.clear()
                 continue
             for message in messages[:-1]:
-                await _send(client, message, int(not message.replaces))
+                await _send(client, message, int(not message.is_state))
             await _send(client, messages[-1])
 
 

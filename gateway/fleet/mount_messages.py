@@ -128,7 +128,7 @@ def discovery_message(
             for key, part in (*_sensor_components(), *_button_components(topics.of(mount, "command"), orders))
         },
     }
-    return MqttMessage(f"{prefix}/device/{device}/config", json.dumps(description).encode(), retain=True, replaces=True)
+    return MqttMessage(f"{prefix}/device/{device}/config", json.dumps(description).encode(), retain=True, is_state=True)
 
 
 def _without_none(**values: Any) -> dict[str, Any]:

@@ -46,11 +46,11 @@ class Dispatcher:
     """Carries out the broker's orders for one mount, if they are ``allowed``. The limits of the gateway apply.
 
     A stop does not wait for other orders. An order with the retain flag is refused: the broker stores it, and it would
-    be carried out again at every connection. ``doubt`` returns why only stops are carried out now, or an empty text.
+    be carried out again at every connection. ``conflict`` returns why only stops are carried out now, or an empty text.
     """
 
-    def __init__(self, gateway: Gateway, allowed: Collection[str], doubt: Callable[[], str], report: Report) -> None:
-        self._gateway, self._allowed_orders, self._conflict_message, self._report = gateway, allowed, doubt, report
+    def __init__(self, gateway: Gateway, allowed: Collection[str], conflict: Callable[[], str], report: Report) -> None:
+        self._gateway, self._allowed_orders, self._conflict_message, self._report = gateway, allowed, conflict, report
         self._loop = asyncio.get_running_loop()
         self._last_stop_time = -1e9
         self._stop_timer: asyncio.TimerHandle | None = None
@@ -135,8 +135,8 @@ class BrokerPresence:
         self._topics, self._publish, self._warn = topics, publish, warn
         self._instance = secrets.token_hex(8)
         about = {"instance": self._instance, "host": socket.gethostname(), "process": os.getpid(), "version": version()}
-        self._presence_message = MqttMessage(topics.gateway, json.dumps(about).encode(), retain=True, replaces=True)
-        self._online_message = MqttMessage(topics.availability, ONLINE, retain=True, replaces=True)
+        self._presence_message = MqttMessage(topics.gateway, json.dumps(about).encode(), retain=True, is_state=True)
+        self._online_message = MqttMessage(topics.availability, ONLINE, retain=True, is_state=True)
         self._answered_gateways: set[str] = set()
         self.conflict = ""
 
@@ -213,7 +213,7 @@ class _PublishedMount:
             return
         self._state = now
         message = msgspec.json.encode({**now, "time": round(self.gateway.clock(), 3)})
-        station.link.put(MqttMessage(station.topics.of(self.name, "state"), message, retain=True, replaces=True))
+        station.link.put(MqttMessage(station.topics.of(self.name, "state"), message, retain=True, is_state=True))
         identity = (now["product"], now["model"], now["version"])
         prefix = station.config.home_assistant
         if prefix != HOME_ASSISTANT_OFF and identity != self._identity:

@@ -29,7 +29,7 @@ class MqttMessage(Struct, frozen=True):
     topic: str
     payload: bytes
     retain: bool = False
-    replaces: bool = False  # is a state
+    is_state: bool = False  # is a state
 
 
 class ReceivedMessage(Struct, frozen=True):
@@ -91,7 +91,7 @@ class Outbox:
     def put(self, message: MqttMessage) -> None:
         """Add a message; a state replaces the previous state of its topic."""
         with self._lock:
-            if message.replaces:
+            if message.is_state:
                 self._newest_by_topic[message.topic] = message
                 self._waiting_topics[message.topic] = None
             else:

@@ -10,7 +10,7 @@ import asyncio
 from gateway.astro.ephemeris.sky import Sky
 from gateway.core import operations as op
 from gateway.core.errors import Asleep, Busy, Fault, Held, NoAnswer
-from gateway.core.motion_kinds import GOTOS, MOTIONS, begins_motion
+from gateway.core.motion_kinds import GOTOS, SEQUENTIAL, begins_motion
 from gateway.core.waiting import BackgroundTasks
 from gateway.core.wire_log import WireLog
 from gateway.mount.link.line import MountLink
@@ -72,7 +72,7 @@ class Context:
         if calculates and begins_motion(operation) and not isinstance(operation, GOTOS):  # gotos may wait
             return Busy()
         try:
-            if isinstance(operation, MOTIONS):
+            if isinstance(operation, SEQUENTIAL):
                 self.hold.check_allowed(operation)
         except Held as fault:
             return fault

@@ -17,7 +17,7 @@ from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, NotAligned, Stopped, Unsupported
-from gateway.core.motion_kinds import MOTIONS
+from gateway.core.motion_kinds import SEQUENTIAL
 from gateway.core.waiting import Outcome, result_of
 from gateway.mount.as_left import SameMountCheck
 from gateway.mount.context import Context
@@ -80,12 +80,12 @@ class MountController:
         watch = self.watch = LimitWatch(context, reader, self.end_watch)
         sync.moved_by_others = lambda: watch.moved_by_others
         self.admission = MotionAdmission(context, reader, watch)
-        reader.goto_over.connect(watch.goto_ended)
+        reader.goto_over.connect(watch.on_goto_end)
         reader.position.connect(watch.check_position)
         self.sun_approach_watch = SunApproachWatch(context, reader, watch)
         reader.position.connect(self.sun_approach_watch.check)
         reader.axes.connect(watch.hour_angle.take_reading)
-        reader.position_failed.connect(watch.position_missing)
+        reader.position_failed.connect(watch.on_no_position)
         reader.status.connect(self._on_status)
         consequences = Consequences(context, gate, reader, watch, self.end_watch)
         reconciler = self.reconciler = Reconciler(context, follow_ups, runner, self.admission, consequences, announcers)
@@ -97,7 +97,7 @@ class MountController:
         self.end_watch.resend_needed.connect(reconciler.resend_end)
         reader.goto_over.connect(lambda _: reconciler.update(after_goto_end(reconciler.wanted)))
         reader.goto_missed.connect(lambda reason: reconciler.update(after_goto_failure(reconciler.wanted, reason)))
-        reader.goto_over.connect(lambda _: context.run_on.on_end(after_goto=True, latest=reader.latest_position()))
+        reader.goto_over.connect(lambda _: context.run_on.begin(after_goto=True, latest=reader.latest_position()))
         # Supervision of motions, identification, polling.
         TrackingAtLimit(context, reader, watch, self.perform).must_stop.connect(reconciler.begin_stop)
         self.presence = ClientPresence(self.now)
@@ -232,7 +232,7 @@ class MountController:
             return cast(_T, await self.stop(activity.host if activity is not None else ""))
         if isinstance(operation, op.AbortSlew):
             self._note_stop(activity.host if activity is not None else "")
-        if isinstance(operation, MOTIONS):
+        if isinstance(operation, SEQUENTIAL):
             value = await _wait_for_outcome(self.reconciler.accept(operation, n_stops, activity, max_delay, arrived_at))
             if isinstance(value, op.Chosen) and value.place is not None:
                 value = op.Chosen(self.astrometry.from_mount_equinox(value.place), value.text, value.reply)
@@ -276,7 +276,7 @@ class MountController:
         motion = None
         if isinstance(operation, op.AbortSlew):
             self._note_stop(activity.host)
-        if isinstance(operation, MOTIONS):
+        if isinstance(operation, SEQUENTIAL):
             motion = self.reconciler.accept(operation, stop_count, activity, arrived_at=arrived_at)
 
         async def finish() -> None:

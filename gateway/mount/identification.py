@@ -35,7 +35,7 @@ from gateway.mount.motion.left_moving import (
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.seen import axis_sample
 from gateway.mount.readings.reader import Reader
-from gateway.mount.safety.admission.contradictions import note_contradictions
+from gateway.mount.safety.admission.contradictions import log_contradictions
 from gateway.mount.safety.watch import CLOSE_WATCH_TIME
 from gateway.mount.shutdown import stop_commands
 from gateway.mount.site.settings_sync import SettingsSender
@@ -159,7 +159,7 @@ class Identification:
         await self.read_once(op.GetClock())
         self._sync.resume()
         self._context.site_read.set()
-        note_contradictions(self._context)
+        log_contradictions(self._context)
 
     async def _contact_mount(self) -> bool:
         """Return whether a mount replies; cache the position if its first reply contains one."""

@@ -15,7 +15,7 @@ from pathlib import Path
 #: The state of the kernel's clock, and the bit of its status, that mean "not synchronised" (linux/timex.h).
 _CLOCK_ERROR_STATE, _UNSYNCHRONISED_BIT = 5, 0x40
 #: Seconds between two checks whether the kernel's clock is synchronised.
-_QUESTION_PERIOD = 60.0
+_CHECK_PERIOD = 60.0
 
 
 class _Timex(ctypes.Structure):
@@ -51,9 +51,9 @@ class ClockCheck:
 
     def __init__(self, root: Path = Path("/")) -> None:
         self._lacks_hardware_clock = sys.platform == "linux" and lacks_hardware_clock(root)
-        self._asked_at, self._is_clock_lost = float("-inf"), False
+        self._checked_at, self._is_unreliable = float("-inf"), False
 
     def __call__(self) -> bool:
-        if self._lacks_hardware_clock and time.monotonic() - self._asked_at > _QUESTION_PERIOD:
-            self._asked_at, self._is_clock_lost = time.monotonic(), is_clock_synchronised() is False
-        return self._is_clock_lost
+        if self._lacks_hardware_clock and time.monotonic() - self._checked_at > _CHECK_PERIOD:
+            self._checked_at, self._is_unreliable = time.monotonic(), is_clock_synchronised() is False
+        return self._is_unreliable

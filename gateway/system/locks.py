@@ -12,7 +12,7 @@ import os
 import stat
 from pathlib import Path
 
-from gateway.system.runtime_folders import folders
+from gateway.system.runtime_folders import find_folders
 
 #: The byte that is locked on Windows, far behind the content, because others cannot read a locked byte.
 LOCK_OFFSET = 1 << 30
@@ -33,7 +33,7 @@ class PidLock:
         self.path, self._remove = path, remove
         self._descriptor: int | None = None
         #: Whether the file had content already, because a previous holder was killed.
-        self.was_left_behind = False
+        self.holder_was_killed = False
 
     def acquire(self) -> None:
         """Get the lock without waiting. Raises LockHeld, and OSError if the file cannot be created."""
@@ -50,7 +50,7 @@ class PidLock:
             finally:
                 if number >= 0:
                     os.close(number)
-        self.was_left_behind = os.fstat(self._descriptor).st_size > 0
+        self.holder_was_killed = os.fstat(self._descriptor).st_size > 0
         with contextlib.suppress(OSError):  # the disk is full, but the lock is held
             content = b"%d\n" % os.getpid()
             os.write(self._descriptor, content)
@@ -114,7 +114,7 @@ class NameClaim:
     """
 
     def __init__(self, name: str) -> None:
-        usable, reasons = folders()
+        usable, reasons = find_folders()
         if not usable:
             raise OSError(errno.EACCES, "; ".join(reasons))
         self._locks: list[PidLock] = []
@@ -128,9 +128,9 @@ class NameClaim:
             raise
 
     @property
-    def was_left_behind(self) -> bool:
+    def holder_was_killed(self) -> bool:
         """Whether a process of this user held the name and was killed."""
-        return any(lock.was_left_behind for lock in self._locks)
+        return any(lock.holder_was_killed for lock in self._locks)
 
     def release(self) -> None:
         """Release the name, so that another process can hold it."""

@@ -59,7 +59,7 @@ def exists(pid: int) -> bool:
     return True
 
 
-def suspended(pid: int) -> bool:
+def is_suspended(pid: int) -> bool:
     """Whether a process is suspended, by Ctrl-Z for example; False if unknown."""
     try:
         state = PROC_FOLDER.joinpath(str(pid), "stat").read_bytes().rpartition(b")")[2].split()[:1]

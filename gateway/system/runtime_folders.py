@@ -22,7 +22,7 @@ FOLDER_NAME, FALLBACK_FOLDER_NAME = "mount-gateway", "run"
 SESSIONS_FOLDER = Path("/run/user")
 
 
-def folders() -> tuple[list[Path], list[str]]:
+def find_folders() -> tuple[list[Path], list[str]]:
     """Return the usable folders, and for every other folder why it is not usable."""
     usable: list[Path] = []
     reasons: list[str] = []
@@ -42,10 +42,10 @@ def candidates() -> Iterator[Path]:
     session = os.environ.get("XDG_RUNTIME_DIR", "")
     if session and _owner(Path(session)) == user_id():
         yield Path(session, FOLDER_NAME)
-    yield temporary() / (FOLDER_NAME if user_id() is None else f"{FOLDER_NAME}-{user_id()}")
+    yield temp_folder() / (FOLDER_NAME if user_id() is None else f"{FOLDER_NAME}-{user_id()}")
 
 
-def temporary() -> Path:
+def temp_folder() -> Path:
     """Return the temporary folder, without ``tempfile`` on POSIX: it chooses another folder if the disk is full."""
     if os.name == "posix":
         return Path(os.environ.get("TMPDIR") or "/tmp")
@@ -63,7 +63,7 @@ def folders_of_others() -> list[tuple[Path, int]]:
     """Return the runtime folders of all other users with the users' ids; empty unless this user is root."""
     if user_id() != 0:
         return []
-    present = [*temporary().glob(f"{FOLDER_NAME}-*"), *SESSIONS_FOLDER.glob(f"*/{FOLDER_NAME}")]
+    present = [*temp_folder().glob(f"{FOLDER_NAME}-*"), *SESSIONS_FOLDER.glob(f"*/{FOLDER_NAME}")]
     owned = [(folder, _owner(folder)) for folder in sorted(present)]
     return [(folder, owner) for folder, owner in owned if owner]
 

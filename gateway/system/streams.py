@@ -50,7 +50,7 @@ def print_line(text: str) -> None:
     except (OSError, ValueError) as error:
         redirect_to_null(sys.stdout)
         warn(
-            f"stdout cannot be written to ({reason(error)}): the addresses for programs cannot be shown; "
+            f"stdout cannot be written to ({reason_of(error)}): the addresses for programs cannot be shown; "
             "mount-gateway serves all the same",
             WARNING,
         )
@@ -131,5 +131,5 @@ def redirect_to_null(stream: TextIO) -> None:
         stream.flush()
 
 
-def reason(error: Exception) -> str:
+def reason_of(error: Exception) -> str:
     return str(getattr(error, "strerror", None) or error)

@@ -18,40 +18,40 @@ MAX_WAITING_BYTES = 65536
 TRIAL_TIME = 5.0
 
 
-class SerialPace:
+class PacedLine:
     """One direction of a serial line; ``deliver`` is called with bytes when they arrive at the other end."""
 
     def __init__(self, baud: int, deliver: Callable[[bytes], object]) -> None:
         self._byte_time = BITS_PER_BYTE / baud
         self._deliver = deliver
-        self._waiting = bytearray()
+        self._in_transit = bytearray()
         self._timer: asyncio.TimerHandle | None = None
-        self._due = 0.0  # when the first waiting byte arrives
+        self._due_at = 0.0  # when the first waiting byte arrives
 
     def send(self, data: bytes) -> None:
         """Put bytes on the line, after the bytes that are still on it."""
-        self._waiting += data[: MAX_WAITING_BYTES - len(self._waiting)]
-        if self._timer is None and self._waiting:
+        self._in_transit += data[: MAX_WAITING_BYTES - len(self._in_transit)]
+        if self._timer is None and self._in_transit:
             loop = asyncio.get_running_loop()
-            self._due = loop.time() + self._byte_time
-            self._timer = loop.call_at(self._due, self._deliver_due_bytes)
+            self._due_at = loop.time() + self._byte_time
+            self._timer = loop.call_at(self._due_at, self._deliver_due_bytes)
 
     def _deliver_due_bytes(self) -> None:
         """Deliver the byte that is due, and those that became due while the computer was busy."""
         loop = asyncio.get_running_loop()
-        count = min(len(self._waiting), 1 + int(max(0.0, loop.time() - self._due) / self._byte_time))
-        data = bytes(self._waiting[:count])
-        del self._waiting[:count]
+        count = min(len(self._in_transit), 1 + int(max(0.0, loop.time() - self._due_at) / self._byte_time))
+        data = bytes(self._in_transit[:count])
+        del self._in_transit[:count]
         self._timer = None
-        self._due += (count - 1) * self._byte_time
-        if self._waiting:
-            self._due += self._byte_time
-            self._timer = loop.call_at(self._due, self._deliver_due_bytes)
+        self._due_at += (count - 1) * self._byte_time
+        if self._in_transit:
+            self._due_at += self._byte_time
+            self._timer = loop.call_at(self._due_at, self._deliver_due_bytes)
         self._deliver(data)
 
     def close(self) -> None:
         """Discard the bytes on the line."""
-        self._waiting.clear()
+        self._in_transit.clear()
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -66,23 +66,23 @@ class BaudTrial:
 
     def __init__(self, change_baud: Callable[[int], int]) -> None:
         self._change_baud = change_baud
-        self._previous: int | None = None
+        self._old_baud: int | None = None
         self._timer: asyncio.TimerHandle | None = None
 
     def begin(self, baud: int) -> None:
         """Change the rate on trial. If a trial is under way, the rate before that trial remains the fallback."""
         previous = self._change_baud(baud)
-        self._previous = previous if self._previous is None else self._previous
+        self._old_baud = previous if self._old_baud is None else self._old_baud
         self.cancel_fallback()
         self._timer = asyncio.get_running_loop().call_later(TRIAL_TIME, self._restore)
 
     def confirm(self) -> None:
         """A command was understood: keep the rate."""
         self.cancel_fallback()
-        self._previous = None
+        self._old_baud = None
 
     def _restore(self) -> None:
-        previous, self._previous, self._timer = self._previous, None, None
+        previous, self._old_baud, self._timer = self._old_baud, None, None
         if previous is not None:
             self._change_baud(previous)
 
@@ -93,7 +93,7 @@ class BaudTrial:
             self._timer = None
 
 
-def misread(data: bytes, send_baud: int, receive_baud: int) -> bytes:
+def garbled(data: bytes, send_baud: int, receive_baud: int) -> bytes:
     """Return what a receiver at ``receive_baud`` baud gets if bytes are sent without gaps at ``send_baud`` baud.
 
     The receiver waits for the falling edge of a start bit and samples the middle of every bit by its own clock. A byte

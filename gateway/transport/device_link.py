@@ -30,7 +30,7 @@ class DeviceLink:
             raise UserError(f"cannot make {self.path}: there is no directory {folder}")
         self._claim = _claim(self.path)
 
-    def check_name(self) -> None:
+    def check_path(self) -> None:
         """Raise UserError if the path belongs to another program."""
         old = os.readlink(self.path) if os.path.islink(self.path) else ""
         if os.path.exists(self.path) and not old.startswith(TERMINAL_PREFIXES):
@@ -41,7 +41,7 @@ class DeviceLink:
         if not old or old == self._target or not os.path.exists(old):
             return
         owner = os.lstat(self.path).st_uid
-        if owner != user_id() or not self._claim.was_left_behind:
+        if owner != user_id() or not self._claim.holder_was_killed:
             whose = "another program" if owner == user_id() else user_name(owner)
             raise UserError(
                 f"cannot make {self.path}: {whose} has a link of that name to {old}, which is in use: choose "
@@ -50,7 +50,7 @@ class DeviceLink:
 
     def create(self, target: str) -> None:
         """Create the link to a device, atomically replacing an older link. Raises UserError."""
-        self.check_name()
+        self.check_path()
         draft = f"{self.path}.{os.urandom(8).hex()}"  # a name that no other program can predict
         try:
             os.symlink(target, draft)
@@ -79,7 +79,7 @@ def is_free(path: str) -> bool:
     except UserError:
         return False
     try:
-        link.check_name()
+        link.check_path()
         if os.path.islink(link.path):
             os.unlink(link.path)
     except (UserError, OSError):

@@ -75,7 +75,7 @@ class HttpWire:
         parts = urlsplit(url)
         self.name, self._dialect, self._watcher = url, dialect, watcher
         self._host, self._port = parts.hostname or "", parts.port or 80
-        self._server = f"{parts.scheme}://{parts.netloc}"
+        self._base_url = f"{parts.scheme}://{parts.netloc}"
         self._session: ClientSession | None = None
         self._tasks: set[asyncio.Task[bool]] = set()
         self._read_task: asyncio.Task[bool] | None = None
@@ -99,7 +99,7 @@ class HttpWire:
         try:
             async with asyncio.timeout(FIRST_ANSWER_TIMEOUT):
                 for request in self._dialect.first_requests:
-                    self._dialect.check_first_answer(request, *await self._ask(session, request))
+                    self._dialect.check_first_answer(request, *await self._fetch(session, request))
                 address, beside = await self._find_address()
         except (aiohttp.ClientError, OSError) as error:
             await session.close()
@@ -116,7 +116,7 @@ class HttpWire:
         """Return the numeric address of the server, and whether it answers while another connection is idle."""
         _, idle = await asyncio.open_connection(self._host, self._port)
         reader, asking = await asyncio.open_connection(self._host, self._port)
-        asking.write(request_bytes(self._server, self._dialect.first_requests[0]))
+        asking.write(request_bytes(self._base_url, self._dialect.first_requests[0]))
         answers = False
         with contextlib.suppress(TimeoutError, ConnectionError):
             async with asyncio.timeout(PARALLEL_ANSWER_TIME):
@@ -166,7 +166,7 @@ class HttpWire:
         try:
             for left in reversed(range(READ_ATTEMPTS if request.method == "GET" or request.is_motion is False else 1)):
                 try:
-                    answer = await self._ask(session, request)
+                    answer = await self._fetch(session, request)
                     break
                 except closed as error:
                     if not left or isinstance(error, aiohttp.ClientConnectorError):
@@ -180,10 +180,10 @@ class HttpWire:
             self._on_data(self._dialect.reply(*answer))
         return True
 
-    async def _ask(self, session: ClientSession, request: HttpRequest) -> tuple[int, bytes]:
+    async def _fetch(self, session: ClientSession, request: HttpRequest) -> tuple[int, bytes]:
         method, path, fields, _ = request
         query, form = (fields, None) if method == "GET" else (None, fields)
-        url = self._server + path
+        url = self._base_url + path
         async with session.request(method, url, params=query, data=form, allow_redirects=False) as answer:
             return answer.status, await answer.read()
 

@@ -17,7 +17,7 @@ ACCEPT_BACKLOG = 512
 #: Schemes of addresses at which clients connect over the network.
 NETWORK_SCHEMES = ("tcp://", "rfc2217://")
 #: Used in place of an address if an existing web server serves the requests.
-WEB_SERVED = "web"
+WEB_ADDRESS = "web"
 
 
 async def listen(address: str, make: Callable[[], asyncio.BaseProtocol], extras: int = 0) -> tuple[asyncio.Server, str]:

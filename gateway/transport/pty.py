@@ -17,7 +17,7 @@ import struct
 from collections.abc import Callable
 
 from gateway.core.errors import UserError
-from gateway.transport.baud import misread
+from gateway.transport.baud import garbled
 from gateway.transport.device_link import DeviceLink, set_serial_permissions
 from gateway.transport.handler import Accept, ConnectionHandler, NewConnection
 
@@ -76,12 +76,12 @@ class PtyPort:
             except OSError:
                 self._disconnect()
                 return
-            closed = pair.hung_up()
+            closed = pair.is_hung_up()
             if closed:
                 data += pair.read_rest()
-                closed = pair.hung_up()  # else the next program may have sent some of it
+                closed = pair.is_hung_up()  # else the next program may have sent some of it
             if self.baud is not None:
-                data = misread(data, baud_rate_of(pair.master), self.baud)
+                data = garbled(data, baud_rate_of(pair.master), self.baud)
             if self._handler is None:
                 self._handler = self._accept(NewConnection(self.path, self.address, self._write))
             self._peer_closed = closed
@@ -90,14 +90,14 @@ class PtyPort:
             if closed:
                 self._disconnect()
                 return
-        pair.read_again()
+        pair.read_later()
 
     def _write(self, data: bytes) -> None:
         """Write without blocking. If no program reads, bytes that do not fit in the buffer are lost, as on a wire."""
         if self._handler is None or self._peer_closed:
             return
         if self.baud is not None:
-            data = misread(data, self.baud, baud_rate_of(self._pair.master))
+            data = garbled(data, self.baud, baud_rate_of(self._pair.master))
         with contextlib.suppress(OSError):
             os.write(self._pair.master, data)
 
@@ -152,11 +152,11 @@ class _TerminalPair:
             self._epoll.poll(0)  # consume the event
         self._on_readable()
 
-    def read_again(self) -> None:
+    def read_later(self) -> None:
         """Schedule another read: epoll does not report remaining bytes again."""
         asyncio.get_running_loop().call_soon(self._on_event)
 
-    def hung_up(self) -> bool:
+    def is_hung_up(self) -> bool:
         """Whether no program has the terminal open; always False on systems that do not report it."""
         return self._epoll is not None and any(event & select.POLLHUP for _, event in self._hang_up_poll.poll(0))
 
@@ -187,7 +187,7 @@ class _TerminalPair:
         termios.tcflush(slave, termios.TCIFLUSH)  # also bytes that had no room in the buffer
         os.close(slave)
         if self._epoll is not None and any(event & select.EPOLLIN for _, event in self._epoll.poll(0)):
-            self.read_again()  # the next program has written already
+            self.read_later()  # the next program has written already
         return True
 
     def close(self) -> None:

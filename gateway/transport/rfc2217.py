@@ -50,7 +50,7 @@ class _TelnetFilter:
 
     def __init__(self, accept: Accept, new_connection: NewConnection) -> None:
         self.write = new_connection.write
-        self._held_iac = b""
+        self._pending_iac = b""
         self._telnet: PortManager | None = None
         hang_up = new_connection.hang_up
         self._handler = accept(
@@ -76,11 +76,11 @@ class _TelnetFilter:
 
     def _detect_telnet(self, data: bytes) -> bytes:
         """Return the data of a connection that has not used Telnet so far; switch to Telnet if it begins now."""
-        data, self._held_iac = self._held_iac + data, b""
+        data, self._pending_iac = self._pending_iac + data, b""
         at = data.find(IAC)
         while at >= 0:
             if data[at:] == IAC:
-                self._held_iac = IAC
+                self._pending_iac = IAC
                 return data[:at]
             if data[at + 1] in NEGOTIATION:
                 self._telnet = _port_manager(NullSerialPort(), self)

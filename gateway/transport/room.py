@@ -21,21 +21,21 @@ class ConnectionQuota:
         self._capacity = capacity
         self._count_by_address: Counter[str] = Counter()
 
-    def take_place(self, host: str) -> bool:
+    def acquire(self, host: str) -> bool:
         """Take a place for this host, and return whether any was free."""
         address, free = plain_address(host), self._capacity - self._count_by_address.total()
         has = self._count_by_address[address]
-        if has >= max_places_of(address, self._capacity) or free <= (RESERVED_PLACES if has else 0):
+        if has >= host_capacity(address, self._capacity) or free <= (RESERVED_PLACES if has else 0):
             return False
         self._count_by_address[address] += 1
         return True
 
-    def give_back_place(self, host: str) -> None:
+    def release(self, host: str) -> None:
         """Free the place of a closed connection of this host."""
         self._count_by_address -= Counter([plain_address(host)])
 
 
-def max_places_of(host: str, capacity: int) -> int:
+def host_capacity(host: str, capacity: int) -> int:
     """Return how many of ``capacity`` places one host may have; this computer and a serial line may have all."""
     try:
         loopback = ip_address(plain_address(host)).is_loopback

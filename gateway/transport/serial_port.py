@@ -11,7 +11,7 @@ from gateway.transport.handler import Accept, ConnectionHandler, NewConnection
 from gateway.transport.wires import SerialTransport
 
 #: Seconds between two attempts to open a lost port.
-RETRY_AFTER = 1.0
+REOPEN_DELAY = 1.0
 #: What the user can do if the port at which programs should connect does not exist.
 MISSING_PORT_ADVICE = (
     "; a program opens one end of a pair of ports and the gateway the other: make the pair first. On Linux and "
@@ -59,7 +59,7 @@ class SerialPort:
         assert self._handler is not None
         while True:
             await self._transport.close()
-            await asyncio.sleep(RETRY_AFTER)
+            await asyncio.sleep(REOPEN_DELAY)
             try:
                 await self._transport.open(self._handler.feed, self._on_lost)
             except OSError:

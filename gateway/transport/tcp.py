@@ -26,7 +26,7 @@ MAX_UNREAD_BYTES = 65536
 #: Seconds that a client gets to read the last bytes before the connection is closed.
 LINGER_TIME = 2.0
 #: Seconds between two checks whether a client that sends no more has got all its replies.
-CHECK_EVERY = 0.02
+CHECK_PERIOD = 0.02
 #: Seconds without data before a keep-alive probe, seconds between probes, and their number; and milliseconds after
 #: which unacknowledged replies end the connection. No system has all of these options.
 KEEPALIVE = {"TCP_KEEPIDLE": 30, "TCP_KEEPALIVE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3, "TCP_USER_TIMEOUT": 60_000}
@@ -95,7 +95,7 @@ class _Connection(asyncio.BufferedProtocol):
         if self._handler is None or self._handler.all_answered:
             self._transport.close()
         else:
-            asyncio.get_running_loop().call_later(CHECK_EVERY, self._close_when_answered)
+            asyncio.get_running_loop().call_later(CHECK_PERIOD, self._close_when_answered)
 
     def _write(self, data: bytes) -> int:
         """Send bytes, possibly none. Return how many bytes of this connection wait to be sent."""
@@ -125,7 +125,7 @@ class _Connection(asyncio.BufferedProtocol):
 
     def _hand_over(self, take_transport: TakeOver) -> None:
         """Give the connection to a new owner, who sets another asyncio protocol."""
-        self._leave()
+        self._forget()
         transport, self._transport = self._transport, None
         if transport is not None and not transport.is_closing():
             if not transport.is_reading():
@@ -137,11 +137,11 @@ class _Connection(asyncio.BufferedProtocol):
             self._transport.write_eof()
 
     def abort(self) -> None:
-        self._leave()
+        self._forget()
         if self._transport is not None:
             self._transport.abort()
 
-    def _leave(self) -> None:
+    def _forget(self) -> None:
         """Close the handler and forget the connection."""
         self._port.connections.discard(self)
         self._close_handler()
@@ -152,7 +152,7 @@ class _Connection(asyncio.BufferedProtocol):
             handler.close()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._leave()
+        self._forget()
 
 
 def _enable_keepalive(connection: socket.socket) -> None:

@@ -19,7 +19,7 @@ from msgspec import Struct
 from gateway.core.wire_log import WireLog
 from gateway.system.file_limits import no_room_reason
 from gateway.transport.handler import Accept
-from gateway.transport.listening import WEB_SERVED, listen
+from gateway.transport.listening import WEB_ADDRESS, listen
 from gateway.transport.room import ConnectionQuota
 
 #: Connections at a time. Seconds until a request must be complete, an idle connection ends, and answers end at close.
@@ -41,7 +41,7 @@ BUSY_RESPONSE = (
 class WebPort:
     """A port of the web server; without ``server``, a port that only receives connections from other ports."""
 
-    def __init__(self, address: str = WEB_SERVED, server: asyncio.Server | None = None) -> None:
+    def __init__(self, address: str = WEB_ADDRESS, server: asyncio.Server | None = None) -> None:
         self.address, self._server = address, server
 
     async def close(self) -> None:
@@ -55,7 +55,7 @@ class WebServer:
 
     def __init__(self, load_site: Callable[[], Awaitable[Any]] | None = None) -> None:
         self._load_site = load_site
-        self._loading: asyncio.Task[None] | None = None
+        self._load_task: asyncio.Task[None] | None = None
         self._runner: Any = None
         self._ports: list[WebPort] = []
         self.quota = ConnectionQuota(MAX_CONNECTIONS)
@@ -76,11 +76,11 @@ class WebServer:
         if received:
             protocol.data_received(received)
 
-    def loading(self) -> asyncio.Task[None]:
+    def load_task(self) -> asyncio.Task[None]:
         """Return the task that loads the application. It is loaded once."""
-        if self._loading is None:
-            self._loading = asyncio.ensure_future(self._start())
-        return self._loading
+        if self._load_task is None:
+            self._load_task = asyncio.ensure_future(self._start())
+        return self._load_task
 
     async def _start(self) -> None:
         if self._load_site is None:
@@ -100,7 +100,7 @@ class WebServer:
         await runner.setup()
         self._runner = runner
 
-    def handler(self) -> asyncio.Protocol | None:
+    def new_handler(self) -> asyncio.Protocol | None:
         """Return a new aiohttp handler for a connection; None if nothing is served, or the server is closed."""
         return self._runner.server() if self._runner is not None else None
 
@@ -109,8 +109,8 @@ class WebServer:
         for port in self._ports:
             await port.close()
         self._load_site = None
-        if self._loading is not None:
-            self._loading.cancel()
+        if self._load_task is not None:
+            self._load_task.cancel()
         runner, self._runner = self._runner, None
         if runner is not None:
             await runner.cleanup()
@@ -125,12 +125,12 @@ class HttpConnection(asyncio.Protocol):
         self._host: str | None = None
         self._early_bytes = b""
         self._deadline: asyncio.TimerHandle | None = None
-        self._answering = False
+        self._is_answering = False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = cast(asyncio.Transport, transport)
         host = str((transport.get_extra_info("peername") or ("?", 0))[0])
-        if no_room_reason() or not self._server.quota.take_place(host):
+        if no_room_reason() or not self._server.quota.acquire(host):
             self._refuse(BUSY_RESPONSE)
             return
         self._host = host
@@ -138,22 +138,22 @@ class HttpConnection(asyncio.Protocol):
 
     def data_received(self, data: bytes) -> None:
         if self._aiohttp_handler is not None:
-            if self._deadline is None and not self._answering:
+            if self._deadline is None and not self._is_answering:
                 self._start_deadline()
             self._aiohttp_handler.data_received(data)
         elif self._host is not None:
             first, self._early_bytes = not self._early_bytes, self._early_bytes + data
             if first:
-                self._server.loading().add_done_callback(self._loaded)
+                self._server.load_task().add_done_callback(self._on_loaded)
             if len(self._early_bytes) > MAX_EARLY_BYTES:
                 self._refuse(BUSY_RESPONSE)
 
-    def _loaded(self, load_task: asyncio.Task[None]) -> None:
+    def _on_loaded(self, load_task: asyncio.Task[None]) -> None:
         if self._host is None:
             return
         if not load_task.cancelled():
             load_task.result()  # the log shows our own faults, and this connection ends in a while
-        inner = self._aiohttp_handler = self._server.handler()
+        inner = self._aiohttp_handler = self._server.new_handler()
         if inner is None:
             self._refuse(NO_PAGE_RESPONSE)
         else:
@@ -162,9 +162,9 @@ class HttpConnection(asyncio.Protocol):
 
     def _start_deadline(self) -> None:
         """Start the timeout of the next request."""
-        self._deadline = asyncio.get_running_loop().call_later(REQUEST_TIMEOUT, self._deadline_passed)
+        self._deadline = asyncio.get_running_loop().call_later(REQUEST_TIMEOUT, self._on_deadline)
 
-    def _deadline_passed(self) -> None:
+    def _on_deadline(self) -> None:
         if self._aiohttp_handler is None and self._early_bytes:
             self._refuse(BUSY_RESPONSE)
         else:
@@ -173,15 +173,15 @@ class HttpConnection(asyncio.Protocol):
     @contextmanager
     def answering(self) -> Iterator[None]:
         """Suspend the timeout while a complete request is being answered."""
-        self._end_deadline()
-        self._answering = True
+        self._stop_deadline()
+        self._is_answering = True
         try:
             yield
         finally:
-            self._answering = False
+            self._is_answering = False
 
     def _refuse(self, answer: tuple[str, str]) -> None:
-        self._give_back_place()
+        self._release_quota()
         self._transport.write(response_bytes(*answer))
         self._transport.close()
 
@@ -197,17 +197,17 @@ class HttpConnection(asyncio.Protocol):
             self._aiohttp_handler.resume_writing()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._give_back_place()
+        self._release_quota()
         if self._aiohttp_handler is not None:
             self._aiohttp_handler.connection_lost(exc)
 
-    def _give_back_place(self) -> None:
-        self._end_deadline()
+    def _release_quota(self) -> None:
+        self._stop_deadline()
         if self._host is not None:
-            self._server.quota.give_back_place(self._host)
+            self._server.quota.release(self._host)
             self._host = None
 
-    def _end_deadline(self) -> None:
+    def _stop_deadline(self) -> None:
         if self._deadline is not None:
             self._deadline.cancel()
             self._deadline = None

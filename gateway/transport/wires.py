@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 DEFAULT_BAUD = 9600
 
 #: The group that may use serial ports on most systems.
-USUAL_GROUP = "dialout"
+SERIAL_GROUP = "dialout"
 
 OnData = Callable[[bytes], None]
 OnLost = Callable[[str], None]
@@ -78,7 +78,7 @@ class SerialTransport:
         loop = asyncio.get_running_loop()
         port = await loop.run_in_executor(None, open_port, self.name, self.baud)
         self._port = port
-        number = descriptor(port)
+        number = descriptor_of(port)
         if self._watcher is not None and number is not None:
             self._watcher.opened(number)
         self._thread = threading.Thread(
@@ -156,7 +156,7 @@ def bytes_on_wire(url: str, data: bytes) -> bytes:
     return data.replace(b"\xff", b"\xff\xff") if url.startswith("rfc2217://") else data
 
 
-def descriptor(port: Serial) -> int | None:
+def descriptor_of(port: Serial) -> int | None:
     """Return the file descriptor of an open port; None if it has none."""
     for holder in (port, getattr(port, "_socket", None)):
         with contextlib.suppress(AttributeError, OSError, ValueError):
@@ -166,7 +166,7 @@ def descriptor(port: Serial) -> int | None:
 
 def unlock(port: Serial) -> None:
     """End the exclusive lock of a port; else it would last while another process has a copy of its descriptor."""
-    number = descriptor(port)
+    number = descriptor_of(port)
     if number is not None and os.name == "posix":
         import fcntl
 
@@ -250,8 +250,8 @@ def _permission_advice(device: str) -> str:
         if os.stat(device).st_mode & 0o060 != 0o060:
             return (
                 f"no group may use {device}: plug in a USB adapter, which has a name like "
-                f"/dev/ttyUSB0; if the mount is at {device}, allow it: sudo chgrp {USUAL_GROUP} {device} && sudo chmod "
-                f"660 {device}"
+                f"/dev/ttyUSB0; if the mount is at {device}, allow it: sudo chgrp {SERIAL_GROUP} {device} && sudo "
+                f"chmod 660 {device}"
             )
     advice = f"sudo usermod -aG {group_of(device)} $USER puts you into the group that may use it"
     return f"{advice} (then log out and in again)"
@@ -264,5 +264,5 @@ def group_of(device: str) -> str:
 
         name = grp.getgrgid(os.stat(device).st_gid).gr_name
     except (ImportError, KeyError, OSError):
-        return USUAL_GROUP
-    return USUAL_GROUP if name in ("root", "wheel") else name
+        return SERIAL_GROUP
+    return SERIAL_GROUP if name in ("root", "wheel") else name

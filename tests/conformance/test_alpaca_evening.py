@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from gateway.diagnostics.rehearsal.stage import RehearsalMount
+from gateway.diagnostics.rehearsal.stage import RehearsalGateway
 from gateway.protocols.alpaca.http.programs import AlpacaClient
 from tests.support import exact_sky
 
@@ -37,7 +37,7 @@ MOUNTS = [("6-8se", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200")]
 class Program:
     """One of the two."""
 
-    def __init__(self, stage: RehearsalMount, host: str) -> None:
+    def __init__(self, stage: RehearsalGateway, host: str) -> None:
         self.own, self._lines = stage, AlpacaClient(stage.acceptor.accept, f"{host}:id-1", host)
 
     async def _ask(self, line: str) -> Any:
@@ -96,7 +96,7 @@ async def polling(nina: Program) -> None:
 
 @pytest.mark.parametrize("mount", MOUNTS, ids="-".join)
 async def test_nina_and_phd2_get_through_an_evening_together(mount: tuple[str, str]) -> None:
-    async with RehearsalMount(mount[0], start=START, driven=mount[1], presented="alpaca", named=True) as own:
+    async with RehearsalGateway(mount[0], start=START, driven=mount[1], presented="alpaca", named=True) as own:
         exact_sky.load(own.controller.astrometry.sky)
         nina, phd2 = Program(own, "192.168.1.7"), Program(own, "192.168.1.8")
         for one in (nina, phd2):

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalMount
+from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalGateway
 from gateway.protocols.alpaca.http.requests import signatures
 from tests.support import exact_sky
 from tests.support.each import each
@@ -96,13 +96,13 @@ def test_alpaca_surface_has_exactly_the_members_of_the_reference() -> None:
 
 async def answer(program: RehearsalClient, line: str) -> Any:
     """A value; an error as its number."""
-    told = json.loads(await program.ask(line.encode() + b"\n", until=b"\n"))
+    told = json.loads(await program.ask(line.encode() + b"\n", ending=b"\n"))
     return -told["ErrorNumber"] if isinstance(told, dict) else told
 
 
 @pytest.mark.parametrize("mount", MOUNTS, ids="-".join)
 async def test_every_alpaca_property_has_the_type_of_the_reference(mount: tuple[str, str]) -> None:
-    async with RehearsalMount(mount[0], start=START, driven=mount[1], presented="alpaca", named=True) as own:
+    async with RehearsalGateway(mount[0], start=START, driven=mount[1], presented="alpaca", named=True) as own:
         exact_sky.load(own.controller.astrometry.sky)
         client = own.client()
         await answer(client, "put connected Connected=true")
@@ -143,7 +143,7 @@ ALWAYS = {
 
 async def test_disconnected_alpaca_program_neither_moves_nor_reads_the_mount() -> None:
     """A program that has never written Connected may read; one that has disconnected may not."""
-    async with RehearsalMount("6-8se", start=START, presented="alpaca", named=True) as own:
+    async with RehearsalGateway("6-8se", start=START, presented="alpaca", named=True) as own:
         client = own.client()
         for name, (parameters, _) in READ.items():
             given = "".join(f" {one}=1" for one in parameters.split())
@@ -184,7 +184,7 @@ def _anything(parameter: str) -> str:
     ],
 )
 async def test_alpaca_refusals_carry_the_error_number_of_the_reference(line: str, error: int) -> None:
-    async with RehearsalMount("6-8se", start=START, presented="alpaca", named=True) as own:
+    async with RehearsalGateway("6-8se", start=START, presented="alpaca", named=True) as own:
         client = own.client()
         await answer(client, "put connected Connected=true")
         assert await answer(client, line) == -error

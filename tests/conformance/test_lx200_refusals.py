@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, cast
 
 from msgspec.structs import replace
 
-from gateway.app.bindings import profiles
+from gateway.app.bindings import profiles_of
 from gateway.app.config import SurfaceConfig
 from gateway.app.config.programs import hold
 from gateway.core import operations as op
@@ -127,8 +127,8 @@ async def _play(path: Path, pause: float, network: bool) -> list[tuple[bytes, by
     surface = SurfaceConfig(at="lx200@tcp://127.0.0.1:0", equinox="jnow")
     gateway.acceptor.binding = replace(
         gateway.acceptor.binding,
-        profiles=tuple(profiles("lx200", surface, cast(Any, None))),
-        hold=hold(surface, "lx200", surface.client),
+        profiles=tuple(profiles_of("lx200", surface, cast(Any, None))),
+        hold_time=hold(surface, "lx200", surface.client),
     )
     gateway.mount.faults[op.Goto] = BelowHorizon()
     name = path.stem.removeprefix("lx200-")

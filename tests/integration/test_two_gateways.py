@@ -116,7 +116,7 @@ async def test_utc_of_an_lx200_program_reaches_a_nexstar_mount_from_every_zone(i
             local = moment + timedelta(hours=hours)
             sent_at = asyncio.get_running_loop().time()
             command = f":SG{shown}#:SL{local:%H:%M:%S}#:SC{local:%m/%d/%y}#".encode()
-            assert (await client.ask(command, until=b" #")).startswith(b"111")
+            assert (await client.ask(command, ending=b" #")).startswith(b"111")
             await asyncio.sleep(2.0)
             passed = asyncio.get_running_loop().time() - sent_at
             assert abs(unix_of(bridge.sim.feed(b"h")) - calendar.timegm(moment.timetuple()) - passed) <= 1.1, hours
@@ -144,13 +144,13 @@ async def test_positions_of_an_lx200_program_reach_a_meade_through_a_nexstar_sur
             a = abs(arcseconds)
             dec = f"{'-' if arcseconds < 0 else '+'}{a // 3600:02d}*{a // 60 % 60:02d}:{a % 60:02d}"
             command = f":Sr{h:02d}:{m:02d}:{s:02d}#:Sd{dec}#:MS#".encode()
-            assert (await client.ask(command, 5, until=b"110")).startswith(b"11")
+            assert (await client.ask(command, 5, ending=b"110")).startswith(b"11")
             await asyncio.sleep(1.0)
             sent = bridge.sent_requests()
             # the identity, to the byte
             assert f":Sr{h:02d}:{m:02d}:{s:02d}#".encode() in sent
             assert f":Sd{dec}#".encode() in sent
-            client.tell(b":Q#")
+            client.send(b":Q#")
             await asyncio.sleep(0.5)
 
 
@@ -165,7 +165,7 @@ async def test_utc_of_an_lx200_program_reaches_a_meade_from_every_zone(model: st
             local = moment + timedelta(hours=hours)
             sent_at = asyncio.get_running_loop().time()
             command = f":SG{-hours:+05.1f}#:SL{local:%H:%M:%S}#:SC{local:%m/%d/%y}#".encode()
-            assert (await client.ask(command, until=b" #")).startswith(b"111")
+            assert (await client.ask(command, ending=b" #")).startswith(b"111")
             await asyncio.sleep(4.0)
             passed = asyncio.get_running_loop().time() - sent_at
             bridge.sim.feed(b"")  # come to now
@@ -182,7 +182,7 @@ async def test_sites_of_an_lx200_program_reach_a_meade_unchanged(model: str) -> 
             north, west = chance.randrange(-5400, 5401), chance.randrange(0, 21600)
             sign = "-" if north < 0 else "+"
             command = f":St{sign}{abs(north) // 60:02d}*{abs(north) % 60:02d}#:Sg{west // 60:03d}*{west % 60:02d}#"
-            assert await client.ask(command.encode(), until=b"11") == b"11"
+            assert await client.ask(command.encode(), ending=b"11") == b"11"
             await asyncio.sleep(4.0)
             if model in ("autostar", "lx200gps"):  # an unaligned one is told; it has whole arcminutes
                 assert bridge.sim.site[0] == pytest.approx(north / 60, abs=1e-6)

@@ -24,12 +24,12 @@ async def test_log_names_who_ended_a_goto(driven: str, model: str, stop: str) ->
         await asyncio.sleep(2.0)
         who = "10.0.0.7"
         if stop == "another program":
-            bridge.client(who).tell(b":Q#")
+            bridge.client(who).send(b":Q#")
         elif stop == "an arrow":
             who = stop
-            bridge.client().tell(b":RC#:Mn#")
+            bridge.client().send(b":RC#:Mn#")
             await asyncio.sleep(4.0)
-            bridge.client().tell(b":Qn#")
+            bridge.client().send(b":Qn#")
         elif stop == "M":
             await bridge.client(who).ask(b"M")
         else:
@@ -57,7 +57,7 @@ async def test_gps_sentence_without_a_site_has_no_position(model: str, version: 
     bridge = Bridge(model, version, surface="lx200gps", config=OPEN)
     bridge.sim.row = {**bridge.sim.row, "has": []}
     async with bridge:
-        told = await bridge.client().ask(b":gps#", until=b"#")
+        told = await bridge.client().ask(b":gps#", ending=b"#")
         assert told.startswith(b"$GPRMC,") and b",V,,,,," in told
 
 
@@ -79,9 +79,9 @@ async def test_unavailable_speeds_do_not_fill_the_log(driven: str, model: str) -
         client = bridge.client()
         for number in range(350):
             rate = 3000 + 17 * number
-            client.tell(b"P\3\x11\6" + bytes((rate >> 8, rate & 255, 0, 0)))
+            client.send(b"P\3\x11\6" + bytes((rate >> 8, rate & 255, 0, 0)))
             await asyncio.sleep(0.2)
-        client.tell(b"P\2\x11\x24\0\0\0\0")
+        client.send(b"P\2\x11\x24\0\0\0\0")
         said = [entry.note for entry in bridge.entries if "no nearer speed" in entry.note]
         assert len(said) == 1
 
@@ -96,9 +96,9 @@ async def test_refusals_that_differ_only_in_numbers_are_logged_once() -> None:
     async with Bridge(surface="lx200gps", config=OPEN) as bridge:
         client = bridge.client()
         for rate in range(30, 60):
-            client.tell(f":RA{rate}.5#".encode())
+            client.send(f":RA{rate}.5#".encode())
             await asyncio.sleep(0.1)
-        client.tell(b":RE99.9#")
+        client.send(b":RE99.9#")
         await asyncio.sleep(1.0)
         assert [entry.note[:5] for entry in bridge.entries if "refused" in entry.note] == ["`:RA3", "`:RE9"]
         assert "59.5" in mount_state(bridge.controller).to_state().lately[-2]

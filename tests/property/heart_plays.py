@@ -108,7 +108,7 @@ class _Stage:
             self._moves = self.judge.look()
             if self.script.polled and self.now() - self._polled > 1.0:
                 self._polled = self.now()
-                self.program(9).tell(b":GR#" if self.script.presented == "lx200" else b"e")
+                self.program(9).send(b":GR#" if self.script.presented == "lx200" else b"e")
 
     def program(self, number: int) -> RehearsalClient:
         if number not in self.programs:
@@ -123,7 +123,7 @@ class _Stage:
         held = self.arrows.setdefault(event.who, set())
         if event.what == "arrow":
             held.add(event.how[0])
-        self.program(event.who).tell(self.say(self.bridge.sim, event))
+        self.program(event.who).send(self.say(self.bridge.sim, event))
 
     async def end(self) -> None:
         """The last orders; then time to come to rest, and the verdict."""

@@ -249,9 +249,9 @@ class Judge:
         meade = self.script.presented == "lx200"
         if sites[-1].what == "own site":  # looked for every so often while somebody polls
             for _ in range(70):
-                client.tell(b":GR#" if meade else b"e")
+                client.send(b":GR#" if meade else b"e")
                 await until(self.now() - self.began + 1.0)
-        told = _site(await client.ask(b":Gt#:Gg#" if meade else b"w", 5.0, until=b"#"), meade)
+        told = _site(await client.ask(b":Gt#:Gg#" if meade else b"w", 5.0, ending=b"#"), meade)
         if meade:
             await until(self.now() - self.began + 1.0)
             told = _site(client.received, True)

@@ -23,10 +23,10 @@ def test_failed_stop_that_nobody_awaits_is_one_log_line() -> None:
         asyncio.get_running_loop().set_exception_handler(lambda _, context: uncaught.append(context))
         async with Bridge("6-8se", surface="lx200gps") as bridge:
             client = bridge.client()
-            client.tell(b":RS#:Mn#")
+            client.send(b":RS#:Mn#")
             await asyncio.sleep(1)
             bridge.sim.asleep = True
-            client.tell(b":Qn#")
+            client.send(b":Qn#")
             await asyncio.sleep(60)
             gc.collect()
             assert any(entry.note.startswith("stop: No answer") for entry in bridge.entries)
@@ -39,7 +39,7 @@ def test_failed_stop_that_nobody_awaits_is_one_log_line() -> None:
 async def test_arrow_made_of_small_gotos_is_refused_without_an_alignment(arrow: bytes) -> None:
     config = {"site": (45.0, 10.0), "mode": "alt-az"}
     async with Bridge("nexstar-gps", "1.2", aligned=False, config=config) as bridge:
-        bridge.client().tell(b":RS#" + arrow)
+        bridge.client().send(b":RS#" + arrow)
         await asyncio.sleep(5)
         assert not [sent for sent in bridge.sent_requests() if sent.startswith(b"R")]
         assert any(entry.note == "Arrow: Mount not aligned." for entry in bridge.entries)
@@ -50,9 +50,9 @@ async def test_first_request_of_a_kind_waits_for_a_busy_line() -> None:
     """Two seconds are for a mount that has never answered; one that is being spoken to answers in its turn."""
     async with Bridge("cpc", driven="nexstar", presented="nexstar", surface="cge", latency=0.28) as bridge:
         client = bridge.client()
-        client.tell(b"P\x02\x10\x24\x05\x00\x00\x00")
+        client.send(b"P\x02\x10\x24\x05\x00\x00\x00")
         await asyncio.sleep(2)
-        client.tell(b"b20000000,10AA0000" + b"P\x02\x11\x24\x05\x00\x00\x00" + b"r80000000,10AA0000")
+        client.send(b"b20000000,10AA0000" + b"P\x02\x11\x24\x05\x00\x00\x00" + b"r80000000,10AA0000")
         await asyncio.sleep(0.01)
         reply = await client.ask(b"Z")
         assert len(reply) == 10, reply
@@ -96,9 +96,9 @@ async def test_meade_that_starts_seeking_home_while_moved_is_stopped() -> None:
     """It says NAK to every question meanwhile: nobody knows where it is."""
     async with Bridge("lx200gps", driven="lx200", presented="lx200", surface="lx200gps") as bridge:
         client = bridge.client()
-        client.tell(b":RS#:Me#")
+        client.send(b":RS#:Me#")
         await asyncio.sleep(1)
-        client.tell(b":hS#")
+        client.send(b":hS#")
         await asyncio.sleep(3)
         assert b":Q#" in bridge.sent_requests()
         assert not bridge.controller.moving
@@ -131,18 +131,18 @@ async def test_moving_mount_is_sent_no_change_between_alt_az_and_equatorial(moti
     """Alt-az and equatorial are two frames: axes that were checked in one must not be sent to in the other."""
     async with Bridge("gt", "104.0", presented="nexstar", surface="advanced-gt", config={"lowest": -90.0}) as bridge:
         client = bridge.client()
-        client.tell(b"T\x02")
+        client.send(b"T\x02")
         await asyncio.sleep(5)
         before = len(bridge.sent_requests())
-        client.tell(motion)
+        client.send(motion)
         await asyncio.sleep(1)
-        client.tell(b"T\x01")
+        client.send(b"T\x01")
         await asyncio.sleep(1)
-        client.tell(b"M" + b"P\x02\x11\x24\x00\x00\x00\x00")
+        client.send(b"M" + b"P\x02\x11\x24\x00\x00\x00\x00")
         await asyncio.sleep(10)
         assert b"T\x01" not in bridge.sent_requests()[before:]
         assert await client.ask(b"t") == b"\x02#"
-        client.tell(b"T\x01")  # at rest it is told
+        client.send(b"T\x01")  # at rest it is told
         await asyncio.sleep(2)
         assert b"T\x01" in bridge.sent_requests()[before:]
 
@@ -195,7 +195,7 @@ async def test_axis_position_is_reported_though_a_goto_begins_during_the_read() 
         sidereal = bridge.sim.mechanics.sky.lst(bridge.clock())
         await asyncio.sleep(5.0)
         goal = f"r{int(((sidereal + 100.0) % 360.0) / 360.0 * 2**32):08X},{int(70.0 / 360.0 * 2**32):08X}"
-        first.tell(goal.encode())
+        first.send(goal.encode())
         await asyncio.sleep(0.3)
         assert await second.ask(b"z", 3.0)
         while not bridge.controller.slewing:

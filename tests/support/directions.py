@@ -97,7 +97,7 @@ def _bridge(case: Scenario) -> Bridge:
     bridge = Bridge(case.mount, driven="lx200", presented="nexstar", surface="cge", site=case.site, config=config)
     if case.build.startswith("german"):
         bridge.sim.mode_letter = "P"
-        bridge.sim.mechanics.rebuild(bridge.sim.now, Build.GERMAN)
+        bridge.sim.mechanics.set_build(bridge.sim.now, Build.GERMAN)
     elif case.build == "fork":
         bridge.sim.feed(b":AP#")
     return bridge
@@ -164,12 +164,12 @@ async def _lx200(bridge: Bridge, case: Scenario) -> list[Row]:
     client, rows = bridge.client(), []
 
     def tell(data: bytes) -> Callable[[], None]:
-        return lambda: client.tell(data)
+        return lambda: client.send(data)
 
     for name, words in (("RG", "guide"), ("RC", "center"), ("RM", "find"), ("RS", "max")):
         speed = bridge.driver.speed(op.Rate(name=words))
         for letter, (axis, sense) in LETTERS.items():
-            client.tell(f":{name}#".encode())
+            client.send(f":{name}#".encode())
             seconds = SLOWLY if speed < 0.1 else MEASURED
             before, after = await _seen(bridge, tell(f":M{letter}#".encode()), tell(f":Q{letter}#".encode()), seconds)
             rows.append(
@@ -211,7 +211,7 @@ async def _nexstar(bridge: Bridge, case: Scenario) -> list[Row]:
     client, rows, altaz = bridge.client(), [], case.build == "alt-az"
 
     def tell(*data: int) -> Callable[[], None]:
-        return lambda: client.tell(bytes(data))
+        return lambda: client.send(bytes(data))
 
     senses = [(axis, way) for axis in (1, 2) for way in (36, 37)]
     for key in (1, 2, 4, 6, 9):

@@ -157,7 +157,7 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
             clients.append(client)
             for packet in packets(rng, thrown(rng, kind, case.presented, min(CONNECTION[kind], size - done))):
                 began = time.process_time()  # other programs do not count
-                visitor.tell(packet)
+                visitor.send(packet)
                 await asyncio.sleep(rng.choices([0.0, 0.01, 0.2], [40, 10, 1 if kind == "noise" else 5])[0])
                 longest = max(longest, time.process_time() - began)
                 done += len(packet)
@@ -188,7 +188,7 @@ def growth(seed: int, size: int = 60_000) -> dict[str, float]:
             visitor, marks = bridge.client(), []
             for n in range(15):
                 for packet in packets(rng, thrown(rng, KINDS[n % 3], case.presented, size // 6)):
-                    visitor.tell(packet)
+                    visitor.send(packet)
                     await asyncio.sleep(0.02)
                 visitor.received = b""
                 await asyncio.sleep(60.0)

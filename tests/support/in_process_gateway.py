@@ -10,7 +10,7 @@ from typing import Any
 from gateway.app.state.file import MarkerContent
 from gateway.app.state.motion_marker import InThread
 from gateway.app.state.store import StateStore
-from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalMount
+from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalGateway
 from gateway.protocols.wireformat.command_set import load
 from tests.support.sent_forms import malformed
 
@@ -25,7 +25,7 @@ async def here(function: Callable[..., Any], *arguments: Any) -> Any:
     return function(*arguments)
 
 
-class Bridge(RehearsalMount):
+class Bridge(RehearsalGateway):
     """``sim`` is the simulated mount, ``controller`` the gateway's mount controller, ``client()`` a new connection."""
 
     store: StateStore | None = None
@@ -46,7 +46,7 @@ class Bridge(RehearsalMount):
         """``state`` is the folder of the state files; the other settings are those of a stage."""
         self._state, self._in_thread = state, in_thread
         self._driven, self._hands_on = driven, presented == driven == "nexstar"
-        dialect = load(driven).in_dialect_of(mount).other
+        dialect = load(driven).in_dialect_of(mount).overlay
         self._spoken = mount if dialect is not None else driven
         self.warned: list[str] = []
         super().__init__(mount, version, surface=surface, start=start, driven=driven, presented=presented, **settings)

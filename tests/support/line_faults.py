@@ -214,7 +214,7 @@ class Trial:
         began = loop.time()
         client.received = b""
         local, echo = (b":Gc#", b"24#") if self.driven == "nexstar" else (b"Kx", b"x#")
-        client.tell(data + local)
+        client.send(data + local)
         while not client.received.endswith(echo) and loop.time() - began < LONGEST_WAIT:
             await asyncio.sleep(0.01)
         self.longest = max(self.longest, loop.time() - began)
@@ -239,16 +239,16 @@ class Trial:
                     if reply[:2] != b"11" or not (reply in (b"11", b"110") or refused):  # 11: the mount did not answer
                         self._is_wrong("reply", f"goto: {reply!r}")
                 else:
-                    client.tell(b":RS#:M%c#" % draw.choice(b"nsew"))
+                    client.send(b":RS#:M%c#" % draw.choice(b"nsew"))
                 await asyncio.sleep(draw.uniform(0.5, 12.0))
-                client.tell(b":Q#")
+                client.send(b":Q#")
             else:
                 if what < 0.6:
                     await self._request(client, b"r%06X00,%06X00" % (draw.randrange(2**24), draw.randrange(2**21)), 1)
                 else:
-                    client.tell(b"P\x02%c%c\x09\x00\x00\x00" % (draw.choice(b"\x10\x11"), draw.choice(b"\x24\x25")))
+                    client.send(b"P\x02%c%c\x09\x00\x00\x00" % (draw.choice(b"\x10\x11"), draw.choice(b"\x24\x25")))
                 await asyncio.sleep(draw.uniform(0.5, 12.0))
-                client.tell(b"P\x02\x10\x24\x00\x00\x00\x00P\x02\x11\x24\x00\x00\x00\x00M")
+                client.send(b"P\x02\x10\x24\x00\x00\x00\x00P\x02\x11\x24\x00\x00\x00\x00M")
             await asyncio.sleep(draw.uniform(0.1, 2.0))
 
     async def _renewer(self) -> None:

@@ -108,15 +108,15 @@ async def _play(case: Case) -> Outcome:
         before = len(bridge.sent_requests())
         if case.after == "order":
             line.arm()
-        client.tell((LX200_MOTIONS if lx200 else NEXSTAR_MOTIONS)[case.motion])
+        client.send((LX200_MOTIONS if lx200 else NEXSTAR_MOTIONS)[case.motion])
         await asyncio.sleep(HELD)
         if case.after == "stop":
             line.arm()
-        client.tell(case.end)
+        client.send(case.end)
         moved = 0.0
         for tenth in range(1, round(ALLOWED * 10) + 1):
             if tenth % 5 == 1:
-                other.tell(question)
+                other.send(question)
             await asyncio.sleep(0.1)
             if truth.moving(bridge.sim):
                 moved = tenth / 10.0

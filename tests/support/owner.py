@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
-from gateway.protocols.lx200.simulator.motion import release
+from gateway.protocols.lx200.simulator.motion import release_keys
 from tests.support import truth
 
 #: What the keys do, as commands on a separate connection to the mount; typed from the manuals.
@@ -96,7 +96,7 @@ class Owner:
             sim.mechanics.move(sim.now, axis, 0.0)
             sim.mechanics.pulse(sim.now, axis, 0.0, 0.0)
         if self._driven == "lx200":
-            release(sim)
+            release_keys(sim)
             sim.lose_alignment()
             sim.power_on()
         else:

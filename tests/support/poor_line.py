@@ -119,7 +119,7 @@ async def ask(client: RehearsalClient, request: bytes) -> bytes:
     """Return the whole reply to ``:GR#:GD#`` or ``e``; empty if it does not arrive in time."""
     until = asyncio.get_running_loop().time() + PATIENCE
     client.received = b""
-    client.tell(request)
+    client.send(request)
     while asyncio.get_running_loop().time() < until:
         if client.received.count(b"#") >= max(1, request.count(b"#")):
             return client.received

@@ -38,7 +38,7 @@ async def polled(model: str, driven: str, poor: LineFaults, seconds: float, movi
         pass
     if moving:
         mover = bridge.client("10.0.0.8")
-        mover.tell(b":Sr08:00:00#:Sd+60*00:00#:MS#")
+        mover.send(b":Sr08:00:00#:Sd+60*00:00#:MS#")
         bridge.sim.mechanics.speedup = 0.2
     polls = await poll(bridge, seconds)
     await bridge.controller.close()
@@ -53,7 +53,7 @@ async def first_answer(model: str, named: bool, latency: float) -> float:
     began = loop.time()
     while client.received.count(b"#") < 2 and loop.time() < began + 60.0:
         if client.all_answered:
-            client.tell(b":GR#:GD#")
+            client.send(b":GR#:GD#")
         await asyncio.sleep(0.05)
     took = loop.time() - began
     await bridge.controller.close()

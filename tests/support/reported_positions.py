@@ -33,21 +33,21 @@ def degrees(told: bytes) -> float:
 async def reported_position(client: RehearsalClient, presented: str) -> Place:
     """Return right ascension and declination, degrees."""
     if presented == "nexstar":
-        return place(await client.ask(b"e", until=b"#"))
-    ra = degrees(await client.ask(b":GR#", until=b"#"))
-    return ra * 15.0, degrees(await client.ask(b":GD#", until=b"#"))
+        return place(await client.ask(b"e", ending=b"#"))
+    ra = degrees(await client.ask(b":GR#", ending=b"#"))
+    return ra * 15.0, degrees(await client.ask(b":GD#", ending=b"#"))
 
 
 async def start_moving(client: RehearsalClient, presented: str, by_hand: bool) -> None:
     """Move both axes at full speed, by direction keys or by a goto to 8h, 30 degrees."""
     if presented == "nexstar":
-        await client.ask(b"P\x02\x10\x24\x09\0\0\0" if by_hand else b"r55555555,15555555", until=b"#")
+        await client.ask(b"P\x02\x10\x24\x09\0\0\0" if by_hand else b"r55555555,15555555", ending=b"#")
         if by_hand:
-            await client.ask(b"P\x02\x11\x24\x09\0\0\0", until=b"#")
+            await client.ask(b"P\x02\x11\x24\x09\0\0\0", ending=b"#")
     elif by_hand:
-        client.tell(b":RS#:Mw#:Mn#")
+        client.send(b":RS#:Mw#:Mn#")
     else:
-        await client.ask(b":Sr08:00:00#:Sd+30*00:00#:MS#", until=b"0")
+        await client.ask(b":Sr08:00:00#:Sd+30*00:00#:MS#", ending=b"0")
 
 
 class Track:

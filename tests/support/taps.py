@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
-from gateway.diagnostics.rehearsal.stage import RehearsalMount
+from gateway.diagnostics.rehearsal.stage import RehearsalGateway
 from tests.support.in_process_gateway import EVENING
 from tests.support.truth import moving
 
@@ -49,11 +49,11 @@ FACES = {
 }
 
 
-def stage(face: str, mount: str, latency: float, **settings: Any) -> RehearsalMount:
+def stage(face: str, mount: str, latency: float, **settings: Any) -> RehearsalGateway:
     """Return a gateway with this surface over this mount."""
     model, driven, _ = (MOUNTS | OLDER)[mount]
     one = FACES[face]
-    return RehearsalMount(
+    return RehearsalGateway(
         model, start=EVENING, driven=driven, presented=one.presented, surface=one.surface, latency=latency,
         named=True, **settings,
     )  # fmt: skip
@@ -62,7 +62,7 @@ def stage(face: str, mount: str, latency: float, **settings: Any) -> RehearsalMo
 class Axes:
     """The second axis of a simulated mount, without what tracking turns it."""
 
-    def __init__(self, own: RehearsalMount) -> None:
+    def __init__(self, own: RehearsalGateway) -> None:
         self._own, self._loop = own, asyncio.get_running_loop()
 
     def _here(self) -> float:
@@ -125,12 +125,12 @@ async def tap(face: str, mount: str, seconds: float, latency: float) -> Tapped:
             )
         )
         client = own.client()
-        client.tell(one.before)
+        client.send(one.before)
         await asyncio.sleep(1.0)
         await axes.begin()
-        client.tell(one.press % MOUNTS[mount][2] if b"%" in one.press else one.press)
+        client.send(one.press % MOUNTS[mount][2] if b"%" in one.press else one.press)
         await asyncio.sleep(seconds)
-        client.tell(one.release)
+        client.send(one.release)
         for _ in range(300):  # the press may wait for its turn
             await asyncio.sleep(0.01)
             if moving(own.sim):

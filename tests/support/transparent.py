@@ -146,7 +146,7 @@ async def differences(protocol: str, model: str, version: str | None) -> list[Di
         found = []
         for question in asked:
             client.received = b""
-            client.tell(question)
+            client.send(question)
             answered = direct(question)  # both receive it at the same moment
             shared = await _whole(client)
             if question.startswith(b":SC"):  # a classic LX200 works on it for seconds

@@ -83,7 +83,7 @@ class Face:
 
     async def place(self) -> tuple[float, float]:
         if self.nexstar:
-            seen = equatorial(await self.client.ask(b"e", until=b"#"))
+            seen = equatorial(await self.client.ask(b"e", ending=b"#"))
             return seen.ra, seen.dec
         return parse_ra(await self.client.ask(b":GR#")), parse_dec(await self.client.ask(b":GD#"))
 
@@ -103,7 +103,7 @@ class Face:
         raise AssertionError("the goto never ends")
 
     async def sync(self, ra: float, dec: float) -> None:
-        assert (await self.client.ask(self._order("s", "CM", ra, dec), 15.0, until=b"#")).startswith(
+        assert (await self.client.ask(self._order("s", "CM", ra, dec), 15.0, ending=b"#")).startswith(
             b"#" if self.nexstar else b"11"
         )
 
@@ -112,7 +112,7 @@ class Face:
             for said in (b"M", b"P\x02\x10\x24\0\0\0\0", b"P\x02\x11\x24\0\0\0\0"):
                 assert await self.client.ask(said) == b"#"
         else:
-            self.client.tell(b":Q#")
+            self.client.send(b":Q#")
 
     async def set_site(self, latitude: float, longitude: float) -> None:
         if self.nexstar:
@@ -120,7 +120,7 @@ class Face:
         else:
             west = round(-longitude * 60) % 21600
             said = f":St{dms(latitude)[:6]}#:Sg{west // 60:03d}*{west % 60:02d}#"
-            assert await self.client.ask(said.encode(), until=b"11") == b"11"
+            assert await self.client.ask(said.encode(), ending=b"11") == b"11"
 
     async def site(self) -> tuple[float, float]:
         if self.nexstar:
@@ -136,7 +136,7 @@ class Face:
             assert await self.client.ask(b"H" + nexstar_clock(local, offset, dst)) == b"#"
         else:
             said = f":SG{-offset:+05.1f}#:SL{local:%H:%M:%S}#:SC{local:%m/%d/%y}#"
-            assert (await self.client.ask(said.encode(), 30.0, until=b" #")).startswith(b"111")
+            assert (await self.client.ask(said.encode(), 30.0, ending=b" #")).startswith(b"111")
 
     async def clock(self) -> float:
         """Unix seconds."""
@@ -147,7 +147,7 @@ class Face:
         return calendar.timegm(local.timetuple()) + float(answers[2]) * 3600.0
 
     async def leave(self, ra: float, dec: float) -> None:
-        said = await self.client.ask(self._order("r", "MS", ra, dec), 15.0, until=b"#" if self.nexstar else b"110")
+        said = await self.client.ask(self._order("r", "MS", ra, dec), 15.0, ending=b"#" if self.nexstar else b"110")
         if said != (b"#" if self.nexstar else b"110"):
             raise Refusal(said.decode("latin-1"))
 
@@ -158,9 +158,9 @@ class Face:
             await asyncio.sleep(seconds)
             await self._yes(b"P\x02" + device + code + b"\0\0\0\0")
         else:
-            self.client.tell(f":RM#:M{direction}#".encode())
+            self.client.send(f":RM#:M{direction}#".encode())
             await asyncio.sleep(seconds)
-            self.client.tell(f":Q{direction}#".encode())
+            self.client.send(f":Q{direction}#".encode())
 
     async def _yes(self, said: bytes) -> None:
         if (heard := await self.client.ask(said)) != b"#":
@@ -173,7 +173,7 @@ class Face:
                 b"P\x03" + (b"\x11" if direction in "ns" else b"\x10") + b"\x26" + bytes((rate, ms // 10, 0, 0))
             )
         else:
-            self.client.tell(f":Mg{direction}{ms:04d}#".encode())
+            self.client.send(f":Mg{direction}{ms:04d}#".encode())
 
     async def tracking(self, on: bool) -> None:
         equatorial = self.bridge.sim.mechanics.build is not Build.ALTAZ
@@ -181,7 +181,7 @@ class Face:
             north = self.bridge.sim.mechanics.sky.latitude > 0
             await self._yes(b"T" + bytes((0 if not on else 1 if not equatorial else 2 if north else 3,)))
         else:
-            self.client.tell(b":AL#" if not on else b":AP#" if equatorial else b":AA#")
+            self.client.send(b":AL#" if not on else b":AP#" if equatorial else b":AA#")
 
     park: Any = None
     unpark: Any = None
@@ -189,10 +189,10 @@ class Face:
 
 class Lx200(Face):
     async def park(self) -> None:
-        self.client.tell(b":hP#")
+        self.client.send(b":hP#")
 
     async def unpark(self) -> None:
-        self.client.tell(b":hW#")
+        self.client.send(b":hW#")
 
 
 class Stellarium(Face):
@@ -212,7 +212,7 @@ class Stellarium(Face):
 
     async def leave(self, ra: float, dec: float) -> None:
         ra, dec = Sky().to_j2000(ra, dec, self.bridge.clock())
-        self.client.tell(
+        self.client.send(
             struct.pack("<HHQIi", 20, 0, 0, round(wrap360(ra) * 2**32 / 360.0) % 2**32, round(dec * 2**32 / 360.0))
         )
         self.client.received = b""
@@ -232,7 +232,7 @@ class Alpaca(Face):
     of_motors = True  # type: ignore[assignment]
 
     async def _ask(self, line: str, seconds: float = 10.0) -> Any:
-        told = json.loads(await self.client.ask(line.encode() + b"\n", seconds, until=b"\n") or b"null")
+        told = json.loads(await self.client.ask(line.encode() + b"\n", seconds, ending=b"\n") or b"null")
         if isinstance(told, dict) and "ErrorNumber" in told:
             raise Refusal(f"{told['ErrorNumber']:#x} {told['ErrorMessage']}")
         return told

@@ -100,8 +100,8 @@ async def open_gateway(
 def mount_in_process(gateway: Gateway) -> Mount:
     """Return the mount of a gateway in this process."""
 
-    async def send(wish: requests.Request, _: float) -> requests.Answer:
-        return await gateway.carry_out(wish)
+    async def send(req: requests.Request, _: float) -> requests.Answer:
+        return await gateway.carry_out(req)
 
     return Mount(gateway.config.name or str(gateway.mount), send, "the program that embeds the gateway")
 
@@ -125,8 +125,8 @@ def connect(mount: str | None = None, *, state: str | None = None) -> Mount:
 def mount_at_endpoint(endpoint: ControlEndpoint) -> Mount:
     """Return the mount of the gateway that has this control endpoint."""
 
-    async def send(wish: requests.Request, duration: float) -> requests.Answer:
-        return await request(endpoint, wish, ANSWER_TIMEOUT + duration)
+    async def send(req: requests.Request, duration: float) -> requests.Answer:
+        return await request(endpoint, req, ANSWER_TIMEOUT + duration)
 
     return Mount(endpoint.title, send, f"a Python program (process {os.getpid()})")
 

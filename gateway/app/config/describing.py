@@ -40,7 +40,7 @@ class Key(NamedTuple):
 
 
 @lru_cache
-def keys(table: str) -> tuple[Key, ...]:
+def keys_of(table: str) -> tuple[Key, ...]:
     """Return the keys of a table such as ``mount`` or ``surface``; those outside any table for an empty name."""
     struct = TABLES[table]
     hints = get_type_hints(struct, include_extras=True)
@@ -54,13 +54,13 @@ def header(table: str) -> str:
 
 def find_key(table: str, name: str) -> Key | None:
     """Return the key of that name in a table; None if there is none."""
-    return next((key for key in keys(table) if key.name == name), None)
+    return next((key for key in keys_of(table) if key.name == name), None)
 
 
 def _key(field: Any, type_hint: Any) -> Key:
     meta = _meta(type_hint)
     assert meta is not None and meta.extra is not None
-    kind, choices, right = get_args(type_hint)[0], _choices(type_hint), _describe_values(type_hint)
+    kind, choices, right = get_args(type_hint)[0], _choices_of(type_hint), _describe_values(type_hint)
     default = None if field.required else field.default
     if field.default_factory is not msgspec.NODEFAULT:
         default = field.default_factory()
@@ -76,7 +76,7 @@ def _key(field: Any, type_hint: Any) -> Key:
         has_flag=meta.extra["flag"],
         in_short_help=meta.extra["common"],
         required=field.required,
-        is_list=any(get_origin(part) in (tuple, list) for part, _ in _types(type_hint)),
+        is_list=any(get_origin(part) in (tuple, list) for part, _ in _types_of(type_hint)),
     )
 
 
@@ -85,26 +85,26 @@ def _meta(type_hint: object) -> msgspec.Meta | None:
     return next((item for item in getattr(type_hint, "__metadata__", ()) if item.extra is not None), None)
 
 
-def _types(type_hint: object) -> Iterator[tuple[object, list[msgspec.Meta]]]:
+def _types_of(type_hint: object) -> Iterator[tuple[object, list[msgspec.Meta]]]:
     """Yield the types that a value may have, except None, each with its limits."""
     if get_origin(type_hint) is Annotated:
         inner, *metas = get_args(type_hint)
-        for kind, more in _types(inner):
+        for kind, more in _types_of(inner):
             yield kind, [*metas, *more]
     elif get_origin(type_hint) in (Union, types.UnionType):
         for part in get_args(type_hint):
-            yield from _types(part)
+            yield from _types_of(part)
     elif type_hint is not type(None):
         yield type_hint, []
 
 
-def _choices(type_hint: object) -> tuple[str, ...]:
-    return tuple(word for kind, _ in _types(type_hint) if get_origin(kind) is Literal for word in get_args(kind))
+def _choices_of(type_hint: object) -> tuple[str, ...]:
+    return tuple(word for kind, _ in _types_of(type_hint) if get_origin(kind) is Literal for word in get_args(kind))
 
 
 def _describe_values(type_hint: object) -> str:
     """Return a description of the valid values."""
-    return " or ".join(_valid_values(kind, metas) for kind, metas in _types(type_hint))
+    return " or ".join(_valid_values(kind, metas) for kind, metas in _types_of(type_hint))
 
 
 def _valid_values(kind: object, meta_values: list[msgspec.Meta]) -> str:
@@ -117,11 +117,11 @@ def _valid_values(kind: object, meta_values: list[msgspec.Meta]) -> str:
     if kind is bool:
         return "true or false"
     if kind in (int, float):
-        return ("a whole number" if kind is int else "a number") + _range(meta_values)
+        return ("a whole number" if kind is int else "a number") + _range_of(meta_values)
     return f'{next((meta.title for meta in meta_values if meta.title), "text")} in "quotes"'
 
 
-def _range(meta_values: list[msgspec.Meta]) -> str:
+def _range_of(meta_values: list[msgspec.Meta]) -> str:
     """Return the limits as text: `` from 1 to 9``."""
     limits: dict[str, object] = {}
     for meta in meta_values:

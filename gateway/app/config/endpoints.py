@@ -121,7 +121,7 @@ def parse_endpoint(text: str, role: str = "") -> Endpoint:
     what, at, where = text.partition("@")
     if not at or not where:
         raise UserError(
-            f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example {_example(text.strip('@'), role)}"
+            f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example {_example_of(text.strip('@'), role)}"
         )
     endpoint = _parse_any_surface(what, where) if what.partition(":")[0] == ANY else parse_device(what, where, role)
     if role == "mount" and endpoint.protocol not in (*drivers(), ANY):
@@ -158,18 +158,18 @@ def _parse_any_surface(text: str, where: str) -> Endpoint:
     return Endpoint(ANY, where)
 
 
-def _example(text: str, role: str) -> str:
+def _example_of(text: str, role: str) -> str:
     """Return an example of an endpoint that completes the half that the user wrote."""
     if role == "surface":
-        return f"{_on_serial()[0]}@tcp://127.0.0.1:4030"
+        return f"{_serial_names()[0]}@tcp://127.0.0.1:4030"
     if resolve_name(text.partition("/")[0]):
         return f"{text}@/dev/ttyUSB0"
     if text.startswith(("/dev/", "COM", "tcp://", "socket://", "rfc2217://", "pty:")) or text == "sim":
-        return " or ".join(f"{name}@{text} ({PROTOCOLS[name].makers[0].title()})" for name in reversed(_on_serial()))
-    return f"{_on_serial()[-1]}@/dev/ttyUSB0"
+        return " or ".join(f"{name}@{text} ({PROTOCOLS[name].makers[0].title()})" for name in reversed(_serial_names()))
+    return f"{_serial_names()[-1]}@/dev/ttyUSB0"
 
 
-def _on_serial() -> list[str]:
+def _serial_names() -> list[str]:
     """Return the protocols of mounts on serial lines."""
     return [name for name in drivers() if PROTOCOLS[name].make_http_dialect is None]
 
@@ -259,13 +259,13 @@ _MAP_COORDINATE = re.compile(
 
 def _parse_map_coordinates(text: str, parts: Sequence[str]) -> tuple[float, float]:
     """Parse a latitude and a longitude with minutes, or with N, S, E or W. Raises UserError."""
-    values = [_angle(part, sides) for part, sides in zip(parts, ("NS", "EW"), strict=False)]
+    values = [_to_angle(part, sides) for part, sides in zip(parts, ("NS", "EW"), strict=False)]
     if len(parts) != 2 or None in values or abs(values[0] or 0.0) > 90.0:
         raise UserError(f"{text!r}: write LAT,LON, north and east positive: 45.5,-122.7 or 45°30'N,122°42'W")
     return values[0] or 0.0, values[1] or 0.0
 
 
-def _angle(text: str, sides: str) -> float | None:
+def _to_angle(text: str, sides: str) -> float | None:
     """Parse an angle as on maps; return degrees, None if invalid. ``sides``: the letters for + and -, like ``NS``."""
     match = _MAP_COORDINATE.fullmatch(text)
     if match is None or match[5] not in ("", *sides) or (match[1] == "-" and match[5]):

@@ -18,7 +18,7 @@ from gateway.protocols.wireformat.rows import Version, parse_version
 from gateway.transport.listening import NETWORK_SCHEMES
 
 #: The version that comparisons assume for StarSense hand controls, whose own numbers start from 1, and for no version.
-NEWEST = (99,)
+NEWEST_VERSION = (99,)
 
 
 class NeededSetting(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -75,11 +75,11 @@ def unmet_needs(surface: SurfaceConfig, program: str | None = None) -> list[Need
 
 
 def _presented_version(endpoint: Endpoint) -> Version:
-    """Return the version that the surface reports to programs; ``NEWEST`` for none and for ``starsense``."""
+    """Return the version that the surface reports to programs; ``NEWEST_VERSION`` for none and for ``starsense``."""
     spec = PROTOCOLS[endpoint.protocol]
     version = endpoint.version or spec.presented_version
     if version is None or version.partition("-")[0] in spec.version_names:
-        return NEWEST
+        return NEWEST_VERSION
     return parse_version(version)
 
 

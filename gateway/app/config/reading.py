@@ -14,7 +14,7 @@ import msgspec
 import tomli
 
 from gateway.app.config.checks import Mistake, mistakes
-from gateway.app.config.describing import Key, find_key, header, keys
+from gateway.app.config.describing import Key, find_key, header, keys_of
 from gateway.app.config.endpoints import parse_site, site_mistake, suggest
 from gateway.app.config.source import Place, Source
 from gateway.app.config.tables import TABLES, Config
@@ -138,10 +138,10 @@ def _msgspec_error(tables: dict[str, object], source: Source, path: Place, field
     """Return the error for a value or a key that msgspec did not accept."""
     table = str(path[0]) if path and path[0] in TABLES else ""
     if field is None:
-        return _wrong_value(tables, source, table, path)
+        return _value_error(tables, source, table, path)
     if kind == "unknown":
         home = next((name for name in TABLES if name != table and find_key(name, field)), None)
-        known = [key.name for key in keys(table)] + ([] if table else ["mount", "surface"])
+        known = [key.name for key in keys_of(table)] + ([] if table else ["mount", "surface"])
         hint = suggest(field, known) if home is None else f"it belongs under {header(home)}"
         return _to_error(source, Mistake((*path, field), f"there is no such key; {hint}"))
     key = find_key(table, field)
@@ -158,7 +158,7 @@ def _msgspec_error(tables: dict[str, object], source: Source, path: Place, field
     return _to_error(source, Mistake((*path, field), f'is needed: {key.description}; for example "{key.example}"'))
 
 
-def _wrong_value(tables: dict[str, object], source: Source, table: str, key_path: Place) -> UserError:
+def _value_error(tables: dict[str, object], source: Source, table: str, key_path: Place) -> UserError:
     """Return the error for a value of the wrong type or out of range, or for a value in place of a table."""
     whole = _cut_after_key(key_path)
     key = find_key(table, str(whole[-1]))
@@ -169,7 +169,7 @@ def _wrong_value(tables: dict[str, object], source: Source, table: str, key_path
     if "a word of" in key.allowed and isinstance(value, str) and (plain := re.sub(r"[^\w.-]+", "_", value, flags=re.A)):
         example = f', for example "{plain}"'
     return _to_error(
-        source, Mistake(whole, f"{_show(value)}: write {key.allowed}{example}{_swapped_hint(key.name, value)}")
+        source, Mistake(whole, f"{_shorten(value)}: write {key.allowed}{example}{_swapped_hint(key.name, value)}")
     )
 
 
@@ -214,7 +214,7 @@ def _to_error(source: Source, mistake: Mistake) -> UserError:
     return UserError(f"{where}: {f'{head}{name}'.strip()}: {mistake.message}")
 
 
-def _show(value: object) -> str:
+def _shorten(value: object) -> str:
     """Return a value as TOML writes it, shortened to 60 characters."""
     try:
         text = repr(value).lower() if isinstance(value, bool) else repr(value)

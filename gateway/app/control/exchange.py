@@ -61,12 +61,12 @@ def read_endpoints(folder: Path, owner: int | None = None) -> list[tuple[Path, C
     for name in sorted(os.listdir(folder)):
         if name.endswith(ENDPOINT_SUFFIX):
             with contextlib.suppress(OSError, ValueError, RecursionError):  # msgspec's errors are ValueErrors
-                content = _content(folder / name, owner)
+                content = _read_file(folder / name, owner)
                 endpoints.append((folder / name, msgspec.json.decode(content, type=ControlEndpoint)))
     return endpoints
 
 
-def _content(path: Path, owner: int | None) -> bytes:
+def _read_file(path: Path, owner: int | None) -> bytes:
     """Read a regular file. Raises OSError for anything else, or for a file of another user than ``owner``."""
     number = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
     with open(number, "rb") as file:
@@ -99,22 +99,22 @@ def remove_stale(folder: Path) -> None:
                 path.unlink()
 
 
-def seal(secret: str, request_number: str, text: str) -> bytes:
+def sign(secret: str, request_number: str, text: str) -> bytes:
     """Return a datagram: the request number and the text, preceded by their HMAC."""
     sealed = f"{request_number} {text}"
-    return f"{_seal(secret, sealed)} {sealed}".encode()
+    return f"{_hmac_of(secret, sealed)} {sealed}".encode()
 
 
-def unseal(secret: str, data: bytes) -> tuple[str, str] | None:
+def verify(secret: str, data: bytes) -> tuple[str, str] | None:
     """Return the number and the text of a datagram; None if its HMAC was not made with this secret."""
     given, _, sealed = data.decode("utf-8", "replace").partition(" ")
-    if len(data) > MAX_DATAGRAM or not hmac.compare_digest(given.encode(), _seal(secret, sealed).encode()):
+    if len(data) > MAX_DATAGRAM or not hmac.compare_digest(given.encode(), _hmac_of(secret, sealed).encode()):
         return None
     number, _, text = sealed.partition(" ")
     return number, text
 
 
-def _seal(secret: str, content: str) -> str:
+def _hmac_of(secret: str, content: str) -> str:
     return hmac.digest(secret.encode(), content.encode(), "sha256").hex()
 
 

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from gateway.astro.catalog import deepsky, names, stars, supplied
 from gateway.astro.catalog.objects import CatalogObject, NotInstalled
-from gateway.core.errors import Fault, SunIsNoGoal, UserError
+from gateway.core.errors import Fault, SunIsNoTarget, UserError
 from gateway.core.requests import ResolvedTarget, SkyPosition, SolarSystemBody
 from gateway.system.own_commands import install_instruction
 
@@ -23,10 +23,10 @@ TARGET_SYNTAX = "write RA DEC, like 05:34:32 +22:00:52, or a name, like M42, Veg
 _CATALOGUES = {"m": "M", "messier": "M", "ngc": "NGC", "ic": "IC", "c": "C", "caldwell": "C", "ugc": "UGC",
                "hip": "HIP"}  # fmt: skip
 #: The highest number of the catalogues that are numbered from 1 without gaps.
-_HIGHEST = {"M": 110, "NGC": 7840, "IC": 5386, "C": 109}
+_MAX_NUMBER = {"M": 110, "NGC": 7840, "IC": 5386, "C": 109}
 _KINDS = {"G": "galaxy", "P": "planetary nebula", "D": "diffuse nebula", "C": "globular cluster", "O": "open cluster",
           "DO": "cluster in a nebula", "*": "star"}  # fmt: skip
-_YEAR = 365.25 * 86400.0
+_YEAR_SECONDS = 365.25 * 86400.0
 
 
 class SkyObject(NamedTuple):
@@ -39,7 +39,7 @@ class SkyObject(NamedTuple):
     size: float | None = None
     width: float | None = None
     #: Its other names.
-    also: str = ""
+    aliases: str = ""
     #: How a double star looks in the eyepiece.
     seen: str = ""
 
@@ -63,7 +63,7 @@ def describe(text: str) -> SkyObject:
     if body := next((body for body in BODIES if body.lower() == text.lower()), None):
         return SkyObject(body, SolarSystemBody(body), "moon" if body == "Moon" else "planet")
     if text.lower().removeprefix("the ") == "sun":
-        raise SunIsNoGoal(
+        raise SunIsNoTarget(
             "no goto to the Sun: without a solar filter on the tube it blinds you and burns the optics. With a filter, "
             "start the gateway with --sun 0 and give coordinates: mount-gateway goto RA DEC"
         )
@@ -92,14 +92,14 @@ def completions(text: str, limit: int) -> list[str]:
 def _match_ids(text: str) -> list[str]:
     """Return catalogue numbers that begin with a text: all of Messier's, of larger catalogues only the typed number."""
     match = re.fullmatch(r"([A-Za-z]+)[ -]*(\d{1,6})", text)
-    if match is None or not _exists(text):
+    if match is None or not _id_exists(text):
         return []
     if _CATALOGUES[match[1].lower()] != "M":
         return [text.upper()]
-    return [f"M {number}" for number in range(1, _HIGHEST["M"] + 1) if str(number).startswith(str(int(match[2])))]
+    return [f"M {number}" for number in range(1, _MAX_NUMBER["M"] + 1) if str(number).startswith(str(int(match[2])))]
 
 
-def _exists(text: str) -> bool:
+def _id_exists(text: str) -> bool:
     try:
         describe(text)
     except UserError:
@@ -112,7 +112,7 @@ def _find_by_number(catalogue: str, number: int) -> tuple[str, CatalogObject]:
     if called is None:
         raise UserError(f"no catalogue is called {catalogue!r}; there are M, NGC, IC, C, UGC and HIP")
     name = f"{called}{number}"
-    if (highest := _HIGHEST.get(called, number)) < number:
+    if (highest := _MAX_NUMBER.get(called, number)) < number:
         raise UserError(f"there is no {name}: {called} goes from 1 to {called}{highest}")
     if (entry := supplied.look_up(name)) is not None:
         return name, replace(
@@ -154,4 +154,4 @@ def _from_library(name: str, look_up: Callable[[], CatalogObject | None]) -> Cat
 
 
 def _year() -> float:
-    return 1970.0 + time.time() / _YEAR
+    return 1970.0 + time.time() / _YEAR_SECONDS

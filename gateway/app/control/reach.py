@@ -26,7 +26,7 @@ from gateway.core.errors import NoAnswer
 from gateway.core.requests import FAILED, Answer, Request, StateRequest, encode, new_request_number
 from gateway.system import processes
 from gateway.system.files import state_folder
-from gateway.system.runtime_folders import folders, folders_of_others, user_id, user_name
+from gateway.system.runtime_folders import find_folders, folders_of_others, user_id, user_name
 
 #: Seconds until a request is sent again: a datagram may be lost.
 RESEND_PERIOD = 0.5
@@ -108,7 +108,7 @@ def _all_endpoints(folder: Path) -> tuple[list[tuple[Path, ControlEndpoint]], li
             f"{folder}: {error.strerror}; cannot tell whether its gateway runs or was killed in motion; "
             "run this command as the user who runs the gateway"
         )
-    for own_folder in folders()[0]:
+    for own_folder in find_folders()[0]:
         endpoints += _read_endpoints(own_folder, user_id())
     for other, owner in folders_of_others():
         endpoints += _read_endpoints(other, owner)
@@ -151,14 +151,14 @@ def explain_unreachable(process: processes.GatewayProcess) -> str:
 def explain_no_answer(pid: int) -> str:
     """Return a sentence about a gateway that does not answer: what the reason may be, and what to do."""
     ended = f"end it with kill -9 {pid}, then mount-gateway stop stops its mount without it"
-    resume = f"it is suspended (Ctrl-Z?), and kill -CONT {pid} resumes it; or " if processes.suspended(pid) else ""
+    resume = f"it is suspended (Ctrl-Z?), and kill -CONT {pid} resumes it; or " if processes.is_suspended(pid) else ""
     return f"the gateway (process {pid}) does not answer: {resume}{ended}"
 
 
 async def ask(endpoint: ControlEndpoint, request: Request, seconds: float) -> Answer | None:
     """Send a request and return the answer; None if no gateway has this endpoint any more."""
     number, parts, heard = new_request_number(), exchange.AnswerParts(), False
-    asked, loop = exchange.seal(endpoint.secret, number, f"ask {encode(request)}"), asyncio.get_running_loop()
+    asked, loop = exchange.sign(endpoint.secret, number, f"ask {encode(request)}"), asyncio.get_running_loop()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
         port.setblocking(False)
         try:
@@ -173,7 +173,7 @@ async def ask(endpoint: ControlEndpoint, request: Request, seconds: float) -> An
                     with contextlib.suppress(TimeoutError):
                         async with asyncio.timeout(RESEND_PERIOD):
                             while True:
-                                opened = exchange.unseal(
+                                opened = exchange.verify(
                                     endpoint.secret, await loop.sock_recv(port, exchange.MAX_DATAGRAM)
                                 )
                                 if opened is not None and opened[0] == number:

@@ -54,15 +54,15 @@ class ActiveRequest:
 REQUEST_TITLES = {"press": "Arrow", "let go": "Release of an arrow", "narrow": "Limits"}
 
 
-def title(request: msgspec.Struct) -> str:
+def title_of(request: msgspec.Struct) -> str:
     """Return the kind of a request in words, to begin a line of the log."""
-    if (kind := _operation(request)) is not None:
+    if (kind := _operation_of(request)) is not None:
         return kind.title()
     tag = str(request.__struct_config__.tag)
     return REQUEST_TITLES.get(tag, tag.capitalize())
 
 
-def _operation(request: object) -> type[op.Operation] | None:
+def _operation_of(request: object) -> type[op.Operation] | None:
     """Return the type of the operation in an ``OperationRequest``; None for every other request."""
     return op.operation_class(request.operation) if isinstance(request, requests.OperationRequest) else None
 
@@ -149,10 +149,10 @@ class RequestHandler:
             case requests.CancelRequest():
                 return await self._cancel(request.number)
         assert isinstance(request, requests.ChangeRequest)
-        what, wire_log = title(request), self._controller.wire_log
+        what, wire_log = title_of(request), self._controller.wire_log
         active = self._remember(request.number, request.who or f"mount-gateway {what.lower()}")
         kept_alive = isinstance(request, requests.PressKeyRequest) and active.pressed is not None
-        asks = issubclass(_operation(request) or op.Operation, op.Read)
+        asks = issubclass(_operation_of(request) or op.Operation, op.Read)
         try:
             message = await self._carry_out_change(request, active)
         except Fault as fault:
@@ -175,7 +175,7 @@ class RequestHandler:
         if active is None:
             active = self._active[number] = ActiveRequest(presence.add_connection(client), self._controller.stops)
             if len(self._active) > MAX_REMEMBERED_REQUESTS:
-                oldest = next((begun for begun, known in self._active.items() if not self._holds(known)), number)
+                oldest = next((begun for begun, known in self._active.items() if not self._has_key(known)), number)
                 presence.mark_closed(self._active.pop(oldest).activity)
         return active
 
@@ -281,7 +281,7 @@ class RequestHandler:
             raise Stopped
         if active.pressed == (request.direction, request.key):
             return f"it is moved {request.direction.label}"
-        if active.pressed is not None and not self._holds(active):  # another rate, after something else has ended it
+        if active.pressed is not None and not self._has_key(active):  # another rate, after something else has ended it
             raise Stopped
         active.pressed = request.direction, request.key
         try:
@@ -294,12 +294,12 @@ class RequestHandler:
     async def _let_go(self, request: requests.ReleaseKeyRequest, active: ActiveRequest) -> str:
         """End the motion that a ``PressKeyRequest`` began, unless another arrow has replaced it. Raises Fault."""
         active.cancelled.set()
-        if active.pressed is not None and self._holds(active):
+        if active.pressed is not None and self._has_key(active):
             by = None if request.lost else active.activity
             await self._controller.perform(op.StopAxis(active.pressed[0].axis), None, by)
         return "let go"
 
-    def _holds(self, active: ActiveRequest) -> bool:
+    def _has_key(self, active: ActiveRequest) -> bool:
         """Whether this request has pressed the newest arrow of its axis."""
         return (
             active.pressed is not None

@@ -51,7 +51,7 @@ class ControlServer(asyncio.DatagramProtocol):
         self._mount, self._carry_out, self._mount_name = mount, carry_out, mount_name
         self._secret = os.urandom(16).hex()
         self._transport: asyncio.DatagramTransport | None = None
-        self._requests: Requests = {}
+        self._tasks: Requests = {}
         self._open_descriptors: list[int] = []
 
     async def open(self) -> None:
@@ -80,15 +80,15 @@ class ControlServer(asyncio.DatagramProtocol):
 
     def datagram_received(self, data: bytes, addr: object) -> None:
         """Begin or continue a request; ignore any other datagram."""
-        opened = exchange.unseal(self._secret, data)
+        opened = exchange.verify(self._secret, data)
         if opened is None or not opened[1].startswith("ask "):
             return
         number, line = opened[0], opened[1].removeprefix("ask ")
-        task = self._requests.get(number)
+        task = self._tasks.get(number)
         if task is None:
-            if len(self._requests) >= MAX_REMEMBERED_REQUESTS and not self._forget():
+            if len(self._tasks) >= MAX_REMEMBERED_REQUESTS and not self._forget():
                 return
-            task = self._requests[number] = asyncio.get_running_loop().create_task(self._answer_request(line))
+            task = self._tasks[number] = asyncio.get_running_loop().create_task(self._answer_request(line))
         elif not task.done():
             self._send(number, exchange.WAIT_REPLY, addr)
             return
@@ -100,10 +100,10 @@ class ControlServer(asyncio.DatagramProtocol):
 
     def _forget(self) -> bool:
         """Forget the oldest request that is done; return False if none is done."""
-        old = next((number for number, task in self._requests.items() if task.done()), None)
+        old = next((number for number, task in self._tasks.items() if task.done()), None)
         if old is None:
             return False
-        del self._requests[old]
+        del self._tasks[old]
         return True
 
     async def _answer_request(self, request_json: str) -> Answer:
@@ -126,7 +126,7 @@ class ControlServer(asyncio.DatagramProtocol):
 
     def _send(self, request_number: str, text: str, addr: Any) -> None:
         if self._transport is not None and not self._transport.is_closing():
-            self._transport.sendto(exchange.seal(self._secret, request_number, text), addr)
+            self._transport.sendto(exchange.sign(self._secret, request_number, text), addr)
 
     async def close(self) -> None:
         """Delete the endpoint files, answer the callers that still wait, and close the port."""
@@ -137,7 +137,7 @@ class ControlServer(asyncio.DatagramProtocol):
             os.close(self._open_descriptors.pop())
         if self._transport is None:
             return
-        waiting = [task for task in self._requests.values() if not task.done()]
+        waiting = [task for task in self._tasks.values() if not task.done()]
         for task in waiting:
             task.cancel()
         if waiting:

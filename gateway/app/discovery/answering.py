@@ -21,7 +21,7 @@ from gateway.protocols.registry import PROTOCOLS
 SKYFI_DISCOVERY_PORT = 4031
 #: The port in SkySafari's default settings.
 SKYSAFARI_PORT = 4030
-_SKYFI_QUESTION = rb"(?i)(skyfi(?::[^?\x00-\x1f]{0,64})?)\?[\r\n\0]*"
+_SKYFI_QUERY = rb"(?i)(skyfi(?::[^?\x00-\x1f]{0,64})?)\?[\r\n\0]*"
 
 
 class DiscoveryAnswers:
@@ -92,9 +92,9 @@ class _SkyFiProtocol(asyncio.DatagramProtocol):
             self._transport.sendto(reply, addr)
 
 
-def skyfi_answer(question: bytes, offers: Sequence[Offer], sender: tuple[str, int]) -> bytes:
+def skyfi_answer(query: bytes, offers: Sequence[Offer], sender: tuple[str, int]) -> bytes:
     """Return the answer to a SkyFi query from ``sender`` (host, port); empty for any other datagram."""
-    match = re.fullmatch(_SKYFI_QUESTION, question)
+    match = re.fullmatch(_SKYFI_QUERY, query)
     able = [offer for offer in offers if offer.reached_by_ipv4]
     if match is None or not able:
         return b""

@@ -137,7 +137,7 @@ class Recorder:
             lines = []
             for entry in entries[start : start + LINES_PER_WRITE]:
                 self._last_time = min(max(self._last_time, entry.time - start_time), end_time)
-                lines.append(_line(self._last_time, entry))
+                lines.append(_line_of(self._last_time, entry))
             try:
                 self._append("".join(lines))
                 full |= self._size >= self._max_bytes and self._next_file()
@@ -174,7 +174,7 @@ class Recorder:
                 os.close(file)
 
 
-def _line(time: float, entry: Entry) -> str:
+def _line_of(time: float, entry: Entry) -> str:
     """Return an entry of the wire log as a line; empty if a recording holds no entries of its kind."""
     side, arrow = entry.side, entry.arrow
     if arrow == "raw":

@@ -80,7 +80,7 @@ def encode(state: SavedState) -> bytes:
     return msgspec.json.format(msgspec.json.encode(state, order="sorted"), indent=2) + b"\n"
 
 
-def _content(path: Path) -> bytes:
+def _read_file(path: Path) -> bytes:
     with open_plain(path) as file:
         return file.read()
 
@@ -88,7 +88,7 @@ def _content(path: Path) -> bytes:
 def read_state(path: Path) -> SavedState:
     """Read a state file; a missing file is an empty state. Raises OSError, and ValueError for an invalid file."""
     try:
-        return msgspec.json.decode(_content(path), type=SavedState)
+        return msgspec.json.decode(_read_file(path), type=SavedState)
     except FileNotFoundError:
         return SavedState(FORMAT_VERSION)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
@@ -98,7 +98,7 @@ def read_state(path: Path) -> SavedState:
 def read_marker(path: Path) -> MarkerContent | None:
     """Read a motion marker; None if there is none. An unreadable marker still counts, as that of an unknown mount."""
     try:
-        return msgspec.json.decode(_content(path), type=MarkerContent)
+        return msgspec.json.decode(_read_file(path), type=MarkerContent)
     except FileNotFoundError:
         return None
     except (OSError, ValueError, RecursionError):  # the library's errors are ValueErrors

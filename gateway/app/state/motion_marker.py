@@ -41,7 +41,7 @@ class MotionMarker:
         *,
         exists: bool = False,
     ) -> None:
-        self.path, self._content, self._busy, self._warn, self._run_in_thread = path, content, busy, warn, in_thread
+        self.path, self._get_content, self._busy, self._warn, self._run_in_thread = path, content, busy, warn, in_thread
         self._wanted_content: bytes | None = b"" if exists else None
         self._written_content = self._wanted_content
         self._quiet_time = 0.0
@@ -53,7 +53,7 @@ class MotionMarker:
     async def before_motion(self) -> None:
         """Write the marker; return once it is written, or after ``WRITE_TIMEOUT`` seconds on a busy disk."""
         marked = self._written_content is not None and self._wanted_content is not None
-        self._request_write(msgspec.json.encode(self._content()))
+        self._request_write(msgspec.json.encode(self._get_content()))
         self._quiet_time = 0.0
         self._watch()
         if not marked and self._write_task is not None:
@@ -62,7 +62,7 @@ class MotionMarker:
     def renew(self) -> None:
         """Update the marker after a change that matters for stopping, for example suspended tracking."""
         if self._wanted_content is not None:
-            self._request_write(msgspec.json.encode(self._content()))
+            self._request_write(msgspec.json.encode(self._get_content()))
 
     def _request_write(self, content: bytes | None) -> None:
         """Write this content, or delete the file (None); writes run one after another, and the last write wins."""

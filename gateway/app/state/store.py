@@ -67,17 +67,17 @@ class StateStore:
         warn: Callable[[str], None],
         in_thread: InThread = run_in_thread,
     ) -> None:
-        self.directory, self.name = state_folder(configured_folder), file.file_name(protocol, where)
-        self.path, self._marker_path = (self.directory / f"{self.name}.{ending}" for ending in ("json", "moving"))
+        self.directory, self.stem = state_folder(configured_folder), file.file_name(protocol, where)
+        self.path, self._marker_path = (self.directory / f"{self.stem}.{ending}" for ending in ("json", "moving"))
         #: Holds the number of the process that owns these files; another number in it means another gateway.
-        self.lock_path = self.directory / f"{self.name}.lock"
+        self.lock_path = self.directory / f"{self.stem}.lock"
         self.has_lock = False
         #: A simulated mount ends with this process: it needs no marker, and a second gateway is no conflict.
         self._simulated = where == "sim"
         self._marker_defaults, self.in_thread = marker_defaults, in_thread
         self._warn, self._has_warned = warn, False
         #: A warning for the user, once this gateway serves, that another gateway has these files; else empty.
-        self.other_gateway = ""
+        self.conflict_text = ""
         #: The process that has the lock instead, as text; empty if none is known to have it.
         self.holder = ""
         self._lock = PidLock(self.lock_path)
@@ -89,10 +89,10 @@ class StateStore:
         self._written_bytes = file.encode(saved)
         self._get_driver_memory: Callable[[bool], Values] = lambda moving: saved.mount
         self._get_sync_sum: Callable[[], SyncSum] = lambda: saved.synced
-        self._get_as_left: Callable[[], MountSnapshot | None] = lambda: saved.left
-        self._site: Callable[[], SiteOfProgram | None] = lambda: saved.site_of_program
+        self._get_snapshot: Callable[[], MountSnapshot | None] = lambda: saved.left
+        self._get_site: Callable[[], SiteOfProgram | None] = lambda: saved.site_of_program
         self._get_motion: Callable[[], Leftover | None] = lambda: None
-        self._host_clock: Callable[[], float] = lambda: 0.0
+        self._get_time: Callable[[], float] = lambda: 0.0
         self._marker: MotionMarker | None = None
         self._has_changes = False
         self._closing = asyncio.Event()
@@ -115,7 +115,7 @@ class StateStore:
         except LockHeld as by:
             self.holder = str(by)
             if not self._simulated:
-                self.other_gateway = (
+                self.conflict_text = (
                     f"another mount-gateway ({by}) runs for this mount and saves its state, in {self.path}"
                 )
         except OSError as error:
@@ -151,9 +151,9 @@ class StateStore:
         self._get_sync_sum = lambda: controller.synced.value
         restore(controller, self.previous_run)
         self._get_motion = controller.identification.leftover_motion
-        self._host_clock = controller.site_clock.computer_time
-        self._site = controller.site_clock.site_to_store
-        self._get_as_left = lambda: controller.same_mount.snapshot
+        self._get_time = controller.site_clock.computer_time
+        self._get_site = controller.site_clock.site_to_store
+        self._get_snapshot = lambda: controller.same_mount.snapshot
         for lasting in (controller.changed, controller.site_clock.lasting, controller.same_mount.lasting):
             lasting.connect(lambda _: self.save_soon())
         controller.hold.is_on = file.is_held(self.directory)
@@ -172,7 +172,7 @@ class StateStore:
                 self._warn(f"{self._marker_defaults.mount}: {why}: {what} stopped first")
             self._marker = MotionMarker(
                 self._marker_path,
-                self._content,
+                self._get_marker,
                 lambda: controller.reconciler.busy,
                 self._warn_once,
                 self.in_thread,
@@ -184,9 +184,9 @@ class StateStore:
         if self._marker is not None:
             await self._marker.before_motion()
 
-    def _content(self) -> MarkerContent:
+    def _get_marker(self) -> MarkerContent:
         base, motion = self._marker_defaults, self._get_motion()
-        at = 0.0 if motion is None else self._host_clock()  # guide pulses must not write the marker again and again
+        at = 0.0 if motion is None else self._get_time()  # guide pulses must not write the marker again and again
         return MarkerContent(base.mount, base.baud, self._get_driver_memory(True), at, motion)
 
     # --- saving -----------------------------------------------------------------------------------------------------
@@ -212,7 +212,7 @@ class StateStore:
 
     async def _write(self) -> bool:
         """Write the state if it differs from the file; return whether it did."""
-        values = self._get_driver_memory(False), self._get_sync_sum(), self._site(), self._get_as_left()
+        values = self._get_driver_memory(False), self._get_sync_sum(), self._get_site(), self._get_snapshot()
         data = file.encode(file.from_shared(self.shared.settings, *values))
         if data == self._written_bytes:
             return False

@@ -35,14 +35,14 @@ class GuardedMount:
 
     def __init__(self, title: str, lock_path: str, descriptor: int) -> None:
         self.title, self.lock_path, self.descriptor = title, lock_path, descriptor
-        self.holder = read(lock_path)
+        self.holder = read_file(lock_path)
         self.stop_commands: list[bytes] = []
         #: Whether its only motion is a goto on a path that was checked against the limits.
         self.path_is_clear = False
 
     def taken_over(self) -> bool:
         """Whether another gateway has taken this mount."""
-        return read(self.lock_path) != self.holder
+        return read_file(self.lock_path) != self.holder
 
     def send(self, command: bytes) -> None:
         """Write a command, unless the line is lost or its buffer is full."""
@@ -111,7 +111,7 @@ class ServedMount(GuardedMount):
             connection.close()
 
 
-def read(path: str) -> bytes:
+def read_file(path: str) -> bytes:
     """Return the first 100 bytes of a file; empty if it cannot be read. A lock file names its holder there."""
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
@@ -127,7 +127,7 @@ def read(path: str) -> bytes:
 
 def cpu_wait(pid: str) -> float:
     """Return the seconds for which a process has waited for a processor; NaN if the system does not say (not Linux)."""
-    columns = read(f"/proc/{pid}/schedstat").split()
+    columns = read_file(f"/proc/{pid}/schedstat").split()
     return int(columns[1]) / 1e9 if len(columns) == 3 else float("nan")
 
 
@@ -135,7 +135,7 @@ class Watch:
     """Watches a gateway by its messages; stops its moving mounts if it dies or hangs."""
 
     def __init__(self, connection: _socket.socket, gateway_pid: str) -> None:
-        self.connection, self.gateway = connection, gateway_pid
+        self.connection, self.gw_pid = connection, gateway_pid
         self.mounts: dict[str, GuardedMount] = {}
         self.last_heard = 0.0
         #: Seconds that the gateway had waited for a processor at its last message; seconds of silence now tolerated.
@@ -161,12 +161,12 @@ class Watch:
 
     def restart_silence(self) -> None:
         """Measure the silence of the gateway from now on, because it has just sent something."""
-        self.last_heard, self._cpu_wait, self._timeout = time.monotonic(), cpu_wait(self.gateway), MAX_SILENCE
+        self.last_heard, self._cpu_wait, self._timeout = time.monotonic(), cpu_wait(self.gw_pid), MAX_SILENCE
 
     def starved(self) -> bool:
         """Whether the gateway may be silent for longer, because it has been waiting for a processor."""
         silence = time.monotonic() - self.last_heard
-        return silence < MAX_STARVED_SILENCE and cpu_wait(self.gateway) - self._cpu_wait >= MIN_WAITING_TIME * silence
+        return silence < MAX_STARVED_SILENCE and cpu_wait(self.gw_pid) - self._cpu_wait >= MIN_WAITING_TIME * silence
 
     def listen(self) -> bool:
         """Read the gateway's messages; return whether it still runs."""
@@ -243,7 +243,7 @@ class Watch:
         """Write one line for each mount to the gateway's stderr, if it is still open."""
         for mount in mounts:
             text = (
-                f"mount-gateway watchdog: the gateway (process {self.gateway}) {reason} while {mount.title} moved; "
+                f"mount-gateway watchdog: the gateway (process {self.gw_pid}) {reason} while {mount.title} moved; "
                 "stopping the mount.\n"
             )
             try:

@@ -48,10 +48,10 @@ def look_up(catalog: str, number: int) -> CatalogObject | None:
     if catalog == "M":
         catalog, number = _REPLACEMENTS.get(number, (catalog, number))
     if catalog == "M":
-        rows = _rows("messier = ? AND type != 'Dup' OR name = ?", f"{number:03d}", f"M{number:03d}")
+        rows = _select("messier = ? AND type != 'Dup' OR name = ?", f"{number:03d}", f"M{number:03d}")
     else:
         name = _IDENTIFIER_FORMATS[catalog] % number
-        rows = _rows("name = (SELECT name FROM objIdentifiers WHERE identifier = ?)", name)
+        rows = _select("name = (SELECT name FROM objIdentifiers WHERE identifier = ?)", name)
     if not rows:
         return None
     row = rows[0]
@@ -62,16 +62,16 @@ def look_up(catalog: str, number: int) -> CatalogObject | None:
 
 def object_by_row(row: int) -> CatalogObject:
     """Return the object of a database row. Raises NotInstalled."""
-    return _object_from_row(_rows("id = ?", row)[0])
+    return _object_from_row(_select("id = ?", row)[0])
 
 
 def _original_of_duplicate(name: str) -> tuple[object, ...] | None:
     """Return the row of the object that a duplicate record refers to."""
-    numbers = _rows("name = ?", name, columns="ngc, ic, messier")[0]
+    numbers = _select("name = ?", name, columns="ngc, ic, messier")[0]
     for template, number in zip(("NGC{}", "IC{}"), numbers, strict=False):
         if number:
-            return next(iter(_rows("name = ?", template.format(number))), None)
-    return next(iter(_rows("messier = ? AND type != 'Dup'", numbers[2])), None)
+            return next(iter(_select("name = ?", template.format(number))), None)
+    return next(iter(_select("messier = ? AND type != 'Dup'", numbers[2])), None)
 
 
 def _object_from_row(row: tuple[Any, ...], name: str | None = None) -> CatalogObject:
@@ -86,7 +86,7 @@ def _object_from_row(row: tuple[Any, ...], name: str | None = None) -> CatalogOb
     )
 
 
-def _rows(where: str, *values: Any, columns: str = _COLUMNS) -> list[tuple[Any, ...]]:
+def _select(where: str, *values: Any, columns: str = _COLUMNS) -> list[tuple[Any, ...]]:
     import sqlite3  # takes 10 ms, and most gateways never need it
 
     path = data_file("pyongc", "ongc.db")
@@ -106,13 +106,13 @@ def matching(limits: SearchLimits) -> list[Candidate]:
 def _matching(_: Path, limits: SearchLimits) -> list[Candidate]:
     types = [name for name, kinds in _KIND_LETTERS.items() if set(kinds) & set(limits.kinds)]
     least = QUALITIES.index(limits.quality)
-    faintest = min(limits.faintest, MAG_LIMITS[least]) if least < len(MAG_LIMITS) else limits.faintest
+    faintest = min(limits.max_mag, MAG_LIMITS[least]) if least < len(MAG_LIMITS) else limits.max_mag
     judged = ", coalesce(vmag, bmag), majax, minax" if least < len(MAG_LIMITS) else ""
-    rows = _rows(
+    rows = _select(
         f"type IN ({', '.join('?' * len(types))}) AND ra IS NOT NULL "
         f"AND coalesce(vmag, bmag, {_UNMEASURED_MAGNITUDE}) BETWEEN ? AND ? AND coalesce(majax, 0) BETWEEN ? AND ? "
         "ORDER BY CAST(right / 15.0 AS INTEGER), up DESC, id",
-        *types, limits.brightest, faintest, limits.smallest, limits.largest, columns=_CANDIDATE_COLUMNS + judged,
+        *types, limits.min_mag, faintest, limits.min_size, limits.max_size, columns=_CANDIDATE_COLUMNS + judged,
     )  # fmt: skip
     if judged:
         rows = [row[:3] for row in rows if QUALITIES.index(quality(*row[3:])) <= least]

@@ -60,10 +60,10 @@ class CatalogObject(Struct, frozen=True):
 class SearchLimits(Struct, frozen=True):
     """The limits of a search: magnitudes, sizes in arcminutes, kind letters, and the worst quality."""
 
-    brightest: float
-    faintest: float
-    smallest: float  # arcminutes
-    largest: float
+    min_mag: float
+    max_mag: float
+    min_size: float  # arcminutes
+    max_size: float
     kinds: str
     quality: str
 

@@ -59,7 +59,7 @@ def _run_detect(arguments: argparse.Namespace) -> int:
     import json
 
     from gateway.diagnostics.detect.ports import local_ports, parse_port
-    from gateway.diagnostics.detect.report import describe_port, next_steps, port_values, toml
+    from gateway.diagnostics.detect.report import as_toml, describe_port, next_steps, port_values
     from gateway.diagnostics.detect.scan_port import ask_servers, examine_ports
 
     if arguments.write is not None and not arguments.force and arguments.write.exists():
@@ -92,7 +92,7 @@ def _run_detect(arguments: argparse.Namespace) -> int:
         print("\n\n".join(map(describe_port, findings)))
     mounts = [finding for finding in findings if finding.mount]
     if arguments.toml and not arguments.json:
-        print("", *(toml(finding, arguments.network) for finding in mounts), sep="\n", end="")
+        print("", *(as_toml(finding, arguments.network) for finding in mounts), sep="\n", end="")
     if mounts and arguments.write is not None:
         _write_config(arguments.write, mounts, arguments.force, arguments.network)
     _print_next_steps(next_steps(findings), arguments.json)
@@ -115,12 +115,12 @@ def _print_next_steps(steps: list[str], prints_json: bool) -> None:
 
 def _write_config(path: Path, mounts: list[PortFinding], force: bool, allows_network: bool) -> None:
     """Write a gateway.toml for the mount that was found. Raises UserError if several were found."""
-    from gateway.diagnostics.detect.report import toml
+    from gateway.diagnostics.detect.report import as_toml
 
     if len(mounts) > 1:
         names = " and ".join(finding.port.url for finding in mounts)
         raise UserError(f"--write {path}: there are mounts on {names}; name one of them")
-    write_atomically(path, toml(mounts[0], allows_network), force)
+    write_atomically(path, as_toml(mounts[0], allows_network), force)
     only_here = "this computer only; --network lets phones and other computers in"
     who = "phones and other computers, too" if allows_network else only_here
     print(f"wrote {path}, for programs on {who}\nstart it: mount-gateway run {path}", file=sys.stderr)

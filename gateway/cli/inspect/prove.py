@@ -167,7 +167,7 @@ def add_prove(commands: Commands) -> None:
 
 def _run_prove(arguments: argparse.Namespace) -> int:
     from gateway.app.config import parse_endpoint
-    from gateway.app.config.showing import toml
+    from gateway.app.config.showing import to_toml
     from gateway.app.state.mount_claim import MountTaken
     from gateway.cli.serve.serving import make_watchdog, run_on_loop, serve_mounts
     from gateway.diagnostics.prove.findings import load, save, write_proof_file
@@ -204,7 +204,7 @@ def _run_prove(arguments: argparse.Namespace) -> int:
             "type this command again"
         ) from None
     if (findings := load(findings_file)).stages:
-        for line in summary(findings):
+        for line in summarize(findings):
             terminal.say(line)
         path = write_proof_file(folder, findings, simulated=parse_endpoint(mount.at).where == "sim")
         terminal.say(f"Wrote {path}: verdicts and measured values, no place and no time.")
@@ -212,7 +212,7 @@ def _run_prove(arguments: argparse.Namespace) -> int:
     if over and findings.config_keys:
         terminal.say("These lines under [mount] of gateway.toml adapt the gateway to it:")
         for key, value in findings.config_keys.items():
-            terminal.say(f"{key} = {toml(value)}")
+            terminal.say(f"{key} = {to_toml(value)}")
     return code
 
 
@@ -229,7 +229,7 @@ def config_for_check(config: Config) -> Config:
     return replace(config, mount=[mount], status=False, log=False, wait=False)
 
 
-def summary(findings: Findings) -> Iterator[str]:
+def summarize(findings: Findings) -> Iterator[str]:
     """Yield a line with the number of findings for each verdict, then a line for each that differs or is missing."""
     from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME
     from gateway.diagnostics.prove.guide import STAGES

@@ -16,7 +16,7 @@ from gateway.cli.serve.live import Screen
 from gateway.clients.access import AccessRules
 from gateway.core.errors import UserError
 from gateway.protocols.registry import ANY, PROTOCOLS
-from gateway.transport.listening import WEB_SERVED, split_address
+from gateway.transport.listening import WEB_ADDRESS, split_address
 from gateway.transport.web_server import WebServer
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def http_surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
         return []
     allow, looks = (None, False) if page is None else (page.allow, page.read_only if page.pin is None else True)
     return [
-        SurfaceConfig(at=f"{name}@{WEB_SERVED}", mount=mount.name, allow=allow, read_only=looks)
+        SurfaceConfig(at=f"{name}@{WEB_ADDRESS}", mount=mount.name, allow=allow, read_only=looks)
         for name, spec in PROTOCOLS.items()
         if spec.web is not None
     ]

@@ -9,7 +9,7 @@ import socket
 import sys
 
 from gateway.app.config import Source, make_config
-from gateway.app.config.describing import keys
+from gateway.app.config.describing import keys_of
 from gateway.app.config.source import Place
 from gateway.cli.command_line import Commands
 from gateway.cli.serve.serving import run_on_loop, serve_mounts
@@ -58,7 +58,7 @@ def add_demo(commands: Commands) -> None:
     )
     demo.add_argument("--reverse", action="store_true", help="the other way: NexStar programs on a simulated Meade")
     demo.add_argument("--speed", type=float, default=4.0, help="slews this many times faster than real (default 4)")
-    for key in keys(""):
+    for key in keys_of(""):
         if key.name in DEMO_KEYS:
             add_flag(demo, key)
     add_table_flags(demo, "console")

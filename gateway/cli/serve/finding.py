@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 #: Timeouts in seconds: for the first bytes (a hand control's worst case), from then on for the first valid reply, and
 #: for the identification of the mount.
-REPLY_WAIT, VALID_WAIT, MODEL_WAIT = 4.0, 10.0, 20.0
+REPLY_WAIT, VALID_REPLY_WAIT, MODEL_WAIT = 4.0, 10.0, 20.0
 #: Seconds from the start until a silent port is given up: some hand controls take 25 s to start.
 SEARCH_TIMEOUT = 40.0
 #: Seconds after which programs may use a mount that reports its position but is not identified yet: if the user has
@@ -73,7 +73,7 @@ async def _wait_for_mount(gateway: Gateway, warn: Callable[[str], None], retry_w
             if heard is None
             else MODEL_WAIT
             if line.times.reply_count
-            else VALID_WAIT
+            else VALID_REPLY_WAIT
         )
         if line.open_error or now() > (heard or began) + hope:
             break

@@ -210,12 +210,12 @@ async def serve_mounts(
 
 
 async def _say_new_addresses(
-    phone: PhoneInstructions, reached: Callable[[], list[Offer]], say: Callable[[str], None]
+    phone: PhoneInstructions, get_offers: Callable[[], list[Offer]], say: Callable[[str], None]
 ) -> None:
     """Print the addresses for a phone whenever they change, for example when the Wi-Fi connects after the start."""
     while True:
         await asyncio.sleep(ADDRESS_CHECK_PERIOD)
-        for line in phone.new_lines(reached()):
+        for line in phone.new_lines(get_offers()):
             say(line)
 
 

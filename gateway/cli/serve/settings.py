@@ -16,7 +16,7 @@ from typing import Any
 import msgspec
 
 from gateway.app.config import Config, Source, make_config, read_tables
-from gateway.app.config.describing import Key, keys
+from gateway.app.config.describing import Key, keys_of
 from gateway.app.config.endpoints import parse_site
 from gateway.app.config.keys import OFF
 from gateway.app.config.tables import TABLES
@@ -61,8 +61,8 @@ DEFAULT_FILE = Path("gateway.toml")
 
 def surface_keys() -> list[Key]:
     """Return the keys of a surface that have flags: those whose names no other table uses for flags."""
-    others = {key.name for key in (*keys("mount"), *keys(""))} | {"mount"}
-    return [key for key in keys("surface") if key.name not in others]
+    others = {key.name for key in (*keys_of("mount"), *keys_of(""))} | {"mount"}
+    return [key for key in keys_of("surface") if key.name not in others]
 
 
 def add_setting_flags(parser: argparse.ArgumentParser) -> list[argparse.Action]:
@@ -94,14 +94,14 @@ def add_setting_flags(parser: argparse.ArgumentParser) -> list[argparse.Action]:
     )
     parser.add_argument("file", nargs="?", type=Path, metavar="FILE", help=argparse.SUPPRESS)
     groups = {title: parser.add_argument_group(title) for title in (MOUNT_GROUP, SURFACE_GROUP_TITLE, *FLAG_GROUPS)}
-    for key in (*keys("mount"), *keys("")):
+    for key in (*keys_of("mount"), *keys_of("")):
         group = groups[next((title for title, names in FLAG_GROUPS.items() if key.name in names), MOUNT_GROUP)]
         add_flag(group, key)
     for key in surface_keys():
         add_flag(groups[SURFACE_GROUP_TITLE], key)
     for table in TABLE_FLAGS:
         add_table_flags(parser, table)
-    common = {key.name.replace("-", "_") for table in TABLES for key in keys(table) if key.in_short_help}
+    common = {key.name.replace("-", "_") for table in TABLES for key in keys_of(table) if key.in_short_help}
     common |= {*before, "mount", "surface", "config", "file", "console"}
     return [action for action in parser._actions if action.dest not in common]
 
@@ -109,7 +109,7 @@ def add_setting_flags(parser: argparse.ArgumentParser) -> list[argparse.Action]:
 def add_table_flags(parser: argparse.ArgumentParser, table: str) -> None:
     """Add the flags of a table of ``TABLE_FLAGS``."""
     about, flags = TABLE_FLAGS[table]
-    group, known = parser.add_argument_group(about), {key.name: key for key in keys(table)}
+    group, known = parser.add_argument_group(about), {key.name: key for key in keys_of(table)}
     for flag, name in flags.items():
         group.add_argument(f"--{flag}", metavar=known[name].metavar, help=known[name].help)
     if table == "console":
@@ -222,7 +222,7 @@ def _given_values(arguments: argparse.Namespace, known_keys: Iterable[Key]) -> d
 
 
 def _put_flags(arguments: argparse.Namespace, tables: dict[str, object], source: Source) -> None:
-    given = _given_values(arguments, [key for key in keys("mount") if key.has_flag])
+    given = _given_values(arguments, [key for key in keys_of("mount") if key.has_flag])
     mounts = tables.get("mount", [{}])
     several = isinstance(mounts, list) and len(mounts) > 1
     if several and (given or arguments.mount or arguments.surface):
@@ -239,7 +239,7 @@ def _put_flags(arguments: argparse.Namespace, tables: dict[str, object], source:
     _put_surface_flags(arguments, tables, source)
     for table in TABLE_FLAGS:
         put_table_flags(arguments, table, tables, source)
-    for key in keys(""):
+    for key in keys_of(""):
         value = getattr(arguments, key.name)
         if value is not None:
             tables[key.name] = value

@@ -140,7 +140,7 @@ def _run_sim(arguments: argparse.Namespace) -> int:
 
 
 async def _serve(
-    simulator: Simulated, name: str, addresses: list[str], latency: float, baud: int | None, truth_path: str | None
+    simulator: Simulated, model: str, addresses: list[str], latency: float, baud: int | None, truth_path: str | None
 ) -> int:
     from gateway.app.discovery.offer import network_offers
     from gateway.app.simulated import serve_simulator
@@ -149,8 +149,8 @@ async def _serve(
     file = None if truth_path is None else _open_truth_file(truth_path)
     ports = await serve_simulator(simulator, addresses, latency, baud)
     for port in ports:
-        streams.print_line(f"ready {name}@{port.address}")
-    end = await _answer_discovery(network_offers(f"{name}@{port.address}" for port in ports))
+        streams.print_line(f"ready {model}@{port.address}")
+    end = await _answer_discovery(network_offers(f"{model}@{port.address}" for port in ports))
     try:
         if file is None:
             await done.wait()

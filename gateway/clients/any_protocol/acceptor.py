@@ -29,7 +29,7 @@ class AnyProtocolConnection:
     """A connection to a port for every protocol; it recognises the client's one. ``closed`` is called when it ends."""
 
     def __init__(self, port: AnyProtocolAcceptor, connected: NewConnection, closed: Callable[[], None]) -> None:
-        self._acceptors, self._web, self._controller, self._closed = port.acceptors, port.web, port.controller, closed
+        self._acceptors, self._web, self._controller, self._closed = (port.acceptors, port.web, port.controller, closed)
         self._connection, self.host = connected, connected.host
         #: The handler that answers this connection, and its protocol; both may change until the protocol is confirmed.
         self._handler: ConnectionHandler | None = None

@@ -127,7 +127,7 @@ class CommandProcessor:
 
     def __init__(
         self,
-        connected: NewConnection,
+        peer: NewConnection,
         controller: MountController,
         binding: SurfaceBinding,
         session: Session,
@@ -137,8 +137,8 @@ class CommandProcessor:
         self.activity = activity
         self.controller, self.surface, self.session = controller, binding.surface, session
         self._wanted_state = controller.wanted
-        self.framer, self.write = binding.make_framer(), connected.write
-        self.log = ClientLog(connected.name, controller.wire_log)
+        self.framer, self.write = binding.make_framer(), peer.write
+        self.log = ClientLog(peer.name, controller.wire_log)
         self._inbox = Inbox(self.log)
         self.arrow_releases = ArrowReleases(controller, binding.surface, self._inbox, binding.releases_by_stop)
         self.command_runner = CommandRunner(controller, binding, session, activity, self.log, rights)
@@ -153,9 +153,9 @@ class CommandProcessor:
         #: Whether the next byte begins a command.
         self._between_commands = True
         #: The end of the last reply, which some programs on a network do not read.
-        self.unread_text = UnreadText(self._send, self.log, controller.loop, binding.hold if connected.hang_up else 0.0)
+        self.unread_text = UnreadText(self._send, self.log, controller.loop, binding.hold_time if peer.hang_up else 0.0)
         #: Changes the baud rate; None if the connection is no serial port.
-        self._baud_trial = None if connected.change_baud is None else BaudTrial(connected.change_baud)
+        self._baud_trial = None if peer.change_baud is None else BaudTrial(peer.change_baud)
         subscriptions, unsent = self.surface.subscriptions(session), lambda: self.write(b"") or 0
         self._pusher = Pusher(subscriptions, self.command_runner.read_for_client, self._send, unsent, controller.spawn)
 

@@ -117,11 +117,11 @@ class Inbox(deque[PendingCommand]):
             waiting[-1].press_duration = now - waiting[-1].arrived_at
         return True
 
-    def cancel(self, frames: frozenset[bytes], by: bytes) -> None:
-        """Remove the waiting commands ``frames``, which would begin the motion that the command ``by`` ends."""
+    def cancel(self, frames: frozenset[bytes], cause: bytes) -> None:
+        """Remove the waiting commands ``frames``, which would begin the motion that the command ``cause`` ends."""
         for pending in [pending for pending in self if pending.frame in frames]:
             self.remove(pending)
-            self._log.put("x", pending.frame, f"cancelled by {by!r}, which arrived before its turn")
+            self._log.put("x", pending.frame, f"cancelled by {cause!r}, which arrived before its turn")
 
 
 #: The kinds of readings of which a reply is made.
@@ -267,7 +267,7 @@ class CommandRunner:
             try:
                 patience = pending.arrived_at + START_TIMEOUT - self._controller.now() if self._surface.replies else inf
                 value = await self._controller.perform(
-                    self._to_of_date(operation), pending.stop_count, self._activity, patience, pending.arrived_at
+                    self._to_jnow(operation), pending.stop_count, self._activity, patience, pending.arrived_at
                 )
                 answer = self._to_client_equinox(operation, value)
             except Fault as error:
@@ -289,7 +289,7 @@ class CommandRunner:
             return
         pending.has_ended_motion = isinstance(operation, op.StopAxis | op.AbortSlew)
         if pending.ending is None or operation != pending.ending.operation:
-            self.background.start(self._to_of_date(operation), pending.stop_count, pending.arrived_at)
+            self.background.start(self._to_jnow(operation), pending.stop_count, pending.arrived_at)
         if pending.press_duration is not None and isinstance(operation, op.Move | op.MoveAxis):
             self.background.start(
                 op.StopAxis(operation.axis), pending.stop_count, pending.arrived_at + pending.press_duration
@@ -338,10 +338,10 @@ class CommandRunner:
 
     async def read_for_client(self, operation: op.Operation) -> object:
         """Return a reading in the client's equinox, for a subscription. Raises Fault."""
-        value: object = await self._controller.answer(self._to_of_date(operation), self._activity)
+        value: object = await self._controller.answer(self._to_jnow(operation), self._activity)
         return value if self.equinox_converter is None else self.equinox_converter.to_client(operation, value)
 
-    def _to_of_date(self, operation: op.Operation) -> op.Operation:
+    def _to_jnow(self, operation: op.Operation) -> op.Operation:
         return operation if self.equinox_converter is None else self.equinox_converter.to_equinox_of_date(operation)
 
     # --- deferred commands -------------------------------------------------------------------------------------------

@@ -197,7 +197,7 @@ class Publisher:
             raise ConnectionError("the page has nothing to show")
         await asyncio.shield(self._next_message)
 
-    def count_listeners(self, change: int) -> None:
+    def change_listeners(self, change: int) -> None:
         """Count one more (1) or one less (-1) page that shows the conversation."""
         self._listener_count += change
         for mount in self.mounts:

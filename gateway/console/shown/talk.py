@@ -33,9 +33,9 @@ class ConversationView:
         self._cause_command_number: int | None = None
         #: Name in the log -> surface of this connection; empty if it is no connection, or has closed.
         self._surfaces: dict[str, str] = {}
-        self._rows = self._new_rows()
+        self._builder = self._new_builder()
 
-    def _new_rows(self) -> RowBuilder:
+    def _new_builder(self) -> RowBuilder:
         surfaces = [str(endpoint) for endpoint in self._gateway.endpoints]
         return RowBuilder(self._gateway.mount.protocol, surfaces)
 
@@ -45,11 +45,11 @@ class ConversationView:
             return
         self._is_listening, wire_log = on, self._gateway.wire_log
         if on:
-            self._rows, self._unanswered, self._cause_command_number = self._new_rows(), {}, None
+            self._builder, self._unanswered, self._cause_command_number = self._new_builder(), {}, None
             self._surfaces = surface_by_connection(self._gateway)
             for side, surface in self._surfaces.items():
                 if (protocol := protocol_and_model(surface).partition(":")[0]) != ANY:
-                    self._rows.set_protocol(side, protocol)
+                    self._builder.set_protocol(side, protocol)
             wire_log.sinks.append(self._entries.append)
         else:
             self._entries.clear()
@@ -60,7 +60,7 @@ class ConversationView:
         while self._entries:
             entry = self._entries.popleft()
             pair, surface = self._command_number(entry), protocol_and_model(self._surface(entry))
-            for row in self._rows.take(entry):
+            for row in self._builder.take(entry):
                 yield {  # bytes as printable text, which the page shows as text, never as markup
                     "mount": self._index, "time": round(row.time, 3), "side": printable(row.side.encode()),
                     "arrow": row.arrow, "data": printable(row.data), "words": row.text, "kind": row.kind, "pair": pair,

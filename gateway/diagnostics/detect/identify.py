@@ -29,12 +29,12 @@ IDENTIFY_TIMEOUT = 20.0
 #: The timeout of a query that some mounts do not answer: this factor times the longest reply time so far, but at least
 #: this many seconds. A telescope that answers in 30 ms does not need the 1.5 s that an unknown device gets.
 TIMEOUT_FACTOR, MIN_TIMEOUT = 4.0, 0.6
-SITE_QUESTION, STATUS_QUESTION = "site", "alignment and tracking"
+SITE_QUERY, STATUS_QUERY = "site", "alignment and tracking"
 #: The queries to an identified mount: name in the report, operation. None of them moves or changes anything.
-QUESTIONS: tuple[tuple[str, op.Operation[object]], ...] = (
+QUERIES: tuple[tuple[str, op.Operation[object]], ...] = (
     ("coordinates", op.Position()),
-    (STATUS_QUESTION, op.GetStatus()),
-    (SITE_QUESTION, op.GetSite()),
+    (STATUS_QUERY, op.GetStatus()),
+    (SITE_QUERY, op.GetSite()),
     ("clock", op.GetClock()),
 )
 
@@ -97,7 +97,7 @@ async def identify(
             identity: op.Identity = await talk.perform(op.GetIdentity())
             answers: dict[str, str] = {}
             fields: dict[str, object] = {}
-            for name, operation in QUESTIONS:
+            for name, operation in QUERIES:
                 talk.answered_commands.clear()
                 fields[name] = await _answer_or_none(talk, operation)
                 answers[name] = _format_commands(driver, talk.answered_commands) if fields[name] is not None else ""
@@ -106,7 +106,7 @@ async def identify(
         raise NoAnswer from None
     finally:
         await line.close()
-    status = fields[STATUS_QUESTION]
+    status = fields[STATUS_QUERY]
     return FoundMount(
         protocol=protocol,
         product=identity.product,
@@ -118,7 +118,7 @@ async def identify(
         aligned=status.aligned if isinstance(status, op.Status) else None,
         equatorial=status.equatorial if isinstance(status, op.Status) else None,
         reports_model=identity.model in driver.protocol.models,
-        reports_site=driver.gps or bool(answers[SITE_QUESTION]),
+        reports_site=driver.gps or bool(answers[SITE_QUERY]),
         answered_commands=answers,
     )
 

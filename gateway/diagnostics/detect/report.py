@@ -1,4 +1,4 @@
-"""Present examined ports as text, as values for JSON, and as the command line and ``gateway.toml`` of a gateway.
+"""Present examined ports as text, as values for JSON, and as the command line and ``gateway.as_toml`` of a gateway.
 
 If no mount was found, the suggested next steps depend on the states of the ports.
 """
@@ -133,7 +133,7 @@ def hints(mount: FoundMount) -> list[str]:
     return parts
 
 
-def endpoint(finding: PortFinding) -> str:
+def endpoint_of(finding: PortFinding) -> str:
     """Return the mount's endpoint; it names the model if the user did, or if the mount cannot report its version."""
     mount, place = finding.mount, finding.port
     assert mount is not None
@@ -152,18 +152,18 @@ def surface_endpoint(mount: FoundMount, network: bool) -> str:
 def start_command(finding: PortFinding, network: bool = False) -> str:
     """Return the command line that starts a gateway with this mount."""
     assert finding.mount is not None
-    argv = ["mount-gateway", "run", "--mount", endpoint(finding)]
+    argv = ["mount-gateway", "run", "--mount", endpoint_of(finding)]
     if finding.baud not in (None, DEFAULT_BAUD):
         argv += ["--baud", str(finding.baud)]
     return shlex.join([*argv, "--surface", surface_endpoint(finding.mount, network)])
 
 
-def toml(finding: PortFinding, network: bool = False) -> str:
-    """Return a ``gateway.toml`` that is equivalent to the command line."""
+def as_toml(finding: PortFinding, network: bool = False) -> str:
+    """Return a ``gateway.as_toml`` that is equivalent to the command line."""
     mount = finding.mount
     assert mount is not None
     who = f"# {mount.product} {mount.version}".removesuffix(f" {UNREPORTED_VERSION}")
-    rows = [who, "[mount]", f"at = {json.dumps(endpoint(finding))}"]
+    rows = [who, "[mount]", f"at = {json.dumps(endpoint_of(finding))}"]
     if finding.baud:
         rows.append(f"baud = {finding.baud}")
     if mount.equinox == "j2000" and not _by_model(mount):
@@ -207,8 +207,8 @@ def port_values(finding: PortFinding, network: bool = False) -> dict[str, object
             "model": mount.model if mount.reports_model else None, "motors": list(mount.motor_versions),
             "aligned": mount.aligned, "equatorial": mount.equatorial, "equinox": mount.equinox,
             "latency": round(mount.latency, 4), "answers": mount.answered_commands,
-            "endpoint": endpoint(finding), "run": start_command(finding),
-            "run_network": start_command(finding, network=True), "toml": toml(finding, network),
+            "endpoint": endpoint_of(finding), "run": start_command(finding),
+            "run_network": start_command(finding, network=True), "toml": as_toml(finding, network),
         }  # fmt: skip
     return known
 

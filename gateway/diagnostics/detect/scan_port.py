@@ -1,7 +1,7 @@
 """Examine a port, from opening to closing; all ports are examined at the same time.
 
 9600 baud comes first. Other rates are tried only if nothing was received at 9600, or if the bytes may have been sent at
-another rate. An unknown device is queried in an order in which no query can do harm (``questions``). The first query
+another rate. An unknown device is queried in an order in which no query can do harm (``probes_for``). The first query
 waits for silence: an unfinished command of another program must time out first, and a device that sends unasked is no
 mount.
 """
@@ -61,7 +61,7 @@ AT_9600 = ProbeTimes(required_silence=1.05, silence_timeout=2.5, query_interval=
 AT_OTHERS = ProbeTimes(required_silence=0.3, silence_timeout=1.5, query_interval=0.3, answer_timeout=1.05)
 
 
-def questions(protocol: str | None) -> list[Probe]:
+def probes_for(protocol: str | None) -> list[Probe]:
     """Return the queries that may be sent, in order.
 
     First comes ``Kx``, which a hand control echoes as ``x#`` and an LX200 ignores. Then come ``#`` and the single byte
@@ -87,7 +87,7 @@ async def probe(listener: PortListener, times: ProbeTimes, protocol: str | None 
     if not await _wait_for_silence(listener, times):
         return PortVerdict.GPS if has_nmea_sentence(listener.received) else PortVerdict.TALKER
     listener.discard_received()
-    asked = questions(protocol)
+    asked = probes_for(protocol)
     waits = [times.query_interval] * (len(asked) - 1)
     waits.append(times.answer_timeout - sum(waits))
     for question, seconds in zip(asked, waits, strict=True):
@@ -110,19 +110,19 @@ async def listen_for_gps(listener: PortListener, seconds: float) -> str:
     )
 
 
-def _judge_received(listener: PortListener, question: Probe) -> str | None:
-    return judge(listener.received, listener.quiet_seconds, question)
+def _judge_received(listener: PortListener, query: Probe) -> str | None:
+    return judge(listener.received, listener.quiet_seconds, query)
 
 
-def judge(received: bytes, quiet_seconds: float, question: Probe) -> str | None:
+def judge(received: bytes, quiet_seconds: float, query: Probe) -> str | None:
     """Return the verdict on the bytes received after a query; None while they are ambiguous.
 
     ``quiet_seconds`` is the time since the last byte. Late answers to earlier queries are recognised, too.
     """
-    before = [asked for spec in PROTOCOLS.values() for asked in spec.questions if asked.rank < question.rank]
-    if received.startswith((question.request, *(asked.request for asked in before if asked.slow))):
+    before = [asked for spec in PROTOCOLS.values() for asked in spec.questions if asked.rank < query.rank]
+    if received.startswith((query.request, *(asked.request for asked in before if asked.slow))):
         return PortVerdict.ECHO
-    for asked in (*(asked for asked in before if asked.slow), question):
+    for asked in (*(asked for asked in before if asked.slow), query):
         if (said := asked.judge(received, quiet_seconds)) is not None:
             return said
     return None

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from gateway.app.bindings import framer_and_replies
+from gateway.app.bindings import framer_and_parser
 from gateway.core.errors import Fault, Refused
 from gateway.diagnostics.log.words import constant_values, format_fields
 from gateway.protocols.base.driver import Send
@@ -50,7 +50,7 @@ class ConnectionDecoder:
     """Decodes one connection (a client's or the mount's), and remembers commands that are still unanswered."""
 
     def __init__(self, protocol: str, model: str | None = None) -> None:
-        framing, self._reply_rules = framer_and_replies(protocol, model)
+        framing, self._reply_rules = framer_and_parser(protocol, model)
         self.protocol, self._framer = protocol, framing()
         self._due: deque[Send] = deque(maxlen=MAX_UNANSWERED)
         self._partial_reply = b""

@@ -74,7 +74,7 @@ def wrapped(row: Row, columns: int) -> list[str]:
 def _in_columns(data: str, note: str, width: int) -> list[str]:
     """Return lines with the bytes, and the text beside or below them."""
     beside = BYTES_COLUMNS + 1 if width - BYTES_COLUMNS - 1 >= MIN_TEXT_COLUMNS else 2
-    pieces = _cut(data, width)
+    pieces = _chunks(data, width)
     text = _split_text(note, width - beside)
     if len(pieces) == 1 and len(data) <= BYTES_COLUMNS and beside > 2:
         return [f"{data:<{BYTES_COLUMNS}} {text[0]}", *(" " * beside + line for line in text[1:])]
@@ -90,7 +90,7 @@ def _line_head(row: Row, with_time: bool) -> str:
     return " ".join([*clock, *name, f"{row.side:<{NAME_COLUMNS}}", row.arrow])
 
 
-def _cut(text: str, width: int) -> list[str]:
+def _chunks(text: str, width: int) -> list[str]:
     return [text[start : start + width] for start in range(0, len(text), width)] or [""]
 
 
@@ -102,7 +102,7 @@ def _split_text(text: str, width: int) -> list[str]:
         if len(joined) <= width:
             lines[-1] = joined
             continue
-        lines += _cut(word, width)
+        lines += _chunks(word, width)
     return lines if lines[0] or len(lines) == 1 else lines[1:]
 
 

@@ -12,7 +12,7 @@ from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, SAME, Finding, StageReporter
-from gateway.diagnostics.prove.telescope import CheckedMount, StageEnd
+from gateway.diagnostics.prove.telescope import CheckedMount, StageEnded
 from gateway.mount.motion.run_on import TimedPosition
 
 #: Seconds: the timeout of a goto, and the time after which the goto that is to be cancelled is cancelled.
@@ -32,8 +32,8 @@ GOTO_COUNT = 4
 
 def why_no_room(telescope: CheckedMount, sky: op.Equatorial | None = None) -> str:
     """Return why there is no room for small motions at a position (by default the present one); empty if there is."""
-    if sky is None and telescope.latest is not None:
-        sky = telescope.latest.position
+    if sky is None and telescope.position is not None:
+        sky = telescope.position.position
     if sky is None:
         return ""
     altitude, hour_angle = telescope.controller.astrometry.alt_and_ha(sky)
@@ -54,22 +54,22 @@ async def go_to_roomy_position(telescope: CheckedMount, report: StageReporter) -
     why = why_no_room(telescope)
     site = telescope.controller.sources.site()
     if site is None:
-        raise StageEnd("the site is not known, so that no place can be chosen")
+        raise StageEnded("the site is not known, so that no place can be chosen")
     sidereal = telescope.controller.astrometry.sidereal_time()
-    now = sidereal - telescope.latest.position.ra if telescope.latest is not None else 0.0
+    now = sidereal - telescope.position.position.ra if telescope.position is not None else 0.0
     goals = [op.Equatorial((sidereal - away) % 360.0, LATITUDE_FACTOR * site.latitude) for away in HOUR_ANGLES]
     if telescope.driver.german:  # on this side of the pier first
         goals.sort(key=lambda goal: abs(wrap180(goal.ra - sidereal + now)))
     goals = [goal for goal in goals if not why_no_room(telescope, goal)] or goals
     goal, refused = await _pick_goal(telescope, goals)
     if goal is None:
-        raise StageEnd(f"{why}, and no better place is allowed: {refused}")
+        raise StageEnded(f"{why}, and no better place is allowed: {refused}")
     report.progress(0, 1, "on its way to a better place")
     if refused := await telescope.goto(goal, GOTO_TIMEOUT):
-        raise StageEnd(f"{why}, and the goto was refused: {refused}")
+        raise StageEnded(f"{why}, and the goto was refused: {refused}")
     check_arrival(await telescope.settle(), goal)
     if why := why_no_room(telescope):
-        raise StageEnd(f"{why} still")
+        raise StageEnded(f"{why} still")
     report.add(Finding("goto to a better place", SAME))
 
 
@@ -154,7 +154,7 @@ async def _goto_and_back(telescope: CheckedMount, report: StageReporter) -> tupl
 def check_arrival(end_position: TimedPosition, goal: op.Equatorial) -> None:
     """Raise StageEnded if a goto has ended far from its goal."""
     if (off := sky_distance(end_position.position, goal)) > MIN_DISTANCE_FROM_GOAL:
-        raise StageEnd(f"the goto ended {off:.0f}° from its goal: somebody used its keys, or it cannot go there")
+        raise StageEnded(f"the goto ended {off:.0f}° from its goal: somebody used its keys, or it cannot go there")
 
 
 def sky_distance(position: op.Equatorial, other: op.Equatorial) -> float:

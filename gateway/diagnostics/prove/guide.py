@@ -18,10 +18,10 @@ from gateway.core import requests
 from gateway.core.errors import Fault, UserError
 from gateway.diagnostics.prove import gotos, guiding, reads, sky, small_motions
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, Finding, Findings, StageReporter, untried_rest_title
-from gateway.diagnostics.prove.telescope import CLIENT, CheckedMount, StageEnd, StoppedByOthers
+from gateway.diagnostics.prove.telescope import CLIENT, CheckedMount, StageEnded, StoppedByOthers
 
 #: The question after the person has stopped a stage with the space bar.
-KEYS_AFTER_STOP = "y: next stage  a: this one again  q: leave"
+STOP_PROMPT = "y: next stage  a: this one again  q: leave"
 
 
 class Stage(NamedTuple):
@@ -98,7 +98,7 @@ class GuidedCheck:
         try:
             await telescope.read_position()
             self._findings.equatorial = telescope.status.equatorial
-        except StageEnd as ended:
+        except StageEnded as ended:
             person.say(f"{str(ended).capitalize()}.")
             return self._findings
         if any(stage.moves_mount for stage in self._stages):
@@ -130,7 +130,7 @@ class GuidedCheck:
 
     def _position_text(self) -> str:
         """Return a sentence with the mount's altitude and azimuth; empty if they are unknown."""
-        if (latest := self._telescope.latest) is None:
+        if (latest := self._telescope.position) is None:
             return ""
         try:
             horizon = self._telescope.controller.astrometry.horizontal(latest.position)
@@ -158,11 +158,11 @@ class GuidedCheck:
         try:
             await telescope.read_position()
             tracked = telescope.status.tracking
-        except StageEnd as ended:
+        except StageEnded as ended:
             person.say(f"Not now: {ended}.")
             return "y"
         if person.stop.is_set():  # pressed before the stage began
-            return await self._ask_person(KEYS_AFTER_STOP, "yaq")
+            return await self._ask_person(STOP_PROMPT, "yaq")
         work = asyncio.ensure_future(stage.run(telescope, self))
         space = asyncio.ensure_future(person.stop.wait())
         stopped = theirs = False
@@ -173,7 +173,7 @@ class GuidedCheck:
                 person.stop.clear()
                 await self._stop_mount()
             await work
-        except (StageEnd, asyncio.CancelledError) as ended:
+        except (StageEnded, asyncio.CancelledError) as ended:
             if isinstance(ended, asyncio.CancelledError) and not stopped:  # this session itself is ended
                 try:
                     await telescope.stop()
@@ -189,12 +189,12 @@ class GuidedCheck:
         finally:
             for task in (space, work):
                 task.cancel()
-            with contextlib.suppress(StageEnd, asyncio.CancelledError):
+            with contextlib.suppress(StageEnded, asyncio.CancelledError):
                 await work
             if not theirs:
                 await self._restore_tracking(tracked, stage.moves_mount and not telescope.others_set_tracking)
         self._save_findings(stage)
-        return await self._ask_person(KEYS_AFTER_STOP, "yaq") if stopped else "y"
+        return await self._ask_person(STOP_PROMPT, "yaq") if stopped else "y"
 
     def _note_early_end(self, stage: Stage, reason: str) -> None:
         """Add what an earlier run of the stage found, and a finding with the reason why the rest is missing."""
@@ -226,7 +226,7 @@ class GuidedCheck:
         tracking: somebody else made it, or the gateway at a limit."""
         telescope = self._telescope
         telescope.begin_stage()
-        with contextlib.suppress(StageEnd):
+        with contextlib.suppress(StageEnded):
             await telescope.read_position()
             before, after = (each is not op.Tracking.OFF for each in (earlier_tracking, telescope.status.tracking))
             if before == after:

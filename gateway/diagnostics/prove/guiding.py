@@ -8,7 +8,7 @@ from gateway.astro.spherical import SIDEREAL_RATE
 from gateway.core import operations as op
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME, Finding, StageReporter
 from gateway.diagnostics.prove.small_motions import DIRECTION_PAIRS, MIN_READING_STEPS, rate_text
-from gateway.diagnostics.prove.telescope import MAX_CROSS_MOTION, CheckedMount, StageEnd
+from gateway.diagnostics.prove.telescope import MAX_CROSS_MOTION, CheckedMount, StageEnded
 
 #: Pulses in each direction, the length of a pulse, and the interval between two, seconds.
 PULSE_COUNT, PULSE_SECONDS, PULSE_PERIOD = 20, 0.2, 0.5
@@ -46,7 +46,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
                 telescope.raise_if_stage_ends()
             after = await telescope.settle()
             if telescope.distance_moved(before, after, tracks=True) > MAX_CROSS_MOTION:
-                raise StageEnd("it turned much farther than by pulses: somebody pressed its keys")
+                raise StageEnded("it turned much farther than by pulses: somebody pressed its keys")
             ways.append(telescope.axis_turns(before, after)[axis - 1])
         rate = (ways[0] - ways[1]) / 2.0 / (PULSE_COUNT * PULSE_SECONDS)
         if axis == 2 and telescope.driver.german:  # a pulse means a sense of the motor, on both sides of the pier

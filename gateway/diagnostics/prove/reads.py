@@ -18,12 +18,12 @@ from gateway.protocols.registry import streams
 
 #: Questions that are not asked: names of sites (private), lists that each question advances, and the target of a
 #: server, which is only defined after a goto.
-UNASKED_QUESTIONS = frozenset(("GM", "GN", "GO", "GP", "Lf", "LI", "??", "?+", "?-", "targetdeclination",
+UNASKED_QUERIES = frozenset(("GM", "GN", "GO", "GP", "Lf", "LI", "??", "?+", "?-", "targetdeclination",
                         "targetrightascension"))  # fmt: skip
 #: Seconds to wait after a missing answer before the next question.
 RECOVERY_TIME = 3.0
 #: Questions about product and version, which old mounts do not answer; the text for a version that is unknown.
-NAME_QUESTIONS, UNKNOWN_VERSION = frozenset(("GVP", "GVN", "GVD", "GVT")), "?"
+NAME_QUERIES, UNKNOWN_VERSION = frozenset(("GVP", "GVN", "GVD", "GVT")), "?"
 #: This word is in the description of a reply whose form is wrong.
 GARBLED_WORD = "garbled"
 #: Seconds: an ordinary connection answers sooner; one that takes this much longer than usual is busy.
@@ -41,11 +41,11 @@ async def ask_mount(telescope: CheckedMount, name: str) -> DecodedMessage:
     return side.describe_reply(await telescope.controller.read(op.NativeRequest(name, (), keep)))
 
 
-def _question_names(driver: Driver) -> Iterator[str]:
+def _query_names(driver: Driver) -> Iterator[str]:
     """Yield the names of commands without arguments that only read something, if this mount has them."""
     for name, command in driver.protocol.commands.items():
         asks = command.is_query and command.answer_kind != "stream" and not command.request.fields and command.requested
-        if asks and not command.beyond and name not in UNASKED_QUESTIONS and driver.supports(name):
+        if asks and not command.beyond and name not in UNASKED_QUERIES and driver.supports(name):
             yield name
 
 
@@ -55,7 +55,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
     report.add(_identity_finding(identity, telescope.driver))
     #: Seconds until the replies, by command; the commands without a reply, and those whose reply has not their form.
     took, silent, strange = dict[str, float](), list[str](), list[str]()
-    names = list(_question_names(telescope.driver))
+    names = list(_query_names(telescope.driver))
     for number, name in enumerate(names):
         report.progress(number, len(names), telescope.driver.protocol.commands[name].help)
         began = telescope.now()
@@ -68,7 +68,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         except Fault:
             await asyncio.sleep(RECOVERY_TIME)
             telescope.raise_if_stage_ends()
-            if name in NAME_QUESTIONS and identity is not None and identity.version == UNKNOWN_VERSION:
+            if name in NAME_QUERIES and identity is not None and identity.version == UNKNOWN_VERSION:
                 continue
             silent.append(name)
             continue

@@ -25,7 +25,7 @@ from gateway.diagnostics.prove.findings import (
     MeasuredRate,
     StageReporter,
 )
-from gateway.diagnostics.prove.telescope import FAST, MAX_DEGREES, MAX_SECONDS, CheckedMount, Motion
+from gateway.diagnostics.prove.telescope import FAST, MAX_DURATION, MAX_TRAVEL, CheckedMount, Motion
 from gateway.mount.safety.allow import RUN_ON, RUN_UP_SECONDS
 
 #: The rate keys of the hand control, fastest first: if several have the same speed, the lowest number is tried.
@@ -116,7 +116,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
 async def _measure(telescope: CheckedMount, name: str, speed: float, key: int, pair: tuple[Direction, ...]) -> Finding:
     """Turn an axis both ways at a rate, and return the finding on that rate. Raises StageEnded."""
     axis = pair[0].axis
-    motions = [await telescope.move_by_key(direction, key, min(MAX_SECONDS, MAX_DEGREES / speed)) for direction in pair]
+    motions = [await telescope.move_by_key(direction, key, min(MAX_DURATION, MAX_TRAVEL / speed)) for direction in pair]
     onwards, back = (velocity(telescope, motion, axis, speed) for motion in motions)
     if onwards is None or back is None:
         return Finding(name, NOT_TRIED, motions[0].refusal or motions[1].refusal)
@@ -133,7 +133,7 @@ def rate_finding(
     """Return the finding on a rate; no rate is measured if the axis turned no farther than ``min_arc``."""
     measured, assumed = rate_text(rate), rate_text(nominal)
     if distance <= min_arc:
-        if nominal * MAX_SECONDS > 2.0 * min_arc:
+        if nominal * MAX_DURATION > 2.0 * min_arc:
             return Finding(title, DIFFERS, "it does not move", assumed, "This arrow key does nothing on your mount.")
         return Finding(title, NOT_MEASURABLE, "too few steps of its reading", assumed)
     if error == inf:

@@ -1,7 +1,7 @@
 """Moves and observes the mount for ``prove``: sends requests to the gateway, and evaluates reported positions.
 
 Every motion is a request like those of the command line, under the same rules. While ``prove`` waits, it checks whether
-somebody else has stopped or moved the mount, or the connection is lost: then the stage ends (``StageEnd``) and
+somebody else has stopped or moved the mount, or the connection is lost: then the stage ends (``StageEnded``) and
 ``prove`` moves nothing any more. Angles are degrees, times seconds of the event loop's clock.
 """
 
@@ -36,7 +36,7 @@ CLIENT = "mount-gateway prove"
 CHECK_PERIOD, REST_TIMEOUT, POSITION_SPACING = 0.1, 15.0, 0.8
 #: A motion ends after so many changed readings, or so many seconds, or the time for so many degrees at its rate; the
 #: other axis may turn by no more than the last value, degrees.
-ENOUGH_READING_CHANGES, MAX_SECONDS, MAX_DEGREES, MAX_CROSS_MOTION = 20, 10.0, 5.0, 0.5
+ENOUGH_READING_CHANGES, MAX_DURATION, MAX_TRAVEL, MAX_CROSS_MOTION = 20, 10.0, 5.0, 0.5
 #: At this rate (degrees a second) or faster, a reading must change within so many seconds.
 FAST, MAX_UNCHANGED_TIME = 0.5, 2.0
 #: Degrees: the finest step of a server's angles that is believed; a change below the second value is a rounding error.
@@ -45,14 +45,14 @@ FINEST_STEP, CALCULATED_CHANGE = 1.0 / 3600.0, 0.5 / 3600.0
 Pair = tuple[float, float]  # of the two axes, degrees
 
 
-class StageEnd(Exception):
+class StageEnded(Exception):
     """A stage must end early. The text is the reason, without a full stop at its end."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(reason.removesuffix("."))
 
 
-class StoppedByOthers(StageEnd):
+class StoppedByOthers(StageEnded):
     """Somebody else has stopped the mount, so ``prove`` must not move it any more."""
 
 
@@ -90,7 +90,7 @@ class CheckedMount:
         self.controller.wire_log.sinks.append(self._on_log_entry)
 
     @property
-    def latest(self) -> TimedPosition | None:
+    def position(self) -> TimedPosition | None:
         """The last position that the mount has reported; None if there is none."""
         return self.controller.reader.latest_position()
 
@@ -99,7 +99,7 @@ class CheckedMount:
         """The last status. Raises StageEnded if the mount has not reported one."""
         status: op.Status | None = self.controller.cache.value(op.GetStatus)
         if status is None:
-            raise StageEnd("the mount has not reported its status")
+            raise StageEnded("the mount has not reported its status")
         return status
 
     # --- who else acts ------------------------------------------------------------------------------------------------
@@ -119,11 +119,11 @@ class CheckedMount:
         if controller.line.state not in ("up", "busy"):
             may_move = controller.wanted.stop_owed or self.moving
             still = "; it may still move, and is stopped as soon as it answers" if may_move else ""
-            raise StageEnd(f"the mount does not answer ({controller.line.down_cause}){still}")
+            raise StageEnded(f"the mount does not answer ({controller.line.down_cause}){still}")
         if other := self.other_mover:
-            raise StageEnd(f"another program moves the mount ({other})")
+            raise StageEnded(f"another program moves the mount ({other})")
         if controller.watch.moved_by_others and not self.moving and controller.context.run_on.current is None:
-            raise StageEnd("the mount is moved at its keys, or by itself")
+            raise StageEnded("the mount is moved at its keys, or by itself")
 
     @property
     def other_mover(self) -> str:
@@ -146,9 +146,9 @@ class CheckedMount:
         orders = [order for order in wanted.pending if isinstance(order.operation, op.SetTracking | op.TrackRate)]
         self.others_set_tracking |= any(order.client is not None and order.client.host != CLIENT for order in orders)
 
-    async def wait_until(self, is_done: Callable[[], bool], seconds: float) -> bool:
+    async def wait_until(self, is_done: Callable[[], bool], timeout: float) -> bool:
         """Wait for a condition; return False after so many seconds. Raises StageEnded."""
-        end = self.now() + seconds
+        end = self.now() + timeout
         while not is_done():
             if self.now() >= end:
                 return False
@@ -165,9 +165,9 @@ class CheckedMount:
         """Read the mount's position and status anew, and return the position. Raises StageEnded."""
         await self.ask(requests.StateRequest())
         self.raise_if_stage_ends()
-        if self.latest is None:
-            raise StageEnd("the mount has not reported its position")
-        return self.latest
+        if self.position is None:
+            raise StageEnded("the mount has not reported its position")
+        return self.position
 
     async def stop(self) -> str:
         """Stop all motion at once; return an empty text, or why the mount may still move."""
@@ -179,12 +179,12 @@ class CheckedMount:
         controller = self.controller
 
         def is_at_rest() -> bool:
-            ends = controller.wanted.ending or controller.context.run_on.current is not None
+            ends = controller.wanted.is_ending or controller.context.run_on.current is not None
             ends = ends or (self.moving and controller.watch.moved_by_others)  # what runs on longer looks like that
             return not (ends or controller.moving or controller.wanted.goto_pending)
 
         if not await self.wait_until(is_at_rest, REST_TIMEOUT):
-            raise StageEnd("the mount does not come to rest")
+            raise StageEnded("the mount does not come to rest")
         present = await self.read_position()
         for _ in range(int(REST_TIMEOUT / POSITION_SPACING)):
             await asyncio.sleep(POSITION_SPACING)
@@ -192,7 +192,7 @@ class CheckedMount:
             if self.drift(before, present) <= max(self.angle_steps) + 5.0 / 3600.0:
                 self.moving = False
                 return present
-        raise StageEnd("the mount does not come to rest")
+        raise StageEnded("the mount does not come to rest")
 
     async def move_by_key(self, direction: op.Direction, key: int, max_seconds: float) -> Motion:
         """Move as with a key of the hand control, and wait until the mount is at rest. Raises StageEnded."""
@@ -216,11 +216,11 @@ class CheckedMount:
         finally:
             await self.ask(requests.ReleaseKeyRequest(number=number, who=CLIENT, lost=True))
         ended = self.now()
-        places = tuple(place for place in self._positions if place.asked > began and place.at < ended)
+        places = tuple(place for place in self._positions if place.asked_at > began and place.at < ended)
         after = await self.settle()
         across = abs(self.axis_turns(before, after)[2 - direction.axis])
         if across > MAX_CROSS_MOTION + abs(SIDEREAL_RATE) * (after.at - before.at) and not self.driver.moves_by_gotos:
-            raise StageEnd(
+            raise StageEnded(
                 f"the other axis was turned as well, by {across:.1f}°: somebody used its keys, or axes are swapped"
             )
         return Motion(began, ended, before, places, after)
@@ -229,7 +229,7 @@ class CheckedMount:
         """Whether a position has changed; in a fast motion only if tracking does not explain the change."""
         return self.drift(before, after) > max(self.angle_steps) if fast else before.position != after.position
 
-    async def goto(self, goal: op.Equatorial, seconds: float) -> str:
+    async def goto(self, goal: op.Equatorial, timeout: float) -> str:
         """Go to a position; cancel the goto when time is up. Return why it was refused, or "". Raises StageEnded."""
         number = requests.new_request_number()
         where = requests.SkyPosition(goal.ra % 360.0, goal.dec)
@@ -238,7 +238,7 @@ class CheckedMount:
             answer = await self.ask(requests.GotoRequest(where=where, number=number, who=CLIENT))
             if refused := self._refusal(answer):
                 return refused
-            over = await self.wait_until(lambda: not (controller.slewing or controller.wanted.goto_pending), seconds)
+            over = await self.wait_until(lambda: not (controller.slewing or controller.wanted.goto_pending), timeout)
         finally:
             if not over:
                 await self.ask(requests.CancelRequest(number))
@@ -254,7 +254,7 @@ class CheckedMount:
             return ""
         self.raise_if_stage_ends()
         if answer.fault == NoAnswer.__name__:
-            raise StageEnd("the mount has not acknowledged an order")
+            raise StageEnded("the mount has not acknowledged an order")
         self.moving = False
         return answer.text
 
@@ -272,7 +272,7 @@ class CheckedMount:
 
     def _add_position(self) -> None:
         """Record the latest position and the smallest observed step."""
-        if (place := self.latest) is None:
+        if (place := self.position) is None:
             return
         self._positions.append(place)
         before = self._positions[-2:][0].position
@@ -287,7 +287,7 @@ class CheckedMount:
                 self._epoch = self.now(), self.controller.astrometry.sidereal_time()
             except Fault:
                 if not self.status.equatorial:
-                    raise StageEnd("the site is not known: without it an alt-az mount cannot be measured") from None
+                    raise StageEnded("the site is not known: without it an alt-az mount cannot be measured") from None
                 self._epoch = self.now(), 0.0
         hour_angle = self._epoch[1] + SIDEREAL_RATE * (position.at - self._epoch[0]) - position.position.ra
         if self.status.equatorial or self.driver.moves_by_gotos:

@@ -91,7 +91,7 @@ def explain(surface: str, mount: str, typed_words: str) -> Explanation:
     except ValueError as error:
         lines.append(f"  not valid: {error}")
         valid = False
-    play, became, said = play_on_new_stage(face, at, frame)
+    play, became, said = rehearse_command(face, at, frame)
     if presents_mount(at, face):
         lines += _native_command_lines(protocol, command.name)
     elif not valid:
@@ -101,9 +101,9 @@ def explain(surface: str, mount: str, typed_words: str) -> Explanation:
         if became == "refused" != said:
             lines.append(f"  with other values, or in another state: {said}")
         for otherwise, changed in _circumstances(at):
-            if (other := play_on_new_stage(face, at, frame, **changed)[1]) != became:
+            if (other := rehearse_command(face, at, frame, **changed)[1]) != became:
                 lines.append(f"  {otherwise}: {other}")
-        ways = choose(row, driven, MountKind(at.model or "", actual_version(at)))
+        ways = choose(row, driven, MountKind(at.model or "", version_tuple(at)))
         lines += [f"  {remark}" for remark in remarks(row, ways)]
     first = f"after {' '.join((*row.after, *row.during))}, " if row and (row.after or row.during) else ""
     lines.append(f"for example, {first}with the Crab nebula as the target and an aligned mount that tracks:")
@@ -125,7 +125,7 @@ def with_defaults(mount: Endpoint) -> Endpoint:
     return replace(mount, model=model, version=mount.version or versions[-1])
 
 
-def actual_version(mount: Endpoint) -> Version | None:
+def version_tuple(mount: Endpoint) -> Version | None:
     """Return the comparable version that decides which commands a mount knows; None without a version."""
     return PROTOCOLS[mount.protocol].command_set_version(mount.version) if mount.version else None
 
@@ -148,7 +148,7 @@ def commands_before(surface: Endpoint, row: SurfaceRow) -> Prelude:
     return Prelude(tuple(map(unescape, after)), tuple(map(unescape, row.during)))
 
 
-def play_on_new_stage(
+def rehearse_command(
     face: Endpoint, mount: Endpoint, frame: bytes, *, aligned: bool = True, wedge: bool = False, missing: str = ""
 ) -> tuple[Play, str, str]:
     """Send a frame through a new gateway, whose presented model fits the mount if none is named.
@@ -169,9 +169,9 @@ def play_on_new_stage(
                 Prelude() if row is None else commands_before(face, row),
                 observation_time(command, aligned and bool(command.replies)),
             )  # an arrow may be carried out in many steps
-            presented = traits_of(face, command, dict(whole_gateway.face.model))
-            said = outcome(row, driven, MountKind(mount.model or "", actual_version(mount), aligned, wedge), presented)
-            if is_refused(played, command, whole_gateway.face.surface):
+            presented = traits_of(face, command, dict(whole_gateway.binding.model))
+            said = outcome(row, driven, MountKind(mount.model or "", version_tuple(mount), aligned, wedge), presented)
+            if is_refused(played, command, whole_gateway.binding.surface):
                 return played, "refused", said
             idle = (
                 said in ("translated", "refused")

@@ -19,7 +19,7 @@ from gateway.core.operations import Read, operation_class
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.rehearsal.meaning import meaning
 from gateway.diagnostics.rehearsal.samples import START_TIME
-from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalMount
+from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalGateway
 from gateway.protocols.base.driver import Driver
 from gateway.protocols.base.surface import ACKNOWLEDGED, Surface
 from gateway.protocols.base.wants import (
@@ -131,14 +131,14 @@ def is_query(protocol: CommandSet, data: bytes) -> bool:
 
 def set_up(
     surface: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True, wedge: bool = False, missing: str = ""
-) -> RehearsalMount:
+) -> RehearsalGateway:
     """Return a gateway between a presented model and a simulated mount, each with its version, at ``START_TIME``.
 
     ``missing`` names a part that the simulated mount lacks. The gateway's settings state what old mounts do not
     report: model, site, and on a wedge the tracking mode.
     """
     spec = PROTOCOLS[mount.protocol]
-    return RehearsalMount(
+    return RehearsalGateway(
         mount.model or spec.default_model,
         mount.version,
         start=START_TIME,
@@ -155,10 +155,10 @@ def set_up(
     )
 
 
-async def _wait_until(condition: Callable[[], bool], seconds: float) -> None:
+async def _wait_until(condition: Callable[[], bool], timeout: float) -> None:
     """Wait until the condition holds, for so many seconds at most."""
     loop = asyncio.get_running_loop()
-    end = loop.time() + seconds
+    end = loop.time() + timeout
     while not condition() and loop.time() < end:
         await asyncio.sleep(_CHECK_PERIOD)
 
@@ -166,10 +166,10 @@ async def _wait_until(condition: Callable[[], bool], seconds: float) -> None:
 class Player:
     """Sends frames through one rehearsal gateway, each on a new connection, and returns the plays."""
 
-    def __init__(self, stage: RehearsalMount) -> None:
+    def __init__(self, stage: RehearsalGateway) -> None:
         self.stage = stage
         self.driver: Driver = stage.driver
-        self.surface = surface = stage.face.surface
+        self.surface = surface = stage.binding.surface
         self._events: list[PlayedStep] = []
         self._client_count = 0
         handle = surface.handle
@@ -182,24 +182,24 @@ class Player:
         self._client_count += 1
         visitor = self.stage.client(f"rehearsal{self._client_count}")
         for said in before.completed:
-            visitor.tell(said)
+            visitor.send(said)
             await self._wait_for_replies(visitor, 0.0)
             await asyncio.sleep(BACKGROUND_TIMEOUT)
             await self._wait_for_rest()
         for said in before.in_progress:
-            visitor.tell(said)
+            visitor.send(said)
             await self._wait_for_replies(visitor, BACKGROUND_TIMEOUT)
         self.on_play_begin()
-        wire, refusals = len(self.stage.wire), self.stage.wire_log.refusal_count
+        wire, refusals = len(self.stage.rx_data), self.stage.wire_log.refusal_count
         self._events.clear()
         visitor.received = b""
-        visitor.tell(frame)
+        visitor.send(frame)
         await self._wait_for_replies(visitor, 0.0)
         reply = visitor.received
         self._events.append(PlayedStep("reply", "", reply))
         await asyncio.sleep(duration)
         protocol = self.driver.protocol
-        acts = tuple(data for data in self.stage.wire[wire:] if not is_query(protocol, data))
+        acts = tuple(data for data in self.stage.rx_data[wire:] if not is_query(protocol, data))
         return Play(frame, tuple(self._events), reply, acts, refusals != self.stage.wire_log.refusal_count)
 
     def on_play_begin(self) -> None:

@@ -28,7 +28,7 @@ from gateway.transport.wires import SimulatedConnection, SimulatedTransport
 DEFAULT_SURFACE, DEFAULT_MOUNT = protocol_pairs()[0]
 
 
-class RehearsalMount:
+class RehearsalGateway:
     """A gateway with a simulated mount ``sim``; ``client()`` opens a connection. It must be made in an event loop.
 
     ``start`` is Unix time. With ``ramps`` False the motors change their speed at once. ``on`` is an earlier rehearsal
@@ -52,7 +52,7 @@ class RehearsalMount:
         speed: float = 1.0,  # a factor: how much faster than real the mount slews
         config: dict[str, Any] | None = None,  # keys of [mount] in gateway.toml
         host_ahead: float = 0.0,  # seconds by which the computer's clock is ahead
-        on: RehearsalMount | None = None,  # a former rehearsal, to use its mount again
+        on: RehearsalGateway | None = None,  # a former rehearsal, to use its mount again
         access: AccessRules = AccessRules(),
         ramps: bool = True,
         sky: Sky | None = None,
@@ -62,7 +62,7 @@ class RehearsalMount:
         loop = asyncio.get_running_loop()
         self._start_time: float = loop.time() if on is None else on._start_time
         self.clock: Callable[[], float] = lambda: start + loop.time() - self._start_time
-        self.host: Callable[[], float] = lambda: self.clock() + host_ahead  # the computer's clock
+        self.pc_time: Callable[[], float] = lambda: self.clock() + host_ahead  # the computer's clock
         endpoint = Endpoint(driven, "sim", mount, version)
         settings = {"site": site, "aligned": aligned, "speed": speed, "ramps": ramps, **(simulated or {})}
         self.sim: Simulated = on.sim if on else make_simulator(endpoint, clock=self.clock, **settings)
@@ -71,17 +71,17 @@ class RehearsalMount:
         self.wire_log.sinks.append(self.entries.append)
         known = MountConfig(at=str(endpoint if named else Endpoint(driven, "sim")), speed=speed, **(config or {}))
         shown = SurfaceConfig(at=str(Endpoint(presented, "-", surface, surface_version)))
-        self.gateway = Gateway(known, [shown], self.wire_log, sky, self.host)
+        self.gateway = Gateway(known, [shown], self.wire_log, sky, self.pc_time)
         self.open_state_store()
-        self.wire: list[bytes] = []  # what the mount has received
+        self.rx_data: list[bytes] = []  # what the mount has received
         wire = SimulatedTransport("sim", self._recorded_connection(self.sim.connection), latency)
         self.gateway.prepare(lambda reply_rules, wire_log: MountLink(wire, reply_rules, wire_log))
         self.controller = self.gateway.controller
         self.driver, self.site_clock = self.controller.driver, self.controller.site_clock
         [made] = self.gateway.acceptors
         assert isinstance(made, ConnectionAcceptor)
-        self.face, self.shared = made.binding, made.shared_state
-        self.acceptor = ConnectionAcceptor(self.controller, self.face, self.shared, self.clock, access=access)
+        self.binding, self.shared = made.binding, made.shared_state
+        self.acceptor = ConnectionAcceptor(self.controller, self.binding, self.shared, self.clock, access=access)
 
     def open_state_store(self) -> None:
         """Do nothing: a rehearsal has no saved state. Subclasses may open a state store."""
@@ -93,7 +93,7 @@ class RehearsalMount:
             feed = connect(send_later)
 
             def record_and_answer(data: bytes) -> bytes:
-                self.wire.append(data)
+                self.rx_data.append(data)
                 answer: bytes = feed(data)
                 return answer
 
@@ -118,7 +118,7 @@ class RehearsalMount:
 
 
 class RehearsalClient:
-    def __init__(self, stage: RehearsalMount, host: str) -> None:
+    def __init__(self, stage: RehearsalGateway, host: str) -> None:
         self.received = b""
         self._received_event = TimedEvent()
         self.connection = stage.acceptor.accept(NewConnection(host, host, self._on_received))
@@ -132,19 +132,19 @@ class RehearsalClient:
         """Whether all commands that have a reply were answered."""
         return bool(self.connection.all_answered)
 
-    async def ask(self, data: bytes, seconds: float = 10.0, *, until: bytes = b"") -> bytes:
-        """Send bytes; return the reply as soon as it ends with ``until``, or what was received after ``seconds``."""
+    async def ask(self, data: bytes, timeout: float = 10.0, *, ending: bytes = b"") -> bytes:
+        """Send bytes; return the reply as soon as it ends with ``ending``, or what was received after ``timeout``."""
         self.received = b""
         self.connection.feed(data)
         loop = asyncio.get_running_loop()
-        end = loop.time() + seconds
-        while not self.received or not self.received.endswith(until):
+        end = loop.time() + timeout
+        while not self.received or not self.received.endswith(ending):
             self._received_event.clear()
             if not await self._received_event.wait_within(end - loop.time()):
                 break
         return self.received
 
-    def tell(self, data: bytes) -> None:
+    def send(self, data: bytes) -> None:
         """Send bytes that have no reply."""
         self.connection.feed(data)
 

@@ -103,7 +103,7 @@ SUN_STEP, MAX_SUN_ALTITUDES = 240.0, 400
 SUNSET_ALTITUDE, NIGHT_ALTITUDE = -0.8, -18.0
 CHART_SIZE, CHART_RADIUS = 460.0, 200.0
 #: The size of a time label beside a track, pixels.
-WIDTH, HIGH = 46.0, 15.0
+LABEL_W, LABEL_H = 46.0, 15.0
 
 
 class TrackPoint(NamedTuple):
@@ -191,10 +191,10 @@ def plot_all_sky(points: list[TrackPoint], night: Night) -> str:
         tag("line", x1=middle, x2=middle, y1=middle - CHART_RADIUS, y2=middle + CHART_RADIUS, class_="grid"),
     ]
     for azimuth, letter in ((0, "N"), (90, "E"), (180, "S"), (270, "W")):
-        x, y = _point(azimuth, 0.0, CHART_RADIUS + 14)
+        x, y = _chart_xy(azimuth, 0.0, CHART_RADIUS + 14)
         drawn.append(text(letter, x, y + 5, "compass"))
     for piece in split_track(points):
-        drawn.append(path((_point(place.az, place.alt) for place in piece), _track_class(piece)))
+        drawn.append(path((_chart_xy(place.az, place.alt) for place in piece), _track_class(piece)))
     drawn += _draw_time_labels(points)
     return picture(CHART_SIZE, CHART_SIZE, "".join(drawn), "Where the telescope pointed, over the whole sky")
 
@@ -203,7 +203,7 @@ def _chart_distance(altitude: float) -> float:
     return CHART_RADIUS * math.tan(math.radians(90.0 - max(altitude, -5.0)) / 2)
 
 
-def _point(azimuth: float, altitude: float, radius: float | None = None) -> Point:
+def _chart_xy(azimuth: float, altitude: float, radius: float | None = None) -> Point:
     reach = _chart_distance(altitude) if radius is None else radius
     turn = math.radians(azimuth)
     return CHART_SIZE / 2 - reach * math.sin(turn), CHART_SIZE / 2 - reach * math.cos(turn)
@@ -218,8 +218,8 @@ def _draw_time_labels(points: Iterable[TrackPoint]) -> list[str]:
     drawn: list[str] = []
     taken: list[Point] = []
     for place in points:
-        x, y = _point(place.az, place.alt)
-        is_covered = any(abs(x - a) < WIDTH and abs(y - b) < HIGH for a, b in taken)
+        x, y = _chart_xy(place.az, place.alt)
+        is_covered = any(abs(x - a) < LABEL_W and abs(y - b) < LABEL_H for a, b in taken)
         if place.slewing or not place.continues_track or is_covered:
             continue
         drawn.append(tag("circle", cx=x, cy=y, r=3.5, class_="dot"))

@@ -16,7 +16,7 @@ import msgspec
 from aiohttp import web
 from msgspec import Struct
 
-from gateway.app.pages import Pages, application, require_own_page, same_token
+from gateway.app.pages import Pages, make_app, require_own_page, same_token
 from gateway.fleet.client import BrokerAccess, Connect
 from gateway.fleet.link import BrokerLink
 from gateway.fleet.topics import ONLINE, MqttMessage, ReceivedMessage, Topics
@@ -83,13 +83,13 @@ class Roster:
                 self._put(self._results, (gateway, mount), received, ShownEvent)
 
     def _put(
-        self, table: dict[_MountKey, tuple[Any, float]], key: _MountKey, received: ReceivedMessage, kind: Any
+        self, table: dict[_MountKey, tuple[Any, float]], key: _MountKey, received: ReceivedMessage, value_type: Any
     ) -> None:
         if not received.payload:
             table.pop(key, None)  # an empty payload deletes a retained message
             return
         try:
-            value = msgspec.json.decode(received.payload, type=kind)
+            value = msgspec.json.decode(received.payload, type=value_type)
         except (ValueError, RecursionError):
             return
         if isinstance(value, ShownEvent) and (value.kind not in RESULT_KINDS or value.who != "mqtt"):
@@ -167,7 +167,7 @@ class Overview:
         self._link.start()
 
     async def _make_application(self) -> web.Application:
-        app = application()
+        app = make_app()
         app.add_routes([
             web.get("/", require_own_page(self._index)),
             web.get("/fleet.json", require_own_page(self._mounts, self._refusal_reason)),

@@ -259,7 +259,7 @@ class HibernationGate:
         self._driver, self._clock, self._wanted = context.driver, context.now, context.wanted
         self._next_read_at = 0.0
 
-    def hibernation_began(self) -> None:
+    def note_hibernation(self) -> None:
         """Note that the mount was sent to hibernate: its position is not read for ``RETRY_PERIOD`` seconds."""
         self._next_read_at = self._clock() + RETRY_PERIOD
 
@@ -372,7 +372,7 @@ async def run_driver(
     steps: Generator[Step, Any, _T],
     exchange: Callable[[Send], Awaitable[Mapping[str, object]]],
     plan: Callable[[Schedule], object],
-    remark: Callable[[Remark], object] = lambda said: None,
+    on_remark: Callable[[Remark], object] = lambda said: None,
 ) -> _T:
     """Run a driver's generator and return its value. Faults of exchanges are thrown into it. Raises Fault."""
     answer: Mapping[str, object] | None = None
@@ -389,7 +389,7 @@ async def run_driver(
             elif isinstance(step, Wait):
                 await asyncio.sleep(step.seconds)
             elif isinstance(step, Remark):
-                remark(step)
+                on_remark(step)
             else:
                 plan(step)
     except StopIteration as end:

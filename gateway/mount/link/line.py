@@ -100,7 +100,7 @@ class MountLink:
     @property
     def occupied(self) -> bool:
         """Whether the mount works on a long operation and accepts nothing but a stop."""
-        return self.state == "busy" or self.transaction.long
+        return self.state == "busy" or self.transaction.is_long
 
     @property
     def reply_is_overdue(self) -> bool:
@@ -111,7 +111,7 @@ class MountLink:
 
     def was_busy_after(self, time: float) -> bool:
         """Whether the mount has worked on a long operation since this loop time."""
-        return self.occupied or self.transaction.long_until >= time
+        return self.occupied or self.transaction.long_ended_at >= time
 
     async def close(self) -> None:
         """End the worker and close the wire; waiting and later requests fail with NoAnswer."""
@@ -136,7 +136,7 @@ class MountLink:
         if self.state == "down":
             self._hurry_stop(priority)
             unheard = NoAnswer()
-            unheard.sent = False
+            unheard.is_sent = False
             raise unheard
         if self.state == "busy" and priority != STOP:
             raise Busy
@@ -147,7 +147,7 @@ class MountLink:
     def _hurry_stop(self, priority: int) -> None:
         """Have a queued stop written soon, if it is not yet; in a long operation, have all new requests examined."""
         stop = priority == STOP and not (self.transaction.written and self.transaction.written.issuperset(self._stop()))
-        if stop or self.transaction.long:
+        if stop or self.transaction.is_long:
             self.transaction.wake(stop)
 
     def _stop(self) -> list[bytes]:

@@ -181,19 +181,19 @@ class RequestQueue:
 
     def _is_settled(self, request: QueuedCommand, now: float) -> bool:
         """Whether the request needs no sending: it was cancelled, or has waited too long and is refused now."""
-        if not request.future.done() and too_late(request, now):
+        if not request.future.done() and is_too_late(request, now):
             request.future.set_exception(Busy(START_TOO_LATE_MESSAGE))
         return request.future.done()
 
 
-def sort_queue(waiting: Iterable[QueuedCommand], now: float, motions: int, passed_over: int) -> list[QueuedCommand]:
+def sort_queue(waiting: Iterable[QueuedCommand], now: float, n_motions: int, passed_over: int) -> list[QueuedCommand]:
     """Return the waiting requests in the order in which they will be sent.
 
-    ``motions``: how many of the last exchanges were motions; ``passed_over``: how many exchanges there
+    ``n_motions``: how many of the last exchanges were motions; ``passed_over``: how many exchanges there
     were since the last setting.
     """
     before_all = STOP + 0.5
-    waited = before_all if motions >= MAX_MOTIONS_IN_A_ROW else AGED_READ
+    waited = before_all if n_motions >= MAX_MOTIONS_IN_A_ROW else AGED_READ
     risen = {POSITION: waited, READ: waited, SETTING: before_all if passed_over >= SETTING_PASSES else SETTING}
 
     def sort_key(queued: QueuedCommand) -> tuple[float, int, int]:
@@ -210,6 +210,6 @@ def hold_back_time(first: QueuedCommand, now: float, urgent_at: float | None, ty
     return max(0.0, urgent_at - now) + URGENT_GRACE
 
 
-def too_late(command: QueuedCommand, now: float) -> bool:
+def is_too_late(command: QueuedCommand, now: float) -> bool:
     """Whether the request begins a motion by hand that was asked for too long ago."""
     return command.command.at_once_or_never and now - command.queued_at > MAX_START_DELAY

@@ -71,7 +71,7 @@ class ReplyTimes:
         #: Seconds that the last late reply took; 0 if there was none.
         self._last_late_time = 0.0
 
-    def answered(self, reply_time: float, elapsed: float, in_average: bool) -> None:
+    def add_reply(self, reply_time: float, elapsed: float, in_average: bool) -> None:
         """Record a reply: the seconds until its last byte, and until it was accepted (``elapsed``).
 
         Replies to long operations and empty replies do not enter the average (``in_average``).
@@ -149,7 +149,7 @@ class Transaction:
         self.last_request = b""
         #: Whether a long operation is under way, whether it takes so long that other requests are refused, and the loop
         #: time at which the last one ended.
-        self.long, self.busy, self.long_until = False, False, -1e9
+        self.is_long, self.busy, self.long_ended_at = False, False, -1e9
         #: Loop time of the last write; long ago if there was none.
         self.written_at = -1e9
         self.times = ReplyTimes()
@@ -160,9 +160,9 @@ class Transaction:
         self.last_failed_exchange = b"", b""
         self._buffer, self._bytes_event = b"", TimedEvent()
         #: Loop times of the last byte, and of the last byte that belonged to no reply.
-        self.heard_at = self._stray = -1e9
+        self.heard_at = self._stray_at = -1e9
         self._last_command: Send | None = None
-        self._new_stops = 0
+        self._stops_sent = 0
         #: Loop time of the last request whose reply is still missing.
         self._unanswered_since: float | None = None
         self._awaiting_more_bytes = self._stop_is_waiting = self._pause_cut_short = False
@@ -214,7 +214,7 @@ class Transaction:
         self._stop_is_waiting |= stop
         if stop:
             self._stop_due_at = min(self._stop_due_at, self._clock())
-        if self.long or stop:
+        if self.is_long or stop:
             self._bytes_event.set()
 
     @property
@@ -258,7 +258,7 @@ class Transaction:
         if not self._unknown_bytes:
             if self._last_command is None or not self.reply_rules.ambiguous_with(self._last_command, command):
                 return 0.0
-            if now > self._stray + UNRULY_TIME and not self.reply_rules.expected_reply(command).unterminated:
+            if now > self._stray_at + UNRULY_TIME and not self.reply_rules.expected_reply(command).unterminated:
                 return 0.0
         return left
 
@@ -298,18 +298,18 @@ class Transaction:
         self._bytes_event.clear()
         self._last_command = command
         began = self.written_at = self._clock()
-        self.long, self._new_stops, self._stop_is_waiting = command.long, 0, False
+        self.is_long, self._stops_sent, self._stop_is_waiting = command.long, 0, False
         overtakes = getattr(self.wire, "newest_only", False)
         waits = expected.max_stop_wait if overtakes else self.times.typical_rtt + STOP_WAIT
         self._gives_way_at = math.inf if command.long or (overtakes and stop) else began + waits
         taken = await self._await_reply(command, expected, began, settle, is_resync) if self.send(request) else None
         self._stop_unheard = stop and expected.silent
-        self.long, self.long_until = False, self._clock() if command.long else self.long_until
+        self.is_long, self.long_ended_at = False, self._clock() if command.long else self.long_ended_at
         if taken is None:
             gave_way = overtakes and self._must_give_way
             return GaveWayToStop() if gave_way else self._silent_fault(command, expected, began)
         outcome, length = taken
-        if len(self._buffer) > length + self._new_stops:  # each stop sent meanwhile may have been refused with a byte
+        if len(self._buffer) > length + self._stops_sent:  # each stop sent meanwhile may have been refused with a byte
             outcome = Garbled()
         if isinstance(outcome, Garbled):
             self._expect_late_reply(command, expected, began)
@@ -318,7 +318,7 @@ class Transaction:
         if command.include_raw and isinstance(outcome, dict):
             outcome = {**outcome, "raw": self._buffer[:length].rstrip(self.reply_rules.padding)}
         self._consume(length)
-        self.times.answered(self.heard_at - began, self._clock() - began, in_average=bool(length) and not command.long)
+        self.times.add_reply(self.heard_at - began, self._clock() - began, in_average=bool(length) and not command.long)
         if expected.delay_after and await self._pause(expected.delay_after, firm):
             outcome = self._objection(command) or outcome
         return outcome
@@ -354,10 +354,10 @@ class Transaction:
             self._bytes_event.clear()
             if command.long:
                 self.busy = self.busy or now >= busy_at
-                self._new_stops += self._queue.send_stops_while_busy(self.busy, self._send_unanswered)
+                self._stops_sent += self._queue.send_stops_while_busy(self.busy, self._send_unanswered)
             taken = self._parsed_reply(command) if self._buffer or expected.silent else None
-            if taken is not None and self._new_stops and isinstance(taken[0], Busy):
-                self._new_stops -= 1  # the busy reply to a stop; nothing moves during a long operation
+            if taken is not None and self._stops_sent and isinstance(taken[0], Busy):
+                self._stops_sent -= 1  # the busy reply to a stop; nothing moves during a long operation
                 self._consume(taken[1], "busy: the mount refused the stop")
                 self._bytes_event.set()
             elif taken is not None:
@@ -415,7 +415,7 @@ class Transaction:
 
     def discard(self, reason: str) -> None:
         if self._unknown_bytes:
-            self._stray = self._clock()
+            self._stray_at = self._clock()
             self._consume(len(self._buffer), f"dropped: {reason}")
         self._buffer = b""
 

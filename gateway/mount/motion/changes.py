@@ -124,7 +124,7 @@ def without_superseded(wanted: Wanted, operation: op.Operation) -> Wanted:
     return wanted if len(pending) == len(wanted.pending) else replace(wanted, pending=pending)
 
 
-def interrupted(wanted: Wanted, halt: Halt) -> Wanted:
+def interrupt(wanted: Wanted, halt: Halt) -> Wanted:
     """Let a halt interrupt the active order, if that order can begin again after it."""
     active = wanted.active_order
     if (
@@ -225,7 +225,7 @@ def _apply_end(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wante
     )
     same = equal_pending_halt(wanted, order.operation)
     if same is not None:
-        return interrupted(wanted, same)
+        return interrupt(wanted, same)
     before = next((halt for halt in wanted.halts if halt.operation == order.operation), None)
     again = before is not None and before.order_count == wanted.order_count and now - before.at <= URGENT_REPEAT_WINDOW
     order = replace(
@@ -235,7 +235,7 @@ def _apply_end(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wante
         repeat_number=before.repeat_number + 1 if before is not None and again else 0,
     )
     order = replace(order, rank=FIRST_RANK if order.overtakes and not order.keeps_repeating else USUAL_RANK)
-    return interrupted(replace(wanted, pending=(*wanted.pending, order)), order)
+    return interrupt(replace(wanted, pending=(*wanted.pending, order)), order)
 
 
 def halted_axis(operation: op.Operation) -> int | None:
@@ -308,7 +308,7 @@ def _is_void_after(halt: Order, goto: Order) -> bool:
 
 def may_have_begun(order: Order, error: BaseException) -> bool:
     """Whether a failed order may move the mount nevertheless: its acknowledgement was lost, or it had begun before."""
-    unheard = isinstance(order.operation, HAND_MOTIONS) and isinstance(error, NoAnswer) and error.sent
+    unheard = isinstance(order.operation, HAND_MOTIONS) and isinstance(error, NoAnswer) and error.is_sent
     return order.arrow.then_stop or unheard or (order.rank == RESUMED_RANK and isinstance(order.operation, MOVERS))
 
 
@@ -325,10 +325,10 @@ def after_ack(
             pending = tuple(other for other in wanted.pending if other.number not in void)
             slew, homed = Slew(operation, order.client, now), isinstance(operation, op.Home)
             moved = replace(wanted, motion=slew, homed=homed, gotos_begun=wanted.gotos_begun + 1, pulses=(), taps=())
-            return replace(moved, pending=pending, motions_begun=_add_begun(wanted, 1, 2))
+            return replace(moved, pending=pending, motions_begun=_count_begun(wanted, 1, 2))
         case op.Move() | op.MoveAxis():
             wanted = replace(
-                _without_pulses(wanted, operation.axis), homed=False, motions_begun=_add_begun(wanted, operation.axis)
+                _without_pulses(wanted, operation.axis), homed=False, motions_begun=_count_begun(wanted, operation.axis)
             )
             motion = AxisMotion(operation, order.client, now, speed, order.came_at, max(sent_at, order.came_at))
             moved = _with_axis_motion(wanted, operation.axis, motion)
@@ -385,7 +385,7 @@ def after_pulse_start(wanted: Wanted, order: Order, pulse: op.Pulsed, number: in
     return wanted
 
 
-def _add_begun(wanted: Wanted, *axes: int) -> tuple[int, int]:
+def _count_begun(wanted: Wanted, *axes: int) -> tuple[int, int]:
     """Return ``motions_begun``, increased by one motion of each of these axes."""
     first, second = wanted.motions_begun
     return first + (1 in axes), second + (2 in axes)

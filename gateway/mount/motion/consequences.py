@@ -34,15 +34,15 @@ class Consequences:
     def on_stop_acknowledged(self) -> None:
         """Handle a stop that the mount has acknowledged: the motors may run on."""
         slewing, by_others = self._context.movement.slewing, self._watch.moved_by_others
-        self._context.run_on.on_end(after_goto=slewing, moved_by_others=by_others)
+        self._context.run_on.begin(after_goto=slewing, moved_by_others=by_others)
         self._reader.note_acknowledged(op.AbortMotion(), by_others)
-        self._watch.motion_ended()
+        self._watch.on_motion_end()
         self._cache.put(op.Slewing, False, self._clock())
 
     def on_acknowledged(self, operation: op.Operation) -> None:
         self._reader.note_acknowledged(operation, isinstance(operation, END_ORDERS) and self._watch.moved_by_others)
         if isinstance(operation, (*GOTOS, op.Move, op.MoveAxis, op.Sync)):
-            self._watch.motion_began(operation)
+            self._watch.on_motion_start(operation)
 
     def on_ack(self, operation: op.Operation, wanted_before: Wanted) -> None:
         """Handle an acknowledged operation; ``wanted_before`` is the ``Wanted`` before its acknowledgement."""
@@ -64,7 +64,7 @@ class Consequences:
             self.on_stop_acknowledged()
         elif isinstance(operation, op.AbortSlew):
             if self._context.movement.slewing:
-                self._context.run_on.on_end(after_goto=True)
+                self._context.run_on.begin(after_goto=True)
             cache.put(op.Slewing, False, self._clock())
         elif isinstance(operation, op.Sync):
             self._on_sync()
@@ -73,7 +73,7 @@ class Consequences:
             if isinstance(operation, op.Hibernate):
                 self.on_stop_acknowledged()
                 self._context.run_on.forget()
-                self._gate.hibernation_began()
+                self._gate.note_hibernation()
 
     def on_follow_up_done(self, operation: op.Operation) -> None:
         """Handle a follow-up of the driver. The last step of a park has turned tracking off, so no read is needed."""
@@ -81,12 +81,12 @@ class Consequences:
         if status is not None and self._context.driver.parked and getattr(operation, "then", "") == "park":
             self._cache.correct(op.GetStatus, replace(status, tracking=op.Tracking.OFF))
 
-    def log_pulse_excess(self, axis: int, ordered_at: float, started_at: float) -> None:
+    def log_pulse_excess(self, axis: int, ordered_at: float, sent_at: float) -> None:
         """Log by how much a guide pulse was too long, if that matters. ``ordered_at``: the loop time at which the
-        reconciler took up the order to end it; ``started_at``: that at which the command to end it was sent.
+        reconciler took up the order to end it; ``sent_at``: that at which the command to end it was sent.
         """
         pulse = next((sent for sent in self._context.wanted.value.pulses if sent.axis == axis), None)
-        late = 0.0 if pulse is None else started_at - pulse.ends_at
+        late = 0.0 if pulse is None else sent_at - pulse.ends_at
         if pulse is not None and pulse.operation is not None and late > MIN_LOGGED_EXCESS * pulse.operation.ms / 1000.0:
             asleep = max(0.0, ordered_at - pulse.ends_at)
             computer = f"this computer did not run the gateway for {asleep:.2f} s"
@@ -104,10 +104,10 @@ class Consequences:
     def _on_axis_halted(self, axis: int, ended_motion: op.Move | op.MoveAxis | None) -> None:
         if ended_motion is not None:
             self._end_watch.watch_end((axis,), self._context.driver.speed(ended_motion.rate))
-            self._context.run_on.on_end(after_goto=False)
-        self._watch.axis_stopped()
+            self._context.run_on.begin(after_goto=False)
+        self._watch.on_axis_stop()
         if not self._context.wanted.by_hand:
-            self._watch.motion_ended()
+            self._watch.on_motion_end()
 
     def _on_sync(self) -> None:
         """Add the sync to the sum of all syncs, and forget the cached positions, which a sync changes."""

@@ -38,7 +38,7 @@ class Leftover(Struct, frozen=True, omit_defaults=True):
     goto: bool = False
 
 
-def find_leftover(wanted: Wanted, speed: Callable[[op.Rate], float], samples: list[AxisSample]) -> Leftover | None:
+def find_leftover(wanted: Wanted, speed_of: Callable[[op.Rate], float], samples: list[AxisSample]) -> Leftover | None:
     """Return the motion that the gateway has begun; None if positions could not show later whether it goes on."""
     begun = [
         *wanted.by_hand.values(),
@@ -52,9 +52,9 @@ def find_leftover(wanted: Wanted, speed: Callable[[op.Rate], float], samples: li
         return Leftover(goto=True)
     speeds: dict[int, float] = {}
     for operation in begun:
-        if not isinstance(operation, op.Move | op.MoveAxis) or speed(operation.rate) < 2.0 * MIN_VISIBLE_SPEED:
+        if not isinstance(operation, op.Move | op.MoveAxis) or speed_of(operation.rate) < 2.0 * MIN_VISIBLE_SPEED:
             return None
-        speeds[operation.axis] = speed(operation.rate)
+        speeds[operation.axis] = speed_of(operation.rate)
     rate = axis_speeds(samples[-2], samples[-1])[0] if 1 in speeds and len(samples) > 1 else 0.0
     shown = abs(rate) >= MIN_RATIO * speeds.get(1, 0.0)
     return Leftover(speeds, (rate > 0.0) - (rate < 0.0) if shown else 0)
@@ -66,12 +66,12 @@ def axis_speeds(before: AxisSample, after: AxisSample) -> Pair:
     return wrap180(after.axes[0] - before.axes[0]) / elapsed, wrap180(after.axes[1] - before.axes[1]) / elapsed
 
 
-def axes_still_moving(left: Leftover, rates: Pair) -> frozenset[int]:
-    """Return the axes that still turn as recorded. ``rates``: the present speeds, degrees a second."""
+def axes_still_moving(left: Leftover, speeds: Pair) -> frozenset[int]:
+    """Return the axes that still turn as recorded. ``speeds``: the present speeds, degrees a second."""
     axes = {
-        axis for axis, speed in left.speeds.items() if MIN_RATIO * speed <= abs(rates[axis - 1]) <= TOO_FAST * speed
+        axis for axis, speed in left.speeds.items() if MIN_RATIO * speed <= abs(speeds[axis - 1]) <= TOO_FAST * speed
     }
-    return frozenset(axes - ({1} if rates[0] * left.direction < 0.0 else set()))
+    return frozenset(axes - ({1} if speeds[0] * left.direction < 0.0 else set()))
 
 
 def is_at_rest(axis_rates: Pair) -> bool:

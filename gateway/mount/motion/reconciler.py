@@ -162,7 +162,7 @@ class Reconciler:
             return False
         wanted = changes.without_superseded(self.wanted, operation)
         same = changes.equal_pending_halt(wanted, operation)
-        self.update(wanted if same is None else changes.interrupted(wanted, same))
+        self.update(wanted if same is None else changes.interrupt(wanted, same))
         return same is not None
 
     def treat_as_release(self, activity: HostActivity) -> bool:
@@ -310,7 +310,7 @@ class Reconciler:
     def _postpone_if_needed(self, order: Order) -> bool:
         """Postpone an order that the mount cannot be given now; refuse it if it has waited too long."""
         now = self._loop.time()
-        wait = order.why_wait(now, self._link.occupied, self._context.incoming)
+        wait = order.needed_wait(now, self._link.occupied, self._context.incoming)
         if wait is not None and order.may_wait(now, wait.max_wait) and not order.client_disconnected:
             self._update(self.wanted.postpone(order, now))
         elif wait is not None:

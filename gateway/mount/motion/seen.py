@@ -31,7 +31,7 @@ class PositionSample(Struct, frozen=True):
     for each source of site and time.
 
     ``other_altitudes`` are those by other sources of site and time, and those that hold if the syncs were wrong. The
-    first ``own_altitude_count`` of all altitudes are by the mount's own site and clock. ``lifting`` is the motion
+    first ``own_altitude_count`` of all altitudes are by the mount's own site and clock. ``axis2_move!`` is the motion
     by hand of the second axis at that time. Samples with equal ``comparison_key`` can be compared.
     """
 
@@ -40,7 +40,7 @@ class PositionSample(Struct, frozen=True):
     altitude: float | None = None
     hour_angle: float | None = None
     suns: tuple[float, ...] = ()
-    lifting: op.Move | op.MoveAxis | None = None
+    axis2_move: op.Move | op.MoveAxis | None = None
     comparison_key: object = 0
     other_altitudes: tuple[float, ...] = ()
     own_altitude_count: int = 1
@@ -59,9 +59,9 @@ class Rates(Struct, frozen=True):
 
 
 class ObservedMotion(Struct, frozen=True):
-    """The last two positions, the ``rates`` of change between them, and the ``earlier`` rates before these.
+    """The last two positions, the ``rates`` of change between them, and the ``prev_rates`` rates before these.
 
-    ``began_at`` is when the last motion began, ``ordered_speed`` its speed if known, ``across`` the speed on the
+    ``began_at`` is when the last motion began, ``ordered_speed`` its speed if known, ``sky_speed`` the speed on the
     sky. ``farthest_from_suns``: for each possible position of the Sun, the greatest distance since the tube came near.
     ``upright`` becomes False when the tube passes the pole or the zenith, or moves against the ordered direction, and
     True again when it has returned or the next goto has ended.
@@ -70,10 +70,10 @@ class ObservedMotion(Struct, frozen=True):
     previous: PositionSample | None = None
     last: PositionSample | None = None
     rates: Rates = Rates()
-    earlier: Rates = Rates()
+    prev_rates: Rates = Rates()
     began_at: float = NEVER
     ordered_speed: float = 0.0
-    across: float = 0.0
+    sky_speed: float = 0.0
     farthest_from_suns: tuple[float, ...] = ()
     upright: bool = True
 
@@ -86,7 +86,7 @@ class ObservedMotion(Struct, frozen=True):
 def begin_motion(observed: ObservedMotion, now: float, ordered_speed: float, at_rest: bool) -> ObservedMotion:
     """Note that a motion has begun: at the last position, if the mount was at rest."""
     last = replace(observed.last, time=now) if observed.last is not None and at_rest else observed.last
-    return replace(observed, last=last, rates=Rates(), earlier=Rates(), began_at=now, ordered_speed=ordered_speed)
+    return replace(observed, last=last, rates=Rates(), prev_rates=Rates(), began_at=now, ordered_speed=ordered_speed)
 
 
 def add_first_position(observed: ObservedMotion, sample: PositionSample) -> ObservedMotion:
@@ -104,15 +104,15 @@ def add_position(observed: ObservedMotion, sample: PositionSample) -> ObservedMo
         tuple(abs(now - then) / elapsed for then, now in zip(before.altitudes, sample.altitudes, strict=False)),
         tuple(abs(now - then) / elapsed for then, now in zip(before.suns, sample.suns, strict=True)),
     )
-    return replace(observed, previous=before, last=sample, rates=changes, earlier=observed.rates, across=across)
+    return replace(observed, previous=before, last=sample, rates=changes, prev_rates=observed.rates, sky_speed=across)
 
 
-def apply_lift(observed: ObservedMotion, equatorial: bool, speed: float) -> ObservedMotion:
+def set_upright(observed: ObservedMotion, equatorial: bool, speed: float) -> ObservedMotion:
     """Update ``upright``: False if the tube moves against the ordered direction of the second axis, so that it must be
     beyond the pole or the zenith. ``speed`` is the motor's, degrees a second.
     """
     before, last = observed.previous, observed.last
-    if before is None or last is None or last.lifting is None or last.lifting is not before.lifting:
+    if before is None or last is None or last.axis2_move is None or last.axis2_move is not before.axis2_move:
         return observed
     was, now = (sample.position.dec if equatorial else sample.altitude or 0.0 for sample in (before, last))
     if max(abs(was), abs(now)) > NEAR_POLE:
@@ -120,7 +120,7 @@ def apply_lift(observed: ObservedMotion, equatorial: bool, speed: float) -> Obse
     rose = now - was
     # otherwise something else moved the tube
     if abs(rose) > MIN_DIRECTION_STEP and 0.4 < abs(rose) / (speed * observed.elapsed) < 2.0:
-        return replace(observed, upright=rose * last.lifting.sense > 0)
+        return replace(observed, upright=rose * last.axis2_move.sense > 0)
     return observed
 
 
@@ -139,7 +139,7 @@ def update_upright_by_passage(
     return replace(observed, upright=not observed.upright) if passes else observed
 
 
-def simultaneous(now: float, position: op.Equatorial, before: PositionSample, lag: float) -> op.Equatorial:
+def extrapolate_ra(now: float, position: op.Equatorial, before: PositionSample, lag: float) -> op.Equatorial:
     """Return a position with its right ascension, which was read ``lag`` seconds earlier, extrapolated to the time of
     its declination.
     """

@@ -50,7 +50,7 @@ def released(wanted: Wanted, release: Order) -> Wanted | None:
     if any(order.held is not None and _same_arrow(release, order) for order in wanted.pending):
         return wanted  # a program that releases an arrow twice
     begun = motion_of(wanted, axis)
-    if begun is None or is_free_or_ending(wanted, axis) or not _paired(begun.client, release.client):
+    if begun is None or is_free_or_ending(wanted, axis) or not _same_host(begun.client, release.client):
         return None
     held = release.came_at - begun.requested_at
     if held > MAX_TAP_TIME:
@@ -106,7 +106,7 @@ def _join_taps(wanted: Wanted, tap: Order) -> Wanted:
         begun is not None and begun.operation == tap.operation and waits_for(wanted, axis) and not _halted(wanted, axis)
     ):
         longer = [replace(other, until=other.until + (tap.held or 0.0)) for other in wanted.taps if other.axis == axis]
-        if _paired(begun.client, tap.client) and longer[0].until - begun.sent_at <= MAX_TAP_TIME:
+        if _same_host(begun.client, tap.client) and longer[0].until - begun.sent_at <= MAX_TAP_TIME:
             taps = (*(other for other in wanted.taps if other.axis != axis), *longer)
             return replace(wanted, pending=others, taps=taps)
     return wanted
@@ -122,7 +122,7 @@ def was_fulfilled_otherwise(order: Order, wanted: Wanted) -> bool:
         return True
     axis = axis_moved(order.operation)
     begun = motion_of(wanted, axis or 0)
-    joined = waits_for(wanted, axis) and begun is not None and _paired(begun.client, order.client)
+    joined = waits_for(wanted, axis) and begun is not None and _same_host(begun.client, order.client)
     return axis is not None and (
         joined or any(_same_arrow(order, waiting_order) for waiting_order in (*wanted.pending, *wanted.short_taps))
     )
@@ -144,7 +144,7 @@ def after_stop_as_release(wanted: Wanted, activity: HostActivity, now: float) ->
     if moving or len(waiting) != 1:
         return None
     [press] = waiting
-    if axis_moved(press.operation) is None or press.held is not None or not _paired(press.client, activity):
+    if axis_moved(press.operation) is None or press.held is not None or not _same_host(press.client, activity):
         return None
     if now - press.came_at > RECENT_PRESS_AGE:
         return None
@@ -235,9 +235,9 @@ def _waited_too_long(press: Order, release: Order) -> bool:
 
 def _same_arrow(order: Order, other: Order) -> bool:
     """Whether ``other`` is an arrow of the same axis and host as ``order``, which is an arrow or a release."""
-    return axis_moved(other.operation) == axis_of(order) and _paired(other.client, order.client)
+    return axis_moved(other.operation) == axis_of(order) and _same_host(other.client, order.client)
 
 
-def _paired(press: HostActivity | None, release: HostActivity | None) -> bool:
+def _same_host(press: HostActivity | None, release: HostActivity | None) -> bool:
     """Whether a press and a release are of the same host: some programs open a connection for every command."""
     return press is not None and release is not None and press.host == release.host

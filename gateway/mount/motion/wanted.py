@@ -110,7 +110,7 @@ class Order(Struct, frozen=True):
         """Whether the order may wait longer; if not, it fails before its client stops waiting for the outcome."""
         return self.not_while_busy or now < min(self.came_at + max_wait, self.deadline)
 
-    def why_wait(self, now: float, occupied: bool, incoming: IncomingSettings) -> Postponement | None:
+    def needed_wait(self, now: float, occupied: bool, incoming: IncomingSettings) -> Postponement | None:
         """Return how long the order has to wait although it is due; None if it need not.
 
         The limits for a goto depend on site and clock, so it waits for those that clients have set before it.
@@ -338,7 +338,7 @@ class WantedState:
         return self.value.stop_owed
 
     @property
-    def ending(self) -> bool:
+    def is_ending(self) -> bool:
         """Whether a stop or a halt is not done yet."""
         return self.value.stop_owed or any(isinstance(order.operation, END_ORDERS) for order in self.value.pending)
 
@@ -404,4 +404,4 @@ class Movement:
         return not isinstance(self._wanted.value.motion, NoOrderedMove) or (self._ordered_by_client and self.slewing)
 
     def snapshot(self) -> MotionState:
-        return MotionState(self.slewing, self._wanted.value.by_hand, self._wanted.ending, self.ordered_by_client)
+        return MotionState(self.slewing, self._wanted.value.by_hand, self._wanted.is_ending, self.ordered_by_client)

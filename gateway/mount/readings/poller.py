@@ -100,7 +100,7 @@ class Poller:
         """Whether a client polls this kind of read, or the gateway itself needs it."""
         if kind is op.Position and self._is_moving:
             return True
-        if kind is op.AxisPosition and now - self._failed_at[kind] > AXES_RETRY and self._watch.hour_angle.interval:
+        if kind is op.AxisPosition and now - self._failed_at[kind] > AXES_RETRY and self._watch.hour_angle.read_period:
             return True
         if kind is op.Slewing and (self._context.movement.slewing or self._context.driver.moved_by_others):
             return True
@@ -130,7 +130,7 @@ class Poller:
         if kind is op.Position and self._watch.others_just_began:
             every = MOVED_BY_OTHERS_PERIOD
         if kind is op.AxisPosition and not self._cache.is_polled(kind, now):
-            every = self._watch.hour_angle.interval or every
+            every = self._watch.hour_angle.read_period or every
         return max(every - ahead, SHORTEST_PAUSE) - self._cache.age(kind, now)
 
     def _status_pause(self, now: float) -> float:

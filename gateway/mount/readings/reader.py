@@ -430,14 +430,14 @@ class Reader:
     async def _finish_goto(self) -> None:
         """Read the position after a goto has ended, and log a missed goal, before clients get the end reported."""
         before = self._wanted.value
-        slew, ends = before.motion, self._wanted.ending
+        slew, ends = before.motion, self._wanted.is_ending
         self.goto_over.emit(None)
         self._cache.forget(op.HorizontalPosition, op.AxisPosition, op.Position, op.PierSide)
         self.outdate()
         await self.answer(op.Position())
         position = self._cache.value(op.Position)  # None if the mount has not reported a new one
         after = self._wanted.value
-        if ends or self._wanted.ending or (before.n_stops, before.n_gotos) != (after.n_stops, after.n_gotos):
+        if ends or self._wanted.is_ending or (before.n_stops, before.n_gotos) != (after.n_stops, after.n_gotos):
             return  # a client has ended or replaced it, and knows
         if position is None or not isinstance(slew, Slew) or self._wanted.axes_moved_by_hand:
             return

@@ -60,7 +60,7 @@ class StopTiming(Struct, frozen=True):
     run_on: float = RUN_ON
 
     @property
-    def lag(self) -> float:
+    def ra_lag(self) -> float:
         """By how many seconds the first coordinate of a position is older than the second."""
         return 2.0 * (self.n_reads - 1) * self.round_trip
 
@@ -185,7 +185,9 @@ class JudgedState(Struct, frozen=True):
     @property
     def _second_axis_run_on(self) -> float:
         """How far the second axis moves the tube after the first was stopped, degrees; 0 unless both move by hand."""
-        return self.observed.across * (AXIS_STOP_GAP * self.timing.round_trip if len(self.moving.by_hand) > 1 else 0.0)
+        return self.observed.sky_speed * (
+            AXIS_STOP_GAP * self.timing.round_trip if len(self.moving.by_hand) > 1 else 0.0
+        )
 
     def max_rate(self, rate: float, earlier_rate: float | None) -> float:
         """Return how fast the mount may approach a limit from now on, by its last two rates of approach."""
@@ -243,12 +245,12 @@ class Room(NamedTuple):
     tolerance: float = 0.0
 
 
-def judge_motion(view: JudgedState) -> Verdict:
+def judge_motion(state: JudgedState) -> Verdict:
     """Return the verdict that forbids the motion, else the verdict with the earliest deadline for the next position."""
     soonest = ALLOWED_VERDICT
     for rule in (altitude_rooms, sun_rooms, meridian_rooms):
-        for room in rule(view):
-            verdict = view.judge(room)
+        for room in rule(state):
+            verdict = state.judge(room)
             if verdict.reason:
                 return verdict
             if verdict.stop_in is not None and (soonest.stop_in is None or verdict.stop_in < soonest.stop_in):
@@ -256,16 +258,16 @@ def judge_motion(view: JudgedState) -> Verdict:
     return soonest
 
 
-def first_position_deadline(view: JudgedState, now: float, speed: float) -> Verdict:
+def first_position_deadline(state: JudgedState, now: float, speed: float) -> Verdict:
     """Return a verdict with the deadline for the first position after a motion by hand begins, in any direction.
 
     The mount must have reported a position before it can reach any limit. ``speed`` is the sum over the moving axes,
     degrees a second. The first stretch of the motion has been checked already (``admission/by_hand.py``).
     """
-    last, timing = view.observed.last, view.timing
-    if last is None or view.status is None or not view.status.aligned or speed <= MAX_TRACKING_SPEED:
+    last, timing = state.observed.last, state.timing
+    if last is None or state.status is None or not state.status.aligned or speed <= MAX_TRACKING_SPEED:
         return Verdict()
-    nearest = min(room for room in degrees_to_limits(last, view.limits, view.sun_limit) if room > 0.0)
+    nearest = min(room for room in degrees_to_limits(last, state.limits, state.sun_limit) if room > 0.0)
     seconds = nearest / speed - timing.stop_time - (now - last.time)
     return Verdict(stop_in=max(seconds, timing.position_interval + MIN_POSITION_GAP), limit_name="a limit")
 
@@ -293,46 +295,46 @@ def is_moving_out(limits: Limits, before: float, after: float) -> bool:
     return any(now < min(0.0, then) for then, now in rooms)
 
 
-def altitude_rooms(view: JudgedState) -> Iterator[Room]:
+def altitude_rooms(state: JudgedState) -> Iterator[Room]:
     """Yield the room up to the altitude limits, by the mount's coordinates and as if its syncs were wrong.
 
     If the syncs were wrong, and by other sources of site and time (for motion by arrow keys of programs), only limits
     that somebody has set count (`Limits.written`). A goto may pass below the horizon if nobody has set a limit, but
     never below its ``min_altitude``.
     """
-    observed, before, last = view.observed, view.observed.previous, view.observed.last
+    observed, before, last = state.observed, state.observed.previous, state.observed.last
     if before is None or last is None:
         return
-    goes = view.moving.slewing and view.moving.ordered_by_client and not view.moving.by_hand
-    beyond = (MAX_OVERSHOOT + READ_TIME_ALLOWANCE * observed.across) * view.on_checked_path
-    own, count = last.own_altitude_count, None if view.moving.by_hand else last.own_altitude_count
-    rates = view.approach_rates(observed.rates.altitudes, observed.earlier.altitudes)[:count]
+    goes = state.moving.slewing and state.moving.ordered_by_client and not state.moving.by_hand
+    beyond = (MAX_OVERSHOOT + READ_TIME_ALLOWANCE * observed.sky_speed) * state.on_checked_path
+    own, count = last.own_altitude_count, None if state.moving.by_hand else last.own_altitude_count
+    rates = state.approach_rates(observed.rates.altitudes, observed.prev_rates.altitudes)[:count]
     for number, (then, now, rate) in enumerate(zip(before.altitudes, last.altitudes, rates, strict=False)):
-        limits = view.limits.without_default_altitudes() if goes or number else view.limits
+        limits = state.limits.without_default_altitudes() if goes or number else state.limits
         if goes:
             reason = f"the altitude limit ({now:.1f} degrees, far below its way)"
-            yield Room(now - view.min_altitude, then - view.min_altitude, 0.0, reason, "")
+            yield Room(now - state.min_altitude, then - state.min_altitude, 0.0, reason, "")
         by = ", by another site or clock" if number >= own else ", if the syncs were wrong" if number else ""
         reason = f"the altitude limit ({now:.1f} degrees{by})"
         for were, left in zip(degrees_inside(limits, then), degrees_inside(limits, now), strict=True):
             yield Room(left, were, rate, reason, "the altitude limit", beyond)
 
 
-def sun_rooms(view: JudgedState) -> Iterator[Room]:
+def sun_rooms(state: JudgedState) -> Iterator[Room]:
     """Yield the room up to the allowed distance from the Sun, for each of its possible positions. An approach counts
     from the greatest distance so far (``farthest_from_suns``), however slow it is.
 
     A position of the Sun by another source of site and time only ends motion by arrow keys of programs, because a wrong
     source must not end a correct motion.
     """
-    observed, last = view.observed, view.observed.last
+    observed, last = state.observed, state.observed.last
     if observed.previous is None or last is None:
         return
-    count = None if view.moving.by_hand else view.own_sun_count
-    rates = view.approach_rates(observed.rates.sun_distances, observed.earlier.sun_distances)[:count]
+    count = None if state.moving.by_hand else state.own_sun_count
+    rates = state.approach_rates(observed.rates.sun_distances, observed.prev_rates.sun_distances)[:count]
     for now, far, rate in zip(last.suns, observed.farthest_from_suns, rates, strict=False):
         reason = f"the Sun ({now:.0f} degrees from it)"
-        yield Room(now - view.sun_limit, far - SUN_JITTER_DEGREES - view.sun_limit, rate, reason, "the Sun")
+        yield Room(now - state.sun_limit, far - SUN_JITTER_DEGREES - state.sun_limit, rate, reason, "the Sun")
 
 
 def farthest_from_suns(view: JudgedState) -> tuple[float, ...]:
@@ -342,18 +344,18 @@ def farthest_from_suns(view: JudgedState) -> tuple[float, ...]:
     observed = view.observed
     if observed.last is None:
         return ()
-    rates = view.approach_rates(observed.rates.sun_distances, observed.earlier.sun_distances)
+    rates = view.approach_rates(observed.rates.sun_distances, observed.prev_rates.sun_distances)
     return tuple(
         now if now >= view.sun_limit + view.stop_margin(rate) or now < before - SUN_JITTER_DEGREES else max(now, before)
         for now, before, rate in zip(observed.last.suns, observed.farthest_from_suns, rates, strict=True)
     )
 
 
-def meridian_rooms(view: JudgedState) -> Iterator[Room]:
+def meridian_rooms(state: JudgedState) -> Iterator[Room]:
     """Yield the room up to the hour angle limit. Gotos are exempt, because they may change the pier side."""
-    limit, past = view.limits.hour_angle, view.past_meridian
-    if limit is None or past is None or past.rate <= 0.0 or view.observed.previous is None or view.moving.slewing:
+    limit, past = state.limits.hour_angle, state.past_meridian
+    if limit is None or past is None or past.rate <= 0.0 or state.observed.previous is None or state.moving.slewing:
         return
     reason = f"the hour angle limit ({past.degrees / 15.0:.2f} hours past the meridian)"
-    rate = view.max_rate(past.rate, past.earlier_rate)
+    rate = state.max_rate(past.rate, past.earlier_rate)
     yield Room(limit - past.degrees, inf, rate, reason, "the hour angle limit")

@@ -55,7 +55,7 @@ def angle_from_axes(mount: Context, axes: op.Horizontal | op.GotoAxes) -> float 
     if site is None:
         return None
     geometry = Geometry(Build.WEDGE, site.latitude)
-    return geometry.ns_sign * wrap180(axes.az - geometry.axes(0.0, 0.0, False)[0])
+    return geometry.ns_sign * wrap180(axes.az - geometry.to_axes(0.0, 0.0, False)[0])
 
 
 def angle_from_pier_side(hour_angle: float, side: str | None) -> float:
@@ -99,7 +99,7 @@ class HourAngleWatch:
         return limited and can_enforce_hour_angle(mount)
 
     @property
-    def interval(self) -> float | None:
+    def read_period(self) -> float | None:
         """How often to read the axes, seconds; None if that is not needed."""
         needed = self.has_limit and reports_axes(self._mount) and not self._mount.movement.slewing
         return AXIS_READ_INTERVAL if needed else None

@@ -88,29 +88,29 @@ class SyncTotal:
 
 
 def check_sync(
-    limit: float, so_far: SyncSum, turns: Sequence[Pair], present: Equatorial, target: Equatorial
+    sync_limit: float, old_sum: SyncSum, turns: Sequence[Pair], present: Equatorial, target: Equatorial
 ) -> SyncSum:
-    """Return the sum with a sync. Raises SyncTooFar if the sync or the sum is larger than ``limit`` on the sky.
+    """Return the sum with a sync. Raises SyncTooFar if the sync or the sum is larger than ``sync_limit`` on the sky.
 
     A sync that makes the sum of an axis smaller, and none larger, is accepted at any distance.
     """
-    then = so_far.with_sync(present, target, turns)
-    sums = so_far.turned, so_far.around or so_far.turned
-    if all(is_correction(limit, before, after) for before, after in zip(sums, then.axis_turns, strict=False)):
+    then = old_sum.with_sync(present, target, turns)
+    sums = old_sum.turned, old_sum.around or old_sum.turned
+    if all(is_correction(sync_limit, before, after) for before, after in zip(sums, then.axis_turns, strict=False)):
         return then
     distance = separation(present.ra, present.dec, target.ra, target.dec)
     ways_out = "Centre the object, align the mount again, or set another sync-limit."
-    if distance > limit:
+    if distance > sync_limit:
         raise SyncTooFar(f"Sync refused: {distance:.0f} degrees from the present position. {ways_out}")
-    if then.size > limit and then.size > so_far.size:
+    if then.size > sync_limit and then.size > old_sum.size:
         raise SyncTooFar(f"Sync refused: {then.size:.0f} degrees off with those since the alignment. {ways_out}")
     return then
 
 
-def is_correction(limit: float, before: Pair, after: Pair) -> bool:
+def is_correction(sync_limit: float, before: Pair, after: Pair) -> bool:
     """Whether a sync makes the sum of one axis smaller, and that of no axis larger (except by rounding, within the
     limit). ``before`` and ``after`` are the sums of the two axes.
     """
     sums = [(abs(old), abs(now)) for old, now in zip(before, after, strict=True)]
-    larger = any(now > old and (now > old + ROUNDING_DEGREES or now > limit) for old, now in sums)
+    larger = any(now > old and (now > old + ROUNDING_DEGREES or now > sync_limit) for old, now in sums)
     return not larger and any(now < old - ROUNDING_DEGREES for old, now in sums)

@@ -69,7 +69,8 @@ NEW_SKY_TIME = 3.0
 
 
 class LimitWatch:
-    """Watches the limits of a mount: call ``check_position`` with every position, ``motion_began`` with every motion.
+    """Watches the limits of a mount: call ``check_position`` with every position, ``on_motion_start`` with every
+    motion.
 
     ``must_stop`` is emitted with the reason: a forbidden position, a missing position, or a missed deadline.
     ``carried_to_limit`` is emitted with the name of a limit that the mount reaches although no client moves it.
@@ -116,7 +117,7 @@ class LimitWatch:
             return False
         if before is None or last is None or now - last.time > CLOSE_WATCH_TIME:
             return False
-        if self.observed.across < MAX_GUIDE_SPEED:
+        if self.observed.sky_speed < MAX_GUIDE_SPEED:
             return False
         then, at_then = (self._axis_sample(sample.time, sample.position) for sample in (before, last))
         least = max(MAX_TRACKING_SPEED * self.observed.elapsed, MIN_UNITS * at_then.resolution)
@@ -146,7 +147,7 @@ class LimitWatch:
         """The highest speed of the commanded motions under way, degrees a second; 0 if there are none."""
         moving = self._mount.movement.snapshot()
         if moving.slewing:
-            return self.observed.across or self._mount.driver.speed(FASTEST_RATE)
+            return self.observed.sky_speed or self._mount.driver.speed(FASTEST_RATE)
         return max((self._mount.driver.speed(motion.rate) for motion in moving.by_hand.values()), default=0.0)
 
     @property
@@ -154,15 +155,17 @@ class LimitWatch:
         """Whether the only motion is a goto on a path within the limits, and nothing else was ordered."""
         wanted = self._mount.wanted
         ordered = any(isinstance(order.operation, MOVERS) for order in wanted.value.pending)
-        return self._current_path.allowed and isinstance(wanted.value.motion, Slew) and not (wanted.ending or ordered)
+        return (
+            self._current_path.allowed and isinstance(wanted.value.motion, Slew) and not (wanted.is_ending or ordered)
+        )
 
-    def narrow_limits(self, lowest: float, highest: float, hour_angle: float | None) -> None:
+    def narrow_limits(self, min_alt: float, max_alt: float, hour_angle: float | None) -> None:
         """Apply tighter limits to the motion under way, too; wider ones apply to the next."""
-        self._limits = self._limits if self._at_own_park else self._limits.narrowed(lowest, highest, None, hour_angle)
+        self._limits = self._limits if self._at_own_park else self._limits.narrowed(min_alt, max_alt, None, hour_angle)
 
     # --- events -----------------------------------------------------------------------------------------------------
 
-    def motion_began(self, operation: op.Operation) -> None:
+    def on_motion_start(self, operation: op.Operation) -> None:
         """Note that a motion has begun: it starts from the last position, unless the mount was moving already."""
         mount, moving = self._mount, self._mount.movement.snapshot()
         limits, self._at_own_park = mount.policy.limits, False
@@ -186,24 +189,24 @@ class LimitWatch:
             )
             self._apply_verdict(first_position_deadline(self._judged_state(mount.now(), moving), mount.now(), speed))
 
-    def goto_ended(self, _: None = None) -> None:
+    def on_goto_end(self, _: None = None) -> None:
         """Note the end of a goto. If it was stopped on its way, the tube may still be beyond the pole or the zenith."""
         self._goto_ended_at = self._mount.now()
         moving = self._mount.movement.snapshot()
         if not (moving.end_pending or moving.by_hand):
             self.observed = replace(self.observed, upright=True)
 
-    def axis_stopped(self) -> None:
+    def on_axis_stop(self) -> None:
         """Note that one axis was stopped: a goto that continues on the other leaves the path that was checked."""
         self._goto_is_astray, self._current_path.allowed = True, False
 
-    def motion_ended(self) -> None:
+    def on_motion_end(self) -> None:
         """Note that one or all motions by hand have ended."""
         self._deadline.disarm()
         self.at_rest_since = self._mount.now()
         self._coasts_until = self._mount.now() + COASTING_TIME
 
-    def position_missing(self, _: None = None) -> None:
+    def on_no_position(self, _: None = None) -> None:
         """Note that the mount did not report its position; stop a motion by hand if that lasts too long."""
         mount, now = self._mount, self._mount.now()
         reason = blind_reason(mount.movement.snapshot(), mount.cache.age(op.Position, now), now - self._blind_stop_at)
@@ -249,7 +252,7 @@ class LimitWatch:
     def _sample(self, now: float, reported: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
         """Return a position that was read at ``now`` with its altitude, hour angle and distances from the Sun."""
         mount, frame = self._mount, self._mount.frame()
-        position = reported if before is None else fold.simultaneous(now, reported, before, mount.stop_timing.lag)
+        position = reported if before is None else fold.extrapolate_ra(now, reported, before, mount.stop_timing.ra_lag)
         altitude, hour_angle = mount.astrometry.alt_and_ha(position)
         shifted = tuple(unsynced_sources(mount, frame))
         others = () if altitude is None else (*shifted, *contradicting_sources(mount, self._limits))
@@ -262,15 +265,15 @@ class LimitWatch:
         """Notice motion at the hand control, a new alignment, a tube beyond pole or zenith, and the end of parking."""
         mount, last = self._mount, self.observed.last
         self.tracked_at = now if status is None or status.tracking is not op.Tracking.OFF else self.tracked_at
-        self.others_watch.record(now, self.observed.across > MAX_TRACKING_SPEED and not moving.ordered_by_client)
+        self.others_watch.record(now, self.observed.sky_speed > MAX_TRACKING_SPEED and not moving.ordered_by_client)
         mount.movement.moved_by_others_until = self.others_watch.watch_closely_until
         mount.driver.moved_by_others = self.moved_by_others
         if self.others_watch.just_began and mount.driver.moved_by_others:
             mount.cache.mark_changed(op.Slewing)  # no new answer, but the mount must be asked whether it slews
-        if self.observed.across > REALIGNED_FACTOR * mount.driver.speed(FASTEST_RATE):
+        if self.observed.sky_speed > REALIGNED_FACTOR * mount.driver.speed(FASTEST_RATE):
             mount.synced.reset()
-        if status is not None and last is not None and last.lifting is not None:
-            self.observed = fold.apply_lift(self.observed, status.equatorial, mount.driver.speed(last.lifting.rate))
+        if status is not None and last is not None and last.axis2_move is not None:
+            self.observed = fold.set_upright(self.observed, status.equatorial, mount.driver.speed(last.axis2_move.rate))
         if not moving.ordered_by_client and (not self._at_own_park or self._has_left_park(status)):
             self._limits, self._at_own_park = mount.policy.limits, False
 
@@ -356,13 +359,13 @@ class LimitWatch:
         self.must_stop.emit(reason)
 
 
-def blind_reason(moving: MotionState, position_age: float, since_stop: float) -> str:
+def blind_reason(motions: MotionState, position_age: float, since_stop: float) -> str:
     """Return why a mount that moves by hand and reports no position must stop; empty if it need not.
 
     ``position_age`` and ``since_stop``: seconds since the last position and since the last such stop. An LX200GPS also
     reports nothing while it seeks home, but that is no motion by hand.
     """
-    if moving.by_hand and position_age > MAX_BLIND_TIME and since_stop > MAX_BLIND_TIME:
+    if motions.by_hand and position_age > MAX_BLIND_TIME and since_stop > MAX_BLIND_TIME:
         return "it moves but does not report its position"
     return ""
 
@@ -373,12 +376,12 @@ class AxisCourse(Struct, frozen=True):
     speed: float
     began: float
     last: AxisSample
-    moved: float = 0.0
+    distance: float = 0.0
 
     def updated(self, axis: int, sample: AxisSample) -> AxisCourse:
         """Add a position. The distance is summed step by step, because the reading turns back over a pole."""
         step = abs(wrap180(sample.axes[axis - 1] - self.last.axes[axis - 1]))
-        return AxisCourse(self.speed, self.began, sample, self.moved + step)
+        return AxisCourse(self.speed, self.began, sample, self.distance + step)
 
 
 class StallWatch:
@@ -407,7 +410,10 @@ class StallWatch:
         self._courses = courses
         for axis, course in courses.items():
             elapsed = sample.time - course.began
-            if elapsed >= max(STALL_TIME, 3.0 * round_trip) and course.moved < STALL_MIN_PART * course.speed * elapsed:
+            if (
+                elapsed >= max(STALL_TIME, 3.0 * round_trip)
+                and course.distance < STALL_MIN_PART * course.speed * elapsed
+            ):
                 return axis
         return None
 

@@ -89,7 +89,7 @@ class SiteAstrometry:
         The first axis of a German mount reads 0 at hour angle 0, that of a fork on a wedge reads 0 in the north.
         """
         geometry = Geometry(Build.WEDGE if on_wedge else Build.GERMAN, self.place().latitude)
-        first, second = geometry.axes(self.sidereal_time() - position.ra, position.dec, False)
+        first, second = geometry.to_axes(self.sidereal_time() - position.ra, position.dec, False)
         return op.Horizontal(wrap360(first), second)
 
     def from_axes(self, goto: op.GotoAxes, on_wedge: bool = False) -> op.Equatorial:

@@ -21,7 +21,7 @@ from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import READ, SETTING
 from gateway.mount.presence import NO_PROGRAM, ProgramId
 from gateway.mount.readings.reader import Reader
-from gateway.mount.safety.admission.contradictions import note_contradictions, site_text
+from gateway.mount.safety.admission.contradictions import log_contradictions, site_text
 from gateway.mount.site import pending_settings
 from gateway.mount.site.pending_settings import BUSY_DELAY, CHECK_DELAY, SKY, TRIES, Kind, Pending, Setting, kind_of
 
@@ -60,7 +60,7 @@ def note_sent(mount: Context, setting: Setting, clock_advance: float | None = No
         )
     elif clock_advance is not None:
         mount.note(f"{by} has set the mount's clock, for everyone: {clock_advance:+.0f} s")
-    note_contradictions(mount)
+    log_contradictions(mount)
 
 
 #: The orders during which no site or clock is sent.

@@ -23,7 +23,7 @@ _T = TypeVar("_T")
 #: The values of ``outcome`` in driver rows that have no effect on the mount.
 WITHOUT_EFFECT = ("refused", "silent")
 #: Seconds before the driver checks again whether a goto has begun, after its acknowledgement was lost.
-RECHECK_AFTER = 0.5
+RECHECK_DELAY = 0.5
 SLEWING_MESSAGE = "The mount is slewing: the guide pulse is dropped."
 BY_HAND_MESSAGE = "The mount is moved by hand: the guide pulse is dropped."
 
@@ -241,7 +241,7 @@ class Driver:
         except NoAnswer:
             state.unconfirmed = True
             if not (yield from is_slewing(self)):
-                yield Wait(RECHECK_AFTER)
+                yield Wait(RECHECK_DELAY)
                 if not (yield from is_slewing(self)):
                     self.give_up_goto()
                     raise

@@ -57,7 +57,7 @@ class Surface:
         #: (session, command name, values) -> whether the mount's reply would contradict an earlier one to this client.
         self.contradicts_client: Callable[..., bool] = lambda session, name, values: False
         #: (command name, reply) -> the reply in the mount's notation, if the surface presents the mount itself.
-        self.as_written: Callable[[str, bytes], bytes] = lambda name, reply: reply
+        self.to_mount_form: Callable[[str, bytes], bytes] = lambda name, reply: reply
         #: Session -> the data that the client is sent without requests, from the beginning of its connection on.
         self.subscriptions: Callable[[Session], Sequence[Subscription]] = lambda session: ()
         #: Whether a reply is a refusal, in protocols whose rows have no reply form for a refusal.
@@ -238,7 +238,9 @@ class Surface:
             return answer
         model = session.model
         form = command.reply_form(session.client.precision, model.get("name"), model.get("dialect"))
-        return b"" if form is None else self.as_written(command.name, form.encode(_reply_fields(answer, form.fields)))
+        return (
+            b"" if form is None else self.to_mount_form(command.name, form.encode(_reply_fields(answer, form.fields)))
+        )
 
 
 def _drops_motion(request: SurfaceStep) -> bool:

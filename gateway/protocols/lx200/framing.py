@@ -26,7 +26,7 @@ _COLON, _HASH, _DOLLAR = b":#$"
 _FIRST_BYTES = frozenset(b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz$?")
 
 
-def setter(beginning: bytes) -> str | None:
+def setter_name(beginning: bytes) -> str | None:
     """Return the name of the command with an argument that these bytes begin, "" for an unknown ``:S``, else None."""
     command = load("lx200").begun_command(beginning)
     if command is not None:
@@ -57,14 +57,14 @@ class Lx200Framer:
         self._unterminated: dict[str, None] = {}
         self._unterminated_text = bytearray()
         #: Whether the commands of this burst are suspect.
-        self._suspect = False
+        self._is_suspect = False
         self._frames: list[bytes] = []
         self.dropped = DroppedBytes()
 
     @property
     def idle(self) -> bool:
         """Whether the next byte begins a command that does not depend on earlier bytes."""
-        return not (self._frame or self._suspect)
+        return not (self._frame or self._is_suspect)
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
         """Return the commands that these bytes complete, in order. ``now`` is a monotonic time in seconds."""
@@ -96,7 +96,7 @@ class Lx200Framer:
 
     def _begin_burst(self) -> None:
         """Begin a burst after a pause: nothing is suspect, and of an unterminated text only a partial stop is kept."""
-        self._suspect = False
+        self._is_suspect = False
         self._before_pause = bool(self._frame)
         if self._unterminated:
             rest = b":" if self._pending_colon else bytes(self._frame)
@@ -105,7 +105,7 @@ class Lx200Framer:
 
     def _report_unterminated(self) -> None:
         """Report the unterminated text without waiting for its end."""
-        self._extend_unterminated(bytes(self._frame), setter(bytes(self._frame)))
+        self._extend_unterminated(bytes(self._frame), setter_name(bytes(self._frame)))
         self._frames.append(Unterminated(bytes(self._unterminated_text), tuple(self._unterminated), late=True))
         self._unterminated = {}
 
@@ -123,7 +123,7 @@ class Lx200Framer:
     def _end_incomplete(self, reason: str = HALF) -> None:
         """End the incomplete command here: with an argument it is unterminated, any other is dropped."""
         piece = bytes(self._frame)
-        name = setter(piece) if len(piece) > 1 else None
+        name = setter_name(piece) if len(piece) > 1 else None
         if self._unterminated:
             self._extend_unterminated(piece, name)
             if piece + b"#" in stop_commands():
@@ -132,7 +132,7 @@ class Lx200Framer:
             self._frames.append(Unterminated(piece, (name,), late=True))
         elif name is not None:
             self._unterminated_text.clear()
-            self._suspect = True
+            self._is_suspect = True
             self._extend_unterminated(piece, name)
         elif len(piece) > 1:
             self.dropped.add(piece, reason)
@@ -147,13 +147,13 @@ class Lx200Framer:
         """Handle a ``#``: it ends a command, or an unterminated text."""
         frame = bytes(self._frame) + b"#"
         if self._unterminated:
-            self._extend_unterminated(frame[:-1], setter(frame[:-1]))
+            self._extend_unterminated(frame[:-1], setter_name(frame[:-1]))
             self._frames.append(Unterminated(bytes(self._unterminated_text) + b"#", tuple(self._unterminated)))
             self._unterminated = {}
             if frame in stop_commands():
                 self._frames.append(frame)
         elif len(frame) > 2:
-            self._frames.append(Suspect(frame) if self._suspect else frame)
+            self._frames.append(Suspect(frame) if self._is_suspect else frame)
         self._begin_command()
 
     def _add_pending_colon(self) -> None:

@@ -23,13 +23,13 @@ def parse_fix(sentence: str) -> Gps | None:
         return None
 
 
-def format_rmc(place: Place | None, unix: float, linked: bool = True) -> str:
+def format_rmc(place: Place | None, unix: float, has_fix: bool = True) -> str:
     """Return an RMC sentence with its checksum; without a position if no site is known. ``unix`` is in seconds."""
     import pynmea2
 
     now = datetime.fromtimestamp(unix, UTC)
     places = ("",) * 4 if place is None else (*_to_nmea(place.latitude, 2, "NS"), *_to_nmea(place.longitude, 3, "EW"))
-    status = "A" if linked else "V"
+    status = "A" if has_fix else "V"
     return str(
         pynmea2.RMC(
             "GP", "RMC", (now.strftime("%H%M%S"), status, *places, "0.0", "0.0", now.strftime("%d%m%y"), "", "")

@@ -23,7 +23,7 @@ from gateway.protocols.wireformat.command_set import CommandSet, load
 NAK = 0x15
 TIMEOUT, PAUSE_AFTER_COMMAND = 3.0, 0.05  # seconds
 #: The maximum length of a reply that ends with ``#``.
-LONGEST = 200
+MAX_LENGTH = 200
 #: Field formats as telescopes send them: all digits, and any single byte between degrees, minutes and seconds, or a
 #: degree sign in UTF-8, of which only the second byte counts. A lost digit or sign would be another position.
 _SEP, _UTF_8 = rb"(?:\xc2\xb0|[^0-9#])", re.compile(rb"\xc2(?=\xb0)")
@@ -181,34 +181,34 @@ class Lx200ReplyRules:
         outcome, length = taken[0], before + taken[1]
         return outcome, length if buffer[length:].strip(PADDING) else len(buffer)
 
-    def _match_reply(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
+    def _match_reply(self, request: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
         if not buffer:
             return None
-        replies = self.protocol.commands[ask.command].replies
+        replies = self.protocol.commands[request.command].replies
         for reply, template in replies:
             match = _reply_pattern(str(template.source)).match(buffer)
             if match is None:
                 continue
             length = match.end()
             rest = buffer[length:].strip(PADDING)
-            if rest and _begins_longer_form(self.protocol, ask.command, str(template.source)):
+            if rest and _begins_longer_form(self.protocol, request.command, str(template.source)):
                 continue
             if "#" not in str(template.source) and rest == b"#":
                 length = len(buffer)  # some telescopes append this to every reply
-            elif rest and reply.fault is not None and (refusal := _refusal(self.protocol, ask.command, buffer)):
+            elif rest and reply.fault is not None and (refusal := _as_refusal(self.protocol, request.command, buffer)):
                 return refusal
             text = match[0] if ":text}" in str(template.source) else _UTF_8.sub(b"", _PADDED_HASH.sub(b"#", match[0]))
             values = template.decode(text)
             if reply.fault is not None:
                 return _fault(reply.fault, values, reply.says), length
-            self._notation.learn(ask.command, text)
-            if ask.command == "GVP" and not self._model_is_named:
+            self._notation.learn(request.command, text)
+            if request.command == "GVP" and not self._model_is_named:
                 self._protocol = load("lx200").in_dialect_of(load("lx200").model_of_product(values["product"]))
             return {**values, "length": len(text)}, length
-        if (refusal := _refusal(self.protocol, ask.command, buffer)) is not None:
+        if (refusal := _as_refusal(self.protocol, request.command, buffer)) is not None:
             return refusal
-        hashes = max(source.count("#") for source in _form_texts(self.protocol, ask.command))
-        if buffer.count(b"#") >= max(1, hashes) or len(buffer) > LONGEST or not hashes:
+        hashes = max(source.count("#") for source in _form_texts(self.protocol, request.command))
+        if buffer.count(b"#") >= max(1, hashes) or len(buffer) > MAX_LENGTH or not hashes:
             whole = hashes or len(buffer) >= max(template.width or 1 for _, template in replies)
             return (Garbled(), len(buffer)) if whole else None
         return None
@@ -238,7 +238,7 @@ def _undocumented_digits(protocol: CommandSet, command: str) -> frozenset[bytes]
     return frozenset(digit.encode() for digit in "0123456789" if digit not in taken)
 
 
-def _refusal(protocol: CommandSet, command: str, buffer: bytes) -> tuple[Values | Fault, int] | None:
+def _as_refusal(protocol: CommandSet, command: str, buffer: bytes) -> tuple[Values | Fault, int] | None:
     """Return the refusal in a reply that has none of the command's forms, and its length; None if it is no refusal.
 
     A refusal is a digit with a text, or a digit alone. If every reply of the command is a text, a digit is that text.
@@ -281,8 +281,8 @@ def _expected(protocol: CommandSet, command: str, once: bool, raw: bool) -> Expe
     )
 
 
-def _fault(name: str, values: Values, default_text: str | None) -> Fault:
+def _fault(form_name: str, values: Values, default_text: str | None) -> Fault:
     """Return the fault of a reply form, with the mount's own text if it sent any, else ``default_text``."""
-    fault: type[Fault] = getattr(errors, name)
+    fault: type[Fault] = getattr(errors, form_name)
     text = str(values.get("text", "")).strip()
     return fault(" ".join(text.split()) or default_text)

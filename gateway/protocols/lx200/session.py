@@ -20,25 +20,25 @@ class ClockDraft(Struct):
     """The parts of a clock that a client has set and that are not sent to the mount yet.
 
     ``time`` is seconds of the day, and the host's time when it was set; ``changed_at`` is when the last part was set.
-    ``set_together``: one command has set date and time. ``carried_parts``: parts kept from the clock sent before.
+    ``by_one_command``: one command has set date and time. ``carried_parts``: parts kept from the clock sent before.
     """
 
     time: tuple[float, float] | None = None
     day: date | None = None
     offset: float | None = None
     changed_at: float = 0.0
-    set_together: bool = False
+    by_one_command: bool = False
     carried_parts: frozenset[str] = frozenset()
 
     @property
-    def complete(self) -> bool:
+    def is_complete(self) -> bool:
         """Whether time, date and offset are all set, so that they define an instant."""
         return None not in (self.time, self.day, self.offset) and not self.carried_parts
 
     def clear(self) -> None:
         """Forget all parts: they are being sent."""
         self.time = self.day = self.offset = None
-        self.changed_at, self.set_together, self.carried_parts = 0.0, False, frozenset()
+        self.changed_at, self.by_one_command, self.carried_parts = 0.0, False, frozenset()
 
 
 class LibraryLimits(Struct, frozen=True):

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 NAME, DEFAULT_MODEL = "lx200", "autostar"
 ACK, POSITION = b"\x06", b"#:GR#"
 #: ACK to an unknown device: the # ends what it may have read before, because some answer ACK outside a command only.
-ACK_ALONE = b"#\x06"
+HASH_ACK = b"#\x06"
 #: A single letter is an answer to ACK only if nothing follows it for this many seconds.
 ACK_QUIET_PERIOD = 0.1
 #: The degree character as the tables write it.
@@ -51,7 +51,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     surface = Surface(protocol, handlers)
     surface.contradicts_client, surface.session_type = clock.contradicts_client, LxSession
     if settings.degree != "*":
-        surface.as_written = lambda name, reply: _DEGREES.sub(b"\\1\xdf", reply)
+        surface.to_mount_form = lambda name, reply: _DEGREES.sub(b"\\1\xdf", reply)
     return MadeSurface(
         surface,
         {**protocol.models[name], "name": name},
@@ -79,7 +79,7 @@ def _make_simulator(model: str | None, version: str | None, **settings: Any) -> 
     from gateway.protocols.lx200.simulator.controllers import SimulatedController
     from gateway.protocols.lx200.simulator.server import SimulatedLx200
 
-    other = load(NAME).in_dialect_of(model).other
+    other = load(NAME).in_dialect_of(model).overlay
     made = SimulatedController if other is not None and other.facts else SimulatedLx200
     return made(model or DEFAULT_MODEL, **settings)
 
@@ -131,7 +131,7 @@ SPEC = ProtocolSpec(
     },
     recognises=_lx200_confidence,
     questions=(
-        Probe(2, ACK_ALONE, _protocol_by_ack),
+        Probe(2, HASH_ACK, _protocol_by_ack),
         Probe(3, POSITION, lambda heard, still: NAME if re.fullmatch(_POSITION, heard.strip()) else None, opt_in=True),
     ),
     detect_states={"downloader": "a Meade that waits for new firmware: switch it off and on to use it"},

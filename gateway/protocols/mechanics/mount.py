@@ -17,7 +17,7 @@ from gateway.protocols.mechanics.axis_motor import APPROACH_RATE, RAMP_SECONDS, 
 #: Seconds between two positions whose difference gives the ordered speed: a power of two, for exact arithmetic.
 _DIFFERENCE_STEP = 2.0**-7
 #: Used instead of the axis positions at the target if no axis follows it: the calculation would take long.
-_UNUSED_AIM: Pair = (math.nan, math.nan)
+_NO_TARGET: Pair = (math.nan, math.nan)
 
 
 class Mechanics:
@@ -32,8 +32,8 @@ class Mechanics:
         self.flipped = False  # it points in the second of two possible ways: past the pole or the zenith
         self._drive_rate = SIDEREAL_RATE  # the rate of tracking, degrees a second
         self._axes = {1: Axis(axes[0], now), 2: Axis(axes[1], now)}
-        self._aim: Pair = (0.0, 0.0)  # right ascension and declination that are tracked, or the target of a goto
-        self._follows_aim = False  # an alt-az mount tracks: both axes follow the aim
+        self._target: Pair = (0.0, 0.0)  # right ascension and declination that are tracked, or the target of a goto
+        self._follows_target = False  # an alt-az mount tracks: both axes follow the aim
         self._state_noted = False  # ``_note_state`` has run for the next order, ``_begin_ramps`` has not
         self.speedup = 1.0  # a factor for the speed of gotos
         #: When a motor was first ordered to do something other than tracking; None while no such order is in force.
@@ -132,13 +132,13 @@ class Mechanics:
         self._advance_and_note(now)
         hour_angle = wrap180(self.sky.lst(now) - ra)
         self.flipped = self.geometry.is_flipped(hour_angle)
-        self._aim, self._follows_aim = (ra, dec), False
-        self._begin_goto(now, self._axes_at_aim(now), fixed=False)
+        self._target, self._follows_target = (ra, dec), False
+        self._begin_goto(now, self._axes_on_target(now), fixed=False)
 
     def goto_axes(self, now: float, first: float, second: float) -> None:
         """Slew to axis positions; track from there if tracking is on."""
         self._advance_and_note(now)
-        self._follows_aim = False
+        self._follows_target = False
         self.flipped = self.build is Build.GERMAN and wrap180(second - 90.0) > 0.0
         self._begin_goto(now, (first, second), fixed=True)
 
@@ -155,8 +155,9 @@ class Mechanics:
             self._advance_and_note(now)
             self._end_goto(now)
 
-    def move(self, now: float, axis: int, rate: float, gentle: bool = False) -> None:
-        """Move an axis by hand; rate 0 ends it. A ``gentle`` rate adds to a polar mount's tracking, others override it.
+    def move(self, now: float, axis: int, rate: float, additive: bool = False) -> None:
+        """Move an axis by hand; rate 0 ends it. A ``additive`` rate adds to a polar mount's tracking, others override
+        it.
 
         Rate 0 ends hand motion or the goto of this axis and does nothing to an axis that has neither.
         Tracking that was overridden stays off until `track` or `resume_tracking`.
@@ -164,7 +165,7 @@ class Mechanics:
         self.advance(now)
         motor = self._axes[axis]
         added = self.build is not Build.ALTAZ and (motor.drive if motor.overridden else self._tracks)
-        if motor.goto is None and added and (gentle or rate == 0.0):
+        if motor.goto is None and added and (additive or rate == 0.0):
             self._advance_and_note(now)
             motor.added_rate = rate
         elif rate != 0.0:
@@ -190,22 +191,22 @@ class Mechanics:
     def sync(self, now: float, ra: float, dec: float) -> None:
         """Correct the axes so that the mount believes to point at this position now."""
         first, second = self.axes(now)
-        target = self.geometry.axes(wrap180(self.sky.lst(now) - ra), dec, self.flipped)
+        target = self.geometry.to_axes(wrap180(self.sky.lst(now) - ra), dec, self.flipped)
         self.correct(now, (wrap180(target[0] - first), wrap180(target[1] - second)))
 
     def correct(self, now: float, correction: Pair) -> None:
         """Set the correction of the believed axis positions, degrees; nothing moves."""
         self._advance_and_note(now)
         self.sync_correction = correction
-        self._renew_aim(now)
+        self._renew_target(now)
 
     def relocate(self, now: float, sky: Observer) -> None:
         """Use another site or clock: the axes stay, but their believed position on the sky changes."""
         self._advance_and_note(now)
         self.sky = sky
-        self._renew_aim(now)
+        self._renew_target(now)
 
-    def rebuild(self, now: float, build: Build) -> None:
+    def set_build(self, now: float, build: Build) -> None:
         """Put a fork mount on a wedge, or take it off. The tube keeps its direction."""
         if build is self.build:
             return
@@ -214,9 +215,9 @@ class Mechanics:
         truth = Geometry(self.build, self.true_sky.latitude).ha_dec_of_axes(first, second)
         believed = self.geometry.ha_dec_of_axes(first + self.sync_correction[0], second + self.sync_correction[1])
         self._advance_and_note(now)
-        self.build, self.flipped, self._follows_aim = build, False, False
-        actual = Geometry(build, self.true_sky.latitude).axes(*truth, False)
-        assumed = self.geometry.axes(*believed, False)
+        self.build, self.flipped, self._follows_target = build, False, False
+        actual = Geometry(build, self.true_sky.latitude).to_axes(*truth, False)
+        assumed = self.geometry.to_axes(*believed, False)
         self.sync_correction = wrap180(assumed[0] - actual[0]), wrap180(assumed[1] - actual[1])
         for motor, position in zip(self._axes.values(), actual, strict=True):
             motor.position, motor.rate, motor.speed = position, 0.0, 0.0
@@ -252,20 +253,20 @@ class Mechanics:
             motor.clear_orders()
         if self.build is not Build.ALTAZ:
             self._axes[1].rate = self._tracking_sense * self._drive_rate * self._tracks
-        elif self._tracks and not self._follows_aim:
+        elif self._tracks and not self._follows_target:
             positions = self._positions
-            self._aim = self._sky_position(now, positions, self.sync_correction)
+            self._target = self._sky_position(now, positions, self.sync_correction)
             self.flipped = abs(wrap180(positions[1] + self.sync_correction[1])) > 90.0
-        self._follows_aim = self._tracks and self.build is Build.ALTAZ
+        self._follows_target = self._tracks and self.build is Build.ALTAZ
 
     def _override_tracking(self, now: float, axis: int) -> None:
         """Begin an order that overrides tracking of a motor. On an alt-az mount the other motor keeps its last rate."""
         self._advance_and_note(now)
-        if self._follows_aim:
-            before, after = self._axes_at_aim(now), self._axes_at_aim(now + 1.0)
+        if self._follows_target:
+            before, after = self._axes_on_target(now), self._axes_on_target(now + 1.0)
             for motor, p, q in zip(self._axes.values(), before, after, strict=True):
                 motor.rate = wrap180(q - p)
-            self._follows_aim = False
+            self._follows_target = False
         self._axes[axis].clear_orders()
         self._axes[axis].overridden = True
         if self.suspended_since is None:
@@ -292,12 +293,12 @@ class Mechanics:
         if not any(motor.overridden for motor in self._axes.values()):
             self._track_or_rest(now)
 
-    def _renew_aim(self, now: float) -> None:
+    def _renew_target(self, now: float) -> None:
         """After a change of site, clock or correction: track the new position, continue a goto to the same goal."""
-        if self._follows_aim:
-            self._aim = self._sky_position(now, self._positions, self.sync_correction)
+        if self._follows_target:
+            self._target = self._sky_position(now, self._positions, self.sync_correction)
         elif any(motor.goto is not None and motor.goal is None for motor in self._axes.values()):
-            self._begin_goto(now, self._axes_at_aim(now), fixed=False)
+            self._begin_goto(now, self._axes_on_target(now), fixed=False)
 
     # --- positions by formula ---------------------------------------------------------------------------------------
 
@@ -322,27 +323,27 @@ class Mechanics:
     def _ordered_positions(self, now: float) -> Pair:
         """Return both axis positions without ramps, as if the motors had changed to the ordered speeds at once."""
         first, second = self._axes[1], self._axes[2]
-        follows = self._follows_aim or (first.goto and first.goal is None) or (second.goto and second.goal is None)
-        aimed = self._axes_at_aim(now) if follows else _UNUSED_AIM
+        follows = self._follows_target or (first.goto and first.goal is None) or (second.goto and second.goal is None)
+        aimed = self._axes_on_target(now) if follows else _NO_TARGET
         return self._ordered_position(first, aimed[0], now), self._ordered_position(second, aimed[1], now)
 
-    def _ordered_position(self, motor: Axis, aim: float, now: float) -> float:
+    def _ordered_position(self, motor: Axis, target: float, now: float) -> float:
         if motor.goto is not None:
-            return (aim if motor.goal is None else motor.goal) - motor.goto.remaining(now)
-        if self._follows_aim:
-            return aim + (motor.added_rate + motor.pulse) * (now - motor.since)
+            return (target if motor.goal is None else motor.goal) - motor.goto.remaining(now)
+        if self._follows_target:
+            return target + (motor.added_rate + motor.pulse) * (now - motor.since)
         return motor.position + (motor.added_rate + motor.pulse + motor.rate) * (now - motor.since)
 
     def _ordered_speeds(self, now: float) -> Pair:
         before, after = self._ordered_positions(now), self._ordered_positions(now + _DIFFERENCE_STEP)
         return wrap180(after[0] - before[0]) / _DIFFERENCE_STEP, wrap180(after[1] - before[1]) / _DIFFERENCE_STEP
 
-    def _axes_at_aim(self, now: float) -> Pair:
+    def _axes_on_target(self, now: float) -> Pair:
         """Return the axis positions that point at the aim, with the mount's site, clock and correction."""
-        ra, dec = self._aim
-        if self._follows_aim:
+        ra, dec = self._target
+        if self._follows_target:
             ra += (SIDEREAL_RATE - self._drive_rate) * (now - self._axes[1].since)
-        first, second = self.geometry.axes(wrap180(self.sky.lst(now) - ra), dec, self.flipped)
+        first, second = self.geometry.to_axes(wrap180(self.sky.lst(now) - ra), dec, self.flipped)
         return first - self.sync_correction[0], second - self.sync_correction[1]
 
     def _sky_position(self, now: float, axes: Pair, correction: Pair) -> Pair:
@@ -359,8 +360,8 @@ class Mechanics:
                 quickest = max(quickest, motor.goto.acceleration)
             motor.acceleration = max(self.acceleration, quickest)
             motor.position, motor.since, motor.speed = position, now, speed
-        if self._follows_aim and (changing or self._drive_rate != SIDEREAL_RATE):
-            self._aim = self._sky_position(now, positions, self.sync_correction)
+        if self._follows_target and (changing or self._drive_rate != SIDEREAL_RATE):
+            self._target = self._sky_position(now, positions, self.sync_correction)
         self._state_noted = True
 
     def _begin_ramps(self) -> None:
@@ -374,6 +375,6 @@ class Mechanics:
             if motor.goto is None or motor.goto.started_at == since:  # else it continues its goto
                 quickest = math.sqrt(self.acceleration * motor.acceleration) * RAMP_SECONDS
                 run_on = motor.ramp_from(since, ordered, quickest) != 0.0 or run_on
-        if self._follows_aim and run_on:
-            self._aim = self._sky_position(since, self._positions, self.sync_correction)
+        if self._follows_target and run_on:
+            self._target = self._sky_position(since, self._positions, self.sync_correction)
             self.flipped = abs(wrap180(self._positions[1] + self.sync_correction[1])) > 90.0

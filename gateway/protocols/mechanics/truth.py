@@ -88,11 +88,13 @@ def sun_position(unix: float) -> tuple[float, float]:
     return from_vector((cos(longitude), cos(tilt) * sin(longitude), sin(tilt) * sin(longitude)))
 
 
-async def sample(simulator: Simulated, record: Callable[[Truth], object], every: float = SAMPLE_PERIOD) -> None:
-    """Call ``record`` with the Truth every ``every`` seconds of simulator time, until it raises an exception."""
+async def sample(simulator: Simulated, record: Callable[[Truth], object], period: float = SAMPLE_PERIOD) -> None:
+    """Call ``record`` with the Truth every ``period`` seconds of simulator time, until it raises an exception."""
     due: float = simulator.clock()
     while True:
         truth = truth_of(simulator)
         record(truth)
-        due = due + every if due + every > truth.t else truth.t + every  # skips samples missed while the computer slept
+        due = (
+            due + period if due + period > truth.t else truth.t + period
+        )  # skips samples missed while the computer slept
         await asyncio.sleep(max(0.0, due - truth.t))

@@ -37,12 +37,12 @@ def key_speed(rates: Model, key: int) -> float:
     return float(degrees[key - len(sidereal) - 1])
 
 
-def fields_of(local_time: datetime) -> dict[str, int]:
+def clock_fields(local_time: datetime) -> dict[str, int]:
     """Return the fields of a clock command for a local date and time."""
     return {"year": local_time.year % 100, **{name: getattr(local_time, name) for name in _FIELDS}}
 
 
-def unix_of(fields: Mapping[str, int], century: int = 2000) -> float:
+def unix_time(fields: Mapping[str, int], century: int = 2000) -> float:
     """Return the Unix seconds of clock fields, read as if they were UTC. Raises ValueError for an impossible date."""
     month, day, hour, minute, second = (fields[name] for name in _FIELDS)
     return datetime(century + fields["year"], month, day, hour, minute, second, tzinfo=UTC).timestamp()

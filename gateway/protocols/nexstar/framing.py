@@ -18,7 +18,7 @@ from gateway.protocols.wireformat.command_set import load
 #: Seconds after an incomplete command was dropped, within which its end may still arrive.
 END_WINDOW = 3.0
 #: The longest command.
-LONGEST = 18
+MAX_LENGTH = 18
 #: Bytes that programs send around their commands: terminators, line ends, padding, ``?`` to wake the oldest mounts.
 STRAY_BYTES = frozenset(b"#? \r\n\0")
 #: Lengths of later hand controls' opcodes, which the gateway does not answer. That of ``c`` is not known.
@@ -55,7 +55,7 @@ def ends_motion(frame: bytes) -> bool:
     return frame.startswith(_prefixes()) and load("nexstar").find(frame) is not None
 
 
-def is_question(frame: bytes) -> bool:
+def is_query(frame: bytes) -> bool:
     """Whether this command asks for a value and does nothing else."""
     match = load("nexstar").find(frame)
     return match is not None and match[0].is_query
@@ -97,11 +97,11 @@ class PartialCommand:
     def is_decided(self) -> bool:
         """Whether further bytes cannot change what ``continuation`` returns."""
         count = len(self.burst)
-        if not self._fits_command() or count > self.missing + LONGEST:
+        if not self._fits_command() or count > self.missing + MAX_LENGTH:
             return True
         if count == self.missing or not self._is_one_command():
             return False
-        return count > self.missing or (count > 1 and self.burst == self._first and is_question(bytes(self.burst)))
+        return count > self.missing or (count > 1 and self.burst == self._first and is_query(bytes(self.burst)))
 
     @property
     def continuation(self) -> Continuation:
@@ -165,11 +165,11 @@ class NexStarFramer(LengthFramer):
     noise_reason = "no NexStar command begins like this; bytes are ignored until the line has been quiet for 0.1 s"
     half_reason = "incomplete command: the rest did not arrive within a second"
     cut_off_reason = "incomplete command: the rest did not arrive"
-    late_end = "the end of the incomplete command before it, which is not carried out"
+    late_reason = "the end of the incomplete command before it, which is not carried out"
 
     def __init__(self, drops_late_ends: bool = True) -> None:
         super().__init__()
-        self._remembers = drops_late_ends
+        self._drops_late = drops_late_ends
         self._interrupted: PartialCommand | None = None
         self._lengths = length_by_opcode()
         #: Stray bytes allowed after the last request, and how many more of them.
@@ -188,7 +188,7 @@ class NexStarFramer(LengthFramer):
     def feed(self, data: bytes, now: float) -> list[bytes]:
         """Like ``LengthFramer.feed``. Without data, it returns what was held back, if the line is quiet."""
         quiet = now - self._last_byte_at
-        if self._remembers and self._pending and data and QUIET_GAP <= quiet < QUIET_GAP + END_WINDOW:
+        if self._drops_late and self._pending and data and QUIET_GAP <= quiet < QUIET_GAP + END_WINDOW:
             until = self._last_byte_at + QUIET_GAP + END_WINDOW
             self._interrupted = PartialCommand(bytes(self._pending), until, self._lengths)
         interrupted = self._interrupted
@@ -223,7 +223,7 @@ class NexStarFramer(LengthFramer):
         commands = {Continuation.COMMANDS: burst, Continuation.END_AND_MORE: burst[missing:]}.get(verdict, b"")
         if ignored := burst[: len(burst) - len(commands)]:
             self._dropping = verdict is Continuation.NOISE
-            self.dropped.add(ignored, self.noise_reason if self._dropping else self.late_end)
+            self.dropped.add(ignored, self.noise_reason if self._dropping else self.late_reason)
         return [frame for frame in self._cut_commands(commands) if not ends_motion(frame)]
 
     def _cut_commands(self, data: bytes) -> list[bytes]:

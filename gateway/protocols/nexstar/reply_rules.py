@@ -19,7 +19,7 @@ from gateway.protocols.wireformat.command import FrameTemplate
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
 #: At most how many extra bytes a StarSense sends in its reply to ``t``.
-EXTRA = {"t": 4}
+MAX_EXTRA = {"t": 4}
 #: Printable bytes for echo requests. None is ``#``; consecutive resynchronisations use different ones.
 ECHOES = range(0x40, 0x7E)
 #: Seconds that a hand control may take to answer (Developer Notes, Timeouts). It takes all of them if it passes a
@@ -33,14 +33,14 @@ PROTOCOL = load("nexstar")
 class _ReplyForm(NamedTuple):
     """The reply to a command: its template, usual and longest length, and whether a device behind it answers.
 
-    ``other_template`` is the longer form of another maker's hand controls.
+    ``long_template`` is the longer form of another maker's hand controls.
     """
 
     template: FrameTemplate
     usual_length: int
     max_length: int
     passed_through: bool
-    other_template: FrameTemplate | None
+    long_template: FrameTemplate | None
 
 
 @cache
@@ -51,7 +51,7 @@ def _reply_form(command: str) -> _ReplyForm:
     assert template.width is not None
     passed_through = row.request.prefix.startswith(b"P")
     longest = (other or template).width or 0
-    longest += 1 if passed_through else EXTRA.get(command, 0)
+    longest += 1 if passed_through else MAX_EXTRA.get(command, 0)
     return _ReplyForm(template, template.width, longest, passed_through, other)
 
 

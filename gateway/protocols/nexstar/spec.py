@@ -62,7 +62,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     surface.may_pass_on, surface.lacking_reason = devices.may_be_passed_on, presented.missing_command_text
     surface.contradicts_client = presented.contradicts_client
     surface.session_type = NexStarSession
-    fit = presented.chooser(settings.model, version)
+    fit = presented.make_chooser(settings.model, version)
     return MadeSurface(surface, presented.build_model(settings.model, version), ClientSettings(settings.limits), fit)
 
 

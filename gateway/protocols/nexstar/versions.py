@@ -24,7 +24,7 @@ STARSENSE_LONG_MODE: Version = (1, 20)
 NEXSTAR_VARIANT, STARSENSE_VARIANT = 17, 19
 GT_FROM, GT_NEW_FROM = 100, (104, 0)
 #: Up to this version the letters of the pier side are swapped in the southern hemisphere.
-LETTERS_SWAPPED = (5, 24)
+SWAPPED_UNTIL = (5, 24)
 GT_OLD_COUNTS_AS, GT_NEW_COUNTS_AS = (1, 2), (4, 3)
 #: The first SynScan versions with sync and pier side, of series 3 and 4 (SynScan protocol, Sync Commands); the version
 #: that the former counts as, and the version that earlier ones of series 4 count as.
@@ -99,7 +99,7 @@ def modes_by_code(row: Model, version: Version | None) -> Mapping[int, Tracking 
     return SHIFTED_MODES if has_shifted_modes(row, version) else MODES
 
 
-def code_of(mode: Tracking, row: Model, version: Version | None) -> int:
+def mode_code(mode: Tracking, row: Model, version: Version | None) -> int:
     """Return the code of a tracking mode; 1, which tracks, for a mode that this version lacks."""
     known = modes_by_code(row, version).items()
     return next(
@@ -109,7 +109,7 @@ def code_of(mode: Tracking, row: Model, version: Version | None) -> int:
 
 def letters_swapped(row: Model, version: Version | None) -> bool:
     """Whether the letters E and W of the pier side are swapped in the southern hemisphere."""
-    return "dialect" not in row and version is not None and version <= LETTERS_SWAPPED
+    return "dialect" not in row and version is not None and version <= SWAPPED_UNTIL
 
 
 def versions_of(row: Model) -> list[str]:

@@ -35,9 +35,9 @@ class CommandSet:
     def __init__(self, name: str, folder: Path, dialect: str = "") -> None:
         self.name, self.folder, self.dialect = name, folder, dialect
         rows = self._read_rows("commands.toml", CommandRow)
-        self.other = self._read_dialect(dialect) if dialect else None
-        if self.other is not None:
-            rows = self.other.merged_commands(self._file_name(f"{dialect}.toml"), rows)
+        self.overlay = self._read_dialect(dialect) if dialect else None
+        if self.overlay is not None:
+            rows = self.overlay.merged_commands(self._file_name(f"{dialect}.toml"), rows)
         self.commands = {key: Command(self._file_name("commands.toml"), key, row) for key, row in rows.items()}
         self._by_prefix: dict[bytes, list[tuple[Command, FrameTemplate]]] = {}
         for command in self.commands.values():
@@ -71,7 +71,7 @@ class CommandSet:
         return [model for model in self.models if model not in self.dialect_by_model]
 
     def model_of_product(self, product: str) -> str | None:
-        """Return the model with a dialect whose product name ``product`` begins with; ``other`` for an unknown maker;
+        """Return the model with a dialect whose product name ``product`` begins with; ``overlay`` for an unknown maker;
         None for a mount of the protocol's own maker.
         """
         beginnings = [name for row in self.models.values() for name in row.get("names_begin", ())]
@@ -115,7 +115,7 @@ class CommandSet:
     def driver_rows(self) -> dict[str, list[Implementation]]:
         """Operation name -> its implementations, the preferred first."""
         rows = self._read_rows("driver.toml", list[Implementation])
-        return rows if self.other is None else self.other.merge(rows, frozenset(self.commands))
+        return rows if self.overlay is None else self.overlay.merge(rows, frozenset(self.commands))
 
     @cached_property
     def models(self) -> dict[str, Model]:

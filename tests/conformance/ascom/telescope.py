@@ -11,7 +11,7 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 from gateway.astro.spherical import hour_angle_to_horizon, wrap180
-from gateway.diagnostics.rehearsal.stage import RehearsalMount
+from gateway.diagnostics.rehearsal.stage import RehearsalGateway
 from gateway.protocols.alpaca.http.programs import AlpacaDevice
 from gateway.protocols.alpaca.http.requests import BadRequest, parse_request
 from gateway.protocols.alpaca.tables import empty_value
@@ -58,7 +58,7 @@ def needs(scope: Telescope, ability: str) -> None:
 class Telescope:
     """One program, the gateway and the mount; ``late`` are the members that were answered too late."""
 
-    def __init__(self, own: RehearsalMount) -> None:
+    def __init__(self, own: RehearsalGateway) -> None:
         self.own = own
         self.late: dict[str, float] = {}
         self.can: dict[str, bool] = {}

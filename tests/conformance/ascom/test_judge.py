@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import pytest
 
-from gateway.diagnostics.rehearsal.stage import RehearsalMount
+from gateway.diagnostics.rehearsal.stage import RehearsalGateway
 from tests.conformance.ascom.methods import METHODS
 from tests.conformance.ascom.properties import CONNECTING, PROPERTIES, disconnect
 from tests.conformance.ascom.telescope import Ascom, Issue, Skipped, Telescope
@@ -49,7 +49,7 @@ CHECKS = {**CONNECTING, **PROPERTIES, **METHODS, "Disconnect": disconnect}
 async def judged(mount: Mount) -> dict[str, str]:
     """Return what was wrong with each check that applies to the mount, empty if nothing."""
     found: dict[str, str] = {}
-    async with RehearsalMount(
+    async with RehearsalGateway(
         mount.model, start=START, driven=mount.driven, presented="alpaca", site=(mount.latitude, 10.0), named=True,
         config={"sun": 0.0},
     ) as own:  # fmt: skip

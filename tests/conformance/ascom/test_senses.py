@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from gateway.astro.spherical import wrap180
-from gateway.diagnostics.rehearsal.stage import RehearsalMount
+from gateway.diagnostics.rehearsal.stage import RehearsalGateway
 from tests.conformance.ascom.properties import connect
 from tests.conformance.ascom.telescope import Telescope
 from tests.conformance.ascom.test_judge import START
@@ -48,7 +48,7 @@ async def test_moveaxis_turns_the_tube_the_documented_way_on_the_sky(
     row: tuple[str, str, bytes, float, float, bool, bool],
 ) -> None:
     model, driven, told, latitude, hours, east, north = row
-    async with RehearsalMount(
+    async with RehearsalGateway(
         model, start=START, driven=driven, presented="alpaca", site=(latitude, 10.0), named=True, config={"sun": 0.0}
     ) as own:
         own.sim.feed(told)
@@ -63,7 +63,7 @@ async def test_moveaxis_turns_the_tube_the_documented_way_on_the_sky(
 
 @pytest.mark.parametrize(("model", "driven"), [("cpc", "nexstar"), ("lx200gps", "lx200")])
 async def test_moveaxis_turns_the_tube_the_documented_way_over_the_horizon(model: str, driven: str) -> None:
-    async with RehearsalMount(
+    async with RehearsalGateway(
         model, start=START, driven=driven, presented="alpaca", named=True, config={"sun": 0.0}
     ) as own:
         exact_sky.load(own.controller.astrometry.sky)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple, get_args
 
-from gateway.app.bindings import framer_and_replies
+from gateway.app.bindings import framer_and_parser
 from gateway.core.errors import NoDevice
 from gateway.core.wire_log import printable
 from gateway.diagnostics.command_outcomes import MountKind, choose, outcome, remarks
@@ -155,7 +155,7 @@ def _mount_says_no(case: Case, request: bytes, answer: bytes) -> bool:
     command, picture = found
     if any(reply.fault and form.matcher.fullmatch(answer) for reply, form in command.replies):
         return True
-    taken = framer_and_replies(case.driven.name, case.mount.model)[1].parse_reply(
+    taken = framer_and_parser(case.driven.name, case.mount.model)[1].parse_reply(
         Send(command.name, picture.decode(request)), answer
     )
     return taken is not None and isinstance(taken[0], NoDevice)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from gateway.app.config import Endpoint
 from gateway.app.recording.format import unescape
 from gateway.diagnostics.command_outcomes import MountKind, model_versions
-from gateway.diagnostics.rehearsal.explain import actual_version, commands_before, rehearsal_sky, traits_of
+from gateway.diagnostics.rehearsal.explain import commands_before, rehearsal_sky, traits_of, version_tuple
 from gateway.diagnostics.rehearsal.play import (
     OBSERVATION_TIME,
     QUERY_OBSERVATION_TIME,
@@ -160,14 +160,14 @@ async def _one(pair: Pair, player: Watcher, command: Command, state: State, watc
     said = commands_before(pair.face, row) if row is not None and _alone(row) else greeted
     seen = await player.watch(frame, said, watched)
     asked = frozenset(found[0].name for data in own.sent_requests() if (found := driven.find(data)) is not None)
-    surface = own.face.surface
+    surface = own.binding.surface
     case = Case(
         command,
         row,
         traits_of(pair.face, command),
         driven,
-        MountKind(pair.mount.model or "", actual_version(pair.mount), *state),
-        bool(surface.lacking_reason(own.face.model, frame)) or command.name in own.face.model.get("lacking", ()),
+        MountKind(pair.mount.model or "", version_tuple(pair.mount), *state),
+        bool(surface.lacking_reason(own.binding.model, frame)) or command.name in own.binding.model.get("lacking", ()),
     )
     where = f"{pair}{'' if state.aligned else ', not aligned'}{', on a wedge' if state.wedge else ''}"
     return [Difference(protocol.name, command.name, words, where) for words in differences(case, seen, surface, asked)]

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from gateway.core.motion_kinds import END_ORDERS
 from gateway.core.operations import Operation, Read, operation_class
 from gateway.diagnostics.rehearsal.play import SETTING_OBSERVATION_TIME, Play, Player, Prelude, may_change_mount
-from gateway.diagnostics.rehearsal.stage import RehearsalMount
+from gateway.diagnostics.rehearsal.stage import RehearsalGateway
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.wants import CheckPossible, Handling, SurfaceStep, relay_requests
 from gateway.protocols.registry import drivers
@@ -34,7 +34,7 @@ class Seen(NamedTuple):
 
 
 class Watcher(Player):
-    def __init__(self, stage: RehearsalMount) -> None:
+    def __init__(self, stage: RehearsalGateway) -> None:
         super().__init__(stage)
         self._session: Session | None = None
         self._before = self._known = ""

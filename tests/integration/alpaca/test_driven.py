@@ -57,7 +57,7 @@ async def test_alpaca_program_at_an_alpaca_mount_reads_the_server_and_cannot_byp
     inner = Bridge("german", driven="alpaca", presented="lx200", config={"sun": 0.0})
     inner.sim.lacks -= {"sideofpier_put"}
     async with inner:
-        face = inner.face.surface
+        face = inner.binding.surface
         made = make_surface(Endpoint("alpaca", "-"), SurfaceConfig(at="alpaca@-"), Limits())
         made.surface.mount_speaks_same = True
         assert face is not made.surface

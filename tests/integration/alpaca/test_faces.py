@@ -41,7 +41,7 @@ class Server(Play):
     async def keypad(self) -> str:
         """The owner moves it by its own hand control, which no program hears of."""
         await self.one.goto(*self.high(25.0))
-        sent = len(self.bridge.wire)
+        sent = len(self.bridge.rx_data)
         self.sim.advance_to_now()
         self.sim.move_axis(2, 1.0)
         await asyncio.sleep(3.0)
@@ -50,7 +50,7 @@ class Server(Play):
         self.sim.move_axis(2, 0.0)
         await self.rests()
         found = await self.follows()
-        orders = [line for line in self.bridge.wire[sent:] if line.startswith((b"put moveaxis", b"put slew"))]
+        orders = [line for line in self.bridge.rx_data[sent:] if line.startswith((b"put moveaxis", b"put slew"))]
         must(not orders, f"the gateway has sent {orders}")
         return f"{found:.1f}″"
 

@@ -27,7 +27,7 @@ async def test_wake_unparks_an_alpaca_mount_after_a_refused_order(order: str, la
             await one.arrow("n", 0.5)
         await asyncio.sleep(2.0)
         assert bridge.sim.at == "park"
-        bridge.client().tell(b":hW#")
+        bridge.client().send(b":hW#")
         await asyncio.sleep(3.0)
         assert bridge.sim.at == "" and bridge.sim.tracking is not bool(lacks)
 
@@ -41,7 +41,7 @@ async def test_stop_ends_a_long_guide_pulse_on_an_alpaca_mount() -> None:
             await one.pulse("n", 3000)
             await asyncio.sleep(0.5)
             if stop:
-                bridge.client().tell(b":Q#")
+                bridge.client().send(b":Q#")
                 await asyncio.sleep(0.7)
                 assert not moving(bridge.sim)
             await asyncio.sleep(6.0)
@@ -84,7 +84,7 @@ def test_alpaca_server_keeps_its_site_and_clock_when_a_program_sets_others() -> 
         config = {"lowest": -90.0, **more}
         async with Bridge("altaz", driven="alpaca", surface="lx200gps", config=config) as bridge:
             said = b":St+10*00#:Sg120*00#:SG+08#:SL10:00:00#:SC01/15/26#"
-            await bridge.client().ask(said, 5.0, until=b"#")
+            await bridge.client().ask(said, 5.0, ending=b"#")
             await asyncio.sleep(10.0)
             return tuple(bridge.sim.sky)  # type: ignore[return-value]
 

@@ -37,7 +37,7 @@ class OverHttp(HttpWire):
     async def _find_address(self) -> tuple[tuple[str, int], bool]:
         return ("127.0.0.1", 1), True
 
-    async def _ask(self, session: object, request: HttpRequest) -> tuple[int, bytes]:
+    async def _fetch(self, session: object, request: HttpRequest) -> tuple[int, bytes]:
         await asyncio.sleep(self._latency + (self.late if request.is_motion else 0.0))
         fields = urlencode(request.fields)
         status, text = self.sim.request(request.method, f"{request.path}?{fields}", fields.encode())

@@ -122,7 +122,7 @@ async def test_position_costs_one_pair_of_requests_however_many_programs_ask() -
             before = bridge.sent_requests().count(b":GR#"), bridge.sent_requests().count(b":GD#")
             for _ in range(120):
                 for visitor in visitors:
-                    visitor.tell(b"e")
+                    visitor.send(b"e")
                 await asyncio.sleep(0.25)
             after = bridge.sent_requests().count(b":GR#"), bridge.sent_requests().count(b":GD#")
             counts.append((after[0] - before[0], after[1] - before[1]))

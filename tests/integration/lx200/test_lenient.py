@@ -56,7 +56,7 @@ async def test_meade_driver_ignores_line_ends_and_blanks_around_replies(
     assert bridge.driver.model == model
     client = bridge.client()
     assert 15.0 * hours(await client.ask(b":GR#", 3.5)) == pytest.approx(bridge.sim.position()[0], abs=0.01)
-    assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", 3.5, until=b"0") == b"110"
+    assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", 3.5, ending=b"0") == b"110"
     await asyncio.sleep(30.0)
     assert (await client.ask(b":GR#", 3.5)).startswith(b"07:00:00")
     assert b"#" in await client.ask(b":CM#", 4.0)
@@ -137,7 +137,7 @@ async def test_program_reads_the_text_of_a_refusal_unknown_to_the_tables() -> No
     bridge = Bridge("lx200", driven="lx200", surface="lx200", config={"sun": 0.0})
     oddly(bridge, b":MS#", b"4Object above limit.#")
     async with bridge:
-        told = await bridge.client().ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", 3.5, until=b".#")
+        told = await bridge.client().ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", 3.5, ending=b".#")
         assert b"Object above limit." in told
         assert bridge.controller.line.state == "up"
 
@@ -164,7 +164,7 @@ def test_sync_without_a_text_is_confirmed_by_the_position(answer: bytes, model: 
             client = bridge.client()
             minutes = round(ra / 15.0 * 60.0 + 4.0) % 1440
             await client.ask(
-                f":Sr{minutes // 60:02}:{minutes % 60:02}:00#:Sd{int(dec):+03}*00:00#".encode(), until=b"11"
+                f":Sr{minutes // 60:02}:{minutes % 60:02}:00#:Sd{int(dec):+03}*00:00#".encode(), ending=b"11"
             )
             told = await client.ask(b":CM#", 6.0)
             assert (len(told) > 1) is takes, told

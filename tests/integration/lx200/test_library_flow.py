@@ -83,8 +83,8 @@ def test_j2000_client_gets_catalogue_places() -> None:
 def test_browsing_lists_visible_objects_from_west_to_east() -> None:
     async def program(bridge: Bridge, client: RehearsalClient) -> None:
         sky, site = bridge.controller.astrometry.sky, (45.0, 10.0)
-        assert await client.ask(b":Sf+06.0#:So30#:Sh70#", until=b"111") == b"111"
-        client.tell(b":LF#")
+        assert await client.ask(b":Sf+06.0#:So30#:Sh70#", ending=b"111") == b"111"
+        client.send(b":LF#")
         names, hours = [], []
         sidereal = sky.sidereal_time(bridge.clock(), site[1])
         for _ in range(40):
@@ -92,11 +92,11 @@ def test_browsing_lists_visible_objects_from_west_to_east() -> None:
             place = place_of(await client.ask(b":Gr#"), await client.ask(b":Gd#"))
             assert 29.9 < sky.horizon(*place, *site, bridge.clock())[1] < 70.1
             hours.append((place[0] - sidereal + 180.0) % 360.0)
-            client.tell(b":LN#")
+            client.send(b":LN#")
         period = names.index(names[0], 1)  # once round, it begins again
         assert len(set(names[:period])) == period > 10
         assert all(later > earlier - 16.0 for earlier, later in pairwise(hours[:period]))
-        client.tell(b":LF#:LN#:LB#")
+        client.send(b":LF#:LN#:LB#")
         assert await client.ask(b":LI#") == names[0]
         assert await client.ask(b":MS#") == b"0"
 
@@ -121,7 +121,7 @@ def test_identify_names_the_objects_where_the_telescope_points() -> None:
         assert int(many.split()[0]) > 5
         assert await client.ask(b":Sf+05.0#") == b"1"
         assert 0 < int((await client.ask(b":Lf#")).split()[0]) < int(many.split()[0])
-        assert await client.ask(b":Sl500#:Ss900#", until=b"11") == b"11"
+        assert await client.ask(b":Sl500#:Ss900#", ending=b"11") == b"11"
         assert await client.ask(b":Lf#") == b"0 - Objects found#"
 
     through(program, surface="lx200")
@@ -140,7 +140,7 @@ def test_object_below_the_horizon_is_refused() -> None:
 def test_mount_follows_a_place_on_the_moon() -> None:
     async def program(bridge: Bridge, client: RehearsalClient) -> None:
         sky = bridge.controller.astrometry.sky
-        assert await client.ask(b":SE-43*18#:Se-011*13#", until=b"11") == b"11"  # Tycho
+        assert await client.ask(b":SE-43*18#:Se-011*13#", ending=b"11") == b"11"  # Tycho
         for _ in range(2):
             assert await client.ask(b":MS#") == b"0"
             asked = bridge.clock()
@@ -149,7 +149,7 @@ def test_mount_follows_a_place_on_the_moon() -> None:
             assert separation(*pointing(bridge), *wanted) < 0.2 * ARCMINUTE
             middle = sky.moon(asked, 45.0, 10.0)[:2]
             assert 10 * ARCMINUTE < separation(*pointing(bridge), *middle) < 16 * ARCMINUTE
-            client.tell(b":Q#")
+            client.send(b":Q#")
             await asyncio.sleep(900)
 
     through(program, start=FULL_MOON)
@@ -157,13 +157,13 @@ def test_mount_follows_a_place_on_the_moon() -> None:
 
 def test_sync_to_a_place_on_the_moon_is_carried_out() -> None:
     async def program(bridge: Bridge, client: RehearsalClient) -> None:
-        await client.ask(b":SE+00*00#:Se+000*00#:MS#", until=b"110")
+        await client.ask(b":SE+00*00#:Se+000*00#:MS#", ending=b"110")
         await arrived(client)
         assert await client.ask(b":SE+20*00#") == b"1"
         assert await client.ask(b":CL#", 5) == b""
         wanted = bridge.controller.astrometry.sky.on_moon(bridge.clock(), 45.0, 10.0, 20.0, 0.0)
         assert separation(*pointing(bridge), *wanted) < 0.3 * ARCMINUTE
-        client.tell(b":Sr05:00:00#:Sd+20*00:00#:CL#")  # no place on the Moon: nothing to sync to
+        client.send(b":Sr05:00:00#:Sd+20*00:00#:CL#")  # no place on the Moon: nothing to sync to
         await asyncio.sleep(5)
         assert separation(*pointing(bridge), *wanted) < 0.5 * ARCMINUTE
 
@@ -187,7 +187,7 @@ def test_moon_below_the_horizon_is_refused_as_a_target(site: tuple[float, float]
 
 def test_goto_to_jupiter_arrives() -> None:
     async def program(bridge: Bridge, client: RehearsalClient) -> None:
-        assert await client.ask(b":Ls0#:LS905#:MS#", until=b"10") == b"10"
+        assert await client.ask(b":Ls0#:LS905#:MS#", ending=b"10") == b"10"
         await arrived(client)
         place = bridge.controller.astrometry.sky.planet("Jupiter", bridge.clock())
         assert place is not None

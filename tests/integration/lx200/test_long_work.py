@@ -21,16 +21,16 @@ async def test_stop_alone_is_sent_while_the_gps_is_queried() -> None:
     async with meade() as bridge:
         asking, other = bridge.client(), bridge.client("10.0.0.2")
         await other.ask(b":GR#")
-        asking.tell(b":gT#")
+        asking.send(b":gT#")
         await asyncio.sleep(2.0)
         assert bridge.controller.line.state == "busy"
         before = len(bridge.sent_requests())
         assert await other.ask(b":GR#", 0.2) != b""  # the last position, for a while
-        other.tell(b":Q#")
+        other.send(b":Q#")
         await asyncio.sleep(0.001)
         assert bridge.sent_requests()[before:] == [b":Q#"]
         assert not bridge.controller.wanted.stop_owed
-        other.tell(b":Mn#")
+        other.send(b":Mn#")
         await asyncio.sleep(10.0)
         assert await other.ask(b":GR#", 5.0) == b""
         assert bridge.sent_requests()[before:] == [b":Q#"]
@@ -44,7 +44,7 @@ async def test_stop_alone_is_sent_while_the_gps_is_queried() -> None:
 async def test_gps_is_not_queried_while_the_mount_moves() -> None:
     async with meade() as bridge:
         client = bridge.client()
-        client.tell(b":RG#:Mn#")
+        client.send(b":RG#:Mn#")
         await asyncio.sleep(1.0)
         assert await client.ask(b":gT#") == b"0"
         assert b":gT#" not in bridge.sent_requests()
@@ -66,7 +66,7 @@ async def test_stop_does_not_wait_while_a_classic_calculates_its_planets() -> No
         goal = bridge.sim.mechanics.sky.lst(bridge.clock()) + 40.0
         bridge.sim.mechanics.goto_sky(bridge.sim.now, goal, 20.0)  # by its own keys
         assert bridge.sim.slewing and bridge.sent_requests()[-1].startswith(b":SC")
-        client.tell(b":Q#")
+        client.send(b":Q#")
         await asyncio.sleep(0.01)
         assert bridge.sent_requests()[-1] == b":Q#"
         await asyncio.sleep(0.5)
@@ -78,7 +78,7 @@ async def test_meade_gets_no_other_request_while_it_seeks_home() -> None:
         client = bridge.client()
         await bridge.controller.perform(op.Goto(bridge.sim.mechanics.sky.lst(bridge.clock()) + 60.0, 20.0))
         await asyncio.sleep(60.0)
-        client.tell(b":hF#")
+        client.send(b":hF#")
         for _ in range(10):
             await client.ask(b":GR#", 0.5)
             await asyncio.sleep(0.5)
@@ -87,10 +87,10 @@ async def test_meade_gets_no_other_request_while_it_seeks_home() -> None:
         assert bridge.controller.line.state == "up"
         with pytest.raises(Busy):
             await bridge.controller.perform(op.TrackRate(name="lunar"))
-        client.tell(b":Q#")
+        client.send(b":Q#")
         await asyncio.sleep(0.3)
         assert await client.ask(b":h?#") == b"0"
-        client.tell(b":hF#")
+        client.send(b":hF#")
         await asyncio.sleep(60.0)
         assert await client.ask(b":h?#") == b"1"
         assert (await client.ask(b":GR#")).endswith(b"#")
@@ -129,19 +129,19 @@ async def test_meade_arrow_runs_at_the_requested_fastest_rate() -> None:
     async with meade() as bridge:
         client = bridge.client()
         await client.ask(b":Sw3#")
-        client.tell(b":RS#:Mw#")
+        client.send(b":RS#:Mw#")
         await asyncio.sleep(0.5)
         assert bridge.sim.mechanics.max_rate == 3.0
-        client.tell(b":Qw#")
+        client.send(b":Qw#")
         other = bridge.client("10.0.0.2")
-        other.tell(b":RS#:Mn#")
+        other.send(b":RS#:Mn#")
         await asyncio.sleep(0.5)
         assert bridge.sim.mechanics.max_rate == 8.0
 
 
 async def test_fan_and_derotator_are_switched_only_on_mounts_that_have_them() -> None:
     async with meade("lx200-16") as bridge:
-        bridge.client().tell(b":f+#:r+#:B+#")
+        bridge.client().send(b":f+#:r+#:B+#")
         await asyncio.sleep(1.0)
         assert bridge.sim.accessories == {"fan": True, "derotator": True, "reticle": 1}
     async with meade("autostar", surface="lx200gps") as bridge:
@@ -178,10 +178,10 @@ async def test_halt_overtakes_the_pending_read_of_its_client() -> None:
     """The client's position is still on its way when it lets go of the arrow; an arrow behind it is not begun."""
     async with meade("autostar", latency=0.4) as bridge:
         client = bridge.client()
-        client.tell(b":Mn#")
+        client.send(b":Mn#")
         await asyncio.sleep(1.5)
-        client.tell(b":GR#")
-        client.tell(b":Me#:Mn#:Qn#")
+        client.send(b":GR#")
+        client.send(b":Me#:Mn#:Qn#")
         await asyncio.sleep(6.0)
         sent = bridge.sent_requests()
         assert b":Qn#" in sent

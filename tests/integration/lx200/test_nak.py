@@ -33,7 +33,7 @@ async def test_lx200gps_is_asked_again_after_a_nak(presented: str, said: bytes, 
     async with gps(presented) as bridge:
         client = bridge.client()
         bridge.sim.busy_until = bridge.clock() + 1.5
-        assert await client.ask(said, 3.5, until=heard[-1:]) == heard
+        assert await client.ask(said, 3.5, ending=heard[-1:]) == heard
         await asyncio.sleep(4.0)
         if said[-3:-1] == b"MS" or said[:1] == b"r":
             assert bridge.sim.slewing
@@ -47,7 +47,7 @@ async def test_repeated_nak_ends_the_retries_and_reaches_no_program(presented: s
     async with gps(presented) as bridge:
         client = bridge.client()
         bridge.sim.busy_until = bridge.clock() + 30.0
-        client.tell(said)
+        client.send(said)
         await asyncio.sleep(20.0)
         assert NAK not in client.received
         assert len([one for one in bridge.sent_requests() if one[:3] in (b":MS", b":Sr")]) < 10
@@ -71,7 +71,7 @@ def test_goto_accepted_after_a_nak_is_reported_as_slewing(times: int) -> None:
                 return NAK
 
             bridge.controller.line.wire.feed = busy_for_gotos_alone  # type: ignore[attr-defined]
-            client.tell(b":Sr08:00:00#:Sd+30*00:00#:MS#")
+            client.send(b":Sr08:00:00#:Sd+30*00:00#:MS#")
             while not bridge.sim.slewing:
                 await bridge.controller.read(op.Slewing())
                 await asyncio.sleep(0.1)

@@ -73,7 +73,7 @@ async def test_device_that_only_tells_its_position_counts_as_a_mount(
     assert 15.0 * hours(told) == pytest.approx(bridge.sim.position()[0], abs=0.01)
     assert len(await client.ask(b":GW#", 3.5)) == 3
     await asyncio.sleep(6.0)  # what was answered oddly may still be answered
-    assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", 3.5, until=b"0") == b"110"
+    assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", 3.5, ending=b"0") == b"110"
     await asyncio.sleep(6.0)
     assert (await client.ask(b":GR#", 3.5)).startswith(b"07:00:00")
     assert bridge.sim.position()[1] == pytest.approx(30.0, abs=0.01)
@@ -118,7 +118,7 @@ async def test_constant_distance_bars_do_not_report_endless_slewing(model: str, 
         oddly(bridge, b":MS#", b"0")
     await found(bridge)
     client = bridge.client()
-    assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", 3.5, until=b"0") == b"110"
+    assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", 3.5, ending=b"0") == b"110"
     for _ in range(6):
         await asyncio.sleep(2.0)
         assert len(await client.ask(b":D#")) > 1, "a goto may take its time to begin"

@@ -96,7 +96,7 @@ async def test_meade_program_on_an_onstep_sees_a_meade_and_reaches_nothing_else(
         client = own.client()
         assert await client.ask(b":GVP#") == b"Autostar#"
         for said in (b":hS#", b":U#", b":GU#", b":Td#", b":F+#", b":B+#", b":$BA10#"):
-            client.tell(said)
+            client.send(said)
         await asyncio.sleep(5.0)
         assert own.sim.tracking and not {b":hF#", b":hS#", b":U#", b":Td#", b":F+#"} & set(own.sent_requests())
 
@@ -390,7 +390,7 @@ async def test_search_for_home_by_switches_ends_when_the_status_letters_say_so(a
 async def test_mount_keeps_its_identity_after_lost_status_replies(model: str) -> None:
     own = bridge(model)
     own.sim.feed(b":Td#")
-    usual, lost = own.sim.answer, [own.driver.protocol.in_dialect_of(model).other.facts["status"]["command"]] * 2
+    usual, lost = own.sim.answer, [own.driver.protocol.in_dialect_of(model).overlay.facts["status"]["command"]] * 2
     own.sim.answer = lambda frame, later: (
         b"" if lost and frame == f":{lost[0]}#".encode() and lost.pop() else usual(frame, later)
     )
@@ -589,7 +589,7 @@ async def test_push_to_telescope_is_recognised_and_never_reports_slewing(product
         client = own.client()
         assert any("push it by hand" in (one.note or "") for one in own.entries)
         assert not await own.controller.answer(op.Slewing())
-        assert b"push it by hand" in await client.ask(target + b":MS#", 20.0, until=b"#")
+        assert b"push it by hand" in await client.ask(target + b":MS#", 20.0, ending=b"#")
         assert len(await client.ask(b":GR#")) == len("12:34:56#") and await client.ask(b":D#") == b"#"
         able = (await own.controller.answer(op.GetAbilities())).can
         assert not {"Goto", "Move", "Sync", "Park", "Pulse"} & able and "Position" in able

@@ -70,13 +70,13 @@ async def test_stop_inside_an_unterminated_command_ends_the_motion_at_once() -> 
         await asyncio.sleep(2)
         assert bridge.controller.wanted.axes_moved_by_hand
         stops = bridge.controller.stops
-        client.tell(b":Sr07:00:00:Q#")
+        client.send(b":Sr07:00:00:Q#")
         assert bridge.controller.stops == stops + 1, "in the very call that brought the bytes"
         await asyncio.sleep(1)
         assert not bridge.controller.wanted.axes_moved_by_hand
         await client.ask(b":RM#:Me#")
         await asyncio.sleep(2)
-        client.tell(b":SMfoo:Qe#")
+        client.send(b":SMfoo:Qe#")
         await asyncio.sleep(1)
         assert not bridge.controller.wanted.axes_moved_by_hand
 
@@ -87,7 +87,7 @@ async def test_half_a_command_is_followed_by_no_cached_answer() -> None:
             client = bridge.client()
             for _ in range(3):
                 assert len(await client.ask(question)) > 8
-            client.tell(half)
+            client.send(half)
             assert await client.ask(question) == reply
 
 
@@ -98,14 +98,14 @@ async def test_cached_answers_belong_to_the_run_of_an_unterminated_command() -> 
         await client.ask(b":GR#")
         await client.ask(b":GR#")
         await asyncio.sleep(1)
-        client.tell(b":SMfoo:GR#")
+        client.send(b":SMfoo:GR#")
         for _ in range(6):
-            client.tell(b":GR#")
+            client.send(b":GR#")
             await asyncio.sleep(0.05)
-        client.tell(b":Mn#")
+        client.send(b":Mn#")
         await asyncio.sleep(1)
         assert not bridge.controller.wanted.axes_moved_by_hand
-        client.tell(b":Mn#")
+        client.send(b":Mn#")
         await asyncio.sleep(1)
         assert bridge.controller.wanted.axes_moved_by_hand == {2}
 

@@ -23,7 +23,7 @@ async def calculating(bridge: Bridge) -> None:
     if bridge.sim.classic:
         bridge.controller.spawn(bridge.controller.perform(op.SetClock(bridge.clock() + 86400.0, 0.0)))
     else:
-        bridge.client("10.0.0.7").tell(b":gT#")
+        bridge.client("10.0.0.7").send(b":gT#")
     await asyncio.sleep(1.5)
 
 
@@ -33,11 +33,11 @@ async def test_order_by_hand_to_a_busy_mount_is_dropped(model: str, by_hand: byt
     async with meade(model) as bridge:
         client = bridge.client()
         await calculating(bridge)
-        client.tell(by_hand)
+        client.send(by_hand)
         for _ in range(300):
             await asyncio.sleep(0.25)
             assert not truth_of(bridge.sim).moving
-        client.tell(by_hand)
+        client.send(by_hand)
         await asyncio.sleep(0.5)
         assert truth_of(bridge.sim).moving
 
@@ -69,13 +69,13 @@ async def test_order_by_hand_on_a_silent_line_is_dropped(mount: str, driven: str
         client: RehearsalClient = bridge.client()
         silence(bridge, 2.0)
         bridge.controller.spawn(look(bridge))
-        (client if asks else bridge.client("10.0.0.8")).tell(b":GR#")
+        (client if asks else bridge.client("10.0.0.8")).send(b":GR#")
         await asyncio.sleep(0.1)
-        client.tell(by_hand)
+        client.send(by_hand)
         for _ in range(60):
             await asyncio.sleep(0.25)
             assert not truth_of(bridge.sim).moving
         assert bridge.sim.tracking
-        client.tell(by_hand)
+        client.send(by_hand)
         await asyncio.sleep(0.5)
         assert truth_of(bridge.sim).moving

@@ -9,7 +9,7 @@ import pytest
 
 from gateway.astro.spherical import declination_rates, hour_angle_rates, hour_angle_to_horizon, wrap180
 from gateway.protocols.mechanics.truth import truth_of
-from gateway.protocols.nexstar.driver.altaz import SLOW_BELOW
+from gateway.protocols.nexstar.driver.altaz import MAX_SLOW_SPEED
 from tests.support import sampling
 from tests.support.directions import NORTH, SOUTH, Scenario, on_the_axes, play, scenarios
 from tests.support.in_process_gateway import Bridge
@@ -65,10 +65,10 @@ def test_computed_axis_rates_are_finite_at_the_zenith_and_the_pole(place: tuple[
 async def test_slow_arrow_adds_to_the_tracking_of_both_axes(arrow: bytes, first: bytes, second: bytes) -> None:
     async with fork() as bridge:
         client, before = bridge.client(), len(bridge.sent_requests())
-        client.tell(b":RG#:M%s#" % arrow)
+        client.send(b":RG#:M%s#" % arrow)
         await asyncio.sleep(2.0)
         assert motions(bridge, before) == [b"T\0", first, second]
-        client.tell(b":Q%s#" % arrow)
+        client.send(b":Q%s#" % arrow)
         await asyncio.sleep(0.1)
         axes = (b"\x10", b"\x11") if arrow in b"ew" else (b"\x11", b"\x10")
         assert motions(bridge, before)[3:] == [*(b"P\x02%s\x24\0\0\0\0" % axis for axis in axes), b"T\x01"]
@@ -79,16 +79,16 @@ async def test_slow_arrow_adds_to_the_tracking_of_both_axes(arrow: bytes, first:
 async def test_releasing_one_of_two_slow_arrows_leaves_the_other_moving() -> None:
     async with fork() as bridge:
         client, before = bridge.client(), len(bridge.sent_requests())
-        client.tell(b":RG#:Mw#")
+        client.send(b":RG#:Mw#")
         await asyncio.sleep(1.0)
-        client.tell(b":Mn#")
+        client.send(b":Mn#")
         await asyncio.sleep(1.0)
         west, north = b"P\x03\x10\x06\x00\x73\0\0", b"P\x03\x11\x06\x00\x1e\0\0"
         assert motions(bridge, before) == [b"T\0", west, STANDS, north, west]
-        client.tell(b":Qw#")
+        client.send(b":Qw#")
         await asyncio.sleep(1.0)
         assert motions(bridge, before)[5:] == [FOLLOWS, north], "the other one goes on, on top of tracking"
-        client.tell(b":Qn#")
+        client.send(b":Qn#")
         await asyncio.sleep(1.0)
         assert motions(bridge, before)[-1] == b"T\x01"
         assert bridge.sim.tracking
@@ -97,16 +97,16 @@ async def test_releasing_one_of_two_slow_arrows_leaves_the_other_moving() -> Non
 async def test_fast_arrow_leaves_a_slow_arrow_alone_and_its_axis_then_tracks_again() -> None:
     async with fork() as bridge:
         client = bridge.client()
-        client.tell(b":RG#:Mn#")
+        client.send(b":RG#:Mn#")
         await asyncio.sleep(1.0)
-        client.tell(b":RM#:Mw#")
+        client.send(b":RM#:Mw#")
         await asyncio.sleep(1.0)
         assert truth_of(bridge.sim).rate1 == pytest.approx(1.0, rel=0.01)
         assert truth_of(bridge.sim).rate2 == pytest.approx(7.5205 / 3600, rel=0.02)
-        client.tell(b":Qw#")
+        client.send(b":Qw#")
         await asyncio.sleep(2.0)
         assert truth_of(bridge.sim).rate1 == pytest.approx(21.3 / 3600, rel=0.03)
-        client.tell(b":Q#")
+        client.send(b":Q#")
         await asyncio.sleep(2.0)
         assert bridge.sim.tracking and not truth_of(bridge.sim).moving
 
@@ -114,12 +114,12 @@ async def test_fast_arrow_leaves_a_slow_arrow_alone_and_its_axis_then_tracks_aga
 async def test_slow_arrow_without_tracking_turns_only_its_motor() -> None:
     async with fork() as bridge:
         client = bridge.client()
-        client.tell(b":AL#")
+        client.send(b":AL#")
         await asyncio.sleep(2.0)
         before = len(bridge.sent_requests())
-        client.tell(b":RG#:Mw#")
+        client.send(b":RG#:Mw#")
         await asyncio.sleep(1.0)
-        client.tell(b":Qw#")
+        client.send(b":Qw#")
         await asyncio.sleep(1.0)
         assert motions(bridge, before) == [b"P\x02\x10\x24\x01\0\0\0", b"P\x02\x10\x24\0\0\0\0"]
         assert not bridge.sim.tracking
@@ -141,7 +141,7 @@ async def test_alt_az_guide_pulse_ends_in_tracking_without_a_standstill(
     async with fork(**config) as bridge:
         bridge.driver.motor_delay = 0.0  # nothing stands still while this line tells both motors
         client, before = bridge.client(), len(bridge.sent_requests())
-        client.tell(b":Mg%s1000#" % pulse)
+        client.send(b":Mg%s1000#" % pulse)
         await asyncio.sleep(0.9)
         assert motions(bridge, before) == [b"T\0", first, second]
         await asyncio.sleep(0.3)
@@ -154,11 +154,11 @@ async def test_two_simultaneous_pulses_add_up_on_both_axes() -> None:
     """PHD2 may send both; to the south-east both of them turn both axes."""
     async with Bridge("cpc", "4.21", latency=0.02, config={"sun": 0.0, "guide_directions": "sky"}) as bridge:
         client = bridge.client()
-        await client.ask(b":Sz130*00#:Sa+40*00#:MA#", until=b"0")
+        await client.ask(b":Sz130*00#:Sa+40*00#:MA#", ending=b"0")
         await asyncio.sleep(60.0)
         before = truth_of(bridge.sim)
         began = bridge.sim.true_position()
-        client.tell(b":Mgw2000#:Mgn2000#")
+        client.send(b":Mgw2000#:Mgn2000#")
         await asyncio.sleep(6.0)
         ended = bridge.sim.true_position()
         assert truth_of(bridge.sim).t > before.t and bridge.sim.tracking
@@ -173,12 +173,12 @@ async def test_short_guide_pulses_last_as_long_as_requested(latency: float, puls
     """To tell two motors takes longer, and tracking stands still meanwhile: both are made up for."""
     async with Bridge("cpc", "4.21", latency=latency, config={"sun": 0.0}) as bridge:
         client = bridge.client()
-        await client.ask(b":Sz130*00#:Sa+40*00#:MA#", until=b"0")
+        await client.ask(b":Sz130*00#:Sa+40*00#:MA#", ending=b"0")
         await asyncio.sleep(60.0)
         for learning in (True, False):
             before = truth_of(bridge.sim)
             for _ in range(1 if learning else 5):
-                client.tell(b":Mg%s%04d#" % (pulse, ms))
+                client.send(b":Mg%s%04d#" % (pulse, ms))
                 await asyncio.sleep(3.0)
         first, second = on_the_axes(before, truth_of(bridge.sim), NORTH, True)
         asked = 5 * ms / 1000.0 * 7.5205 * (1 if pulse == b"n" else -1)
@@ -192,7 +192,7 @@ async def test_first_guide_pulse_leaves_the_other_axis_tracking(latency: float) 
     """How long the line takes was guessed for it: over a fast line the azimuth ran 2" ahead of the stars."""
     async with Bridge("cpc", "4.21", latency=latency, config={"sun": 0.0}) as bridge:
         before = truth_of(bridge.sim)
-        bridge.client().tell(b":Mgn2000#")
+        bridge.client().send(b":Mgn2000#")
         await asyncio.sleep(6.0)
         across, along = on_the_axes(before, truth_of(bridge.sim), NORTH, True)
         assert along * 3600 == pytest.approx(15.04, abs=0.5)
@@ -204,9 +204,9 @@ async def test_first_guide_pulse_leaves_the_other_axis_tracking(latency: float) 
 async def test_stop_or_goto_ends_a_guide_pulse_and_restores_tracking(motion: bytes, end: bytes) -> None:
     async with fork() as bridge:
         client = bridge.client()
-        client.tell(motion)
+        client.send(motion)
         await asyncio.sleep(1.0)
-        client.tell(end)
+        client.send(end)
         await asyncio.sleep(90.0)
         assert bridge.sim.tracking and not truth_of(bridge.sim).moving
         since = len(bridge.sent_requests())
@@ -231,7 +231,7 @@ async def test_guide_pulse_that_cannot_be_done_is_refused_with_a_reason(
         if mount == "nexstar-gps" and words.endswith("--site"):
             bridge.driver.site = None
         since = len(bridge.sent_requests())
-        bridge.client().tell(b":Mgw1000#")
+        bridge.client().send(b":Mgw1000#")
         await asyncio.sleep(2.0)
         sent = motions(bridge, since)
         told = [entry.note for entry in bridge.entries if "guid" in entry.note.lower() or "latitude" in entry.note]
@@ -244,10 +244,10 @@ async def test_guide_pulse_that_cannot_be_done_is_refused_with_a_reason(
 async def test_german_mount_without_tracking_is_not_called_alt_az(aligned: bool, words: str) -> None:
     async with Bridge("cge", "4.21", aligned=aligned, config={"sun": 0.0}) as bridge:
         client = bridge.client()
-        client.tell(b":AL#")
+        client.send(b":AL#")
         await asyncio.sleep(2.0)
         since = len(bridge.sent_requests())
-        client.tell(b":Mgn0500#")
+        client.send(b":Mgn0500#")
         await asyncio.sleep(2.0)
         assert not motions(bridge, since)
         (told,) = [entry.note for entry in bridge.entries if "guide" in entry.note]
@@ -257,10 +257,10 @@ async def test_german_mount_without_tracking_is_not_called_alt_az(aligned: bool,
 async def test_arrow_above_the_tracking_limit_turns_only_its_motor() -> None:
     async with fork() as bridge:
         client, before = bridge.client(), len(bridge.sent_requests())
-        client.tell(b":RM#:Mw#")
+        client.send(b":RM#:Mw#")
         await asyncio.sleep(1.0)
         assert motions(bridge, before) == [b"T\0", b"P\x02\x10\x24\x07\0\0\0"]
-        assert SLOW_BELOW < 1.0
+        assert MAX_SLOW_SPEED < 1.0
 
 
 # --- a German mount: the motor or the sky -------------------------------------------------------------------------
@@ -276,10 +276,10 @@ async def test_north_means_the_motor_or_the_sky_as_configured(guide: str, side: 
         sidereal = bridge.sim.mechanics.sky.lst(bridge.clock()) / 15.0
         hours = (sidereal + (-2.0 if side == "east" else 2.0)) % 24.0
         target = b":Sr%02d:%02d:00#:Sd+30*00:00#:MS#" % (int(hours), int(hours % 1 * 60))
-        await client.ask(target, until=b"0")
+        await client.ask(target, ending=b"0")
         await asyncio.sleep(90.0)
         since = len(bridge.sent_requests())
-        client.tell(b":Mgn1000#")
+        client.send(b":Mgn1000#")
         await asyncio.sleep(2.0)
         assert bytes((80, 2, 17, command, 1, 0, 0, 0)) in motions(bridge, since)
 

@@ -28,11 +28,11 @@ def turns(mount: tuple[str, str, float], commands: bytes, surface: str = "lx200g
         async with Bridge(*mount[:2], surface=surface, config={"lowest": -90.0, "sun": 0.0}) as bridge:
             before = len(bridge.sent_requests())
             client = bridge.client()
-            client.tell(commands)
+            client.send(commands)
             await asyncio.sleep(3)
             speed = abs(truth_of(bridge.sim).rate2)
             sent = [one for one in bridge.sent_requests()[before:] if one[:1] == b"P" and one[2] == 17]
-            client.tell(b":Q#")
+            client.send(b":Q#")
             await asyncio.sleep(3)
             return speed, sent
 
@@ -78,9 +78,9 @@ async def test_unavailable_fastest_rate_is_reported_once(
     async with Bridge(*mount[:2], surface="lx200gps", config={"lowest": -90.0, "sun": 0.0}) as bridge:
         for _ in range(2):
             client = bridge.client()
-            client.tell(commands)
+            client.send(commands)
             await asyncio.sleep(2)
-            client.tell(b":Q#")
+            client.send(b":Q#")
             await asyncio.sleep(2)
         told = [one.text for one in bridge.wire_log.recent_notices if "a motion at" in one.text]
         assert [text[: len(words)] for text in told] == ([words] if words else [])

@@ -31,7 +31,7 @@ async def test_first_goto_waits_for_the_site_and_clock_of_the_mount(mount: str, 
     await asyncio.sleep(moment * latency)
     hour_angle, dec = horizon_to_hour_angle(*LOW, 45.0)
     ra = wrap360(Observer(45.0, 10.0).lst(bridge.clock()) - hour_angle)
-    bridge.client().tell(THREE_HOURS_SLOW + b"r" + eight_digits(ra) + b"," + eight_digits(dec))
+    bridge.client().send(THREE_HOURS_SLOW + b"r" + eight_digits(ra) + b"," + eight_digits(dec))
     for _ in range(200):
         await asyncio.sleep(0.1)
         assert truth_of(bridge.sim).altitude > 9.7

@@ -30,7 +30,7 @@ async def test_goto_cancelled_at_the_keypad_is_reported(mount: str, driven: str,
     async with Bridge(mount, driven=driven, config={"lowest": -90.0, "sun": 0.0}) as bridge:
         owner, client = Owner(bridge, driven), bridge.client()
         await client.ask(b":GR#")
-        client.tell(GOTO)
+        client.send(GOTO)
         await asyncio.sleep(3.0)
         if cancelled:
             owner.keys("cancel")
@@ -51,7 +51,7 @@ def test_goto_ended_by_the_gateway_is_not_reported_as_missed(mount: str, driven:
         async with Bridge(mount, driven=driven, config={"lowest": -90.0, "sun": 0.0}, latency=0.1) as bridge:
             client = bridge.client()
             await client.ask(b":GR#")
-            client.tell(GOTO)
+            client.send(GOTO)
             await asyncio.sleep(3.0)
             polls = asyncio.ensure_future(polled(bridge))
             await asyncio.sleep(1.0 + late)

@@ -19,7 +19,7 @@ async def arrives(bridge: Any, seconds: float = 90.0) -> bool:
     """Whether the mount gets to the goal and stays there; a program polls meanwhile."""
     client = bridge.client("10.0.0.9")
     for _ in range(round(seconds)):
-        client.tell(b":GR#")
+        client.send(b":GR#")
         await asyncio.sleep(1.0)
         if separation(*bridge.sim.true_position(), *GOAL) < 0.02:
             await asyncio.sleep(2.0)
@@ -40,11 +40,11 @@ async def rests(bridge: Any) -> bool:
 async def test_release_of_an_ended_arrow_leaves_the_goto_alone(mount: str, driven: str, early: float) -> None:
     async with Bridge(mount, driven=driven) as bridge:
         client = bridge.client()
-        client.tell(b":RM#:Me#:Mn#")
+        client.send(b":RM#:Me#:Mn#")
         await asyncio.sleep(2.0)
-        client.tell(GOTO)
+        client.send(GOTO)
         await asyncio.sleep(early)
-        client.tell(b":Qe#:Qn#")
+        client.send(b":Qe#:Qn#")
         assert await arrives(bridge)
         assert client.received.endswith(b"0")
 
@@ -54,15 +54,15 @@ async def test_release_of_an_ended_arrow_leaves_the_goto_alone(mount: str, drive
 async def test_halt_without_an_arrow_ends_the_whole_goto(mount: str, driven: str, ends: bytes) -> None:
     async with Bridge(mount, driven=driven) as bridge:
         client = bridge.client()
-        await client.ask(GOTO, until=b"0")
+        await client.ask(GOTO, ending=b"0")
         await asyncio.sleep(2.0)
         assert bridge.sim.slewing
-        client.tell(ends)
+        client.send(ends)
         assert await rests(bridge)
         assert not bridge.sim.slewing
         assert separation(*bridge.sim.true_position(), *GOAL) > 1.0
         assert bridge.sim.tracking
-        assert await client.ask(b":D#", until=b"#") == b"#"
+        assert await client.ask(b":D#", ending=b"#") == b"#"
 
 
 async def test_nexstar_halt_of_one_axis_ends_the_whole_goto() -> None:
@@ -81,9 +81,9 @@ async def test_nexstar_halt_of_one_axis_ends_the_whole_goto() -> None:
 async def test_arrow_is_released_though_its_release_came_with_a_refused_goto(mount: str, driven: str) -> None:
     async with Bridge(mount, driven=driven) as bridge:
         client = bridge.client()
-        client.tell(b":RM#:Mw#")
+        client.send(b":RM#:Mw#")
         await asyncio.sleep(2.0)
-        client.tell(b":Sr08:00:00#:Sd-80*00:00#:MS#:Qw#")
+        client.send(b":Sr08:00:00#:Sd-80*00:00#:MS#:Qw#")
         assert await rests(bridge)
         assert not bridge.controller.wanted.axes_moved_by_hand
 
@@ -92,11 +92,11 @@ async def test_arrow_pressed_and_released_right_after_a_goto_ends() -> None:
     """That the goto is over may not be known yet when the arrow is pressed."""
     async with Bridge("cge") as bridge:
         client = bridge.client()
-        await client.ask(GOTO, until=b"0")
+        await client.ask(GOTO, ending=b"0")
         assert await arrives(bridge)
-        client.tell(b":RM#:Me#")
+        client.send(b":RM#:Me#")
         await asyncio.sleep(0.5)
-        client.tell(b":Qe#")
+        client.send(b":Qe#")
         assert await rests(bridge)
 
 
@@ -105,10 +105,10 @@ async def test_arrow_pressed_and_released_right_after_a_goto_ends() -> None:
 async def test_rate_or_pulse_during_a_goto_leaves_the_goto_whole(mount: str, driven: str, meanwhile: bytes) -> None:
     async with Bridge(mount, driven=driven) as bridge:
         client = bridge.client()
-        await client.ask(GOTO, until=b"0")
+        await client.ask(GOTO, ending=b"0")
         await asyncio.sleep(2.0)
         assert bridge.sim.slewing
-        client.tell(meanwhile)
+        client.send(meanwhile)
         assert await arrives(bridge)
         dropped = [entry.note for entry in bridge.entries if "the guide pulse is dropped" in entry.note]
         assert bool(dropped) is meanwhile.startswith(b":Mg")
@@ -119,11 +119,11 @@ async def test_rate_set_during_a_goto_runs_afterwards(ended: bool) -> None:
     """The Moon's: 14.685 arcseconds a second; also when the goto was stopped."""
     async with Bridge("cge") as bridge:
         client = bridge.client()
-        await client.ask(GOTO, until=b"0")
+        await client.ask(GOTO, ending=b"0")
         await asyncio.sleep(2.0)
-        client.tell(b":TL#")
+        client.send(b":TL#")
         if ended:
-            client.tell(b":Q#")
+            client.send(b":Q#")
             await asyncio.sleep(5.0)
         else:
             assert await arrives_near(bridge)
@@ -137,7 +137,7 @@ async def arrives_near(bridge: Any) -> bool:
     """The same of a mount that does not follow the stars afterwards."""
     client = bridge.client("10.0.0.9")
     for _ in range(60):
-        client.tell(b":GR#:D#")
+        client.send(b":GR#:D#")
         await asyncio.sleep(1.0)
     return separation(*bridge.sim.true_position(), *GOAL) < 0.1
 
@@ -151,21 +151,21 @@ async def test_arrow_released_soon_after_an_interrupted_goto_leaves_nothing_movi
     """The mount may have heard of the arrow and not yet acknowledged it, and the goto may seem to be under way."""
     async with Bridge(mount, driven=driven, config={"lowest": -90.0, "sun": 0.0}) as bridge:
         client = bridge.client()
-        await client.ask(GOTO, until=b"0")
+        await client.ask(GOTO, ending=b"0")
         if when == "just after one":
             while separation(*bridge.sim.true_position(), *GOAL) > 0.001:
-                client.tell(b":GR#")
+                client.send(b":GR#")
                 await asyncio.sleep(0.1)
         else:
             await asyncio.sleep(2.0)
         if when == "the second axis":
-            client.tell(b":RM#:Me#")
+            client.send(b":RM#:Me#")
             await asyncio.sleep(1.0)
-        client.tell(b":RM#:Mn#")
+        client.send(b":RM#:Mn#")
         await asyncio.sleep(held)
-        client.tell(b":Qn#")
+        client.send(b":Qn#")
         await asyncio.sleep(0.5)
-        client.tell(b":Qe#")
+        client.send(b":Qe#")
         assert await rests(bridge)
         assert not bridge.controller.wanted.axes_moved_by_hand
         await asyncio.sleep(2.0)
@@ -176,15 +176,15 @@ async def test_arrow_released_soon_after_an_interrupted_goto_leaves_nothing_movi
 async def test_arrow_ended_by_the_dead_man_swallows_no_later_halt(mount: str, driven: str) -> None:
     async with Bridge(mount, driven=driven, config={"dead_man_closed": 1.0}) as bridge:
         first = bridge.client()
-        first.tell(b":RM#:Me#")
+        first.send(b":RM#:Me#")
         await asyncio.sleep(1.0)
         first.close()
         await asyncio.sleep(6.0)
         assert not bridge.controller.wanted.axes_moved_by_hand
         second = bridge.client()
-        await second.ask(GOTO, until=b"0")
+        await second.ask(GOTO, ending=b"0")
         await asyncio.sleep(3.0)
-        second.tell(b":Qe#")
+        second.send(b":Qe#")
         assert await rests(bridge)
         assert separation(*bridge.sim.true_position(), *GOAL) > 1.0
 
@@ -193,7 +193,7 @@ async def test_arrow_ended_by_the_dead_man_swallows_no_later_halt(mount: str, dr
 async def test_stop_ends_the_search_for_home(delay: float) -> None:
     async with Bridge("lx200gps", driven="lx200", surface="lx200gps") as bridge:
         client = bridge.client()
-        client.tell(b":hS#")
+        client.send(b":hS#")
         await asyncio.sleep(delay)
-        client.tell(b":Q#")
+        client.send(b":Q#")
         assert await rests(bridge)

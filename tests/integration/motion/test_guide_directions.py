@@ -10,7 +10,7 @@ import pytest
 
 from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
-from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalMount
+from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalGateway
 from gateway.mount.policy import Limits
 from tests.support import exact_sky
 from tests.support.each import each
@@ -20,11 +20,11 @@ NORTH, SOUTH = (45.0, 10.0), (-34.0, 10.0)
 
 
 async def ask(program: RehearsalClient, line: str) -> Any:
-    told = json.loads(await program.ask(line.encode() + b"\n", until=b"\n"))
+    told = json.loads(await program.ask(line.encode() + b"\n", ending=b"\n"))
     return -told["ErrorNumber"] if isinstance(told, dict) else told
 
 
-async def declination_after(own: RehearsalMount, direction: int) -> float:
+async def declination_after(own: RehearsalGateway, direction: int) -> float:
     """Guide for two seconds; return the change of the true declination, arcseconds."""
     client = own.client()
     await ask(client, "put connect")
@@ -40,7 +40,7 @@ async def declination_after(own: RehearsalMount, direction: int) -> float:
 async def test_alpaca_pulse_north_raises_the_declination_on_both_pier_sides(
     mount: str, site: tuple[float, float], hours: float
 ) -> None:
-    async with RehearsalMount(
+    async with RehearsalGateway(
         mount, start=START, presented="alpaca", named=True, site=site, config={"sun": 0.0}
     ) as own:
         exact_sky.load(own.controller.astrometry.sky)

@@ -53,21 +53,21 @@ async def test_guide_pulses_and_arrows_run_at_the_guide_rate(
 ) -> None:
     async with mount(model, version, first) as bridge:
         client = bridge.client()
-        client.tell(b":Rg%04.1f#" % rate)
+        client.send(b":Rg%04.1f#" % rate)
         for direction, axis in ((b"w", 0), (b"e", 0), (b"n", 1), (b"s", 1)):
             await asyncio.sleep(2.0)
             start = axes(bridge)
-            client.tell(b":Mg%s2000#" % direction)
+            client.send(b":Mg%s2000#" % direction)
             await asyncio.sleep(4.0)
             along = moved(start, axes(bridge))
             assert abs(along[axis]) == pytest.approx(rate * 2.0, rel=0.06), direction  # and what an answer takes
             assert abs(along[1 - axis]) < 0.1
-            client.tell(b":RG#:M%s#" % direction)
+            client.send(b":RG#:M%s#" % direction)
             await asyncio.sleep(1.0)
             start = axes(bridge)
             await asyncio.sleep(4.0)
             assert abs(moved(start, axes(bridge))[axis]) == pytest.approx(rate * 4.0, rel=0.06), direction
-            client.tell(b":Q%s#" % direction)
+            client.send(b":Q%s#" % direction)
             await asyncio.sleep(1.0)
             start = axes(bridge)
             await asyncio.sleep(4.0)
@@ -80,7 +80,7 @@ def sent_for(commands: bytes, *, model: str = "cge", version: str = "4.21", **co
             before = len(bridge.sent_requests())
             client = bridge.client()
             for command in commands.split(b" "):
-                client.tell(command)
+                client.send(command)
                 await asyncio.sleep(2.0)
             return [one for one in bridge.sent_requests()[before:] if one[:1] == b"P"]
 
@@ -118,9 +118,9 @@ def test_guide_rate_of_zero_moves_nothing() -> None:
 async def test_stop_during_a_guide_pulse_restores_tracking() -> None:
     async with mount("nexstar-gps", "4.21", b"T\2") as bridge:
         client = bridge.client()
-        client.tell(b":Mgw9000#")
+        client.send(b":Mgw9000#")
         await asyncio.sleep(2.0)
-        client.tell(b":Q#")
+        client.send(b":Q#")
         await asyncio.sleep(2.0)
         start = axes(bridge)
         await asyncio.sleep(10.0)
@@ -144,10 +144,10 @@ async def test_arrow_made_of_small_gotos_averages_the_requested_rate(
     """Hand controls before 1.6 have no way to the motors, and tell and take steps of 20 arcseconds."""
     async with mount(model, version) as bridge:
         client = bridge.client()
-        client.tell(rate + b":Ms#")
+        client.send(rate + b":Ms#")
         await asyncio.sleep(5.0)
         start = bridge.sim.true_position()[1]
         await asyncio.sleep(10.0)
         turned = start - bridge.sim.true_position()[1]
         assert turned == pytest.approx(10.0 * degrees, rel=0.08, abs=20.0 / 3600.0)
-        client.tell(b":Qs#")
+        client.send(b":Qs#")

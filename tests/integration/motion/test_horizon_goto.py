@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from gateway.astro.spherical import hour_angle_to_horizon, separation
-from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalMount
+from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalGateway
 from gateway.protocols.mechanics.simulated import Simulated
 from tests.support import exact_sky
 
@@ -35,12 +35,12 @@ def horizon(sim: Simulated) -> tuple[float, float]:
 
 
 async def ask(program: RehearsalClient, line: str) -> Any:
-    told = json.loads(await program.ask(line.encode() + b"\n", until=b"\n"))
+    told = json.loads(await program.ask(line.encode() + b"\n", ending=b"\n"))
     return -told["ErrorNumber"] if isinstance(told, dict) else told
 
 
-def over(mount: tuple[str, str, tuple[float, float], bytes], presented: str) -> RehearsalMount:
-    stage = RehearsalMount(
+def over(mount: tuple[str, str, tuple[float, float], bytes], presented: str) -> RehearsalGateway:
+    stage = RehearsalGateway(
         mount[0], start=START, driven=mount[1], presented=presented, site=mount[2], named=True, config={"sun": 0.0}
     )
     if mount[3]:
@@ -79,7 +79,7 @@ async def test_equatorial_drive_stays_off_after_an_lx200_goto_over_the_horizon(m
     async with over(mount, "lx200") as own:
         exact_sky.load(own.controller.astrometry.sky)
         client = own.client()
-        client.tell(b":AL#")
+        client.send(b":AL#")
         await asyncio.sleep(1.0)
         assert await client.ask(b":Sz150*00#") + await client.ask(b":Sa+45*00#") == b"11"
         assert await client.ask(b":MA#") == b"0"

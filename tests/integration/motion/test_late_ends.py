@@ -26,7 +26,7 @@ def stand_still(seconds: float) -> None:
 async def pulse(bridge: Bridge, letter: str, ms: int, before: float = 0.0, at_end: float = 0.0) -> float:
     """Return by how many seconds' worth a pulse has turned its axis, beyond tracking."""
     start, client = truth_of(bridge.sim), bridge.client()
-    client.tell(f":Mg{letter}{ms:04d}#".encode())
+    client.send(f":Mg{letter}{ms:04d}#".encode())
     if before:
         await asyncio.sleep(0.12)
         stand_still(before)
@@ -41,7 +41,7 @@ async def pulse(bridge: Bridge, letter: str, ms: int, before: float = 0.0, at_en
 @pytest.mark.parametrize("letter", ["n", "e", "w", "s"])
 async def test_late_end_of_a_guide_pulse_is_logged_and_the_next_pulse_is_not_shortened(letter: str) -> None:
     async with Bridge("cpc", "4.21", latency=0.02, config={"sun": 0.0}) as bridge:
-        await bridge.client().ask(b":Sz130*00#:Sa+40*00#:MA#", until=b"0")
+        await bridge.client().ask(b":Sz130*00#:Sa+40*00#:MA#", ending=b"0")
         await asyncio.sleep(60.0)
         assert await pulse(bridge, letter, 1000) == pytest.approx(1.0, abs=0.05)
         assert 1.3 < await pulse(bridge, letter, 1000, at_end=0.6) < 1.8
@@ -55,6 +55,6 @@ async def test_late_end_of_a_guide_pulse_is_logged_and_the_next_pulse_is_not_sho
 async def test_guide_pulse_ends_in_time_though_the_gateway_was_delayed_at_its_start(letter: str, missed: float) -> None:
     """The acknowledgements are seen late; the motors have begun when they were told."""
     async with Bridge("cpc", "4.21", latency=0.02, config={"sun": 0.0}) as bridge:
-        await bridge.client().ask(b":Sz130*00#:Sa+40*00#:MA#", until=b"0")
+        await bridge.client().ask(b":Sz130*00#:Sa+40*00#:MA#", ending=b"0")
         await asyncio.sleep(60.0)
         assert await pulse(bridge, letter, 1000, before=missed) == pytest.approx(1.0, abs=0.1)

@@ -243,7 +243,7 @@ async def test_configured_guide_rate_applies_to_a_meade(model: str, ms: int, arc
     bridge.sim.feed(b":AP#:CM#")
     async with bridge:
         before = truth_of(bridge.sim).axis2
-        bridge.client().tell(b":Mgn%d#" % ms)
+        bridge.client().send(b":Mgn%d#" % ms)
         await asyncio.sleep(ms / 1000.0 + 10.0)
         moved = (truth_of(bridge.sim).axis2 - before) * 3600.0
         assert moved == pytest.approx(arcseconds, rel=0.02, abs=0.8)
@@ -256,8 +256,8 @@ async def test_meade_goto_runs_at_the_fastest_rate_of_its_program(asked: bytes, 
     async with Bridge("lx200gps", driven="lx200", presented="lx200", config={"sun": 0.0, "lowest": -90.0}) as bridge:
         client = bridge.client()
         if asked:
-            assert await client.ask(asked, until=b"1") == b"1"
-        await client.ask(order, until=b"110")
+            assert await client.ask(asked, ending=b"1") == b"1"
+        await client.ask(order, ending=b"110")
         fastest = 0.0
         for _ in range(40):
             await asyncio.sleep(0.25)

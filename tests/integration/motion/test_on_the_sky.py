@@ -87,12 +87,12 @@ async def test_slow_arrows_move_an_alpaca_mount_in_sky_directions(
     async with bridge:
         await pointed(bridge, 150.0 if site is NORTH else 20.0, 50.0)
         client = bridge.client()
-        client.tell(order)
+        client.send(order)
         await asyncio.sleep(1.5)
         before = bridge.sim.true_position()
         await asyncio.sleep(4.0)
         after = bridge.sim.true_position()
-        client.tell(ENDS[order[:1]])
+        client.send(ENDS[order[:1]])
         await asyncio.sleep(4.0)
         west, north = SLOW[order]
         if site is SOUTH and order[:1] == b"P":  # the motor's sense: positive is east there
@@ -126,9 +126,9 @@ async def test_slow_arrows_add_to_tracking_on_an_alt_az_alpaca_mount(
         await pointed(bridge, 120.0, 50.0)
         star, began = bridge.sim.true_position(), bridge.clock()
         client = bridge.client()
-        client.tell(b":RG#" + order)
+        client.send(b":RG#" + order)
         await asyncio.sleep(4.0)
-        client.tell(order.replace(b"M", b"Q"))
+        client.send(order.replace(b"M", b"Q"))
         await asyncio.sleep(4.0)
         here, there = bridge.sim.true_position(), star
         latitude, sidereal = NORTH[0], bridge.sim.mechanics.sky.lst(bridge.clock())
@@ -150,10 +150,10 @@ async def test_motion_by_hand_is_not_reported_as_a_goto(question: bytes) -> None
     )  # fmt: skip
     async with bridge:
         client, other = bridge.client(), bridge.client("10.0.0.2")
-        client.tell(b"P\x02\x10\x24\x09\0\0\0" if nexstar else b":RS#:Mw#")
+        client.send(b"P\x02\x10\x24\x09\0\0\0" if nexstar else b":RS#:Mw#")
         for number in range(40):
             if number == 20:
-                client.tell(b"P\x02\x10\x24\0\0\0\0" if nexstar else b":Qw#")
+                client.send(b"P\x02\x10\x24\0\0\0\0" if nexstar else b":Qw#")
             assert await other.ask(question) == (b"0#" if nexstar else b"#"), number
             await asyncio.sleep(0.1)
 

@@ -32,9 +32,9 @@ def bridge_to(name: str) -> Bridge:
 
 async def goto(client: RehearsalClient) -> None:
     """Go away from the pole, where a German mount begins, and wait for the end."""
-    assert (await client.ask(b":Sr07:00:00#:Sd+50*00:00#:MS#", until=b"0")).endswith(b"0")
+    assert (await client.ask(b":Sr07:00:00#:Sd+50*00:00#:MS#", ending=b"0")).endswith(b"0")
     while await client.ask(b":D#") not in (b"#", b"       #"):
-        client.tell(b":GR#:GD#")
+        client.send(b":GR#:GD#")
         await asyncio.sleep(0.3)
 
 
@@ -49,26 +49,26 @@ async def test_guide_pulse_leaves_the_owners_motion_at_the_keypad_alone(name: st
         client, owner = bridge.client(), Owner(bridge, MOUNTS[name][0])
         axis, press, release, pulse, _ = KEYS[keys]
         await goto(client)
-        client.tell(pulse)
+        client.send(pulse)
         await asyncio.sleep(3.0)
         assert not dropped(bridge)
         if MOUNTS[name][0] == "lx200":
             bridge.sim.feed(b":RS#")  # the rate of its keypad
         owner.keys(press)
         for number in range(16):
-            client.tell(b":GR#:GD#")
+            client.send(b":GR#:GD#")
             if number >= 4:
-                client.tell(pulse)
+                client.send(pulse)
                 truth = truth_of(bridge.sim)
                 assert abs((truth.rate1, truth.rate2)[axis - 1]) > 0.1, number
             await asyncio.sleep(0.5)
         assert dropped(bridge) >= 8
         owner.keys(release)
         for _ in range(8):
-            client.tell(b":GR#:GD#")
+            client.send(b":GR#:GD#")
             await asyncio.sleep(0.5)
         before = dropped(bridge)
-        client.tell(pulse)
+        client.send(pulse)
         await asyncio.sleep(1.0)
         assert dropped(bridge) == before, "the owner has let go"
 
@@ -82,7 +82,7 @@ async def test_guide_pulse_on_the_other_axis_runs_beside_the_owners_motion(name:
         await goto(client)
         owner.keys(press)
         for _ in range(8):
-            client.tell(b":GR#:GD#" + other)
+            client.send(b":GR#:GD#" + other)
             await asyncio.sleep(0.5)
         assert not dropped(bridge)
 
@@ -93,16 +93,16 @@ async def test_guiding_program_is_not_taken_for_the_owner_at_the_keypad(name: st
     async with bridge_to(name) as bridge:
         client = bridge.client()
         for _ in range(20):
-            client.tell(b":GR#:GD#:Mgn0800#")
+            client.send(b":GR#:GD#:Mgn0800#")
             await asyncio.sleep(0.3)
-            client.tell(b":GR#:GD#:Mgw0800#")
+            client.send(b":GR#:GD#:Mgw0800#")
             await asyncio.sleep(0.9)
-        client.tell(b":RS#:Mw#")
+        client.send(b":RS#:Mw#")
         await asyncio.sleep(2.0)
-        client.tell(b":Qw#:GR#:GD#:Mgn0300#:Mge0300#")
+        client.send(b":Qw#:GR#:GD#:Mgn0300#:Mge0300#")
         await asyncio.sleep(3.0)
         await goto(client)
         for _ in range(12):
-            client.tell(b":GR#:GD#:Mgn0200#:Mge0200#")
+            client.send(b":GR#:GD#:Mgn0200#:Mge0200#")
             await asyncio.sleep(0.25)
         assert not dropped(bridge)

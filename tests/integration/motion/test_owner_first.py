@@ -36,7 +36,7 @@ async def at_the_mount(mount: str, motion: str) -> Any:
         owner, client = Owner(bridge, driven), bridge.client()
         polling = asyncio.ensure_future(_poll(bridge.client("10.0.0.9")))
         await asyncio.sleep(1.0)
-        client.tell(MOTIONS[motion])
+        client.send(MOTIONS[motion])
         await asyncio.sleep(2.0)
         assert owner.moving is (motion != "tracking")
         try:
@@ -47,7 +47,7 @@ async def at_the_mount(mount: str, motion: str) -> Any:
 
 async def _poll(client: RehearsalClient) -> None:
     while True:
-        client.tell(b":GR#:GD#:D#")
+        client.send(b":GR#:GD#:D#")
         await asyncio.sleep(1.0)
 
 
@@ -69,7 +69,7 @@ async def test_goto_cancelled_at_the_keypad_stays_cancelled(mount: str, motion: 
         assert await stands(owner, 12.0)
         assert not owner.begun()
         assert not tracked or bridge.sim.tracking
-        assert await client.ask(b":D#", until=b"#") == b"#", "the goto is told to be over"
+        assert await client.ask(b":D#", ending=b"#") == b"#", "the goto is told to be over"
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
@@ -103,7 +103,7 @@ async def test_release_of_an_arrow_leaves_motion_at_the_keypad_alone(mount: str)
     async with at_the_mount(mount, "arrow") as (bridge, owner, client):
         owner.keys("up")
         await asyncio.sleep(1.0)
-        client.tell(b":Qe#")
+        client.send(b":Qe#")
         await asyncio.sleep(3.0)
         seen = truth_of(bridge.sim)
         assert abs(seen.rate2) > 0.001
@@ -117,11 +117,11 @@ async def test_tracking_switched_off_at_the_keypad_stays_off(mount: str) -> None
         owner.keys("tracking off")
         await asyncio.sleep(15.0)
         assert not owner.begun()
-        client.tell(b":RC#:Me#")
+        client.send(b":RC#:Me#")
         await asyncio.sleep(2.0)
-        client.tell(b":Qe#")
+        client.send(b":Qe#")
         await asyncio.sleep(10.0)
-        client.tell(b":Mge0500#")
+        client.send(b":Mge0500#")
         await asyncio.sleep(10.0)
         assert not bridge.sim.tracking
         assert await stands(owner, 5.0)
@@ -133,7 +133,7 @@ async def test_site_set_at_the_keypad_is_not_overwritten(mount: str, motion: str
     async with at_the_mount(mount, motion) as (_, owner, client):
         owner.keys("site")
         await asyncio.sleep(2.0)
-        client.tell(b":Q#")
+        client.send(b":Q#")
         await asyncio.sleep(10.0)
         assert not owner.settings()
         assert await stands(owner, 1.0)
@@ -145,7 +145,7 @@ async def test_site_set_at_the_keypad_is_not_overwritten(mount: str, motion: str
 async def test_alignment_at_the_keypad_is_not_disturbed(mount: str, motion: str) -> None:
     """Its owner ends what goes on, aligns anew and moves the mount meanwhile."""
     async with at_the_mount(mount, motion) as (_, owner, client):
-        client.tell(b":Q#")
+        client.send(b":Q#")
         await asyncio.sleep(8.0)
         owner.align(done=False)
         owner.keys("tracking off", "up")
@@ -175,13 +175,13 @@ async def test_mount_does_not_move_by_itself_after_a_power_cycle(mount: str, mot
 async def test_mount_power_cycled_during_an_arrow_does_not_track_after_its_release(mount: str) -> None:
     async with Bridge(mount, config={"lowest": -90.0, "sun": 0.0}) as bridge:
         client, owner = bridge.client(), Owner(bridge, "nexstar")
-        client.tell(b":RC#:Mn#")
+        client.send(b":RC#:Mn#")
         await asyncio.sleep(2.0)
         await owner.power_cycle(0.0)
         for _ in range(10):
-            client.tell(b":GW#:GR#:GD#")
+            client.send(b":GW#:GR#:GD#")
             await asyncio.sleep(0.5)
-        client.tell(b":Qn#")
+        client.send(b":Qn#")
         await asyncio.sleep(6.0)
         assert not owner.begun()
         assert not truth_of(bridge.sim).tracking
@@ -198,7 +198,7 @@ async def test_mount_starts_no_motion_when_the_cable_is_reconnected(mount: str, 
 @pytest.mark.parametrize(("mount", "motion"), [case for case in CASES if case[1] in ("arrow", "goto", "park")])
 async def test_stop_pending_during_a_cable_fault_runs_and_nothing_follows(mount: str, motion: str) -> None:
     async with at_the_mount(mount, motion) as (_, owner, client):
-        asyncio.get_running_loop().call_later(1.0, client.tell, b":Q#")
+        asyncio.get_running_loop().call_later(1.0, client.send, b":Q#")
         await owner.cable_out(4.0)
         await asyncio.sleep(8.0)
         assert await stands(owner, 8.0)

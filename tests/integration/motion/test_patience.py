@@ -41,8 +41,8 @@ async def test_goto_waits_for_a_classic_to_calculate_its_planets(mount: str, gap
     async with bridge_to(mount) as bridge:
         await calculates(bridge, gap)
         client = bridge.client()
-        assert await client.ask(GOTO, 20.0, until=b"0") == b"110"
-        assert await bridge.client().ask(b":D#", until=b"#") != b"#"
+        assert await client.ask(GOTO, 20.0, ending=b"0") == b"110"
+        assert await bridge.client().ask(b":D#", ending=b"#") != b"#"
         await asyncio.sleep(90.0)
         assert arrived(bridge)
 
@@ -55,7 +55,7 @@ async def test_waiting_goto_is_refused_before_its_program_times_out(mount: str, 
         await calculates(bridge, gap)
         client = bridge.client()
         told = b"112The mount is taking a new clock. Try again in 10 seconds.#"
-        assert await client.ask(GOTO, 3.5, until=b".#") == told
+        assert await client.ask(GOTO, 3.5, ending=b".#") == told
         await asyncio.sleep(60.0)
         assert motions(bridge) == []
         assert client.received == told
@@ -65,9 +65,9 @@ async def test_newer_of_two_waiting_gotos_is_carried_out() -> None:
     async with bridge_to("lx200") as bridge:
         await calculates(bridge, 2.6)
         older, newer = bridge.client(), bridge.client("10.0.0.3")
-        older.tell(OTHER)
+        older.send(OTHER)
         await asyncio.sleep(0.5)
-        assert await newer.ask(GOTO, 20.0, until=b"0") == b"110"
+        assert await newer.ask(GOTO, 20.0, ending=b"0") == b"110"
         assert older.received == b"111Stopped.#"
         assert motions(bridge) == [b":MS#"]
         await asyncio.sleep(90.0)
@@ -76,10 +76,10 @@ async def test_newer_of_two_waiting_gotos_is_carried_out() -> None:
 
 async def test_goto_is_refused_when_the_telescope_stays_busy() -> None:
     async with bridge_to("lx200gps") as bridge:
-        bridge.client("10.0.0.2").tell(b":gT#")
+        bridge.client("10.0.0.2").send(b":gT#")
         await asyncio.sleep(2.0)
         client, began = bridge.client(), bridge.clock()
-        assert await client.ask(GOTO, 30.0, until=b".#") == b"112The mount is busy.#"
+        assert await client.ask(GOTO, 30.0, ending=b".#") == b"112The mount is busy.#"
         assert 2.9 < bridge.clock() - began < 3.5
         await asyncio.sleep(90.0)
         assert motions(bridge) == []
@@ -90,10 +90,10 @@ async def test_stop_or_disconnection_cancels_a_waiting_goto(how: bytes | None) -
     async with bridge_to("lx200") as bridge:
         await calculates(bridge, 1.5)
         client = bridge.client()
-        client.tell(GOTO)
+        client.send(GOTO)
         await asyncio.sleep(0.5)
         if how:
-            bridge.client("10.0.0.4").tell(how)
+            bridge.client("10.0.0.4").send(how)
             await asyncio.sleep(0.5)
             assert client.received == b"111Stopped.#"
         elif how is None:
@@ -108,7 +108,7 @@ async def test_stop_or_disconnection_cancels_a_waiting_goto(how: bytes | None) -
 async def test_arrow_pressed_while_the_telescope_is_busy_is_not_carried_out_later() -> None:
     async with bridge_to("lx200") as bridge:
         await calculates(bridge, 1.5)
-        bridge.client().tell(b":RM#:Me#")
+        bridge.client().send(b":RM#:Me#")
         await asyncio.sleep(60.0)
         assert motions(bridge) == []
 
@@ -118,7 +118,7 @@ async def test_drive_rate_set_while_the_telescope_is_busy_applies_afterwards(gap
     async with bridge_to("lx200") as bridge:
         await calculates(bridge, gap)
         client = bridge.client()
-        client.tell(b":TL#")
+        client.send(b":TL#")
         await asyncio.sleep(20.0)
         assert bridge.sim.stored_values["hertz"] == 57.9
         assert await client.ask(b":GT#") == b"57.9#"

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalMount
+from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalGateway
 from gateway.diagnostics.virtual_time import run
 from tests.support import exact_sky
 from tests.support.truth import moving
@@ -24,18 +24,18 @@ LATE = 1.2
 
 
 async def ask(program: RehearsalClient, line: str) -> Any:
-    told = json.loads(await program.ask(line.encode() + b"\n", until=b"\n"))
+    told = json.loads(await program.ask(line.encode() + b"\n", ending=b"\n"))
     return -told["ErrorNumber"] if isinstance(told, dict) else told
 
 
-async def connected(own: RehearsalMount) -> RehearsalClient:
+async def connected(own: RehearsalGateway) -> RehearsalClient:
     exact_sky.load(own.controller.astrometry.sky)
     client = own.client()
     assert await ask(client, "put connected Connected=True") is None
     return client
 
 
-async def told_until_rest(own: RehearsalMount, client: RehearsalClient) -> None:
+async def told_until_rest(own: RehearsalGateway, client: RehearsalClient) -> None:
     """Ask twenty times a second: never at rest while the axes move, and soon at rest after that."""
     clock, rests = own.controller.now, None
     while True:
@@ -52,7 +52,7 @@ async def told_until_rest(own: RehearsalMount, client: RehearsalClient) -> None:
 @pytest.mark.parametrize("end", ["put abortslew", "put moveaxis Axis=0 Rate=0"])
 @pytest.mark.parametrize("mount", MOUNTS, ids="-".join)
 async def test_slewing_is_reported_until_the_mount_rests(mount: tuple[str, str], end: str, latency: float) -> None:
-    async with RehearsalMount(
+    async with RehearsalGateway(
         mount[0], start=START, driven=mount[1], presented="alpaca", named=True, latency=latency
     ) as own:
         client = await connected(own)
@@ -67,14 +67,14 @@ async def test_slewing_is_reported_until_the_mount_rests(mount: tuple[str, str],
 @pytest.mark.parametrize("mount", MOUNTS, ids="-".join)
 def test_aborted_goto_reports_slewing_until_rest_on_every_surface(mount: tuple[str, str]) -> None:
     async def program(presented: str, goto: list[bytes], stop: bytes, slews: bytes, done: bytes) -> None:
-        async with RehearsalMount(mount[0], start=START, driven=mount[1], presented=presented, named=True) as own:
+        async with RehearsalGateway(mount[0], start=START, driven=mount[1], presented=presented, named=True) as own:
             exact_sky.load(own.controller.astrometry.sky)
             client = own.client()
             for frame in goto:
                 assert await client.ask(frame)
             await asyncio.sleep(4.0)
             assert own.sim.slewing
-            client.tell(stop)
+            client.send(stop)
             ran_on = False
             for _ in range(200):
                 told, moves = await client.ask(slews), moving(own.sim)
@@ -91,12 +91,12 @@ def test_aborted_goto_reports_slewing_until_rest_on_every_surface(mount: tuple[s
 
 async def test_motion_by_hand_reports_no_slewing_to_lx200_and_nexstar_programs() -> None:
     """INDI would never leave *slewing*, and Hamlib drops its gotos."""
-    async with RehearsalMount("cpc", start=START, presented="lx200", named=True) as own:
+    async with RehearsalGateway("cpc", start=START, presented="lx200", named=True) as own:
         client = own.client()
-        client.tell(b":RS#:Mn#")
+        client.send(b":RS#:Mn#")
         await asyncio.sleep(2.0)
         assert moving(own.sim) and await client.ask(b":D#") == b"#"
-        client.tell(b":Qn#")
+        client.send(b":Qn#")
         for _ in range(20):
             assert await client.ask(b":D#") == b"#"
             await asyncio.sleep(0.1)
@@ -105,7 +105,7 @@ async def test_motion_by_hand_reports_no_slewing_to_lx200_and_nexstar_programs()
 @pytest.mark.parametrize("mount", [*MOUNTS[:2], *MOUNTS[3:]], ids="-".join)
 def test_guide_pulse_right_after_an_arrow_has_its_full_length(mount: tuple[str, str]) -> None:
     async def program() -> None:
-        async with RehearsalMount(mount[0], start=START, driven=mount[1], presented="alpaca", named=True) as own:
+        async with RehearsalGateway(mount[0], start=START, driven=mount[1], presented="alpaca", named=True) as own:
             client = await connected(own)
             polar = await ask(client, "get alignmentmode") != 0
             if not polar:
@@ -130,7 +130,7 @@ def test_guide_pulse_right_after_an_arrow_has_its_full_length(mount: tuple[str, 
 
 
 async def test_run_on_without_a_position_is_reported_as_unknown_motion() -> None:
-    async with RehearsalMount("cpc", start=START, presented="alpaca", named=True) as own:
+    async with RehearsalGateway("cpc", start=START, presented="alpaca", named=True) as own:
         client = await connected(own)
         await ask(client, "put moveaxis Axis=0 Rate=3.0")
         await asyncio.sleep(2.0)

@@ -22,7 +22,7 @@ MOUNTS = [("cpc", "nexstar"), ("cgem", "nexstar"), ("6-8se", "nexstar"), ("lx200
 
 async def nearly_there(bridge: Any, client: Any, degrees: float) -> None:
     """Send the mount to the goal, and wait until it is so far from it."""
-    assert await client.ask(GOTO, until=b"0") == b"110"
+    assert await client.ask(GOTO, ending=b"0") == b"110"
     while separation(*bridge.sim.true_position(), *GOAL) > degrees:
         client.tell(b":GR#")
         await asyncio.sleep(0.1)
@@ -42,7 +42,7 @@ async def test_sync_on_the_gotos_target_is_done_on_arrival(mount: str, driven: s
         client = bridge.client()
         await nearly_there(bridge, client, 0.03)
         before = bridge.clock()
-        assert len(await client.ask(SAME + REST, 5.0, until=b"#")) > 4, "it was refused"
+        assert len(await client.ask(SAME + REST, 5.0, ending=b"#")) > 4, "it was refused"
         assert not bridge.sim.slewing and 0.1 < bridge.clock() - before < 3.5
         await asyncio.sleep(1.0)
         assert off(bridge) == pytest.approx(0.325, abs=0.03)
@@ -58,7 +58,7 @@ async def test_sync_on_another_object_during_a_goto_is_refused_at_once(
         client, error = bridge.client(), off(bridge)
         await nearly_there(bridge, client, degrees)
         before = bridge.clock()
-        assert await client.ask(wanted + REST, 5.0, until=b"#") == b"11#"
+        assert await client.ask(wanted + REST, 5.0, ending=b"#") == b"11#"
         assert bridge.clock() - before < 0.4
         await asyncio.sleep(20.0)
         assert off(bridge) == pytest.approx(error, abs=0.02)
@@ -69,7 +69,7 @@ async def test_sync_too_early_in_a_goto_is_refused_after_waiting(mount: str, dri
     async with Bridge(mount, driven=driven) as bridge:
         client, error = bridge.client(), off(bridge)
         await nearly_there(bridge, client, 20.0)
-        assert await client.ask(SAME + REST, 5.0, until=b"#") == b"11#"
+        assert await client.ask(SAME + REST, 5.0, ending=b"#") == b"11#"
         await asyncio.sleep(20.0)
         assert off(bridge) == pytest.approx(error, abs=0.02)
 
@@ -81,17 +81,17 @@ async def test_pending_sync_is_dropped_after_a_stop_or_a_disconnection(ends: str
     async with Bridge(mount, driven=driven) as bridge:
         client, other, error = bridge.client(), bridge.client("10.0.0.9"), off(bridge)
         await nearly_there(bridge, client, 3.0 if ends == "stopped at the keys" else 0.03)
-        client.tell(SAME + REST)
+        client.send(SAME + REST)
         await asyncio.sleep(0.05)
         assert bridge.sim.slewing
         if ends == "closed":
             client.close()
         elif ends == "stopped by another":
-            other.tell(b":Q#")
+            other.send(b":Q#")
         else:
             bridge.sim.mechanics.cancel(bridge.clock())
         for _ in range(10):
-            other.tell(b":GR#:D#")
+            other.send(b":GR#:D#")
             await asyncio.sleep(1.0)
         assert off(bridge) == pytest.approx(error, abs=0.02)
 

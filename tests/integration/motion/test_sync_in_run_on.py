@@ -19,9 +19,9 @@ MOUNTS = [("cpc", "nexstar"), ("cgem", "nexstar"), ("lx200gps", "lx200")]
 async def at_its_goal(bridge: Bridge, driven: str) -> None:
     """Send the mount to a place in the open sky, which a Meade is aligned on."""
     client = bridge.client()
-    client.tell(GOTO)
+    client.send(GOTO)
     for _ in range(REST):
-        await client.ask(b":D#", until=b"#")
+        await client.ask(b":D#", ending=b"#")
         await asyncio.sleep(0.5)
     if driven == "lx200":
         here = await bridge.controller.read_now(op.Position())
@@ -38,11 +38,11 @@ async def test_sync_after_a_stop_is_done_when_the_mount_rests(
     async with Bridge(mount, driven=driven, config={"sun": 0.0}) as bridge:
         await at_its_goal(bridge, driven)
         client, sent = bridge.client(), (b"s", b"S") if driven == "nexstar" else (b":CM",)
-        client.tell(b":RS#:Me#")
+        client.send(b":RS#:Me#")
         await asyncio.sleep(3.0)
         here = await bridge.controller.read_now(op.Position())
         assert moving(bridge.sim)
-        client.tell(stop)
+        client.send(stop)
         await asyncio.sleep(delay)
         before = len(bridge.sent_requests())
         sync = asyncio.ensure_future(bridge.controller.perform(op.Sync(here.ra, here.dec)))
@@ -61,7 +61,7 @@ async def test_sync_while_a_key_is_held_is_refused(mount: str, driven: str) -> N
         owner, client = Owner(bridge, driven), bridge.client()
         owner.keys("first on")
         for _ in range(8):
-            await client.ask(b":GR#", until=b"#")
+            await client.ask(b":GR#", ending=b"#")
             await asyncio.sleep(0.5)
         here = await bridge.controller.read_now(op.Position())
         with pytest.raises(Refused, match="The mount is moving"):

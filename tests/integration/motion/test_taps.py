@@ -8,7 +8,7 @@ import pytest
 
 from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.core import operations as op
-from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalMount
+from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalGateway
 from gateway.diagnostics.virtual_time import run
 from tests.support.sampling import as_a_rule
 from tests.support.taps import FACES, LATENCIES, LENGTHS, MOUNTS, Axes, at_keypad, judged, stage, tap
@@ -25,7 +25,7 @@ def test_tap_moves_as_far_as_at_the_keypad(mount: str, face: str) -> None:
         assert not (why := run(judged(face, mount, seconds, latency))), (latency, seconds, why)
 
 
-def refusals(own: RehearsalMount) -> list[str]:
+def refusals(own: RehearsalGateway) -> list[str]:
     return [notice.text for notice in own.controller.wire_log.recent_notices]
 
 
@@ -36,13 +36,13 @@ async def test_every_tap_of_a_series_moves_the_mount(face: str, latency: float) 
     single = abs((await tap(face, "cpc", 0.12, latency)).moved)
     async with stage(face, "cpc", latency) as own:
         one, axes, client = FACES[face], Axes(own), own.client()
-        client.tell(one.before)
+        client.send(one.before)
         await asyncio.sleep(1.0)
         await axes.begin()
         for press in (one.press, one.press, one.opposite, one.press):
-            client.tell(press)
+            client.send(press)
             await asyncio.sleep(0.12)
-            client.tell(one.release)
+            client.send(one.release)
             await asyncio.sleep(0.13)
         await asyncio.sleep(3.0)
         assert refusals(own) == []
@@ -56,13 +56,13 @@ async def test_slow_line_joins_taps_of_one_direction(face: str, latency: float) 
     keypad = await at_keypad("cpc", 0.12, 1.0)
     async with stage(face, "cpc", latency) as own:
         one, axes, client = FACES[face], Axes(own), own.client()
-        client.tell(one.before)
+        client.send(one.before)
         await asyncio.sleep(1.0)
         await axes.begin()
         for _ in range(5):
-            client.tell(one.press)
+            client.send(one.press)
             await asyncio.sleep(0.12)
-            client.tell(one.release)
+            client.send(one.release)
             await asyncio.sleep(0.13)
         await asyncio.sleep(3.0)
         assert refusals(own) == []
@@ -77,18 +77,18 @@ async def test_slow_line_joins_taps_of_one_direction(face: str, latency: float) 
 async def test_stop_cancels_a_pending_tap(end: bytes | str, tapped: bool) -> None:
     async with stage("lx200", "cpc", 0.3) as own:
         axes, client, other = Axes(own), own.client(FIRST), own.client(SECOND)
-        client.tell(b":RM#")
+        client.send(b":RM#")
         await asyncio.sleep(1.0)
         await axes.begin()
-        client.tell(b":Mn#")
+        client.send(b":Mn#")
         await asyncio.sleep(0.1)
         if tapped:
-            client.tell(b":Qn#")
+            client.send(b":Qn#")
             await asyncio.sleep(0.02)
         if isinstance(end, bytes):
-            client.tell(end)
+            client.send(end)
         else:
-            other.tell(b":Qn#" if end.startswith(":Q") else b":Q#")
+            other.send(b":Qn#" if end.startswith(":Q") else b":Q#")
         await asyncio.sleep(3.0)
         assert abs(axes.moved) < 0.003
         assert not own.controller.wanted.by_hand
@@ -99,11 +99,11 @@ async def test_release_of_all_four_arrows_stops_the_mount() -> None:
     """RTS2 stops by the releases of all four arrows: each acts when it is read."""
     async with stage("lx200", "cpc", 0.1) as own:
         client = own.client()
-        client.tell(b":RM#:Mn#:Me#")
+        client.send(b":RM#:Mn#:Me#")
         await asyncio.sleep(2.0)
         assert moving(own.sim)
         for release in (b"#:Qe#", b"#:Qw#", b"#:Qn#", b"#:Qs#"):
-            client.tell(release)
+            client.send(release)
             await asyncio.sleep(0.01)
         await asyncio.sleep(1.2)
         assert not moving(own.sim)
@@ -115,11 +115,11 @@ async def test_goto_cancels_a_pending_tap() -> None:
         begun: list[op.Operation] = []
         own.controller.reconciler.acknowledged.connect(begun.append)
         here: op.Equatorial = await own.controller.read(op.Position())
-        client.tell(b":RM#:Me#")
+        client.send(b":RM#:Me#")
         await asyncio.sleep(0.05)
-        client.tell(b":Mn#")
+        client.send(b":Mn#")
         await asyncio.sleep(0.05)
-        client.tell(b":Qn#")
+        client.send(b":Qn#")
         await own.controller.perform(op.Goto(here.ra, here.dec - 3.0))
         await asyncio.sleep(8.0)
         assert not any(isinstance(one, op.Move) and one.axis == 2 for one in begun)
@@ -131,12 +131,12 @@ async def test_late_tap_is_dropped_and_reported(times: int) -> None:
     """It was held for longer than a tap may wait, and the mount has not begun to move."""
     async with stage("lx200", "cgem", 0.6) as own:
         axes, client = Axes(own), own.client()
-        client.tell(b":RM#")
+        client.send(b":RM#")
         await asyncio.sleep(2.0)
         await axes.begin()
-        client.tell(b":Mn#")
+        client.send(b":Mn#")
         await asyncio.sleep(1.1)
-        client.tell(b":Qn#" * times)
+        client.send(b":Qn#" * times)
         await asyncio.sleep(5.0)
         assert abs(axes.moved) < 0.01
         assert ["this tap came too late" in words for words in refusals(own)] == [True]
@@ -147,9 +147,9 @@ async def test_tap_behind_a_pending_read_is_carried_out_in_its_turn() -> None:
         axes, client = Axes(own), own.client()
         await asyncio.sleep(12.0)  # nothing is known of the mount any more
         await axes.begin()
-        client.tell(b":RM#:GW#:Mn#")
+        client.send(b":RM#:GW#:Mn#")
         await asyncio.sleep(0.1)
-        client.tell(b":Qn#")
+        client.send(b":Qn#")
         await asyncio.sleep(3.0)
         assert b"T" in client.received
         assert abs(axes.moved) > 0.03
@@ -161,13 +161,13 @@ def test_short_press_begun_late_keeps_its_length_and_a_long_one_ends_at_once() -
     async def program(seconds: float) -> float:
         async with stage("lx200", "cpc", 0.05) as own:
             axes, client = Axes(own), own.client()
-            client.tell(b":RM#")
+            client.send(b":RM#")
             await asyncio.sleep(1.0)
             await axes.begin()
-            client.tell(b":Mn#")
+            client.send(b":Mn#")
             await asyncio.sleep(seconds)
             assert 2 in own.controller.wanted.by_hand
-            client.tell(b":Qn#")
+            client.send(b":Qn#")
             return await axes.rest(1.0)
 
     assert run(program(0.28)) > 0.3
@@ -177,15 +177,15 @@ def test_short_press_begun_late_keeps_its_length_and_a_long_one_ends_at_once() -
 async def test_held_arrow_waits_for_the_previous_tap_and_ends_at_its_release() -> None:
     async with stage("lx200", "cpc", 0.24) as own:
         client = own.client()
-        client.tell(b":RM#:Mw#")
+        client.send(b":RM#:Mw#")
         await asyncio.sleep(0.08)
-        client.tell(b":Qw#")
+        client.send(b":Qw#")
         await asyncio.sleep(0.02)
-        client.tell(b":Me#")
+        client.send(b":Me#")
         await asyncio.sleep(4.0)
         assert 1 in own.controller.wanted.by_hand
         assert refusals(own) == []
-        client.tell(b":Qe#")
+        client.send(b":Qe#")
         await asyncio.sleep(1.5)
         assert not moving(own.sim)
 
@@ -196,7 +196,7 @@ async def test_program_with_one_connection_per_command_can_tap() -> None:
 
         async def send(data: bytes) -> None:
             client: RehearsalClient = own.client(SECOND)
-            client.tell(data)
+            client.send(data)
             await asyncio.sleep(0.02)
             client.close()
 
@@ -226,15 +226,15 @@ async def test_program_that_releases_arrows_by_a_full_stop_can_tap(how: str, kno
     async with stage("lx200", "cpc", 0.3) as own:
         axes, client = Axes(own), own.client()
         client.connection.client.arrow_releases.uses_stop = known
-        client.tell(b":RM#")
+        client.send(b":RM#")
         await asyncio.sleep(1.0)
         await axes.begin()
-        client.tell(before)
+        client.send(before)
         await asyncio.sleep(2.0)
-        client.tell(b":Mn#")
+        client.send(b":Mn#")
         await asyncio.sleep(seconds)
         stops = own.controller.stops
-        client.tell(b":Q#")
+        client.send(b":Q#")
         assert own.controller.stops == stops + 1
         await asyncio.sleep(4.0)
         assert not moving(own.sim)
@@ -251,14 +251,14 @@ async def test_repeated_full_stop_is_sent_before_everything_else(presses: bytes)
     async with stage("lx200", "cpc", 0.3) as own:
         axes, client = Axes(own), own.client()
         client.connection.client.arrow_releases.uses_stop = True
-        client.tell(b":RM#")
+        client.send(b":RM#")
         await asyncio.sleep(1.0)
         await axes.begin()
-        client.tell(presses[:4])
+        client.send(presses[:4])
         await asyncio.sleep(0.1)
-        client.tell(presses[4:] if b"Q" in presses else b":Q#")
+        client.send(presses[4:] if b"Q" in presses else b":Q#")
         await asyncio.sleep(0.1)
-        client.tell(b":Q#")
+        client.send(b":Q#")
         await asyncio.sleep(3.0)
         assert abs(axes.moved) < 0.005
         assert not moving(own.sim)
@@ -266,11 +266,11 @@ async def test_repeated_full_stop_is_sent_before_everything_else(presses: bytes)
 
 async def away_from_the_pole(client: RehearsalClient) -> None:
     """Move there, because the sense of north changes at the pole; then choose the guide rate."""
-    client.tell(b":RM#:Ms#")
+    client.send(b":RM#:Ms#")
     await asyncio.sleep(4.0)
-    client.tell(b":Qs#")
+    client.send(b":Qs#")
     await asyncio.sleep(4.0)
-    client.tell(b":RG#")
+    client.send(b":RG#")
 
 
 @pytest.mark.parametrize("latency", [0.05, 0.15, 0.3])
@@ -286,9 +286,9 @@ def test_tap_at_guide_rate_is_a_guide_pulse_of_the_length_of_the_tap(mount: str,
                 (own.driver.guide_rates[2] if mount == "cgem" else own.driver.guide_rate) * SIDEREAL_ARCSECONDS
             )
             await axes.begin()
-            client.tell(b":Mn#")
+            client.send(b":Mn#")
             await asyncio.sleep(seconds)
-            client.tell(b":Qn#")
+            client.send(b":Qn#")
             await asyncio.sleep(3.0)
             assert refusals(own) == []
             assert not moving(own.sim)
@@ -308,9 +308,9 @@ def test_taps_at_guide_rate_add_up_on_a_mount_without_pulses() -> None:
             await away_from_the_pole(client)
             await axes.begin()
             for _ in range(times):
-                client.tell(b":Mn#")
+                client.send(b":Mn#")
                 await asyncio.sleep(0.08)
-                client.tell(b":Qn#")
+                client.send(b":Qn#")
                 await asyncio.sleep(1.0)
             await asyncio.sleep(3.0)
             assert refusals(own) == []

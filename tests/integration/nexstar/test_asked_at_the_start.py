@@ -41,6 +41,6 @@ async def test_hand_control_is_identified_though_it_waits_long_for_a_missing_foc
             await bridge.controller.site_read.wait()
         await asyncio.sleep(10.0)
         assert bridge.controller.line.usable
-        assert await bridge.client().ask(b":GA#", 3.0, until=b"#")
+        assert await bridge.client().ask(b":GA#", 3.0, ending=b"#")
     finally:
         await bridge.controller.close()

@@ -19,7 +19,7 @@ SILENCE = 4.0
 
 async def asleep(bridge: Bridge, client: RehearsalClient, presented: str = "nexstar") -> None:
     """Sent to sleep by the client, and old enough for the last position not to be told any more."""
-    client.tell(b":hN#" if presented == "lx200" else b"x")
+    client.send(b":hN#" if presented == "lx200" else b"x")
     await asyncio.sleep(11.0)
     assert bridge.sim.asleep
 
@@ -54,7 +54,7 @@ async def test_program_that_wakes_the_mount_may_read_it_at_once(presented: str, 
         client = bridge.client()
         await asleep(bridge, client, presented)
         await asyncio.sleep(late)
-        client.tell(b":hW#" if presented == "lx200" else b"y")
+        client.send(b":hW#" if presented == "lx200" else b"y")
         assert len(await client.ask(b":GR#" if presented == "lx200" else b"e", SILENCE)) > 1
 
 
@@ -66,10 +66,10 @@ async def test_mount_wakes_whatever_requests_came_during_its_sleep(presented: st
         await asleep(bridge, client, presented)
         if presented == "lx200":
             for command in (b":Mn#", b":Q#", b":Qn#", b":hW#"):
-                client.tell(command)
+                client.send(command)
         else:
             for command in (b"r34560000,34560000", b"P\x02\x10\x24\x05\0\0\0", b"M", b"P\x02\x10\x24\0\0\0\0", b"y"):
-                client.tell(command)
+                client.send(command)
         await asyncio.sleep(6 * SILENCE)
         assert not bridge.sim.asleep and not bridge.controller.wanted.stop_owed
         assert await client.ask(b":GR#" if presented == "lx200" else b"e", 2.0)
@@ -80,7 +80,7 @@ async def test_arrow_waiting_for_the_position_does_not_wait_for_a_wake_behind_it
     async with Bridge("cpc", presented="nexstar", surface=None) as bridge:
         client = bridge.client()
         await asleep(bridge, client)
-        client.tell(b"P\x02\x11\x24\x05\0\0\0y")
+        client.send(b"P\x02\x11\x24\x05\0\0\0y")
         await asyncio.sleep(4 * SILENCE)
         assert not bridge.sim.asleep
 
@@ -102,7 +102,7 @@ def test_mount_woken_by_hand_is_recognised_as_awake() -> None:
 async def test_sleep_ends_every_motion() -> None:
     async with Bridge("cpc", presented="lx200") as bridge:
         client = bridge.client()
-        client.tell(b":RC#:Me#")
+        client.send(b":RC#:Me#")
         await asyncio.sleep(3.0)
         assert bridge.controller.moving
         await asleep(bridge, client, "lx200")
@@ -119,7 +119,7 @@ async def test_gateway_started_beside_a_sleeping_mount_can_wake_it() -> None:
         client = bridge.client()
         await asyncio.sleep(5.0)
         assert await client.ask(b":GR#", 5.0) == b""
-        client.tell(b":hW#")
+        client.send(b":hW#")
         await asyncio.sleep(4 * SILENCE)
         assert not bridge.sim.asleep
         assert await client.ask(b":GR#", 2.0)
@@ -134,7 +134,7 @@ async def test_settings_are_sent_in_turn_however_long_reads_take() -> None:
         await bridge.controller.perform(op.Goto(100.0, 40.0))
         bridge.sim.asleep = True
         for _ in range(60):
-            client.tell(b"L")
+            client.send(b"L")
             await asyncio.sleep(1.0)
         setting = asyncio.create_task(bridge.controller.perform(op.Backlash(1, 10)))
         await asyncio.sleep(60.0)
@@ -144,10 +144,10 @@ async def test_settings_are_sent_in_turn_however_long_reads_take() -> None:
 async def test_sleep_leaves_nothing_moving_though_its_stop_is_lost() -> None:
     async with Bridge("cpc") as bridge:
         client = bridge.client()
-        client.tell(b":RM#:Mn#")
+        client.send(b":RM#:Mn#")
         await asyncio.sleep(3.0)
         lost = swallow(bridge, lambda data: data == b"P\x02\x11\x24\0\0\0\0")
-        client.tell(b":hN#")
+        client.send(b":hN#")
         await asyncio.sleep(15.0)
         assert lost and bridge.sim.asleep and not bridge.controller.moving
         before = bridge.sim.mechanics.axes(bridge.clock())
@@ -170,10 +170,10 @@ async def test_mount_woken_at_its_keys_can_be_sent_to_sleep_again() -> None:
         client = bridge.client()
         await asleep(bridge, client, "lx200")
         bridge.sim.asleep = False
-        client.tell(b":hN#")
+        client.send(b":hN#")
         await asyncio.sleep(2 * SILENCE)
         assert bridge.sim.asleep
-        client.tell(b":hN#")  # once more, though it sleeps and does not answer
+        client.send(b":hN#")  # once more, though it sleeps and does not answer
         await asyncio.sleep(2 * SILENCE)
         assert not [entry.note for entry in bridge.entries if entry.note.startswith("Hibernate")]
 
@@ -183,9 +183,9 @@ async def test_halts_and_stops_do_not_block_the_wake_of_a_sleeping_mount() -> No
         client, other = bridge.client(), bridge.client("127.0.0.2")
         await asleep(bridge, client, "lx200")
         for turn in range(60):
-            other.tell(b":Qn#" if turn % 2 else b":Qe#")
+            other.send(b":Qn#" if turn % 2 else b":Qe#")
             if turn == 10:
-                client.tell(b":hW#")
+                client.send(b":hW#")
             await asyncio.sleep(0.5)
         assert not bridge.sim.asleep
 
@@ -203,7 +203,7 @@ async def test_starsense_can_be_woken_after_its_line_was_lost(from_the_start: bo
             await asleep(bridge, client, "lx200")
             bridge.controller.line.transaction.connection_lost("unplugged")
         await asyncio.sleep(30.0)
-        client.tell(b":hW#")
+        client.send(b":hW#")
         await asyncio.sleep(5 * SILENCE)
         assert not bridge.sim.asleep
     finally:
@@ -215,12 +215,12 @@ async def test_mount_tracks_after_waking_though_an_arrow_was_unacknowledged() ->
     async with Bridge("cpc") as bridge:
         client = bridge.client()
         lost = swallow(bridge, lambda data: data[:1] == b"P" and data[3] == 0x24 and data[4] > 0, carried_out=True)
-        client.tell(b":RM#:Mn#")
+        client.send(b":RM#:Mn#")
         await asyncio.sleep(5.0)
-        client.tell(b":hN#")
+        client.send(b":hN#")
         await asyncio.sleep(3.0)
-        client.tell(b":Q#")
+        client.send(b":Q#")
         await asyncio.sleep(3 * SILENCE)
-        client.tell(b":hW#")
+        client.send(b":hW#")
         await asyncio.sleep(5 * SILENCE)
         assert lost and not bridge.sim.asleep and bridge.sim.tracking

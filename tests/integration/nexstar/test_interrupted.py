@@ -30,30 +30,30 @@ async def test_end_of_an_interrupted_nexstar_command_moves_nothing(
 ) -> None:
     async with _bridge() as bridge:
         client = bridge.client()
-        assert await client.ask(b"Kz", until=b"#") == b"z#"
-        client.tell(half)
+        assert await client.ask(b"Kz", ending=b"#") == b"z#"
+        client.send(half)
         await asyncio.sleep(1.2)
         sent = len(bridge.sent_requests())
         for piece in [end] if apart is None else [end[at : at + 1] for at in range(len(end))]:
-            client.tell(piece)
+            client.send(piece)
             await asyncio.sleep(apart or 0.0)
         await asyncio.sleep(3.0)
         assert not [frame for frame in bridge.sent_requests()[sent:] if frame.startswith((b":M", b":A", b":S", b":h"))]
         assert not moving(bridge.sim)
-        assert (end, NexStarFramer.late_end) in [(entry.data, entry.note) for entry in bridge.entries]
-        assert await client.ask(b"Kz", until=b"#") == b"z#"
+        assert (end, NexStarFramer.late_reason) in [(entry.data, entry.note) for entry in bridge.entries]
+        assert await client.ask(b"Kz", ending=b"#") == b"z#"
 
 
 @pytest.mark.parametrize("length", range(1, 8))
 async def test_interrupted_nexstar_arrow_is_released(length: int) -> None:
     async with _bridge() as bridge:
         client, other = bridge.client(), bridge.client()
-        other.tell(b"P\x02\x10$\x07\0\0\0")
+        other.send(b"P\x02\x10$\x07\0\0\0")
         await asyncio.sleep(1.0)
         assert moving(bridge.sim)
-        client.tell(b"P\x02\x10$\x09\0\0\0"[:length])
+        client.send(b"P\x02\x10$\x09\0\0\0"[:length])
         await asyncio.sleep(1.1)
-        assert await client.ask(b"P\x02\x10$\0\0\0\0", until=b"#") == b"#"
+        assert await client.ask(b"P\x02\x10$\0\0\0\0", ending=b"#") == b"#"
         await asyncio.sleep(2.0)
         assert not moving(bridge.sim)
 
@@ -61,9 +61,9 @@ async def test_interrupted_nexstar_arrow_is_released(length: int) -> None:
 async def test_nexstar_request_after_an_interrupted_command_waits_only_briefly() -> None:
     async with _bridge() as bridge:
         client = bridge.client()
-        assert await client.ask(b"e", until=b"#") != b""
-        client.tell(b"P\x02")
+        assert await client.ask(b"e", ending=b"#") != b""
+        client.send(b"P\x02")
         await asyncio.sleep(1.5)
         began = bridge.controller.now()
-        assert len(await client.ask(b"e", until=b"#")) == 18
+        assert len(await client.ask(b"e", ending=b"#")) == 18
         assert bridge.controller.now() - began < 0.5

@@ -24,7 +24,7 @@ async def test_home_switches_are_sought_only_if_configured() -> None:
         await _away(bridge)
         assert bridge.sim.tracking
         client = bridge.client()
-        client.tell(b":hF#")
+        client.send(b":hF#")
         await asyncio.sleep(2.0)
         assert await client.ask(b":h?#") == b"2"
         assert (await client.ask(b":D#")) != b"#"
@@ -47,12 +47,12 @@ async def test_stop_or_goto_ends_the_search_for_home_switches(ends: bytes) -> No
         await _away(bridge)
         client = bridge.client()
         here = bridge.sim.mechanics.axes(bridge.sim.clock())
-        client.tell(b":hF#")
+        client.send(b":hF#")
         await asyncio.sleep(2.0)
         hours = int(bridge.sim.mechanics.sky.lst(bridge.sim.clock()) / 15.0 + 3) % 24
         await client.ask(f":Sr{hours:02d}:00:00#".encode())
         await client.ask(b":Sd+30*00:00#")
-        client.tell(ends)
+        client.send(ends)
         await asyncio.sleep(60.0)
         assert await client.ask(b":h?#") == b"0"
         assert bridge.sim.tracking
@@ -65,7 +65,7 @@ async def test_guide_pulse_runs_at_the_configured_guide_rate(config: dict[str, f
     """Until a program sets one."""
     async with Bridge("avx", config=config) as bridge:
         client, before = bridge.client(), len(bridge.sent_requests())
-        client.tell(b":Mgn1000#:Mgw0500#")
+        client.send(b":Mgn1000#:Mgw0500#")
         await asyncio.sleep(0.5)
         pulses = [request for request in bridge.sent_requests()[before:] if request[3:4] == b"\x26"]
         assert pulses == [bytes((80, 3, 17, 0x26, percent, 100, 0, 0)), bytes((80, 3, 16, 0x26, percent, 50, 0, 0))]
@@ -74,10 +74,10 @@ async def test_guide_pulse_runs_at_the_configured_guide_rate(config: dict[str, f
 async def test_guide_pulse_runs_at_the_guide_rate_set_by_a_program() -> None:
     async with Bridge("avx") as bridge:
         client = bridge.client()
-        client.tell(b":Rg03.8#")
+        client.send(b":Rg03.8#")
         await asyncio.sleep(1.0)
         before = len(bridge.sent_requests())
-        client.tell(b":Mgn1000#")
+        client.send(b":Mgn1000#")
         await asyncio.sleep(0.5)
         pulses = [request for request in bridge.sent_requests()[before:] if request[3:4] == b"\x26"]
         assert [request[4] for request in pulses] == [25]
@@ -89,9 +89,9 @@ async def test_focuser_in_moves_towards_the_objective() -> None:
     async with bridge:
         client = bridge.client()
         before = bridge.sim.focuser.position(bridge.clock())
-        client.tell(b":FF#:F+#")
+        client.send(b":FF#:F+#")
         await asyncio.sleep(2.0)
-        client.tell(b":FQ#")
+        client.send(b":FQ#")
         await asyncio.sleep(1.0)
         inward = bridge.sim.focuser.position(bridge.clock())
         assert inward < before - 500

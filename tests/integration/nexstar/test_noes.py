@@ -257,7 +257,7 @@ async def test_held_or_sleeping_mount_refuses_motion_with_the_no_response_form(m
         if why == "held":
             bridge.controller.hold.is_on = True
         else:
-            client.tell(b"x")
+            client.send(b"x")
             await asyncio.sleep(3.0)
         before = len(bridge.sent_requests())
         for motion in MOTIONS:
@@ -282,7 +282,7 @@ async def test_nexstar_command_is_refused_as_soon_as_the_mounts_answer_is_overdu
         bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
         polling = bridge.client("10.0.0.9")
         for _ in range(15):
-            polling.tell(b"e")
+            polling.send(b"e")
             await asyncio.sleep(0.2)
         assert bridge.controller.line.state == "up"
         assert await client.ask(b"r40000000,10000000", 3.5) == b""

@@ -63,7 +63,7 @@ async def test_nexstar_l_reports_1_from_the_acknowledgement_of_the_goto_on(bridg
 async def test_nexstar_l_in_the_packet_of_a_goto_reports_1(bridge: Bridge) -> None:
     client = bridge.client()
     await polled(client)
-    assert await client.ask(precise(b"r", *up(bridge)) + b"L", until=b"1#") == b"#1#"
+    assert await client.ask(precise(b"r", *up(bridge)) + b"L", ending=b"1#") == b"#1#"
 
 
 @on_a_bridge()

@@ -30,10 +30,10 @@ async def test_two_nexstar_programs_each_get_their_replies_whole_and_in_order(br
     async def poll(client: RehearsalClient, mark: bytes) -> None:
         for _ in range(40):
             assert await client.ask(b"K" + mark) == mark + b"#"
-            assert len(place(await client.ask(b"e", until=b"#"))) == 2
+            assert len(place(await client.ask(b"e", ending=b"#"))) == 2
             client.received = b""
             for byte in b"P\1\x10\xfe\0\0\0\2":
-                client.tell(bytes((byte,)))
+                client.send(bytes((byte,)))
                 await asyncio.sleep(0.02)
             assert client.received == b"\x06\x0b#"
             assert await client.ask(b"L") in (b"0#", b"1#")
@@ -120,7 +120,7 @@ async def test_nexstar_position_is_repeated_for_ten_seconds_after_a_lost_line(br
         await asyncio.sleep(0.5)
     assert {reply for _, reply in told} == {last, b""}
     assert max(since for since, reply in told if reply) < 16, "a lost line is noticed after a few seconds"
-    assert await client.ask(b"Kz", 20.0, until=b"z#") == b"z#"
+    assert await client.ask(b"Kz", 20.0, ending=b"z#") == b"z#"
 
 
 # --- a Meade behind it, which is another gateway's surface -----------------------------------------------------------

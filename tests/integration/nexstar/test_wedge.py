@@ -31,7 +31,7 @@ async def test_fork_on_a_wedge_parks_at_the_pole(site: tuple[float, float], mode
     async with Bridge("cpc", site=site, config={"site": site}) as bridge:
         bridge.sim.feed(mode)
         await asyncio.sleep(10)
-        bridge.client().tell(b":hP#")
+        bridge.client().send(b":hP#")
         await asyncio.sleep(90)
         assert abs(bridge.sim.mechanics.true_position(bridge.clock())[1]) > 89.5
         assert not bridge.sim.tracking

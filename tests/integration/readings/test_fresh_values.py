@@ -28,7 +28,7 @@ async def test_poll_of_a_fast_mount_never_repeats_a_value(driven: str, model: st
         await asyncio.sleep(2.0)
         sent, seen = len(bridge.sent_requests()), list[bytes]()
         for _ in range(40):
-            seen.append(await client.ask(question, until=b"#"))
+            seen.append(await client.ask(question, ending=b"#"))
             await asyncio.sleep(0.1)
         assert all(one != other for one, other in itertools.pairwise(seen)), seen
         assert len(bridge.sent_requests()) - sent < 120

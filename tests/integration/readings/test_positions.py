@@ -82,12 +82,12 @@ async def test_both_halves_that_a_program_reads_are_of_one_instant(pair: bytes) 
         await asyncio.sleep(2.5)
         first, second = pair.split()
         for _ in range(20):
-            one = await client.ask(first, until=b"#")
+            one = await client.ask(first, ending=b"#")
             at_once = bridge.client("10.0.0.3")
-            expected = await at_once.ask(first + second, until=b"#")
+            expected = await at_once.ask(first + second, ending=b"#")
             await asyncio.sleep(0.3)
-            await other.ask(second, until=b"#")  # of another instant
-            both = one + await client.ask(second, until=b"#")
+            await other.ask(second, ending=b"#")  # of another instant
+            both = one + await client.ask(second, ending=b"#")
             assert both == expected
             at_once.close()
             await asyncio.sleep(0.13)
@@ -98,13 +98,13 @@ async def test_values_that_a_nexstar_program_reads_together_are_of_one_instant()
         client, other = bridge.client(), bridge.client("10.0.0.2")
         await start_moving(client, "nexstar", True)
         for _ in range(7):  # a rate takes two readings
-            await client.ask(b"z", until=b"#")
+            await client.ask(b"z", ending=b"#")
             await asyncio.sleep(0.4)
         for n in range(40):
-            ra, dec = place(await client.ask(b"e", until=b"#"))
+            ra, dec = place(await client.ask(b"e", ending=b"#"))
             await asyncio.sleep(0.025)
             asked = bridge.clock()
-            az, alt = place(await (client if n % 2 else other).ask(b"z", until=b"#"))
+            az, alt = place(await (client if n % 2 else other).ask(b"z", ending=b"#"))
             if bridge.clock() - asked > 0.02:
                 continue  # the mount was asked how it stands first, which takes its time
             hour_angle, there = horizon_to_hour_angle(az, alt, 45.0)
@@ -125,7 +125,7 @@ async def test_first_position_after_a_stop_is_read_after_the_stop(
         await reported_position(polls, presented)
         await start_moving(client, presented, by_hand)
         for _ in range(6):
-            polls.tell(b":GR#" if presented == "lx200" else b"e")
+            polls.send(b":GR#" if presented == "lx200" else b"e")
             await asyncio.sleep(0.3)
         await asyncio.sleep(phase)
         polls.received = b""
@@ -160,7 +160,7 @@ async def test_reported_position_never_passes_the_target_of_a_goto(mount: str) -
         client, goal = bridge.client(), (120.0, 30.0)
         begin = await reported_position(client, "lx200")
         await start_moving(client, "lx200", False)
-        while (await client.ask(b":D#", until=b"#")).strip(b" #"):
+        while (await client.ask(b":D#", ending=b"#")).strip(b" #"):
             seen = await reported_position(client, "lx200")
             for which in {"lx200": (0, 1), "cge": (1,)}.get(mount, ()):  # others go round in other angles
                 way, gone = wrap180(goal[which] - begin[which]), wrap180(seen[which] - begin[which])
@@ -178,7 +178,7 @@ async def test_safety_rules_use_readings_and_not_extrapolated_positions() -> Non
         await asyncio.sleep(2.5)
         reckoned = 0
         for _ in range(30):
-            await client.ask(b"e", until=b"#")
+            await client.ask(b"e", ending=b"#")
             said = controller.cache.value(op.Position)
             assert await controller.read(op.Position()) is said
             reckoned += controller.peek(op.Position()) not in (NOT_CACHED, said)
@@ -211,13 +211,13 @@ async def test_slewing_read_before_a_stop_is_not_reported_after_it(mount: str, p
         question, idle = (b":D#", b"#") if presented == "lx200" else (b"L", b"0#")
         await start_moving(client, presented, False)
         for _ in range(5):
-            await client.ask(question, until=b"#")
+            await client.ask(question, ending=b"#")
             await asyncio.sleep(0.3)
         await asyncio.sleep(phase)
         await bridge.controller.stop()
         rested = None
         for _ in range(150):
-            told = (await client.ask(question, until=b"#")).replace(b" ", b"") != idle
+            told = (await client.ask(question, ending=b"#")).replace(b" ", b"") != idle
             assert told or not moving(bridge.sim)
             assert rested is None or not told, "it began again"
             rested = bridge.clock() if rested is None and not told else rested
@@ -229,10 +229,10 @@ async def test_slewing_read_before_a_stop_is_not_reported_after_it(mount: str, p
 async def test_slewing_is_reported_from_the_order_until_arrival(mount: str) -> None:
     async with bridge_to(mount, "lx200", latency=0.1) as bridge:
         client, other = bridge.client(), bridge.client("10.0.0.2")
-        assert not (await other.ask(b":D#", until=b"#")).strip(b" #")
-        client.tell(b":Sr08:00:00#:Sd+30*00:00#:MS#")
+        assert not (await other.ask(b":D#", ending=b"#")).strip(b" #")
+        client.send(b":Sr08:00:00#:Sd+30*00:00#:MS#")
         await asyncio.sleep(0.01)
-        while (await other.ask(b":D#", until=b"#")).strip(b" #"):
+        while (await other.ask(b":D#", ending=b"#")).strip(b" #"):
             await asyncio.sleep(0.05)
         assert separation(*bridge.sim.true_position(), 120.0, 30.0) < 0.02
         assert separation(*await reported_position(other, "lx200"), 120.0, 30.0) < 0.02
@@ -256,7 +256,7 @@ def handled(bridge: Bridge) -> list[bytes]:
 
 async def polled(client: RehearsalClient, question: bytes, seconds: float) -> None:
     for _ in range(round(seconds / 0.01)):
-        assert await client.ask(question, until=b"#")
+        assert await client.ask(question, ending=b"#")
         await asyncio.sleep(0.01)
 
 
@@ -283,10 +283,10 @@ async def test_reply_in_motion_is_reused_for_fifty_milliseconds(mount: str, pres
         client, question = bridge.client(), b":GR#" if presented == "lx200" else b"e"
         await start_moving(client, presented, True)
         await asyncio.sleep(2.6)
-        await client.ask(question, until=b"#")
+        await client.ask(question, ending=b"#")
         frames, last, since = handled(bridge), b"", 0.0
         for _ in range(100):
-            answer = await client.ask(question, until=b"#")
+            answer = await client.ask(question, ending=b"#")
             if answer != last:
                 last, since = answer, bridge.controller.now()
             assert bridge.controller.now() - since <= 0.06
@@ -310,7 +310,7 @@ def test_polls_in_motion_cost_the_line_at_most_two_exchanges_a_second(
             before = len(bridge.sent_requests())
             for _ in range(40):
                 if asked:
-                    client.tell(b":GR#" if presented == "lx200" else b"e")
+                    client.send(b":GR#" if presented == "lx200" else b"e")
                 await asyncio.sleep(0.1)
             return (len(bridge.sent_requests()) - before) / 4.0
 

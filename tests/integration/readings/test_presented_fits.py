@@ -22,7 +22,7 @@ def german(site: tuple[float, float]) -> Bridge:
         "autostar", driven="lx200", presented="nexstar", surface="cge", site=site, config={"lowest": -90.0, "sun": 0.0}
     )
     bridge.sim.mode_letter = "P"
-    bridge.sim.mechanics.rebuild(bridge.sim.now, Build.GERMAN)
+    bridge.sim.mechanics.set_build(bridge.sim.now, Build.GERMAN)
     return bridge
 
 

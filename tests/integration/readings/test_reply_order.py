@@ -161,13 +161,13 @@ async def play(
     client, sent = Listener(bridge), list[list[Sent]]()
     if presented == "lx200":
         names = b"".join(b":S" + site[2:3] + name for site, name in MARKED.items())
-        client.tell(names)
+        client.send(names)
         client.replies.clear()
     for number, (pause, commands) in enumerate(packets):
         await asyncio.sleep(pause)
         packet = [*commands, marker(presented, number % len(SITES))]
         sent.append([Sent(command, loop.time()) for command in packet])
-        client.tell(b"".join(packet))
+        client.send(b"".join(packet))
     await asyncio.sleep(5.0)
     check(presented, sent, client.replies)
     wire.become(WAYS[0])
@@ -218,9 +218,9 @@ async def at_a_mount_that_comes_late(driven: str, commands: bytes, later: bytes 
     asyncio.get_running_loop().call_later(8.0, wire.become, WAYS[0])
     bridge.controller.start()
     client = Listener(bridge)
-    client.tell(commands)
+    client.send(commands)
     await asyncio.sleep(40.0)
-    client.tell(later)
+    client.send(later)
     await asyncio.sleep(1.0)
     await bridge.controller.close()
     return bridge, client
@@ -256,9 +256,9 @@ async def test_minutes_long_gps_command_is_answered_until_the_next_command() -> 
     for behind, heard in ((b"", [b"1"]), (b":Gr#", [b"00:00:00#"])):
         async with Bridge("lx200gps", driven="lx200", surface="lx200gps") as bridge:
             client = Listener(bridge)
-            client.tell(b":gT#")
+            client.send(b":gT#")
             await asyncio.sleep(10.0)
-            client.tell(behind)
+            client.send(behind)
             await asyncio.sleep(1.0)
             assert [reply.data for reply in client.replies] == heard * bool(behind)
             await asyncio.sleep(90.0)

@@ -50,8 +50,8 @@ async def compared(bridge: Bridge, questions: tuple[bytes, ...], scenario: Scena
                 continue  # it waits for the mount
             await asyncio.sleep(0)  # not more than two may be answered in a turn
             poller.received, newcomer = b"", bridge.client("10.0.0.250")
-            poller.tell(question)
-            newcomer.tell(question)
+            poller.send(question)
+            newcomer.send(question)
             if poller.received:
                 assert alike(question, poller.received, newcomer.received), (
                     question,
@@ -211,16 +211,16 @@ async def test_forgotten_value_is_reported_to_no_program(forget: str) -> None:
     async with Bridge("cge", surface=None) as bridge:
         client = bridge.client()
         for _ in range(3):
-            assert await client.ask(b":GR#", until=b"#")
+            assert await client.ask(b":GR#", ending=b"#")
         client.received = b""
-        client.tell(b":GR#")
+        client.send(b":GR#")
         assert client.received, "it is told again"
         client.received = b""
         if forget == "forget":
             bridge.controller.cache.forget(op.Position)
         else:
             bridge.controller.reader.outdate()
-        client.tell(b":GR#")
+        client.send(b":GR#")
         assert client.received == b"", "the mount is asked"
 
 
@@ -230,12 +230,12 @@ def test_half_a_position_is_not_reused_for_another_instant() -> None:
     async def program() -> None:
         async with Bridge("cge", surface=None, latency=0.02, config={"lowest": -90.0, "sun": 0.0}) as bridge:
             client, other = bridge.client(), bridge.client("10.0.0.2")
-            client.tell(b":RS#:Mw#:Ms#")
+            client.send(b":RS#:Mw#:Ms#")
             await asyncio.sleep(3.0)
 
             def told(asking: Any, question: bytes) -> bytes:
                 asking.received = b""
-                asking.tell(question)
+                asking.send(question)
                 return bytes(asking.received)
 
             for _ in range(30):

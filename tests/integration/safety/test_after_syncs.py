@@ -46,7 +46,7 @@ def standing(driven: str, mount: str, version: str | None, stands: str, latitude
     )
     if driven == "lx200" and stands == "german":
         bridge.sim.mode_letter = "P"  # type: ignore[attr-defined]
-        bridge.sim.mechanics.rebuild(bridge.sim.now, Build.GERMAN)
+        bridge.sim.mechanics.set_build(bridge.sim.now, Build.GERMAN)
     elif driven == "lx200":
         bridge.sim.feed(b":AA#" if stands == "alt-az" else b":AP#")
         bridge.sim.mechanics.correct(bridge.sim.now, (0.0, 0.0))  # a classic forgets its alignment
@@ -69,9 +69,9 @@ async def test_arrow_ends_before_the_limit_after_a_wrong_sync(stands: Any, latit
         assert (await to(bridge, south + 20.0, 35.0))[0] is None
         await sync(bridge, south + 20.0, 35.0 + degrees)
         client = bridge.client()
-        client.tell(b":RS#" + down)
+        client.send(b":RS#" + down)
         for _ in range(60):
-            client.tell(b":GR#")
+            client.send(b":GR#")
             await extremes(bridge, 0.25)
         low, _ = await at_rest(bridge)
         assert low > LOWEST - 1.0

@@ -39,7 +39,7 @@ async def test_arrow_stops_at_the_limit_after_any_syncs(model: str, version: str
         await bridge.controller.perform(op.GotoHorizontal(180.0, 40.0))
         await asyncio.sleep(30.0)
         await synced(bridge, 4, 14.0)
-        bridge.client().tell(b":RS#:Ms#")
+        bridge.client().send(b":RS#:Ms#")
         low = await lowest_of(bridge, 30.0)
         assert 20.0 <= low < 30.0
         assert not bridge.controller.moving
@@ -72,7 +72,7 @@ async def test_wrong_clock_in_the_hand_control_neither_stops_the_mount_nor_lets_
             await client.ask(b":GR#")
             await asyncio.sleep(1.0)
         assert bridge.sim.tracking
-        client.tell(b":RS#:Ms#")
+        client.send(b":RS#:Ms#")
         low = await lowest_of(bridge, 20.0)
         assert low >= 20.0
 

@@ -24,9 +24,9 @@ LIMITS = {"lowest": 20.0, "highest": 80.0}
 async def test_lx200_motion_by_hand_never_crosses_a_limit(latency: float, arrow: bytes, rate: bytes) -> None:
     async with Bridge("6-8se", config=LIMITS, latency=latency) as bridge:
         client = bridge.client()
-        client.tell(rate + arrow)
+        client.send(rate + arrow)
         for _ in range(60):  # a program shows life while it holds an arrow
-            client.tell(b":GR#")
+            client.send(b":GR#")
             low, high = await extremes(bridge, 0.5)
             assert 20.0 - ARCSECOND <= low <= high <= 80.0
         assert not bridge.controller.moving
@@ -37,7 +37,7 @@ async def test_lx200_motion_by_hand_never_crosses_a_limit(latency: float, arrow:
 @pytest.mark.parametrize(("lowest", "latency"), [(41.6, 0.05), (36.0, 0.2), (44.4, 0.2), (37.4, 0.35)])
 async def test_mount_stops_at_a_limit_reached_before_its_rate_is_measured(lowest: float, latency: float) -> None:
     async with Bridge("6-8se", config={"lowest": lowest}, latency=latency) as bridge:
-        bridge.client().tell(b":RS#:Ms#")  # five degrees a second, from 45
+        bridge.client().send(b":RS#:Ms#")  # five degrees a second, from 45
         low, _ = await extremes(bridge, 8)
         assert lowest <= low
 
@@ -49,7 +49,7 @@ async def test_coasting_of_a_mount_triggers_no_stop() -> None:
         await asyncio.sleep(4)  # nobody polls any more: the looks are this test's own
         guard.check_position(here)
         await asyncio.sleep(0.3)
-        guard.motion_ended()
+        guard.on_motion_end()
         guard.check_position(op.Equatorial(here.ra, here.dec - 1.5))
         await asyncio.sleep(0.5)
         assert notes(bridge) == []
@@ -77,9 +77,9 @@ def test_moving_mount_is_read_twice_a_second_on_a_slow_busy_line() -> None:
             client = bridge.client()
             looks: list[float] = []
             bridge.controller.reader.position.connect(lambda _: looks.append(bridge.controller.now()))
-            client.tell(b":RC#:Mw#")
+            client.send(b":RC#:Mw#")
             for _ in range(80):
-                client.tell(b":GR#:GD#:GZ#:GA#:D#:GW#")
+                client.send(b":GR#:GD#:GZ#:GA#:D#:GW#")
                 await asyncio.sleep(0.25)
             gaps = [after - before for before, after in pairwise(looks[3:])]
             assert len(gaps) >= 36
@@ -94,10 +94,10 @@ async def test_limit_narrowed_by_a_client_holds_for_its_motion_alone() -> None:
     async with Bridge("6-8se", config={"lowest": 10.0}) as bridge:
         careful, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
         assert await careful.ask(b":So30#") == b"1"
-        careful.tell(b":RM#:Ms#")
+        careful.send(b":RM#:Ms#")
         low, _ = await extremes(bridge, 25)
         assert 30.0 <= low < 33.0
-        other.tell(b":RM#:Ms#")
+        other.send(b":RM#:Ms#")
         low, _ = await extremes(bridge, 25)
         assert 10.0 <= low < 13.0
 
@@ -106,13 +106,13 @@ async def test_motion_out_of_a_forbidden_place_goes_on() -> None:
     async with Bridge("6-8se", config={"lowest": 50.0}) as bridge:  # it stands at 45
         client = bridge.client()
         assert await client.ask(b":GA#")
-        client.tell(b":RM#:Ms#")
+        client.send(b":RM#:Ms#")
         await asyncio.sleep(3)
         assert altitude(bridge) > 44.9
         assert "Arrow: Object Below Lower Limit." in notes(bridge)
-        client.tell(b":Mn#")
+        client.send(b":Mn#")
         await asyncio.sleep(5)
-        client.tell(b":Qn#")
+        client.send(b":Qn#")
         await asyncio.sleep(1)
         assert altitude(bridge) > 47.0
 
@@ -122,7 +122,7 @@ def test_tracking_below_the_limit_is_switched_off() -> None:
         async with Bridge(mount, driven=driven, config={"lowest": 40.0}) as bridge:
             client = bridge.client()
             # two hours west of the meridian at 40.4 degrees: it sinks ten degrees an hour
-            assert await client.ask(b":Sa40*30#:Sz220*00#:MA#", until=b"110") == b"110"
+            assert await client.ask(b":Sa40*30#:Sz220*00#:MA#", ending=b"110") == b"110"
             while await client.ask(b":D#") not in (b"#", b"       #"):
                 await asyncio.sleep(1)
             await asyncio.sleep(400)
@@ -143,7 +143,7 @@ async def test_mount_whose_tracking_cannot_be_switched_off_is_reported_once() ->
         await bridge.controller.perform(op.GotoHorizontal(270.0, 40.3))
         for _ in range(1600):
             await asyncio.sleep(0.25)
-            client.tell(b":GR#")
+            client.send(b":GR#")
         assert altitude(bridge) < 39.9
         said = [note for note in notes(bridge) if "cannot be switched off" in note]
         assert len(said) == 1
@@ -156,14 +156,14 @@ def test_park_home_and_axis_gotos_are_checked_against_the_limits() -> None:
     async def program(config: dict[str, Any]) -> tuple[list[str], list[bytes]]:
         async with Bridge("6-8se", config={"lowest": 10.0, **config}) as bridge:
             client = bridge.client()
-            client.tell(b":hS#")
+            client.send(b":hS#")
             await asyncio.sleep(1)
-            client.tell(b":hP#")
+            client.send(b":hP#")
             low, _ = await at_rest(bridge)
             with pytest.raises(BelowHorizon):
                 await bridge.controller.perform(op.GotoAxes(100.0, 5.0))
             assert low == pytest.approx(4.0 if config else 10.5, abs=0.1)
-            client.tell(b":hF#")
+            client.send(b":hF#")
             await asyncio.sleep(30)
             assert 44.0 < altitude(bridge) < 46.0
             return notes(bridge), [sent for sent in bridge.sent_requests() if sent[:1] == b"b"]
@@ -192,7 +192,7 @@ async def test_axis_gotos_of_a_german_mount_are_checked_by_where_they_point() ->
 async def test_goto_whose_path_leads_below_the_horizon_is_stopped() -> None:
     async with Bridge("6-8se") as bridge:
         client = bridge.client()
-        assert await client.ask(b":Sa50*00#:Sz090*00#:MA#", until=b"110") == b"110"
+        assert await client.ask(b":Sa50*00#:Sz090*00#:MA#", ending=b"110") == b"110"
         now = bridge.clock()
         bridge.sim.mechanics.goto_axes(now, 90.0, -60.0)
         low, _ = await extremes(bridge, 40)
@@ -206,13 +206,13 @@ async def test_motion_ended_above_the_limit_by_its_user_triggers_nothing(driven:
     async with Bridge(mount, driven=driven, config={"lowest": 38.0}, latency=0.1) as bridge:
         client = bridge.client()
         for _ in range(6):
-            client.tell(b":GR#:RM#:Ms#")
+            client.send(b":GR#:RM#:Ms#")
             await asyncio.sleep(0.7)
-            client.tell(b":Qs#")
+            client.send(b":Qs#")
             await asyncio.sleep(2.5)
-            client.tell(b":GR#:RM#:Mn#")
+            client.send(b":GR#:RM#:Mn#")
             await asyncio.sleep(0.7)
-            client.tell(b":Qn#")
+            client.send(b":Qn#")
             await asyncio.sleep(2.5)
         assert [note for note in notes(bridge) if "park" not in note] == []
         assert bridge.sim.tracking

@@ -32,7 +32,7 @@ FORKS = [("cpc", "nexstar"), ("6-8se", "nexstar"), ("lx200gps", "lx200"), ("auto
 
 async def _poll(client: RehearsalClient, words: bytes) -> None:
     while words:
-        client.tell(words)
+        client.send(words)
         await asyncio.sleep(0.7)
 
 

@@ -43,7 +43,7 @@ async def standing(mount: str, first: float, second: float, version: str | None 
 @pytest.mark.parametrize(("azimuth", "tracks"), [(SINKING, False), (RISING, True)])
 async def test_tracking_below_the_limit_is_allowed_only_where_it_leads_out(azimuth: float, tracks: bool) -> None:
     async with standing("cpc", azimuth, 30.0, config={"lowest": 35.0}) as bridge:
-        bridge.client().tell(b":AA#")
+        bridge.client().send(b":AA#")
         await asyncio.sleep(5.0)
         assert truth_of(bridge.sim).tracking is tracks
         assert any("off at the altitude limit" in note for note in notes(bridge)) is not tracks
@@ -103,7 +103,7 @@ async def test_guide_pulse_below_the_limit_leads_up_or_is_refused(pulse: op.Puls
 async def test_refused_lx200_guide_pulse_is_logged() -> None:
     async with standing("evolution", SINKING, 30.0, "5.31", config={"lowest": 35.0}) as bridge:
         before = truth_of(bridge.sim).altitude
-        bridge.client().tell(b":Mgs2500#")
+        bridge.client().send(b":Mgs2500#")
         await asyncio.sleep(5.0)
         assert truth_of(bridge.sim).altitude == pytest.approx(before, abs=1e-6)
         assert "Pulse: Object Below Lower Limit." in notes(bridge)
@@ -119,9 +119,9 @@ async def test_arrow_past_the_hour_angle_limit_leads_back_or_is_refused(mount: s
         assert past == pytest.approx(10.0, abs=0.2)
         for arrow in b"ew":
             for _ in range(3):
-                client.tell(b":RC#:M%c#" % arrow)
+                client.send(b":RC#:M%c#" % arrow)
                 await asyncio.sleep(0.7)
-                client.tell(b":Q%c#" % arrow)
+                client.send(b":Q%c#" % arrow)
                 await client.ask(b":GR#")
                 await asyncio.sleep(2.0)
                 now = truth_of(bridge.sim).past_meridian
@@ -134,7 +134,7 @@ async def test_tracking_past_the_hour_angle_limit_stays_off() -> None:
     async with standing("cge", 190.0, 140.0, config={"hour_angle_limit": 0.5}) as bridge:
         past = truth_of(bridge.sim).past_meridian
         assert past is not None and past > 9.0
-        bridge.client().tell(b":AP#")
+        bridge.client().send(b":AP#")
         for _ in range(30):
             await bridge.controller.read(op.Position())
             await asyncio.sleep(1.0)

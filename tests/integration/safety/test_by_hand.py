@@ -20,17 +20,17 @@ async def polled(bridge: Any, client: Any, question: bytes, seconds: float) -> t
     """A program that shows life meanwhile -> the lowest and the highest altitude of the tube."""
     seen: list[float] = []
     for _ in range(round(seconds * 2)):
-        client.tell(question)
+        client.send(question)
         seen += await extremes(bridge, 0.5)
     return min(seen), max(seen)
 
 
 async def ready(bridge: Any, client: Any, goto: bytes) -> None:
     """The goto is over, and the tube is known to be there."""
-    client.tell(goto)
+    client.send(goto)
     for _ in range(240):
         await asyncio.sleep(0.5)
-        client.tell(b"e")
+        client.send(b"e")
         if not bridge.controller.slewing:
             break
     await asyncio.sleep(1.0)
@@ -47,7 +47,7 @@ async def test_second_arrow_is_refused_where_both_axes_together_would_cross_the_
         await bridge.controller.perform(op.Goto((sidereal - 45.0) % 360.0, 20.0))
         await ready(bridge, client, b":GR#")
         assert altitude(bridge) == pytest.approx(45.4, abs=0.3)
-        client.tell(b":RS#:Mw#:Ms#")
+        client.send(b":RS#:Mw#:Ms#")
         low, _ = await polled(bridge, client, b":GR#", 10.0)
         assert low >= lowest - 0.1, low
         assert any(note.startswith("Arrow: Object Below") for note in notes(bridge))
@@ -62,20 +62,20 @@ async def test_arrow_up_beyond_the_zenith_is_judged_as_down(driven: str, model: 
         place = bytes(f"b{0x80000000:08X},{int(80 / 360 * 2**32):08X}", "ascii")
         await ready(bridge, client, place)
         assert altitude(bridge) == pytest.approx(80.0, abs=0.1)
-        client.tell(UP)
+        client.send(UP)
         low, high = await polled(bridge, client, b"e", 12.0)
         assert high > 89.0
         assert low >= 59.9
         assert not bridge.controller.moving
         for _ in range(3):  # near the limit now: further down not at all, back up at once
-            client.tell(UP)
+            client.send(UP)
             low, _ = await polled(bridge, client, b"e", 3.0)
             assert low >= 59.9, low
         assert any("Object Below" in note for note in notes(bridge))
-        client.tell(DOWN)
+        client.send(DOWN)
         await asyncio.sleep(2.0)
         assert altitude(bridge) > low + 1.0
-        client.tell(STILL)
+        client.send(STILL)
         await asyncio.sleep(1.0)
 
 
@@ -98,7 +98,7 @@ async def test_declination_motor_of_a_meade_in_the_south_counts_north_as_positiv
         await bridge.controller.perform(op.Goto((sidereal - 1.0) % 360.0, dec))
         await ready(bridge, client, b"e")
         assert altitude(bridge) == pytest.approx(lowest + 0.5, abs=0.2)
-        client.tell(arrow)
+        client.send(arrow)
         low, _ = await polled(bridge, client, b"e", 6.0)
         assert low >= lowest, low
 
@@ -110,16 +110,16 @@ async def test_arrow_north_beyond_the_pole_is_judged_by_its_real_direction() -> 
         sidereal = bridge.sim.mechanics.sky.lst(bridge.clock())
         await bridge.controller.perform(op.Goto((sidereal - 45.0) % 360.0, 85.0))
         await ready(bridge, client, b":GR#")
-        client.tell(b":RS#:Mn#")
+        client.send(b":RS#:Mn#")
         await asyncio.sleep(3.5)
-        client.tell(b":Qn#")
+        client.send(b":Qn#")
         await asyncio.sleep(2.0)
         beyond = bridge.sim.mechanics.true_position(bridge.clock())[1]
         assert beyond < 86.0
         await client.ask(b":GD#")
-        client.tell(b":RM#:Mn#")
+        client.send(b":RM#:Mn#")
         await asyncio.sleep(1.5)
-        client.tell(b":Qn#")
+        client.send(b":Qn#")
         await asyncio.sleep(1.0)
         assert bridge.sim.mechanics.true_position(bridge.clock())[1] > beyond + 0.5
 
@@ -131,11 +131,11 @@ async def test_sync_is_refused_while_the_mount_moves(moves: bytes) -> None:
         client = bridge.client()
         hours = (bridge.sim.mechanics.sky.lst(bridge.clock()) / 15.0 - 2.0) % 24.0
         await client.ask(f":Sr{int(hours):02d}:00:00#:Sd+20*00:00#".encode())
-        client.tell(moves)
+        client.send(moves)
         await asyncio.sleep(1.0)
         assert await client.ask(b":CM#") == b"#"
         assert any("sync when it has stopped" in note for note in notes(bridge))
-        client.tell(b":Q#")
+        client.send(b":Q#")
         await asyncio.sleep(3.0)
         assert not any(sent.startswith(b"s") for sent in bridge.sent_requests())
         ra, dec = bridge.sim.mechanics.true_position(bridge.clock())
@@ -153,7 +153,7 @@ async def test_arrow_north_that_ends_a_flipping_goto_goes_north(arrow: bytes, wa
         await ready(bridge, client, b":GR#")
         await bridge.controller.perform(op.Goto((sidereal + 40.0) % 360.0, 20.0))
         await asyncio.sleep(3.0)
-        client.tell(b":RS#" + arrow)
+        client.send(b":RS#" + arrow)
         await asyncio.sleep(2.5)  # from the full speed of the goto to that of the arrow
         before = bridge.sim.mechanics.true_position(bridge.clock())[1]
         await asyncio.sleep(0.5)
@@ -174,7 +174,7 @@ async def test_arrow_north_goes_north_on_both_pier_sides_in_every_version(
         await bridge.controller.perform(op.Goto((sidereal + side) % 360.0, 0.5 * latitude))
         await ready(bridge, client, b":GR#")
         before = bridge.sim.mechanics.true_position(bridge.clock())[1]
-        client.tell(b":RS#:Mn#")
+        client.send(b":RS#:Mn#")
         await asyncio.sleep(1.5)
         assert bridge.sim.mechanics.true_position(bridge.clock())[1] - before > 1.0
 
@@ -187,7 +187,7 @@ async def test_arrow_north_made_of_small_gotos_moves_a_fork_in_declination(arrow
         await bridge.controller.perform(op.GotoHorizontal(3.0, 74.0))
         await ready(bridge, client, b":GR#")
         began = altitude(bridge)
-        client.tell(b":RS#" + arrow)
+        client.send(b":RS#" + arrow)
         low, high = await polled(bridge, client, b":GR#", 2.0)
         assert high <= 75.0
         assert (low >= began - 0.1) is refused

@@ -27,7 +27,7 @@ async def moves_for(bridge: Any, seconds: float) -> float:
 @pytest.mark.safety_line(6)
 async def test_silence_on_an_open_connection_ends_the_arrow(config: dict[str, Any], after: float) -> None:
     async with Bridge("6-8se", config=config) as bridge:
-        bridge.client(HOST).tell(b":RC#:Mw#")
+        bridge.client(HOST).send(b":RC#:Mw#")
         assert after - 1 <= await moves_for(bridge, 60) <= after + 2
         assert b"P\x02\x10\x24\x00\x00\x00\x00" in bridge.sent_requests()
         said = [entry.note for entry in bridge.entries if entry.arrow == "!"]
@@ -38,7 +38,7 @@ async def test_silence_on_an_open_connection_ends_the_arrow(config: dict[str, An
 
 async def test_silent_nexstar_program_on_a_meade_loses_its_arrow() -> None:
     async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se") as bridge:
-        bridge.client(HOST).tell(b"P\x02\x10\x24\x04\x00\x00\x00")
+        bridge.client(HOST).send(b"P\x02\x10\x24\x04\x00\x00\x00")
         assert 29 <= await moves_for(bridge, 60) <= 32
         assert b":Qw#" in bridge.sent_requests()
 
@@ -47,7 +47,7 @@ async def test_silent_nexstar_program_on_a_meade_loses_its_arrow() -> None:
 async def test_closed_connection_ends_the_arrow_unless_it_comes_back(config: dict[str, Any], after: float) -> None:
     async with Bridge("6-8se", config=config) as bridge:
         client = bridge.client(HOST)
-        client.tell(b":RC#:Mw#")
+        client.send(b":RC#:Mw#")
         client.close()
         assert after - 0.5 <= await moves_for(bridge, 60) <= after + 2
         assert any(entry.note.startswith(f"{HOST} has disconnected") for entry in bridge.entries)
@@ -57,7 +57,7 @@ async def test_program_with_one_connection_per_command_keeps_its_motion() -> Non
     async with Bridge("6-8se") as bridge:
         for turn in range(20):
             client = bridge.client(HOST)
-            client.tell(b":RC#:Mw#" if not turn else b":GR#")
+            client.send(b":RC#:Mw#" if not turn else b":GR#")
             await asyncio.sleep(0.3)
             client.close()
             await asyncio.sleep(3.5)
@@ -71,9 +71,9 @@ async def test_arrow_is_held_only_by_the_connection_that_began_it(who: str) -> N
     async with Bridge("6-8se") as bridge:
         first = bridge.client(HOST)
         second = bridge.client("10.0.0.2" if who == "another host" else HOST)
-        first.tell(b":RC#:Mw#")
+        first.send(b":RC#:Mw#")
         for _ in range(240):  # what is answered from what is remembered is life all the same
-            (first if who == "the same connection" else second).tell(b":GR#")
+            (first if who == "the same connection" else second).send(b":GR#")
             await asyncio.sleep(0.25)
         assert bool(bridge.controller.wanted.axes_moved_by_hand) is (who == "the same connection")
 
@@ -82,11 +82,11 @@ async def test_older_connection_does_not_hold_the_arrow_of_a_crashed_program() -
     """The program that moves the mount crashes; another one on the same computer goes on polling."""
     async with Bridge("6-8se") as bridge:
         other, mover = bridge.client(HOST), bridge.client(HOST)
-        mover.tell(b":RS#:Me#")
+        mover.send(b":RS#:Me#")
         await asyncio.sleep(1.0)
         mover.close()
         for _ in range(14):
-            other.tell(b":GR#")
+            other.send(b":GR#")
             await asyncio.sleep(0.5)
         assert not bridge.controller.wanted.axes_moved_by_hand
         assert any(entry.note.startswith(f"{HOST} has disconnected") for entry in bridge.entries)
@@ -95,7 +95,7 @@ async def test_older_connection_does_not_hold_the_arrow_of_a_crashed_program() -
 def test_slow_rates_continue_when_their_program_falls_silent() -> None:
     async def program(asked: bytes) -> set[int]:
         async with Bridge("cge", presented="nexstar", surface="cge") as bridge:
-            bridge.client(HOST).tell(asked)
+            bridge.client(HOST).send(asked)
             await asyncio.sleep(90)
             return set(bridge.controller.wanted.axes_moved_by_hand)
 
@@ -107,7 +107,7 @@ def test_slow_rates_continue_when_their_program_falls_silent() -> None:
 async def test_gotos_and_guide_pulses_continue_when_their_program_falls_silent() -> None:
     async with Bridge("6-8se", speed=0.1) as bridge:
         client = bridge.client(HOST)
-        assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", until=b"110") == b"110"
+        assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", ending=b"110") == b"110"
         client.close()
         await asyncio.sleep(40)
         assert bridge.sim.slewing
@@ -116,7 +116,7 @@ async def test_gotos_and_guide_pulses_continue_when_their_program_falls_silent()
 async def test_focuser_stops_when_its_program_falls_silent() -> None:
     async with Bridge("autostar", driven="lx200") as bridge:
         client: RehearsalClient = bridge.client(HOST)
-        client.tell(b":F+#")
+        client.send(b":F+#")
         await asyncio.sleep(1)
         assert b":FQ#" not in bridge.sent_requests()
         client.close()
@@ -127,10 +127,10 @@ async def test_focuser_stops_when_its_program_falls_silent() -> None:
 async def test_arrow_stopped_by_its_program_is_not_stopped_again() -> None:
     async with Bridge("6-8se") as bridge:
         client = bridge.client(HOST)
-        client.tell(b":RC#:Mw#:Mn#")
+        client.send(b":RC#:Mw#:Mn#")
         await asyncio.sleep(2)
-        client.tell(b":Qw#")
+        client.send(b":Qw#")
         await asyncio.sleep(1)
-        client.tell(b":Q#")
+        client.send(b":Q#")
         await asyncio.sleep(40)
         assert not [entry for entry in bridge.entries if "silent" in entry.note]

@@ -35,7 +35,7 @@ async def test_hamlib_parks_from_any_position(driven: str, mount: str, site: tup
             goal = bridge.controller.astrometry.equatorial_of(op.Horizontal(azimuth, height))
             await bridge.controller.perform(op.Goto(goal.ra, goal.dec))
             await at_rest(bridge)
-            assert await client.ask(b":Sz000*00#:Sa+00*00#:MA#", until=b"110") == b"110"
+            assert await client.ask(b":Sz000*00#:Sa+00*00#:MA#", ending=b"110") == b"110"
             await at_rest(bridge)
             there = bridge.controller.astrometry.equatorial_of(op.Horizontal(0.0, 0.0))
             assert separation(*bridge.sim.true_position(), there.ra, there.dec) < 0.5
@@ -118,7 +118,7 @@ def test_previous_site_counts_for_the_sun_after_a_program_changes_it_far(confirm
     async def program() -> None:
         config, site = {"lowest": -30.0}, (45.0, 60.0)
         async with Bridge("lx200gps", driven="lx200", site=site, start=DAY + 14400.0, config=config) as bridge:
-            await bridge.client("10.0.0.7").ask(b":Sg060*00#", until=b"1")
+            await bridge.client("10.0.0.7").ask(b":Sg060*00#", ending=b"1")
             await asyncio.sleep(6.0)
             assert bridge.sim.mechanics.sky.longitude == pytest.approx(-60.0)
             if confirmed == "the page":

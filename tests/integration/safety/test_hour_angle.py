@@ -37,7 +37,7 @@ async def test_german_mount_tracks_as_far_past_the_meridian_as_allowed(
     owner's a page sets one while the mount tracks."""
     async with Bridge("cge", version, config={"hour_angle_limit": owner}) as bridge:
         client = bridge.client()
-        assert await client.ask(EAST, until=b"110") == b"110"
+        assert await client.ask(EAST, ending=b"110") == b"110"
         await settle(client)
         if owner is None:
             bridge.controller.narrow_limits(hour_angle=3.0)
@@ -49,7 +49,7 @@ async def test_german_mount_tracks_as_far_past_the_meridian_as_allowed(
         past = [note for note in notes(bridge) if "hour angle limit (" in note]  # and no word of a drift
         assert len(past) == 1 and "0.20 hours past the meridian" in past[0]
         for there in (WEST, FAR_EAST):  # it changes sides: no goto ends against the pier
-            assert await client.ask(there, until=b"110") == b"110"
+            assert await client.ask(there, ending=b"110") == b"110"
             await settle(client)
         assert bridge.sim.tracking
 
@@ -58,7 +58,7 @@ async def test_german_mount_tracks_as_far_past_the_meridian_as_allowed(
 async def test_hour_angle_is_unlimited_without_the_setting() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client()
-        assert await client.ask(EAST, until=b"110") == b"110"
+        assert await client.ask(EAST, ending=b"110") == b"110"
         await settle(client)
         await asyncio.sleep(2400)
         assert bridge.sim.tracking
@@ -70,8 +70,8 @@ async def test_fork_on_a_wedge_keeps_the_hour_angle_limit_on_both_sides() -> Non
         bridge.sim.feed(b"T\x02")  # on a wedge, says its hand control
         await asyncio.sleep(10)
         assert await client.ask(b"\x06") == b"P"
-        assert await client.ask(FAR_EAST, until=NO) == NO
-        assert await client.ask(WEST, until=b"110") == b"110"
+        assert await client.ask(FAR_EAST, ending=NO) == NO
+        assert await client.ask(WEST, ending=b"110") == b"110"
         await settle(client)
         await asyncio.sleep(900)
         assert not bridge.sim.tracking
@@ -101,7 +101,7 @@ async def test_axis_gotos_keep_the_hour_angle_limit(mount: str, site: tuple[floa
         rested = 0
         for _ in range(120):
             await asyncio.sleep(0.5)
-            client.tell(b"e")
+            client.send(b"e")
             seen = truth_of(bridge.sim)
             worst, rested = max(worst, seen.past_meridian), 0 if seen.moving else rested + 1
             if rested == 8:

@@ -34,9 +34,9 @@ async def test_goto_from_beyond_the_pole_ends_before_its_path_leads_below_the_li
         sidereal = bridge.sim.mechanics.sky.lst(bridge.clock())
         await bridge.controller.perform(op.Goto((sidereal - BESIDE_THE_POLE[0]) % 360.0, BESIDE_THE_POLE[1]))
         await ready(bridge, client, b":GR#")
-        client.tell(b":RS#:Mn#")
+        client.send(b":RS#:Mn#")
         await polled(bridge, client, b":GR#", 7.5)
-        client.tell(b":Qn#")
+        client.send(b":Qn#")
         await asyncio.sleep(2.0)
         assert bridge.sim.mechanics.axes(bridge.clock())[1] > 110.0
         await bridge.controller.perform(op.Goto((sidereal - hour_angle) % 360.0, declination))

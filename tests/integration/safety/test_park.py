@@ -24,10 +24,10 @@ def parked(config: dict[str, Any], mount: str = "cpc", driven: str = "nexstar") 
         async with Bridge(mount, driven=driven, config=config) as bridge:
             client = bridge.client()
             await client.ask(b":GR#")
-            client.tell(b":hP#")
+            client.send(b":hP#")
             rested = 0
             for _ in range(60):
-                client.tell(b":D#")
+                client.send(b":D#")
                 await asyncio.sleep(1.0)
                 rested = 0 if truth.moving(bridge.sim) else rested + 1
                 if rested == 8:
@@ -53,10 +53,10 @@ async def test_fork_tracks_after_it_is_unparked(mount: str, version: str) -> Non
     """It stood at the lowest altitude to the last digit, and tracking was put off again at once."""
     async with Bridge(mount, version) as bridge:
         client = bridge.client()
-        client.tell(b":hP#")
+        client.send(b":hP#")
         await at_rest(bridge, most=90.0)
         assert not truth_of(bridge.sim).tracking
-        client.tell(b":hW#")
+        client.send(b":hW#")
         for _ in range(20):
             await client.ask(b":GR#")
             await asyncio.sleep(1.0)
@@ -81,10 +81,10 @@ async def test_refused_park_can_be_read_back() -> None:
     """``:hP#`` has no reply; ``:h?#`` is 1 at home or parked, 0 where that failed."""
     async with Bridge("cge", config={"lowest": 50.0}) as bridge:
         client = bridge.client()
-        client.tell(b":hS#")
+        client.send(b":hS#")
         await asyncio.sleep(2.0)
         assert await client.ask(b":h?#") == b"1"
-        client.tell(b":hP#")
+        client.send(b":hP#")
         await asyncio.sleep(2.0)
         assert await client.ask(b":h?#") == b"0"
 

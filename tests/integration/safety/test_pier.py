@@ -53,7 +53,7 @@ async def hold(bridge: Bridge, *directions: op.Direction, seconds: float) -> flo
             return worst
     client = bridge.client()
     for _ in range(round(seconds * 10)):
-        client.tell(b":GR#:GD#")
+        client.send(b":GR#:GD#")
         await asyncio.sleep(0.1)
         past = truth_of(bridge.sim).past_meridian
         assert past is not None
@@ -140,7 +140,7 @@ async def test_start_names_a_mount_on_which_the_hour_angle_limit_cannot_be_kept(
     async with Bridge(model, driven=driven, config=config, simulated=lacks) as bridge:
         if model == "autostar":
             bridge.sim.mode_letter = "P"  # type: ignore[attr-defined]
-            bridge.sim.mechanics.rebuild(bridge.clock(), Build.WEDGE)
+            bridge.sim.mechanics.set_build(bridge.clock(), Build.WEDGE)
             await asyncio.sleep(20.0)
         controller = bridge.controller
         at_start = [one.text for one in first_messages(controller, None, None)]

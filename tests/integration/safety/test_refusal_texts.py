@@ -91,7 +91,7 @@ def test_target_above_the_horizon_is_not_refused_as_low(why: str) -> None:
                     ra = (sky.lst(bridge.clock()) - hour_angle) % 360.0
                     altitude = bridge.controller.astrometry.alt_and_ha(op.Equatorial(ra, dec))[0]
                     assert altitude is not None
-                    reply = (await client.ask(as_lx200(ra, float(dec)), 4.0, until=b"#"))[2:]
+                    reply = (await client.ask(as_lx200(ra, float(dec)), 4.0, ending=b"#"))[2:]
                     if reply == b"0":
                         bridge.controller.begin_stop()
                         await asyncio.sleep(1.0)

@@ -22,10 +22,10 @@ def lowest_reached(model: str, driven: str, lowest: float, latency: float, words
     async def program() -> None:
         async with Bridge(model, driven=driven, latency=latency, config={"lowest": lowest}) as bridge:
             client = bridge.client()
-            client.tell(words)
+            client.send(words)
             async with sampled(bridge.sim, lambda truth: seen.append(truth.altitude)):
                 for _ in range(60):
-                    client.tell(b":GR#")
+                    client.send(b":GR#")
                     await asyncio.sleep(0.1)
                 assert not bridge.controller.moving
 

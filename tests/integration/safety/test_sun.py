@@ -76,7 +76,7 @@ async def test_lx200_goto_near_the_sun_is_refused_on_a_fork(
     start: float, config: dict[str, Any], asked: bytes, reply: bytes
 ) -> None:
     async with Bridge("6-8se", start=start, config=config) as bridge:
-        assert await bridge.client().ask(asked, until=reply) == reply
+        assert await bridge.client().ask(asked, ending=reply) == reply
         went = [sent for sent in bridge.sent_requests() if sent[:1] in b"rb"]
         assert bool(went) == (reply == b"110")
 
@@ -102,20 +102,20 @@ async def test_german_mount_is_judged_on_its_path_through_the_pole() -> None:
     async with Bridge("cge", start=JUNE) as bridge:
         client = bridge.client()
         east = b":Sr09:38:00#:Sd+23*00:00#:MS#"  # five hours before the meridian
-        assert await client.ask(east, until=b"110") == b"110"
+        assert await client.ask(east, ending=b"110") == b"110"
         while await client.ask(b":D#") == b"\x7f#":
             await asyncio.sleep(1)
         before_meridian = b":Sr04:45:00#:Sd+00*00:00#:MS#"  # on the same side of the pier: past the Sun
-        assert await client.ask(before_meridian, until=NO_WAY) == NO_WAY
+        assert await client.ask(before_meridian, ending=NO_WAY) == NO_WAY
         beyond = b":Sr04:00:00#:Sd+40*00:00#:MS#"  # on the other side: by way of the pole
-        assert await client.ask(beyond, until=b"110") == b"110"
+        assert await client.ask(beyond, ending=b"110") == b"110"
         assert await nearest(bridge, 120) >= 20.0
 
 
 async def test_sun_distance_set_by_a_page_applies_to_the_running_motion_and_can_be_undone() -> None:
     async with Bridge("6-8se", start=JUNE, latency=0.05, config={"sun": 0.0}) as bridge:
         client, controller = bridge.client(), bridge.controller
-        client.tell(b":RS#:Me#")
+        client.send(b":RS#:Me#")
         await asyncio.sleep(1.0)
         for wanted in (25.0, None, 25.0):
             era = controller.suns.era
@@ -126,7 +126,7 @@ async def test_sun_distance_set_by_a_page_applies_to_the_running_motion_and_can_
         assert 25.0 <= await nearest(bridge, 60) < 35.0
         assert not controller.moving
         controller.narrow_limits()
-        client.tell(b":Me#")
+        client.send(b":Me#")
         assert await nearest(bridge, 10, done=lambda: distance(bridge) < 24.0) < 24.0
         controller.narrow_limits(sun=25.0)
         await asyncio.sleep(2.0)
@@ -138,14 +138,14 @@ async def test_sun_distance_set_by_a_page_applies_to_the_running_motion_and_can_
 async def test_motion_by_hand_stops_before_the_suns_circle_and_may_go_back(latency: float, rate: bytes) -> None:
     async with Bridge("6-8se", start=JUNE, latency=latency) as bridge:
         client = bridge.client()
-        client.tell(rate + b":Me#")  # azimuth falls, towards the Sun
+        client.send(rate + b":Me#")  # azimuth falls, towards the Sun
         least = await nearest(bridge, 60)
         assert 20.0 <= least < 20.0 + 2 * 5.0, least
         assert not bridge.controller.moving
-        client.tell(b":Mw#")
+        client.send(b":Mw#")
         await asyncio.sleep(2)
         assert distance(bridge) > least + 0.1
-        client.tell(b":Q#")
+        client.send(b":Q#")
 
 
 async def test_nexstar_motion_by_hand_on_a_meade_stops_before_the_suns_circle() -> None:
@@ -162,7 +162,7 @@ async def test_hand_control_without_pass_through_stops_stepping_at_the_suns_circ
     config = {"site": (45.0, 10.0), "mode": "alt-az"}
     async with Bridge("nexstar-gps", "1.2", start=JUNE, config=config) as bridge:
         client = bridge.client()
-        client.tell(b":RS#:Mn#:Me#")  # steps of right ascension and declination: east and north
+        client.send(b":RS#:Mn#:Me#")  # steps of right ascension and declination: east and north
         assert await nearest(bridge, 40) >= 18.0
         assert not bridge.controller.moving
         before = len([sent for sent in bridge.sent_requests() if sent[:1] == b"R"])
@@ -175,7 +175,7 @@ async def test_motion_at_the_keypad_is_stopped_before_the_sun_while_a_program_po
     async with Bridge("6-8se", start=JUNE, latency=0.1) as bridge:
         client = bridge.client()
         for turn in range(60):
-            client.tell(b":GR#")
+            client.send(b":GR#")
             await asyncio.sleep(0.25)
             if turn == 8:
                 bridge.sim.mechanics.set_rate(bridge.clock(), 1, -4.0)
@@ -188,16 +188,16 @@ async def test_mount_inside_the_suns_circle_may_leave_but_not_approach() -> None
         client = bridge.client()
         await client.ask(b":GR#")
         assert distance(bridge) < 1.0
-        client.tell(b":RM#:Ms#")
+        client.send(b":RM#:Ms#")
         await asyncio.sleep(8)
-        client.tell(b":Qs#")
+        client.send(b":Qs#")
         await asyncio.sleep(1)
         out = distance(bridge)
         assert 5.0 < out < 20.0
-        client.tell(b":Mn#")
+        client.send(b":Mn#")
         assert await nearest(bridge, 10) > out - 2.0
         assert not bridge.controller.moving
-        reply = await client.ask(b":Sr21:30:00#:Sd+00*00:00#:MS#", until=b"110")
+        reply = await client.ask(b":Sr21:30:00#:Sd+00*00:00#:MS#", ending=b"110")
         assert reply == b"110"
         while await client.ask(b":D#") == b"\x7f#":
             assert distance(bridge) > out - 1.0
@@ -208,7 +208,7 @@ async def test_mount_inside_the_suns_circle_may_leave_but_not_approach() -> None
 async def test_goto_that_deviates_towards_the_sun_is_stopped() -> None:
     async with Bridge("6-8se", start=JUNE) as bridge:
         client = bridge.client()
-        assert await client.ask(FAR_ENOUGH, until=b"110") == b"110"
+        assert await client.ask(FAR_ENOUGH, ending=b"110") == b"110"
         await asyncio.sleep(0.5)
         now = bridge.clock()
         bridge.sim.mechanics.goto_sky(now, *SKY.sun(now))  # as if the cable were wrapped round the other way
@@ -221,10 +221,10 @@ def test_both_sun_positions_count_when_dates_differ() -> None:
     async def program(days: float) -> bytes:
         async with Bridge("6-8se", start=JUNE, host_ahead=days * 86400.0) as bridge:
             client = bridge.client()
-            assert await client.ask(TO_IT, until=NO) == NO
+            assert await client.ask(TO_IT, ending=NO) == NO
             august = b":Sr09:57:00#:Sd+12*00:00#:MS#"  # where it stands sixty days later
-            reply = await client.ask(august, until=b"#" if days else b"110")
-            client.tell(august)
+            reply = await client.ask(august, ending=b"#" if days else b"110")
+            client.send(august)
             await asyncio.sleep(1)
             assert notes(bridge).count("UTC), so correct the one") == bool(days)
             return reply
@@ -239,7 +239,7 @@ async def test_missing_date_is_logged_once() -> None:
         bridge.site_clock.mount_clock = None
         client = bridge.client()
         for _ in range(2):
-            assert (await client.ask(TO_IT, until=b"Sun.#")).endswith(NO)
+            assert (await client.ask(TO_IT, ending=b"Sun.#")).endswith(NO)
         assert notes(bridge).count("WARNING: the mount has reported no date") == 1
 
 
@@ -277,6 +277,6 @@ async def test_goto_with_one_axis_ended_does_not_approach_the_sun(latency: float
             await asyncio.sleep(0.5)
         await controller.perform(op.GotoHorizontal(288.0, 60.0))
         await asyncio.sleep(0.5)
-        client.tell(b":Qe#")
+        client.send(b":Qe#")
         assert await nearest(bridge, 12.0) >= 20.0
         assert not bridge.sim.slewing

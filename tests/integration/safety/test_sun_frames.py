@@ -89,9 +89,9 @@ async def test_sun_of_a_contradicting_clock_ends_an_arrow_but_not_tracking_or_th
         place, client = await away(bridge, 30.0, -2.5), bridge.client()
         fault, _ = await goes(bridge, op.Goto(place.ra, place.dec))
         assert fault is None
-        client.tell(b":RS#:Mw#")
+        client.send(b":RS#:Mw#")
         for _ in range(40):
-            client.tell(b":GR#")
+            client.send(b":GR#")
             await asyncio.sleep(0.25)
         assert not bridge.controller.movement.any_motion
         assert "stopped at" in "\n".join(notes(bridge)), "an arrow of a program"
@@ -107,7 +107,7 @@ async def test_tracking_guiding_and_keypad_continue_near_the_sun_of_another_cloc
         bridge.site_clock.computer_time = lambda: bridge.clock() + ahead * 3600.0  # it jumps
         client = bridge.client()
         for turn in range(200):
-            client.tell(b":GR#")
+            client.send(b":GR#")
             await asyncio.sleep(1.0)
             if turn == 50:
                 await bridge.controller.perform(op.Pulse(op.Direction.WEST, 1000))

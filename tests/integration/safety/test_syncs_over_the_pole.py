@@ -39,9 +39,9 @@ async def over(bridge: Bridge, degrees: float, rate: bytes = b":RM#") -> None:
     """A program's arrow carries the tube so far over the pole or the zenith."""
     client, mechanics = bridge.client(), bridge.sim.mechanics
     arrow = b"n" if mechanics.geometry.ns_sign > 0 or mechanics.build is Build.ALTAZ else b"s"
-    client.tell(rate + b":M" + arrow + b"#")
+    client.send(rate + b":M" + arrow + b"#")
     for _ in range(80):
-        client.tell(b":GR#" if mechanics.axes(bridge.clock())[1] < 90.0 + degrees else b":Q#:GR#")
+        client.send(b":GR#" if mechanics.axes(bridge.clock())[1] < 90.0 + degrees else b":Q#:GR#")
         await asyncio.sleep(0.25)
     assert mechanics.axes(bridge.clock())[1] > 90.0 + degrees
 
@@ -86,7 +86,7 @@ async def near_the_pole(bridge: Bridge, driven: str, build: Build, second: float
         bridge.sim.feed(b"T\x02")
     if build is Build.GERMAN:
         bridge.sim.mode_letter = "P"  # type: ignore[attr-defined]
-    mechanics.rebuild(bridge.clock(), build)
+    mechanics.set_build(bridge.clock(), build)
     await asyncio.sleep(15.0)
     mechanics.speedup = 1000.0
     mechanics.goto_axes(bridge.clock(), 100.0, second)
@@ -120,15 +120,15 @@ async def test_meade_is_recognised_beyond_the_pole_by_its_right_ascension(mount:
         client, mechanics = bridge.client(), bridge.sim.mechanics
         await near_the_pole(bridge, "lx200", build, 89.995 if by == b"guide pulse" else 80.0)
         if by == b"guide pulse":
-            client.tell(b":Mgn4300#")
+            client.send(b":Mgn4300#")
             await asyncio.sleep(8.0)
         else:
             await over(bridge, 0.02, by)
         assert mechanics.axes(bridge.clock())[1] > 90.005
         assert not bridge.controller.watch.observed.upright
-        client.tell(by + b":Ms#" if by != b"guide pulse" else b":Mgs9000#")
+        client.send(by + b":Ms#" if by != b"guide pulse" else b":Mgs9000#")
         for _ in range(60):
-            client.tell(b":GR#" if mechanics.axes(bridge.clock())[1] > 89.98 else b":Q#:GR#")
+            client.send(b":GR#" if mechanics.axes(bridge.clock())[1] > 89.98 else b":Q#:GR#")
             await asyncio.sleep(0.25)
         assert mechanics.axes(bridge.clock())[1] < 89.995
         why, turned = await synced(bridge, 8.0)
@@ -188,8 +188,8 @@ async def test_arrow_after_a_sync_at_the_pole_keeps_the_limit(mount: str, versio
         await over(bridge, 3.0)
         assert not (await synced(bridge, 0.9))[0]
         client, low = bridge.client(), 90.0
-        client.tell(b":RS#" + arrows)
+        client.send(b":RS#" + arrows)
         for _ in range(120):
-            client.tell(b":GR#")
+            client.send(b":GR#")
             low = min(low, (await extremes(bridge, 0.5))[0])
         assert low > 14.0

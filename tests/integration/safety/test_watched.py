@@ -27,11 +27,11 @@ async def test_repeated_arrow_command_keeps_the_positions_measured_before() -> N
     async with Bridge("cge", config={"lowest": 30.0}, latency=0.02) as bridge:
         client = bridge.client()
         await ready(bridge, client, b":GR#")
-        client.tell(b":RS#:Ms#")
+        client.send(b":RS#:Ms#")
         await asyncio.sleep(1.0)
         while bridge.controller.cache.age(op.Position, bridge.controller.now()) < 0.2:
             await asyncio.sleep(0.01)
-        bridge.controller.watch.motion_began(bridge.controller.wanted.by_hand[2])
+        bridge.controller.watch.on_motion_start(bridge.controller.wanted.by_hand[2])
         ra, dec = bridge.sim.mechanics.true_position(bridge.clock())
         await asyncio.sleep(0.02)
         bridge.controller.watch.check_position(op.Equatorial(ra, dec - 40.0))
@@ -51,7 +51,7 @@ def test_first_position_of_a_motion_is_read_in_time(latency: float, arrows: byte
             sidereal = bridge.sim.mechanics.sky.lst(bridge.clock())
             await bridge.controller.perform(op.Goto((sidereal - 45.0) % 360.0, 20.0))
             await ready(bridge, client, b":GR#")
-            client.tell(b":RS#" + arrows)
+            client.send(b":RS#" + arrows)
             low, _ = await extremes(bridge, 3.0)
             assert low >= lowest - 0.01
             assert notes(bridge)
@@ -68,13 +68,13 @@ async def test_clock_is_not_read_while_the_mount_moves(early: float) -> None:
         said = bridge.site_clock.mount_clock
         assert said is not None
         while bridge.controller.now() < said[1] + SETTING_PERIOD - early - 0.5:
-            client.tell(b":GR#")
+            client.send(b":GR#")
             await asyncio.sleep(0.5)
         await asyncio.sleep(said[1] + SETTING_PERIOD - early - bridge.controller.now())
         began = bridge.clock()
-        client.tell(b":RS#:Mn#")
+        client.send(b":RS#:Mn#")
         for _ in range(10):
-            client.tell(b":GR#")
+            client.send(b":GR#")
             await asyncio.sleep(0.5)
         seen = [
             entry.time
@@ -83,9 +83,9 @@ async def test_clock_is_not_read_while_the_mount_moves(early: float) -> None:
         ]
         gaps = [second - first for first, second in pairwise([began, *seen])]
         assert max(gaps) < 1.1, gaps
-        client.tell(b":Q#")
+        client.send(b":Q#")
         for _ in range(16):  # one that is seen to run on is watched for three seconds more
-            client.tell(b":GR#")
+            client.send(b":GR#")
             await asyncio.sleep(0.5)
         assert bridge.controller.now() - bridge.site_clock.mount_clock[1] < 10.0  # but it is read when it rests
 
@@ -97,9 +97,9 @@ async def test_goto_stopped_on_its_way_keeps_the_tube_beyond_the_pole() -> None:
         sidereal = bridge.sim.mechanics.sky.lst(bridge.clock())
         await bridge.controller.perform(op.Goto((sidereal - 45.0) % 360.0, 80.0))
         await ready(bridge, client, b":GR#")
-        client.tell(b":RS#:Mn#")
+        client.send(b":RS#:Mn#")
         await polled(bridge, client, b":GR#", 8.0)
-        client.tell(b":Qn#")
+        client.send(b":Qn#")
         await asyncio.sleep(2.0)
         assert not bridge.controller.watch.observed.upright
         await bridge.controller.perform(op.Goto((sidereal - 60.0) % 360.0, -20.0))
@@ -140,7 +140,7 @@ async def test_motion_over_the_zenith_is_judged_along_its_whole_path(driven: str
         await bridge.controller.perform(op.GotoHorizontal(180.0, 87.0))
         await ready(bridge, client, b"e")
         assert altitude(bridge) == pytest.approx(87.0, abs=0.2)
-        client.tell(UP)
+        client.send(UP)
         _, high = await extremes(bridge, 3.0)
         assert high <= 88.0
         assert any("Object Above" in note for note in notes(bridge))
@@ -153,12 +153,12 @@ async def test_position_read_in_two_halves_is_judged_at_the_second_instant(arrow
         client = bridge.client()
         await bridge.controller.perform(op.GotoHorizontal(90.0, 30.6))
         await ready(bridge, client, b":GR#")
-        client.tell(b":RC#:Ms#")
+        client.send(b":RC#:Ms#")
         await asyncio.sleep(0.3)
-        client.tell(b":RS#" + arrow)
+        client.send(b":RS#" + arrow)
         low = 90.0
         for _ in range(40):
-            client.tell(b":GR#")
+            client.send(b":GR#")
             low = min(low, (await extremes(bridge, 0.5))[0])
         assert low >= 29.99
         assert notes(bridge)
@@ -190,15 +190,15 @@ async def test_motion_refused_at_its_second_begin_is_stopped() -> None:
         sidereal = bridge.sim.mechanics.sky.lst(bridge.clock())
         await bridge.controller.perform(op.Goto((sidereal - 10.3) % 360.0, -23.6))
         await ready(bridge, client, b":GR#")
-        client.tell(b":RM#:Mn#")
+        client.send(b":RM#:Mn#")
         await asyncio.sleep(0.3)
-        client.tell(b":Me#")
+        client.send(b":Me#")
         while b":Me#" not in bridge.sent_requests():
             await asyncio.sleep(0.001)
         bridge.controller.context.policy = replace(
             bridge.controller.policy, limits=Limits(highest=altitude(bridge) + 0.1)
         )
-        client.tell(b":Qn#")
+        client.send(b":Qn#")
         await asyncio.sleep(0.3)
         assert any("Object Above" in note for note in notes(bridge))
         before = bridge.sim.mechanics.axes(bridge.clock())
@@ -215,12 +215,12 @@ async def test_remaining_axis_does_not_cross_a_limit_after_the_other_ends(driven
         sidereal = bridge.sim.mechanics.sky.lst(bridge.clock())
         await bridge.controller.perform(op.Goto((sidereal - 80.0) % 360.0, 20.0))
         await ready(bridge, client, b":GR#")
-        client.tell(b":RS#:Mn#:Mw#")
+        client.send(b":RS#:Mn#:Mw#")
         lows = []
         for _ in range(8):
             lows.append((await extremes(bridge, 0.05))[0])
         bridge.controller.context.policy = replace(bridge.controller.policy, limits=Limits(lowest=lows[-1] - 0.4))
-        client.tell(b":Qn#")
+        client.send(b":Qn#")
         low, _ = await extremes(bridge, 3.0)
         assert low >= lows[-1] - 0.4
         assert not bridge.controller.moving
@@ -237,10 +237,10 @@ def test_motion_right_after_a_stop_is_watched_from_its_first_position() -> None:
             await bridge.controller.perform(op.GotoHorizontal(16.0, height))
             await ready(bridge, client, b"e")
             bridge.controller.watch._moved_by_others_until = bridge.controller.now() + 3.0
-            client.tell(UP)
+            client.send(UP)
             high = 0.0
             for _ in range(20):
-                client.tell(b"z")
+                client.send(b"z")
                 high = max(high, (await extremes(bridge, 0.2))[1])
             assert high <= 75.0, height
 
@@ -261,7 +261,7 @@ def test_arrow_right_after_a_stop_is_judged_from_where_the_mount_rests(late: flo
                 await asyncio.sleep(0.01 if altitude(bridge) < 33.0 else 0.1)
             await bridge.controller.stop()
             bridge.controller.context.policy = replace(bridge.controller.policy, limits=Limits(lowest=lowest))
-            client.tell(b":RS#:Ms#")
+            client.send(b":RS#:Ms#")
             low, _ = await extremes(bridge, 3.0)
             assert low >= lowest
 
@@ -293,7 +293,7 @@ async def test_hour_angle_narrowed_by_a_page_applies_to_the_running_motion() -> 
     async with Bridge("cge", config={"hour_angle_limit": 4.0}, latency=0.02) as bridge:
         client = bridge.client()
         await ready(bridge, client, b":GR#")
-        client.tell(b":RS#:Mw#")
+        client.send(b":RS#:Mw#")
         await asyncio.sleep(1.0)
         bridge.controller.narrow_limits(hour_angle=20.0)
         await asyncio.sleep(30.0)  # it began 90 degrees before the meridian, with 4.5 degrees a second
@@ -304,7 +304,7 @@ async def test_limits_narrowed_by_a_page_apply_to_the_running_motion() -> None:
     async with Bridge("cge", config={"lowest": 10.0}, latency=0.02) as bridge:
         client = bridge.client()
         await ready(bridge, client, b":GR#")
-        client.tell(b":RS#:Ms#")
+        client.send(b":RS#:Ms#")
         await asyncio.sleep(1.0)
         lowest = altitude(bridge) - 4.0
         bridge.controller.narrow_limits(lowest=lowest)

@@ -94,7 +94,7 @@ async def test_programs_read_a_refused_path_as_a_refusal_of_a_high_object() -> N
         await pointed(bridge, -62.0, 14.0)
         hours = (bridge.sim.mechanics.sky.lst(bridge.clock()) - 16.0) % 360.0 / 15.0
         target = f":Sr{int(hours):02}:{int(hours % 1 * 60):02}:00#:Sd+68*00:00#:MS#".encode()
-        said = await bridge.client().ask(target, until=b".#")
+        said = await bridge.client().ask(target, ending=b".#")
         assert said.startswith(b"112The way is too low. Send it first")
         assert len(said) <= 2 + 1 + 60 + 1
 

@@ -68,11 +68,11 @@ async def test_goto_in_the_packet_of_a_new_clock_is_judged_by_that_clock(togethe
         client = bridge.client()
         target = as_lx200(*at_altitude(bridge, 100.0, 25.0))
         if together:
-            reply = await client.ask(SLOW + target, until=b"#")
+            reply = await client.ask(SLOW + target, ending=b"#")
         else:
             await client.ask(SLOW)
             await asyncio.sleep(0.1)
-            reply = await client.ask(target, until=b"#")
+            reply = await client.ask(target, ending=b"#")
         assert b"Below" in reply, reply
         assert order(bridge) == ["set"]
         assert await lowest_of(bridge, 30.0) > LOWEST
@@ -82,7 +82,7 @@ async def test_goto_allowed_by_a_new_clock_waits_until_the_mount_has_it() -> Non
     async with meade() as bridge:
         client = bridge.client()
         target = as_lx200(*at_altitude(bridge, 180.0, 50.0, 0.5))
-        assert (await client.ask(b":SL21:30:00#" + target, until=b"0")).endswith(b"0")
+        assert (await client.ask(b":SL21:30:00#" + target, ending=b"0")).endswith(b"0")
         assert order(bridge) == ["set", "goto"]
 
 
@@ -92,7 +92,7 @@ async def test_goto_allowed_by_a_new_clock_waits_until_the_mount_has_it() -> Non
 async def test_slewing_mount_is_sent_no_site_and_no_clock(said: bytes) -> None:
     async with meade() as bridge:
         client = bridge.client()
-        assert (await client.ask(as_lx200(*at_altitude(bridge, 180.0, 40.0)), until=b"0")).endswith(b"0")
+        assert (await client.ask(as_lx200(*at_altitude(bridge, 180.0, 40.0)), ending=b"0")).endswith(b"0")
         await asyncio.sleep(0.6)
         await client.ask(said)
         while truth.moving(bridge.sim):
@@ -105,14 +105,14 @@ async def test_slewing_mount_is_sent_no_site_and_no_clock(said: bytes) -> None:
 async def test_mount_moved_by_hand_is_sent_no_clock() -> None:
     async with meade() as bridge:
         client = bridge.client()
-        client.tell(b":RS#:Mn#")
+        client.send(b":RS#:Mn#")
         await asyncio.sleep(1.0)
         await client.ask(SLOW)
         for _ in range(20):
             await client.ask(b":GR#")
             await asyncio.sleep(0.2)
         assert order(bridge) == []
-        client.tell(b":Qn#")
+        client.send(b":Qn#")
         await asyncio.sleep(6.0)
         assert order(bridge) == ["set"]
 
@@ -126,9 +126,9 @@ async def test_site_is_not_sent_to_a_mount_that_begins_to_move_meanwhile(mount: 
     ) as bridge:  # fmt: skip
         await asyncio.sleep(8.0)
         client, before = bridge.client(), len(bridge.sent_requests())
-        client.tell(b":RS#:Sg074*30#:St+40*45#")
+        client.send(b":RS#:Sg074*30#:St+40*45#")
         await asyncio.sleep(pause)
-        client.tell(b":Mn#")
+        client.send(b":Mn#")
         await asyncio.sleep(5.0)
         sent = bridge.sent_requests()[before:]
         assert any(data.startswith((b"P\x02\x11", b":Mn")) for data in sent)
@@ -139,8 +139,8 @@ async def test_lx200_refusal_during_a_clock_change_names_the_seconds_to_wait() -
     """A classic works for ten seconds on a new date."""
     async with meade("lx200") as bridge:
         client = bridge.client()
-        await client.ask(b":SG+00#:SL22:00:30#:SC01/16/26#", until=b"#")
-        reply = await client.ask(as_lx200(*at_altitude(bridge, 180.0, 50.0)), until=b"#")
+        await client.ask(b":SG+00#:SL22:00:30#:SC01/16/26#", ending=b"#")
+        reply = await client.ask(as_lx200(*at_altitude(bridge, 180.0, 50.0)), ending=b"#")
         words = reply.removeprefix(b"11")
         assert words[1:].startswith(b"The mount is taking a new clock"), reply
         assert words.endswith(b" seconds.#")
@@ -215,7 +215,7 @@ async def test_incomplete_site_does_not_delay_gotos() -> None:
         client = bridge.client()
         assert await client.ask(b":St+45*00#") == b"1"
         before = bridge.clock()
-        assert (await client.ask(b":Sr06:00:00#:Sd+50*00:00#:MS#", until=b"0")).endswith(b"0")
+        assert (await client.ask(b":Sr06:00:00#:Sd+50*00:00#:MS#", ending=b"0")).endswith(b"0")
         assert bridge.clock() - before < 1.0
 
 
@@ -225,7 +225,7 @@ async def test_goto_waits_for_the_time_that_another_program_is_still_setting() -
         client, other = bridge.client(), bridge.client("10.0.0.9")
         assert await client.ask(SLOW) == b"1"
         target = as_lx200(*at_altitude(bridge, 100.0, 25.0))
-        reply = await other.ask(target, until=b"#")
+        reply = await other.ask(target, ending=b"#")
         assert b"Below" in reply, reply
         assert order(bridge) == ["set"]
 
@@ -233,8 +233,8 @@ async def test_goto_waits_for_the_time_that_another_program_is_still_setting() -
 async def test_arrow_is_not_begun_between_the_commands_of_a_clock() -> None:
     async with meade() as bridge:
         client = bridge.client()
-        await client.ask(b":SG+00#:SL21:59:00#:SC01/15/26#", until=b"#")
-        client.tell(b":RS#:Mn#")
+        await client.ask(b":SG+00#:SL21:59:00#:SC01/15/26#", ending=b"#")
+        client.send(b":RS#:Mn#")
         await asyncio.sleep(2.0)
         heard = [one for one in bridge.sent_requests() if one.startswith((*SETS["lx200"], b":Mn"))]
         assert heard in ([b":Mn#"], [b":SG+00.0#", b":SL21:59:00#", b":SC01/15/26#", b":Mn#"])
@@ -248,6 +248,6 @@ async def test_stellarium_goto_during_a_clock_change_is_carried_out_afterwards()
         await bridge.controller.perform(op.SetClock(bridge.clock() + 86400.0 + 30.0, 0.0))
         ra, dec = at_altitude(bridge, 180.0, 50.0)
         place = struct.pack("<Ii", int(ra / 360.0 * 2**32), int(dec / 90.0 * 2**30))
-        client.tell(struct.pack("<HHQ", 20, 0, 0) + place)
+        client.send(struct.pack("<HHQ", 20, 0, 0) + place)
         await asyncio.sleep(25.0)
         assert order(bridge) == ["set", "goto"]

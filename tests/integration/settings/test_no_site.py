@@ -11,7 +11,7 @@ from tests.support.in_process_gateway import Bridge, RehearsalClient
 
 
 async def site(program: RehearsalClient) -> tuple[bytes, ...]:
-    return tuple([await program.ask(question, 5.0, until=b"#") for question in (b":Gt#", b":Gg#", b":GS#")])
+    return tuple([await program.ask(question, 5.0, ending=b"#") for question in (b":Gt#", b":Gg#", b":GS#")])
 
 
 async def test_site_set_by_one_program_is_reported_to_all() -> None:

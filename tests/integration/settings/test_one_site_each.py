@@ -140,7 +140,7 @@ async def test_site_set_at_the_keypad_applies_within_ten_seconds(polls: bool) ->
                     bridge.sim.feed(b"W" + bytes((33, 52, 0, 1, 151, 12, 0, 0)))
                 if polls:
                     await client.ask(b":GR#")
-            reply = await bridge.client().ask(as_lx200(*below(bridge)), until=b"#")
+            reply = await bridge.client().ask(as_lx200(*below(bridge)), ending=b"#")
             assert reply.startswith(b"111Object Below Horizon"), (since, reply)
             site = bridge.controller.sources.site()
             assert site is not None and site.latitude == pytest.approx(-33.87, abs=0.01), since

@@ -24,13 +24,13 @@ def told(bridge: Bridge) -> list[bytes]:
 
 async def place(client: RehearsalClient) -> bytes:
     """The site in force, as this client is told it."""
-    return await client.ask(b":Gt#", until=b"#") + await client.ask(b":Gg#", until=b"#")
+    return await client.ask(b":Gt#", ending=b"#") + await client.ask(b":Gg#", ending=b"#")
 
 
 async def second_site(client: RehearsalClient) -> None:
     """Select site 2 of an LX200GPS, and set it: 40 N, 20 W."""
-    client.tell(b":W2#")
-    assert await client.ask(b":St+40*00#:Sg020*00#", until=b"11") == b"11"
+    client.send(b":W2#")
+    assert await client.ask(b":St+40*00#:Sg020*00#", ending=b"11") == b"11"
     await asyncio.sleep(3)
     assert await place(client) == b"+40*00#+020*00#"
 
@@ -43,11 +43,11 @@ async def test_selecting_site_1_restores_the_mounts_site(aligned: bool, again: b
         client = bridge.client()
         await second_site(client)
         assert told(bridge) == ([] if aligned else [FORTY])
-        client.tell(again)
+        client.send(again)
         await asyncio.sleep(3)
         assert await place(client) == await place(bridge.client()) == b"+45*00#-010*00#"
         assert told(bridge) == ([] if aligned else [FORTY, OWN])
-        client.tell(b":W2#")
+        client.send(b":W2#")
         await asyncio.sleep(3)
         assert await place(client) == b"+40*00#+020*00#"
         assert told(bridge) == ([] if aligned else [FORTY, OWN, FORTY])
@@ -56,10 +56,10 @@ async def test_selecting_site_1_restores_the_mounts_site(aligned: bool, again: b
 async def test_half_of_another_site_does_not_change_site_1() -> None:
     async with Bridge("cpc", "4.21", surface="autostar", aligned=False) as bridge:
         client = bridge.client()
-        client.tell(b":W1#:St+40*00#")
+        client.send(b":W1#:St+40*00#")
         await asyncio.sleep(3)
         assert await place(client) == b"+40*00#-010*00#"
-        client.tell(b":W0#")
+        client.send(b":W0#")
         await asyncio.sleep(3)
         assert await place(client) == b"+45*00#-010*00#"
         assert told(bridge)[-1] == OWN
@@ -80,7 +80,7 @@ async def test_site_entered_at_the_hand_control_becomes_site_1() -> None:
         await second_site(client)
         bridge.sim.feed(b"W" + bytes((51, 30, 0, 0, 7, 0, 0, 0)))
         await asyncio.sleep(200)
-        client.tell(b":W1#")
+        client.send(b":W1#")
         await asyncio.sleep(3)
         assert await place(client) == b"+51*30#-007*00#"
         assert told(bridge) == [FORTY]
@@ -91,14 +91,14 @@ async def test_site_1_is_still_the_mounts_site_after_a_restart(tmp_path: Path) -
         await second_site(bridge.client())
     async with Bridge("cpc", "4.21", surface="lx200gps", state=tmp_path, on=bridge) as bridge:
         client = bridge.client()
-        client.tell(b":W1#")
+        client.send(b":W1#")
         await asyncio.sleep(3)
         assert await place(client) == b"+45*00#-010*00#"
         assert told(bridge) == [OWN]
     bridge.sim.feed(b"W" + bytes((51, 30, 0, 0, 7, 0, 0, 0)))
     async with Bridge("cpc", "4.21", surface="lx200gps", state=tmp_path, on=bridge) as bridge:
         client = bridge.client()
-        client.tell(b":W1#")
+        client.send(b":W1#")
         await asyncio.sleep(3)
         assert await place(client) == b"+51*30#-007*00#"
         assert told(bridge) == []
@@ -108,7 +108,7 @@ async def test_mount_keeps_its_site_when_another_is_selected_and_deselected_in_o
     async with Bridge("cpc", "4.21", surface="lx200gps", aligned=False) as bridge:
         client = bridge.client()
         await second_site(client)
-        client.tell(b":W1#:W2#:W1#")
+        client.send(b":W1#:W2#:W1#")
         await asyncio.sleep(5)
         assert await place(client) == b"+45*00#-010*00#"
         assert told(bridge)[-1] == OWN
@@ -120,9 +120,9 @@ async def test_site_1_of_a_mount_without_a_site_is_the_set_or_configured_one(con
     async with Bridge("nexstar-gps", "1.2", surface="lx200", config=config) as bridge:
         client = bridge.client()
         if not config:
-            assert await client.ask(b":St+52*00#:Sg347*00#", until=b"11") == b"11"
+            assert await client.ask(b":St+52*00#:Sg347*00#", ending=b"11") == b"11"
         await second_site(client)
-        client.tell(b":W1#")
+        client.send(b":W1#")
         await asyncio.sleep(3)
         assert await place(client) == b"+52*00#-013*00#"
 
@@ -178,7 +178,7 @@ async def test_selecting_site_1_restores_the_site_of_a_meade(model: str) -> None
         own = await place(client)
         await second_site(client)
         assert any(sent.startswith(b":St+40*00") for sent in bridge.sent_requests())
-        client.tell(b":W1#")
+        client.send(b":W1#")
         await asyncio.sleep(10)
         assert await place(client) == own == b"+45*00#-010*00#"
         assert [sent for sent in bridge.sent_requests() if sent.startswith(b":St")][-1] == b":St+45*00#"
@@ -201,7 +201,7 @@ async def test_page_is_told_for_whom_its_site_applies(
     model, _, version = mount.partition("/")
     async with Bridge(model, version or "4.21", config=config, aligned=aligned) as bridge:
         other = bridge.client()
-        await other.ask(b":GR#", until=b"#")
+        await other.ask(b":GR#", ending=b"#")
         request = requests.SetSiteRequest(40.0, 20.0, number="1", who="the console at 10.0.0.5")
         answer = await bridge.gateway.carry_out(request)
         assert answer.is_ok and answer.text.startswith(f"the site is set; it holds for {holds}")

@@ -46,7 +46,7 @@ async def plugged_in(bridge: Any, cable: Cable) -> None:
     cable.plug()
     client = bridge.client("10.0.0.9")
     for _ in range(25):
-        client.tell(b":GR#")
+        client.send(b":GR#")
         await asyncio.sleep(1.0)
 
 
@@ -113,9 +113,9 @@ async def test_settings_made_while_the_line_is_down_are_sent_when_it_is_back(mou
         client, cable = bridge.client(), Cable(bridge)
         cable.pull()
         await asyncio.sleep(3.0)
-        assert (await client.ask(b":SG+05#:SL20:00:00#:SC03/14/27#", 0.5, until=b"!")).startswith(b"111Upd")
+        assert (await client.ask(b":SG+05#:SL20:00:00#:SC03/14/27#", 0.5, ending=b"!")).startswith(b"111Upd")
         set_at = bridge.clock()
-        assert await client.ask(b":Sg074*30#:St+40*45#", until=b"11") == b"11"
+        assert await client.ask(b":Sg074*30#:St+40*45#", ending=b"11") == b"11"
         assert await client.ask(b":GG#") == b"+05#"
         await asyncio.sleep(9.0)
         assert await client.ask(b":Gt#", 1.0) == b"+40*45#"
@@ -133,7 +133,7 @@ async def test_settings_made_while_the_line_is_down_are_not_sent_to_another_moun
         await client.ask(b":GR#")
         cable.pull()
         await asyncio.sleep(3.0)
-        assert await client.ask(b":Sg074*30#:St+40*45#", until=b"11") == b"11"
+        assert await client.ask(b":Sg074*30#:St+40*45#", ending=b"11") == b"11"
         bridge.sim.row = {**bridge.sim.row, "id": 20}
         sent = len(bridge.sent_requests())
         await plugged_in(bridge, cable)
@@ -149,7 +149,7 @@ async def test_failure_of_an_older_site_leaves_the_newer_one_in_force() -> None:
         lost = lose_commands(bridge, (b":St",), 3)
         await client.ask(b":Sg074*30#:St+40*45#")
         for moment in range(60):
-            bridge.client("10.0.0.9").tell(b":GR#")
+            bridge.client("10.0.0.9").send(b":GR#")
             if moment == 25:
                 await client.ask(b":St+41*15#")
             elif moment > 25:
@@ -165,8 +165,8 @@ async def test_goto_is_never_deferred_until_the_line_is_back() -> None:
             cable.pull()
             await asyncio.sleep(1.0)
             began = bridge.clock()
-            assert await client.ask(b":Sr08:00:00#:Sd+30*00:00#:MS#", until=b".#") == b"111No answer from mount.#"
-            client.tell(b":Me#")
+            assert await client.ask(b":Sr08:00:00#:Sd+30*00:00#:MS#", ending=b".#") == b"111No answer from mount.#"
+            client.send(b":Me#")
             assert bridge.clock() - began < 0.1
             before = len(bridge.sent_requests())
             await plugged_in(bridge, cable)
@@ -189,7 +189,7 @@ async def test_deferred_settings_are_dropped_if_the_mount_was_set_or_aligned_at_
         client, cable = bridge.client(), Cable(bridge)
         cable.pull()
         await asyncio.sleep(2.0)
-        await client.ask(b":Sg074*30#:St+40*45#", until=b"11")
+        await client.ask(b":Sg074*30#:St+40*45#", ending=b"11")
         if aligned:
             bridge.sim.aligned = True
         else:
@@ -214,7 +214,7 @@ async def test_setting_lost_on_the_line_is_sent_again(mount: str, lost: bytes, h
         await client.ask(MARCH)
         set_at = bridge.clock()
         for _ in range(40):
-            client.tell(b"E")
+            client.send(b"E")
             await asyncio.sleep(1.0)
         assert missed
         assert bridge.sim.site == pytest.approx((-33.8583, 151.21), abs=0.01)
@@ -230,7 +230,7 @@ async def test_reads_report_the_mounts_value_after_three_failed_settings(command
         await client.ask(SYDNEY)
         await client.ask(MARCH)
         for _ in range(90):
-            client.tell(b"E")
+            client.send(b"E")
             await asyncio.sleep(1.0)
         assert len(missed) == 3
         assert "it is not in force: No answer" in notes(bridge)
@@ -324,7 +324,7 @@ async def test_daylight_saving_set_at_the_hand_control_is_reported() -> None:
         bridge.sim.feed(b"H\x14\x1e\x28\x07\x0e\x1a\x01\x01")
         client = bridge.client()
         for _ in range(120):
-            client.tell(b"E")
+            client.send(b"E")
             await asyncio.sleep(1.0)
         assert (await client.ask(b"h"))[6:] == b"\x01\x01#"
 

@@ -51,15 +51,15 @@ class Night:
         what = self.random.choice(["site", "clock", "site", "clock", "half", "cut", "lost", "unheard"])
         if what in ("site", "half"):
             latitude, longitude, place = self.random.choice(SITES)
-            self.client.tell(b":St%s#" % latitude)
+            self.client.send(b":St%s#" % latitude)
             if what == "half":
                 await asyncio.sleep(self.random.uniform(0.0, 1.9))
-            self.client.tell(b":Sg%s#" % longitude)
+            self.client.send(b":Sg%s#" % longitude)
             self.site = place
         elif what == "clock":
             wanted = datetime.fromtimestamp(self.bridge.clock() + self.random.uniform(-3e7, 3e7), UTC)
             offset = self.random.randint(-11, 12)
-            self.client.tell(f":SG{-offset:+03d}#:SL{wanted:%H:%M:%S}#:SC{wanted:%m/%d/%y}#".encode())
+            self.client.send(f":SG{-offset:+03d}#:SL{wanted:%H:%M:%S}#:SC{wanted:%m/%d/%y}#".encode())
             self.clock = wanted.replace(microsecond=0).timestamp() - offset * 3600.0 - self.bridge.clock()
         elif what == "cut":
             self.cable.pull()
@@ -72,7 +72,7 @@ class Night:
 
     async def quiet(self) -> None:
         for _ in range(round(LONG)):
-            self.client.tell(b":GR#")
+            self.client.send(b":GR#")
             await asyncio.sleep(1.0)
 
     def judge(self) -> None:

@@ -42,7 +42,7 @@ def test_time_date_and_zone_set_in_any_order_reach_the_hand_control(surface: str
             wanted = TRUE + bridge.clock() - set_at
             assert shown(bridge) == pytest.approx(wanted, abs=2.0), order
             assert bridge.sim.feed(b"h")[6] == 256 - 5
-            told = [(await client.ask(question, until=b"#")).decode() for question in (b":GC#", b":GL#", b":GG#")]
+            told = [(await client.ask(question, ending=b"#")).decode() for question in (b":GC#", b":GL#", b":GG#")]
             assert told[0] == "03/14/27#"
             assert told[2] == "+05#"
             told_at = datetime.strptime(told[1], "%H:%M:%S#")

@@ -30,7 +30,7 @@ def _dropped(bridge: Bridge) -> list[tuple[bytes, str]]:
 )
 async def test_noise_on_an_lx200_surface_is_logged_with_the_reason(said: bytes, dropped: tuple[bytes, str]) -> None:
     async with Bridge() as bridge:
-        bridge.client().tell(said)
+        bridge.client().send(said)
         await asyncio.sleep(0.5)
         assert dropped in _dropped(bridge)
 
@@ -45,7 +45,7 @@ async def test_noise_on_an_lx200_surface_is_logged_with_the_reason(said: bytes, 
 )
 async def test_noise_on_a_nexstar_surface_is_logged_with_the_reason(said: bytes, dropped: tuple[bytes, str]) -> None:
     async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge") as bridge:
-        bridge.client().tell(said)
+        bridge.client().send(said)
         await asyncio.sleep(0.5)
         assert dropped in _dropped(bridge)
 
@@ -53,10 +53,10 @@ async def test_noise_on_a_nexstar_surface_is_logged_with_the_reason(said: bytes,
 async def test_incomplete_nexstar_command_is_logged_with_the_reason() -> None:
     async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge") as bridge:
         client = bridge.client()
-        client.tell(b"R34AB")
+        client.send(b"R34AB")
         await asyncio.sleep(2.0)
-        client.tell(b"e")
-        client.tell(b"R34")
+        client.send(b"e")
+        client.send(b"R34")
         client.close()
         await asyncio.sleep(0.5)
         assert _dropped(bridge) == [(b"R34AB", NexStarFramer.half_reason), (b"R34", NexStarFramer.cut_off_reason)]
@@ -65,7 +65,7 @@ async def test_incomplete_nexstar_command_is_logged_with_the_reason() -> None:
 async def test_half_a_command_at_the_end_of_a_connection_is_logged() -> None:
     async with Bridge() as bridge:
         client = bridge.client()
-        client.tell(b":GR")
+        client.send(b":GR")
         client.close()
         assert _dropped(bridge) == [(b":GR", lx200.HALF)]
 
@@ -82,8 +82,8 @@ async def test_bytes_held_back_as_a_strangers_are_logged() -> None:
 async def test_duplicate_stop_and_orders_cancelled_by_a_stop_are_logged() -> None:
     async with Bridge() as bridge:
         client = bridge.client()
-        client.tell(b":Q#:Q#:Q#")
-        client.tell(b":Sr05:00:00#:Sd+10*00:00#:MS#:Me#:Qe#")
+        client.send(b":Q#:Q#:Q#")
+        client.send(b":Sr05:00:00#:Sd+10*00:00#:MS#:Me#:Qe#")
         await asyncio.sleep(3.0)
         dropped = [data for data, _ in _dropped(bridge)]
         assert dropped == [b":Q#", b":Q#", b":Me#"]
@@ -92,7 +92,7 @@ async def test_duplicate_stop_and_orders_cancelled_by_a_stop_are_logged() -> Non
 async def test_harmless_bytes_are_not_logged_as_lost() -> None:
     async with Bridge() as bridge:
         client = bridge.client()
-        assert await client.ask(b"#:GR#\r\n\0", until=b"#") != b""
+        assert await client.ask(b"#:GR#\r\n\0", ending=b"#") != b""
         await asyncio.sleep(1.0)
         assert _dropped(bridge) == []
 

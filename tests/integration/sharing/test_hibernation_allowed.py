@@ -69,7 +69,7 @@ async def test_hibernation_over_a_network_is_done_where_the_operator_allows_it(
 @pytest.mark.parametrize("mount", ["nexstar", "lx200"])
 async def test_serial_program_may_hibernate_the_mount_and_any_program_may_wake_it(mount: str, surface: str) -> None:
     async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None) as bridge:
-        bridge.client().tell(SLEEP[surface])
+        bridge.client().send(SLEEP[surface])
         await asyncio.sleep(10.0)
         assert bridge.sim.asleep and refusals(bridge) == []
         Caller(bridge.acceptor).tell(WAKE[surface])

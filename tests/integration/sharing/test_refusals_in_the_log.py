@@ -18,7 +18,7 @@ async def test_refused_lx200_command_without_a_reply_is_logged(said: bytes) -> N
     async with Bridge("cge", surface="lx200gps") as bridge:
         client = bridge.client()
         before = len(bridge.sent_requests())
-        client.tell(said)
+        client.send(said)
         await asyncio.sleep(1.0)
         assert client.received == b""
         assert any(said.decode()[:3] in entry.note and "refused" in entry.note for entry in bridge.entries)
@@ -50,6 +50,6 @@ async def test_refusal_is_logged_once_for_every_host() -> None:
     async with Bridge("cge", surface="lx200gps") as bridge:
         for _ in range(2):
             client = bridge.client()
-            client.tell(b":F9#:F9#")
+            client.send(b":F9#:F9#")
             await asyncio.sleep(1.0)
         assert sum("refused" in entry.note for entry in bridge.entries) == 1

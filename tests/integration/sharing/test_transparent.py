@@ -97,7 +97,7 @@ def test_order_invalidates_earlier_readings() -> None:
         assert await one.ask(APPROACH) == b"\1#"
         before = len(bridge.sent_requests())
         assert await other.ask(APPROACH) == b"\1#" and APPROACH not in bridge.sent_requests()[before:]
-        one.tell(ARROW)
+        one.send(ARROW)
         await asyncio.sleep(0.2)
         assert await other.ask(APPROACH) == b"\1#" and APPROACH in bridge.sent_requests()[before:]
 
@@ -107,8 +107,8 @@ def test_setting_by_one_program_is_reported_to_all_at_once() -> None:
     async def told(bridge: Bridge) -> None:
         one, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
         assert await other.ask(GUIDE_RATE) == b"\x80#"
-        one.tell(SET_GUIDE_RATE)
-        other.tell(GUIDE_RATE)  # a question that goes out while the order does
+        one.send(SET_GUIDE_RATE)
+        other.send(GUIDE_RATE)  # a question that goes out while the order does
         await asyncio.sleep(0.3)
         assert await other.ask(GUIDE_RATE) == await one.ask(GUIDE_RATE) == b"\x40#"
 
@@ -150,7 +150,7 @@ def test_surface_of_a_polar_fork_reports_axes_like_the_hand_control() -> None:
         await asyncio.sleep(8.0)
         assert await client.ask(b"T\0") == b"#"
         await asyncio.sleep(8.0)
-        assert await client.ask(b"z", until=b"#") == direct(b"z")
+        assert await client.ask(b"z", ending=b"#") == direct(b"z")
         assert await client.ask(b"P\1\x11\1\0\0\0\3") == direct(b"P\1\x11\1\0\0\0\3")
 
 
@@ -229,15 +229,15 @@ def test_two_programs_select_objects_and_go_each_to_its_target() -> None:
     @shared("lx200", config={"sun": 0.0, "lowest": -90.0})
     async def both(bridge: Bridge) -> None:
         one, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
-        one.tell(b":LM42#")
-        other.tell(b":LM31#")
+        one.send(b":LM42#")
+        other.send(b":LM31#")
         await asyncio.sleep(3.0)
-        assert await one.ask(b":LI#", until=b"#") == b"M42 DIFF NEB#"
-        assert await other.ask(b":LI#", until=b"#") == b"M31 GALAXY#"
-        assert (await one.ask(b":Gr#", until=b"#"))[:5] == b"05:36"
+        assert await one.ask(b":LI#", ending=b"#") == b"M42 DIFF NEB#"
+        assert await other.ask(b":LI#", ending=b"#") == b"M31 GALAXY#"
+        assert (await one.ask(b":Gr#", ending=b"#"))[:5] == b"05:36"
         assert await one.ask(b":MS#") == b"0"
         assert [sent for sent in bridge.sent_requests() if sent.startswith(b":Sr")][-1][:8] == b":Sr05:36"
-        other.tell(b":Q#")
+        other.send(b":Q#")
 
 
 def test_goto_to_an_object_of_a_j2000_telescope_arrives_at_its_place() -> None:
@@ -246,25 +246,25 @@ def test_goto_to_an_object_of_a_j2000_telescope_arrives_at_its_place() -> None:
     @shared("lx200", config={"equinox": "j2000", "sun": 0.0, "lowest": -90.0})
     async def counts(bridge: Bridge) -> None:
         client, direct = bridge.client(), bridge.sim.connection()
-        client.tell(b":LM42#")
+        client.send(b":LM42#")
         await asyncio.sleep(3.0)
         told = direct(b":Gr#")
-        assert (await client.ask(b":Gr#", until=b"#")) != told, "programs are told it of date"
+        assert (await client.ask(b":Gr#", ending=b"#")) != told, "programs are told it of date"
         assert await client.ask(b":MS#") == b"0"
         assert [sent for sent in bridge.sent_requests() if sent.startswith(b":Sr")][-1] == b":Sr" + told
-        client.tell(b":Q#")
+        client.send(b":Q#")
 
 
 def test_unknown_object_number_leaves_the_programs_target() -> None:
     @shared("lx200")
     async def unknown(bridge: Bridge) -> None:
         one, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
-        other.tell(b":LM13#")
+        other.send(b":LM13#")
         await asyncio.sleep(2.0)
-        assert await one.ask(b":Sr06:00:00#:Sd+20*00:00#", until=b"11") == b"11"
-        one.tell(b":LM110#")
+        assert await one.ask(b":Sr06:00:00#:Sd+20*00:00#", ending=b"11") == b"11"
+        one.send(b":LM110#")
         await asyncio.sleep(2.0)
-        assert await one.ask(b":Gr#", until=b"#") == b"06:00:00#"
+        assert await one.ask(b":Gr#", ending=b"#") == b"06:00:00#"
 
 
 def test_emulated_site_is_reported_instead_of_the_telescopes() -> None:
@@ -273,11 +273,11 @@ def test_emulated_site_is_reported_instead_of_the_telescopes() -> None:
     @shared("lx200gps")
     async def kept(bridge: Bridge) -> None:
         client = bridge.client()
-        assert await client.ask(b":Gt#", until=b"#") == b"+45\xdf00:00#"
+        assert await client.ask(b":Gt#", ending=b"#") == b"+45\xdf00:00#"
         assert await client.ask(b":St+46*30#") == b"1"
-        assert await client.ask(b":Gt#", until=b"#") == b"+46\xdf30:00#"
+        assert await client.ask(b":Gt#", ending=b"#") == b"+46\xdf30:00#"
         await asyncio.sleep(5.0)
-        assert await client.ask(b":Gt#", until=b"#") == bridge.sim.feed(b":Gt#")
+        assert await client.ask(b":Gt#", ending=b"#") == bridge.sim.feed(b":Gt#")
 
 
 def test_commands_that_a_model_lacks_get_no_answer() -> None:

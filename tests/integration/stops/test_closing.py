@@ -26,7 +26,7 @@ def test_closing_the_gateway_ends_all_pending_client_requests(
             for start in range(len(said)):
                 client = bridge.client(f"127.0.0.{start + 1}")
                 for command in said[start:] + said[:start]:
-                    client.tell(command)
+                    client.send(command)
                 client.close()
             await asyncio.sleep(late)
         await asyncio.sleep(15.0)
@@ -42,9 +42,9 @@ async def test_closing_ends_requests_to_a_mount_that_was_never_identified() -> N
     bridge.controller.start()
     client = bridge.client()
     await asyncio.sleep(3.0)
-    client.tell(b":St+45*00#:Sg350*00#:SC01/15/26#:SL22:00:00#:SG+00#:GR#:GD#")
+    client.send(b":St+45*00#:Sg350*00#:SC01/15/26#:SL22:00:00#:SG+00#:GR#:GD#")
     await asyncio.sleep(12.0)
-    client.tell(b":St+46*00#")
+    client.send(b":St+46*00#")
     await asyncio.sleep(0.2)
     await bridge.controller.close()
     await asyncio.sleep(30.0)

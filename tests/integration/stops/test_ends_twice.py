@@ -33,11 +33,11 @@ async def test_lost_end_of_a_motion_is_sent_again_within_a_moment(mount: str, mo
     """Too slow a motion, or too short a time, for the position to show it."""
     async with meade(mount) as bridge:
         client = bridge.client()
-        client.tell(motion)
+        client.send(motion)
         await asyncio.sleep(2.0)
         missed = lose_commands(bridge, (end,))
         asked = bridge.clock()
-        client.tell(end)
+        client.send(end)
         await asyncio.sleep(0.15)  # an exchange may be under way
         assert missed == [end]
         await asyncio.sleep(1.0)
@@ -54,11 +54,11 @@ async def test_lost_end_of_a_motion_is_sent_again_within_a_moment(mount: str, mo
 async def test_motion_begun_after_a_stop_is_not_ended_by_its_repetition(mount: str, after: float, newer: bytes) -> None:
     async with meade(mount) as bridge:
         client = bridge.client()
-        client.tell(b":RM#:Me#")
+        client.send(b":RM#:Me#")
         await asyncio.sleep(2.0)
-        client.tell(b":Q#")
+        client.send(b":Q#")
         await asyncio.sleep(after)
-        client.tell(newer)
+        client.send(newer)
         await asyncio.sleep(2.0)
         assert bridge.sim.slewing if newer == GOTO else bridge.sim.arrows
         assert truth_of(bridge.sim).moving
@@ -69,14 +69,14 @@ async def test_motion_begun_after_a_stop_is_not_ended_by_its_repetition(mount: s
 async def test_second_end_leaves_the_next_pulse_and_the_other_axis_alone(mount: str, after: float) -> None:
     async with meade(mount) as bridge:
         client = bridge.client()
-        client.tell(b":RC#:Mn#:Me#")
+        client.send(b":RC#:Mn#:Me#")
         await asyncio.sleep(2.0)
-        client.tell(b":Qe#")
+        client.send(b":Qe#")
         await asyncio.sleep(1.0)
         assert set(bridge.sim.arrows) == {2}
-        client.tell(b":Qn#")
+        client.send(b":Qn#")
         await asyncio.sleep(after)
-        client.tell(b":Mgn2000#")
+        client.send(b":Mgn2000#")
         await asyncio.sleep(1.0)
         assert truth_of(bridge.sim).moving
 
@@ -86,7 +86,7 @@ async def test_mount_at_rest_is_sent_one_stop_only(mount: str) -> None:
     async with meade(mount) as bridge:
         client = bridge.client()
         for _ in range(5):
-            client.tell(b":Q#")
+            client.send(b":Q#")
             await asyncio.sleep(1.0)
         assert len(times(bridge, b":Q#")) == 5
 
@@ -95,7 +95,7 @@ async def test_lost_end_of_a_gateway_timed_pulse_is_sent_again() -> None:
     async with meade("lx200") as bridge:
         client = bridge.client()
         missed = lose_commands(bridge, (b":Qe#",))
-        client.tell(b":Mge0500#")
+        client.send(b":Mge0500#")
         await asyncio.sleep(1.5)
         assert missed
         assert len(times(bridge, b":Qe#")) == 2
@@ -105,10 +105,10 @@ async def test_lost_end_of_a_gateway_timed_pulse_is_sent_again() -> None:
 async def test_focuser_stops_though_the_first_end_was_lost() -> None:
     async with meade("autostar") as bridge:
         client = bridge.client()
-        client.tell(b":F+#")
+        client.send(b":F+#")
         await asyncio.sleep(1.0)
         missed = lose_commands(bridge, (b":FQ#",))
-        client.tell(b":FQ#")
+        client.send(b":FQ#")
         await asyncio.sleep(1.0)
         assert missed
         assert bridge.sim.accessories["focuser"] == 0
@@ -121,7 +121,7 @@ async def test_end_of_a_pulse_is_sent_when_a_busy_telescope_hears_again() -> Non
     """
     settings = {"lowest": -90.0, "sun": 0.0, "site_time": "always"}
     async with Bridge("lx200", driven="lx200", config=settings) as bridge:
-        bridge.client().tell(b":Mge4000#")
+        bridge.client().send(b":Mge4000#")
         await asyncio.sleep(0.3)
         bridge.sim.busy_until = bridge.clock() + 10.0
         await asyncio.sleep(3.0)
@@ -134,12 +134,12 @@ async def test_release_becomes_a_stop_on_a_busy_telescope() -> None:
     """An LX200GPS that says that it is busy would turn on at two degrees a second until it hears again."""
     async with Bridge("lx200gps", driven="lx200", config={"lowest": -90.0, "sun": 0.0}) as bridge:
         client = bridge.client()
-        client.tell(b":RM#:Me#")
+        client.send(b":RM#:Me#")
         await asyncio.sleep(1.5)
         bridge.sim.busy_until = bridge.clock() + 10.0
         await asyncio.sleep(1.0)
         assert bridge.sim.arrows
-        client.tell(b":Qe#")
+        client.send(b":Qe#")
         await asyncio.sleep(2.0)
         assert bridge.sim.busy
         assert not bridge.sim.arrows

@@ -36,10 +36,10 @@ def moves(bridge: Any) -> bool:
 async def test_stop_of_the_mount_does_not_cancel_the_end_of_the_focuser(mount: str, driven: str, packet: bytes) -> None:
     async with bridge_to(mount, driven) as bridge:
         client = bridge.client()
-        client.tell(b":F+#")
+        client.send(b":F+#")
         await asyncio.sleep(1.0)
         assert moves(bridge)
-        client.tell(packet)
+        client.send(packet)
         await asyncio.sleep(2.0)
         assert not moves(bridge)
         assert bridge.controller.wanted.value.focus_motion is None
@@ -50,12 +50,12 @@ async def test_stop_of_the_mount_does_not_cancel_the_end_of_the_focuser(mount: s
 async def test_end_of_the_focuser_is_sent_until_acknowledged(how: str, times: int) -> None:
     async with bridge_to("cpc", "nexstar") as bridge:
         client = bridge.client()
-        client.tell(b":FS#:F+#")
+        client.send(b":FS#:F+#")
         await asyncio.sleep(1.0)
         assert moves(bridge)
         lost = swallow(bridge, lambda data: data == HALT, times)
         if how == "told":
-            client.tell(b":FQ#")
+            client.send(b":FQ#")
         else:
             client.close()
         await asyncio.sleep(40.0)
@@ -69,13 +69,13 @@ async def test_end_of_the_focuser_is_sent_until_acknowledged(how: str, times: in
 async def test_end_of_an_older_motion_does_not_end_a_newer_one() -> None:
     async with bridge_to("cpc", "nexstar") as bridge:
         client = bridge.client()
-        client.tell(b":FS#:F+#")
+        client.send(b":FS#:F+#")
         await asyncio.sleep(1.0)
         lost = swallow(bridge, lambda data: data == HALT)
-        client.tell(b":FQ#")
+        client.send(b":FQ#")
         while not bridge.controller.wanted.value.pending or not lost:
             await asyncio.sleep(0.1)
-        client.tell(b":F-#")
+        client.send(b":F-#")
         await asyncio.sleep(8.0)
         assert moves(bridge)
         assert bridge.sent_requests().count(HALT) == 1

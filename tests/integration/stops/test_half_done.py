@@ -24,7 +24,7 @@ OPEN = {"lowest": -90.0, "sun": 0.0}
 async def polled(bridge: Bridge, seconds: int) -> None:
     client = bridge.client("10.0.0.9")
     for _ in range(seconds):
-        client.tell(b":GR#:D#")
+        client.send(b":GR#:D#")
         await asyncio.sleep(1.0)
 
 
@@ -42,10 +42,10 @@ async def arrived(bridge: Bridge, most: int = 60) -> None:
 async def test_mount_keeps_tracking_after_a_park_that_it_never_heard() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client()
-        await client.ask(GOTO, until=b"0")
+        await client.ask(GOTO, ending=b"0")
         await arrived(bridge)
         lost = swallow(bridge, lambda data: data[:1] == b"b")
-        client.tell(b":hP#")
+        client.send(b":hP#")
         await polled(bridge, 30)
         assert lost
         assert bridge.sim.tracking
@@ -57,10 +57,10 @@ async def test_motion_that_the_mount_heard_without_an_answer_counts_as_running(o
     async with Bridge("cge") as bridge:
         client = bridge.client()
         if order == "park":
-            await client.ask(GOTO, until=b"0")
+            await client.ask(GOTO, ending=b"0")
             await arrived(bridge)
         lost = swallow(bridge, lambda data: data[:1] in b"br", carried_out=True)
-        client.tell(b":hP#" if order == "park" else GOTO)
+        client.send(b":hP#" if order == "park" else GOTO)
         await arrived(bridge, 90)
         assert lost
         if order == "park":
@@ -75,10 +75,10 @@ async def test_motion_that_the_mount_heard_without_an_answer_counts_as_running(o
 async def test_tracking_returns_after_a_failed_goto_that_ended_an_arrow() -> None:
     async with Bridge("6-8se", config=OPEN) as bridge:
         client = bridge.client()
-        client.tell(b":RC#:Me#")
+        client.send(b":RC#:Me#")
         await asyncio.sleep(3.0)
         lost = swallow(bridge, lambda data: data == b"T\x01")
-        assert (await client.ask(GOTO, until=b"#")).startswith(b"11")
+        assert (await client.ask(GOTO, ending=b"#")).startswith(b"11")
         await polled(bridge, 15)
         assert lost
         assert bridge.sim.tracking
@@ -89,9 +89,9 @@ async def test_tracking_returns_after_a_failed_goto_that_ended_an_arrow() -> Non
 async def test_goto_refused_by_a_check_leaves_the_arrow_alone() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client()
-        client.tell(b":RM#:Mw#")
+        client.send(b":RM#:Mw#")
         await asyncio.sleep(2.0)
-        await client.ask(b":Sr08:00:00#:Sd-80*00:00#:MS#", until=b"#")
+        await client.ask(b":Sr08:00:00#:Sd-80*00:00#:MS#", ending=b"#")
         await asyncio.sleep(1.0)
         assert bridge.controller.wanted.axes_moved_by_hand == {1}
         assert abs(truth_of(bridge.sim).rate1) > 0.1
@@ -101,7 +101,7 @@ async def test_goto_refused_by_a_check_leaves_the_arrow_alone() -> None:
 async def test_cancelled_search_for_home_is_reported_as_cancelled(instead: op.Operation) -> None:
     async with Bridge("cge") as bridge:
         await bridge.controller.perform(op.SetHome())
-        await bridge.client().ask(GOTO, until=b"0")
+        await bridge.client().ask(GOTO, ending=b"0")
         await arrived(bridge)
         await bridge.controller.perform(op.Home())
         await asyncio.sleep(1.0)
@@ -114,7 +114,7 @@ async def test_cancelled_search_for_home_is_reported_as_cancelled(instead: op.Op
 async def test_drive_rate_returns_after_a_cancelled_goto() -> None:
     async with Bridge("cge", presented="nexstar", surface="cge") as bridge:
         client = bridge.client()
-        await client.ask(b"P\x03\x10\x06\xff\xfd\x00\x00", until=b"#")  # lunar
+        await client.ask(b"P\x03\x10\x06\xff\xfd\x00\x00", ending=b"#")  # lunar
         await asyncio.sleep(1.0)
         assert await client.ask(b"r55555555,15555555") == b"#"
         await asyncio.sleep(3.0)
@@ -142,10 +142,10 @@ async def test_tracking_switched_off_after_waking_stays_off(later: float) -> Non
 async def test_lost_end_of_a_park_is_sent_again(times: int) -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client()
-        await client.ask(GOTO, until=b"0")
+        await client.ask(GOTO, ending=b"0")
         await arrived(bridge)
         lost = swallow(bridge, lambda data: data == b"T\x00", times)
-        client.tell(b":hP#")
+        client.send(b":hP#")
         await arrived(bridge)
         await polled(bridge, 20 * times)
         assert len(lost) == times
@@ -156,14 +156,14 @@ async def test_lost_end_of_a_park_is_sent_again(times: int) -> None:
 async def test_finished_park_is_not_enforced_again() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client()
-        await client.ask(GOTO, until=b"0")
+        await client.ask(GOTO, ending=b"0")
         await arrived(bridge)
         lost = swallow(bridge, lambda data: data == b"T\x00")
-        client.tell(b":hP#")
+        client.send(b":hP#")
         while not lost:
             await polled(bridge, 1)
         await asyncio.sleep(4.0)
-        assert (await client.ask(GOTO, until=b"0")).endswith(b"0")
+        assert (await client.ask(GOTO, ending=b"0")).endswith(b"0")
         await arrived(bridge)
         assert bridge.sim.tracking
         assert not bridge.driver.parked
@@ -184,7 +184,7 @@ async def test_meade_that_stores_its_home_answers_again_after_a_lost_answer(time
     async with Bridge("lx200gps", driven="lx200") as bridge:
         client = bridge.client()
         lost = swallow(bridge, lambda data: data == b":h?#", times)
-        client.tell(b":hS#")
+        client.send(b":hS#")
         await asyncio.sleep(60.0)
         assert len(lost) == times
-        assert len(await client.ask(b":GR#", until=b"#")) == len(b"06:21:31#")
+        assert len(await client.ask(b":GR#", ending=b"#")) == len(b"06:21:31#")

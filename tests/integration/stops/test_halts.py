@@ -73,22 +73,22 @@ def test_last_halted_axis_rests_and_last_begun_axis_moves(presented: str, driven
         ) as bridge:
             clients = [bridge.client(f"10.0.0.{number}") for number in range(3)]
             for client in clients:
-                client.tell(b":RC#" if presented == "lx200" else b"")
+                client.send(b":RC#" if presented == "lx200" else b"")
             turning, speaking, words = {1: False, 2: False}, 0, b""
             held: dict[int, set[int]] = {1: set(), 2: set()}  # by whom; a release leaves another program's press alone
             for begins, which, times, who, pause in sequence:
                 command, axis = (MOTORS if begins else ENDS)[presented][which]
                 if who != speaking or pause:  # else it is one write
-                    clients[speaking].tell(words)
+                    clients[speaking].send(words)
                     words = b""
                     await asyncio.sleep(pause)
                 speaking, words = who, words + command * (min(times, 2) if begins else times)
                 turning[axis] = begins
                 held[axis] = held[axis] | {who} if begins else held[axis] - {who}
-            clients[speaking].tell(words)
+            clients[speaking].send(words)
             await asyncio.sleep(4.0)
             for client in clients:  # somebody is there all the time
-                client.tell(b":GR#" if presented == "lx200" else b"e")
+                client.send(b":GR#" if presented == "lx200" else b"e")
             turns = bridge.controller.wanted.axes_moved_by_hand
             # On a slow line an arrow or a tap may come too late, and that is told.
             told = ("this motion was not started", "came too late to be carried out")
@@ -110,7 +110,7 @@ async def test_flood_of_halts_starts_no_tasks(flood: bytes) -> None:
         before = len(asyncio.all_tasks())
         crowd = [bridge.client(f"10.0.1.{number}") for number in range(50)]
         for client in crowd:
-            client.tell(flood * 20)
+            client.send(flood * 20)
         await asyncio.sleep(0.05)
         assert len(asyncio.all_tasks()) <= before + 10
         if flood[:1] != b":":
@@ -127,14 +127,14 @@ async def test_position_read_does_not_wait_for_a_flood_of_halts(flood: bytes) ->
 
         async def pour() -> None:
             while True:
-                bully.tell(flood * 10)
+                bully.send(flood * 10)
                 await asyncio.sleep(0.02)
 
         pouring = bridge.controller.spawn(pour())
         waits = []
         for _ in range(50):
             began = loop.time()
-            assert await other.ask(b":GR#" if lx200 else b"e", 20.0, until=b"#")
+            assert await other.ask(b":GR#" if lx200 else b"e", 20.0, ending=b"#")
             waits.append(loop.time() - began)
             await asyncio.sleep(0.1)
         assert max(waits[10:]) <= 0.1, "answered from what the mount has said"
@@ -147,16 +147,16 @@ async def test_flood_of_halts_on_one_axis_lets_the_other_move() -> None:
 
         async def pour() -> None:
             while True:
-                bully.tell(b":Qe#" * 10)
+                bully.send(b":Qe#" * 10)
                 await asyncio.sleep(0.02)
 
         pouring = bridge.controller.spawn(pour())
         await asyncio.sleep(3.0)
-        other.tell(b":RM#:Mn#")
+        other.send(b":RM#:Mn#")
         await asyncio.sleep(2.0)
         assert bridge.controller.wanted.axes_moved_by_hand == {2}
         asked = bridge.clock()
-        other.tell(b":Qn#")
+        other.send(b":Qn#")
         await asyncio.sleep(1.0)
         sent = [
             entry.time - asked
@@ -171,13 +171,13 @@ async def test_halt_requested_twice_is_sent_twice_at_once() -> None:
     """The first may have been lost."""
     async with Bridge("cge", latency=LATENCY) as bridge:
         client, other = bridge.client(), bridge.client("10.0.0.2")
-        client.tell(b":RM#:Me#")
+        client.send(b":RM#:Me#")
         await asyncio.sleep(2.0)
         for _ in range(2):
-            other.tell(b":GA#:GZ#:GW#:GC#")
+            other.send(b":GA#:GZ#:GW#:GC#")
             await asyncio.sleep(0.01)
             asked = bridge.clock()
-            client.tell(b":Qe#")
+            client.send(b":Qe#")
             await asyncio.sleep(0.4)
             times = [
                 entry.time - asked
@@ -190,10 +190,10 @@ async def test_halt_requested_twice_is_sent_twice_at_once() -> None:
 
 async def test_many_halts_behind_a_goto_end_it_by_one_stop() -> None:
     async with Bridge("cge", latency=LATENCY) as bridge:
-        bridge.client().tell(b":Sr07:00:00#:Sd+30*00:00#:MS#")
+        bridge.client().send(b":Sr07:00:00#:Sd+30*00:00#:MS#")
         await asyncio.sleep(0.02)
         for number in range(20):
-            bridge.client(f"10.0.0.{number}").tell(b":Qe#")
+            bridge.client(f"10.0.0.{number}").send(b":Qe#")
         await asyncio.sleep(2.0)
         assert bridge.sent_requests().count(b"M") == 1
         assert not bridge.sim.slewing
@@ -202,9 +202,9 @@ async def test_many_halts_behind_a_goto_end_it_by_one_stop() -> None:
 async def test_halt_behind_each_of_two_gotos_ends_both() -> None:
     async with Bridge("cge", latency=LATENCY) as bridge:
         for goto in (b":Sr07:00:00#:Sd+30*00:00#:MS#", b":Sr07:10:00#:Sd+31*00:00#:MS#"):
-            bridge.client(f"10.0.0.{goto[5]}").tell(goto)
+            bridge.client(f"10.0.0.{goto[5]}").send(goto)
             await asyncio.sleep(0.02)
-            bridge.client().tell(b":Qe#")
+            bridge.client().send(b":Qe#")
         await asyncio.sleep(4.0)
         assert not bridge.sim.slewing
         assert bridge.sim.tracking

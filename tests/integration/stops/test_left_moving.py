@@ -34,10 +34,10 @@ async def test_mount_still_moving_when_the_cable_is_back_is_stopped(
     async with Bridge(mount, driven=driven, site=site, speed=0.15 if motion is GOTO else 1.0, config=CONFIG) as bridge:
         owner, client = Owner(bridge, driven), bridge.client()
         await asyncio.sleep(1.0)
-        client.tell(motion)
+        client.send(motion)
         for _ in range(4):
             await asyncio.sleep(0.5)
-            client.tell(b":GR#:GD#")
+            client.send(b":GR#:GD#")
         assert owner.moving
         await owner.cable_out(seconds)
         assert owner.moving
@@ -63,10 +63,10 @@ async def test_motion_begun_by_the_owner_during_a_cable_fault_is_left_alone(
     async with Bridge(mount, driven=driven, site=site, speed=0.3, config=CONFIG) as bridge:
         owner, client = Owner(bridge, driven), bridge.client()
         await asyncio.sleep(1.0)
-        client.tell(motion)
+        client.send(motion)
         for _ in range(4):
             await asyncio.sleep(0.5)
-            client.tell(b":GR#:GD#")
+            client.send(b":GR#:GD#")
         out = asyncio.ensure_future(owner.cable_out(14.0))
         await asyncio.sleep(2.0)
         owner.keys("cancel", "let go", "first let go")
@@ -116,7 +116,7 @@ async def test_old_mark_of_a_killed_gateway_stops_only_the_marked_motion(
     """A recent one stops whatever moves."""
     kinds: dict[str, Any] = {"mount": mount, "driven": driven, "state": tmp_path, "config": CONFIG, "speed": 0.2}
     async with Bridge(**kinds) as first:
-        first.client().tell(motion)
+        first.client().send(motion)
         await asyncio.sleep(2.0)
         owner = Owner(first, driven)
         await first.kill()

@@ -43,9 +43,9 @@ async def cut(bridge: Any, seconds: float) -> list[bytes]:
 async def test_motion_from_before_a_lost_line_is_ended_when_the_line_is_back(mount: str, motion: bytes) -> None:
     async with bridge_to(mount) as bridge:
         client = bridge.client()
-        client.tell(motion)
+        client.send(motion)
         for _ in range(20):
-            client.tell(b":GR#")
+            client.send(b":GR#")
             await asyncio.sleep(0.1)
         assert bridge.controller.moving
         first = await cut(bridge, 4.0)
@@ -60,9 +60,9 @@ async def test_motion_from_before_a_lost_line_is_ended_when_the_line_is_back(mou
 async def test_stop_requested_while_the_line_was_lost_is_sent_first(mount: str) -> None:
     async with bridge_to(mount) as bridge:
         client = bridge.client()
-        client.tell(b":RM#:Me#")
+        client.send(b":RM#:Me#")
         await asyncio.sleep(2.0)
-        asyncio.get_running_loop().call_later(1.0, client.tell, b":Q#")
+        asyncio.get_running_loop().call_later(1.0, client.send, b":Q#")
         first = await cut(bridge, 4.0)
         assert first[0] in STOPS
         await asyncio.sleep(3.0)
@@ -83,7 +83,7 @@ async def test_stop_swallowed_by_half_a_hand_control_command_is_repeated() -> No
     """The stop may be taken for the other half, so it is written again when the hand control has given that up."""
     async with bridge_to("cge") as bridge:
         client = bridge.client()
-        client.tell(b":RM#:Me#")
+        client.send(b":RM#:Me#")
         await asyncio.sleep(2.0)
         transaction = bridge.controller.line.transaction
         transaction.half, transaction.last_request = True, b"P\x02\x10\x24\x05\x00\x00\x00"
@@ -101,7 +101,7 @@ async def test_stop_swallowed_by_half_a_hand_control_command_is_repeated() -> No
 async def test_half_a_meade_command_is_closed_before_the_stop() -> None:
     async with bridge_to("autostar") as bridge:
         client = bridge.client()
-        client.tell(b":RM#:Me#")
+        client.send(b":RM#:Me#")
         await asyncio.sleep(2.0)
         bridge.controller.line.transaction.half = True
         assert (await cut(bridge, 0.1))[0] == b"#:Q#"

@@ -34,7 +34,7 @@ def disturb(bridge: Any, how: str, arrow: bytes = ARROW) -> list[bytes]:
 async def test_unacknowledged_arrow_is_ended(mount: str, how: str, leaves: bool) -> None:
     async with Bridge(mount, config={"lowest": -90.0, "sun": 0.0}) as bridge:
         client, met = bridge.client(), disturb(bridge, how)
-        client.tell(b":RS#:Me#")
+        client.send(b":RS#:Me#")
         await asyncio.sleep(0.5)
         if leaves:
             client.close()
@@ -51,7 +51,7 @@ async def test_unacknowledged_pulse_is_ended(how: str) -> None:
     """These motors know no pulses: it is a motion at the guide rate, and somebody must end it."""
     async with Bridge("cge", config={"lowest": -90.0, "sun": 0.0}) as bridge:
         client, met = bridge.client(), disturb(bridge, how, bytes((80, 2, 16, 37, 1, 0, 0, 0)))
-        client.tell(b":Mge1000#")
+        client.send(b":Mge1000#")
         await asyncio.sleep(10.0)
         assert met
         before = bridge.sim.true_position()[0]

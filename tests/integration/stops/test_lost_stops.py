@@ -28,7 +28,7 @@ async def seconds_to_rest(bridge: Any, at_most: float) -> float:
     began, client = bridge.controller.now(), bridge.client("10.0.0.9")
     while bridge.controller.now() - began < at_most:
         before = bridge.sim.true_position()
-        client.tell(b":GR#")
+        client.send(b":GR#")
         await asyncio.sleep(0.2)
         if speed(bridge, before, 0.2) < 0.02:
             return float(bridge.controller.now() - began)
@@ -43,11 +43,11 @@ async def seconds_to_rest(bridge: Any, at_most: float) -> float:
 async def test_lost_stop_is_sent_again(mount: str, motion: bytes, times: int) -> None:
     async with bridge_to(mount) as bridge:
         client = bridge.client()
-        client.tell(motion)
+        client.send(motion)
         await asyncio.sleep(4.0)
         ends = (b":Q#",) if mount in MEADES else (b"M", b"P\x02\x10\x24\0", b"P\x02\x11\x24\0")
         missed = lose_commands(bridge, ends, times)
-        client.tell(b":Q#")
+        client.send(b":Q#")
         assert await seconds_to_rest(bridge, 30.0) < {1: 6.0, 3: 9.0 if mount in MEADES else 15.0}[times]
         assert missed
         await asyncio.sleep(10.0)
@@ -58,12 +58,12 @@ async def test_lost_stop_is_sent_again(mount: str, motion: bytes, times: int) ->
 async def test_lost_release_is_sent_again_and_the_other_axis_goes_on(mount: str) -> None:
     async with bridge_to(mount) as bridge:
         client = bridge.client()
-        client.tell(b":RM#:Me#:Mn#")
+        client.send(b":RM#:Me#:Mn#")
         await asyncio.sleep(3.0)
         missed = lose_commands(bridge, (b":Qe#",))
-        client.tell(b":Qe#")
+        client.send(b":Qe#")
         for _ in range(16):
-            client.tell(b":GR#")
+            client.send(b":GR#")
             await asyncio.sleep(0.5)
         assert missed
         assert bridge.controller.wanted.axes_moved_by_hand == {2}
@@ -76,10 +76,10 @@ async def test_lost_release_at_the_fastest_rate_is_sent_again(mount: str, fastes
     """A 16 inch goes at 4 degrees a second, half of what the others do; :Sw slows all of them."""
     async with bridge_to(mount) as bridge:
         client = bridge.client()
-        client.tell(fastest + b":Me#")
+        client.send(fastest + b":Me#")
         await asyncio.sleep(3.0)
         missed = lose_commands(bridge, (b":Qe#",))
-        client.tell(b":Qe#")
+        client.send(b":Qe#")
         assert await seconds_to_rest(bridge, 30.0) < 6.0
         assert missed
 
@@ -89,9 +89,9 @@ async def test_lost_release_at_the_fastest_rate_is_sent_again(mount: str, fastes
 async def test_stop_that_the_mount_heard_is_not_sent_again(mount: str, motion: bytes) -> None:
     async with bridge_to(mount) as bridge:
         client = bridge.client()
-        client.tell(motion)
+        client.send(motion)
         await asyncio.sleep(4.0)
-        client.tell(b":Q#")
+        client.send(b":Q#")
         await asyncio.sleep(10.0)
         stops = [sent for sent in bridge.sent_requests() if sent in (b":Q#", b"M")]
         assert len(stops) == (2 if mount in MEADES else 1), "a Meade acknowledges nothing, so it is told twice"
@@ -102,10 +102,10 @@ async def test_stop_that_the_mount_heard_is_not_sent_again(mount: str, motion: b
 async def test_mount_that_ignores_every_stop_is_reported() -> None:
     async with bridge_to("autostar") as bridge:
         client = bridge.client()
-        client.tell(b":RM#:Me#")
+        client.send(b":RM#:Me#")
         await asyncio.sleep(3.0)
         lose_commands(bridge, (b":Q",), 1000)
-        client.tell(b":Q#")
+        client.send(b":Q#")
         assert await seconds_to_rest(bridge, 25.0) == 25.0
         warned = [entry.note for entry in bridge.entries if entry.note.startswith("WARNING: the mount keeps moving")]
         assert 1 <= len(warned) <= 2
@@ -117,13 +117,13 @@ async def test_mount_that_ignores_every_stop_is_reported() -> None:
 async def test_motion_begun_after_a_stop_is_left_alone() -> None:
     async with bridge_to("autostar") as bridge:
         client = bridge.client()
-        client.tell(b":RM#:Me#")
+        client.send(b":RM#:Me#")
         await asyncio.sleep(3.0)
-        client.tell(b":Q#")
+        client.send(b":Q#")
         await asyncio.sleep(0.2)
-        client.tell(b":Me#")
+        client.send(b":Me#")
         for _ in range(20):
-            client.tell(b":GR#")
+            client.send(b":GR#")
             await asyncio.sleep(0.5)
         assert bridge.sent_requests().count(b":Q#") == 1
         assert set(bridge.sim.arrows) == {1}

@@ -51,7 +51,7 @@ async def test_shutdown_at_any_instant_leaves_the_mount_still_and_tracking(mount
     for moment in (0.0, 0.02, 0.06, 0.12, 0.17, 0.22, 0.28, 0.35, 0.45, 0.7, 1.0, 1.5)[first::every]:
         async with Bridge(mount) as bridge:
             assert bridge.sim.tracking
-            bridge.client().tell(motion)
+            bridge.client().send(motion)
             await asyncio.sleep(moment)
         assert await still(bridge.sim), moment
         assert bridge.sim.tracking, moment
@@ -62,7 +62,7 @@ def test_shutdown_repeats_tracking_that_the_hand_control_ignored() -> None:
 
     async def program() -> None:
         async with Bridge("cge") as bridge:
-            bridge.client().tell(b":RS#:Mn#")
+            bridge.client().send(b":RS#:Mn#")
             await asyncio.sleep(2)
             feed, missed = bridge.sim.feed, []
 
@@ -82,9 +82,9 @@ def test_shutdown_repeats_tracking_that_the_hand_control_ignored() -> None:
 async def test_shutdown_leaves_a_drive_off_that_was_off() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client()
-        client.tell(b":AL#")
+        client.send(b":AL#")
         await asyncio.sleep(1)
-        client.tell(b":RS#:Mn#")
+        client.send(b":RS#:Mn#")
         await asyncio.sleep(2)
     assert (bridge.sim.mode, bridge.sim.tracking) == (0, False)
 
@@ -92,11 +92,11 @@ async def test_shutdown_leaves_a_drive_off_that_was_off() -> None:
 async def test_shutdown_drops_motions_pending_in_a_connection() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client()
-        client.tell(b":RC#:Mn#")
+        client.send(b":RC#:Mn#")
         await asyncio.sleep(2)
-        client.tell(b":Qn#")
+        client.send(b":Qn#")
         await asyncio.sleep(0.3)  # the hand control is looked at again in a second: the end waits for that
-        client.tell(b":GW#:RS#:Mn#")
+        client.send(b":GW#:RS#:Mn#")
     begun = [sent for sent in bridge.sent_requests() if sent[:4] == b"P\2\x11$" and sent[4]]
     assert len(begun) == 1
     assert await still(bridge.sim)
@@ -104,7 +104,7 @@ async def test_shutdown_drops_motions_pending_in_a_connection() -> None:
 
 async def test_silent_mount_delays_shutdown_by_seconds_only() -> None:
     async with Bridge() as bridge:
-        bridge.client().tell(b":RS#:Mn#")
+        bridge.client().send(b":RS#:Mn#")
         await asyncio.sleep(2)
         heard: list[bytes] = []
         bridge.controller.line.wire.feed = lambda data: heard.append(data) or b""  # type: ignore[attr-defined,func-returns-value]
@@ -115,7 +115,7 @@ async def test_silent_mount_delays_shutdown_by_seconds_only() -> None:
 
 async def test_shutdown_writes_a_stop_though_the_line_has_no_worker() -> None:
     async with Bridge("cge") as bridge:
-        bridge.client().tell(b":RS#:Mn#")
+        bridge.client().send(b":RS#:Mn#")
         await asyncio.sleep(2)
         assert bridge.controller.line._task is not None
         bridge.controller.line._task.cancel()
@@ -134,7 +134,7 @@ def _broken(*_: Any) -> Any:
 async def test_defect_stops_its_mount_and_leaves_others_running(where: str) -> None:
     async with Bridge("cge") as bridge:
         client, other = bridge.client(), bridge.client("10.0.0.2")
-        client.tell(b":RS#:Mn#")
+        client.send(b":RS#:Mn#")
         await asyncio.sleep(2)
         assert not await still(bridge.sim)
         if where == "surface":
@@ -142,14 +142,14 @@ async def test_defect_stops_its_mount_and_leaves_others_running(where: str) -> N
             face.surface.handlers = {**face.surface.handlers, "accessories.home_state": _broken}
         else:
             bridge.driver.handlers = {**bridge.driver.handlers, "home.home_state": _broken}
-        client.tell(b":h?#")
+        client.send(b":h?#")
         await asyncio.sleep(1)
         assert any("internal error" in entry.note for entry in bridge.entries)
         assert await still(bridge.sim)
         assert bridge.sim.tracking
         for one in (client, other):
             assert (await one.ask(b":GD#")).endswith(b"#")
-        other.tell(b":RS#:Ms#")
+        other.send(b":RS#:Ms#")
         await asyncio.sleep(2)
         assert not await still(bridge.sim), "and the mount can be moved again"
 
@@ -157,10 +157,10 @@ async def test_defect_stops_its_mount_and_leaves_others_running(where: str) -> N
 async def test_shutdown_does_not_retry_a_defective_stop_for_ever() -> None:
     async with Bridge() as bridge:
         client = bridge.client()
-        client.tell(b":RG#:Mn#")
+        client.send(b":RG#:Mn#")
         await asyncio.sleep(1)
         bridge.driver.handlers = {**bridge.driver.handlers, "motion.abort_motion": _broken}
-        client.tell(b":Q#")
+        client.send(b":Q#")
         await asyncio.sleep(10)
         assert sum("a defect" in entry.note for entry in bridge.entries) < 10
         assert (await client.ask(b":GD#")).endswith(b"#")

@@ -24,11 +24,11 @@ async def test_unacknowledged_stop_is_sent_three_times(mount: str, rate: bytes, 
     """Whether the motion is fast enough to be seen or not."""
     async with to_a(mount) as bridge:
         client = bridge.client()
-        client.tell(rate + b":Mn#")
+        client.send(rate + b":Mn#")
         await asyncio.sleep(3.0)
         assert abs(truth_of(bridge.sim).rate2) > 0.01
         lose_commands(bridge, ENDS, times)
-        client.tell(b":Q#")
+        client.send(b":Q#")
         await asyncio.sleep(12.0 * times / 3 + 5.0)
         assert not bridge.controller.wanted.stop_owed
         assert abs(truth_of(bridge.sim).rate2) < 0.01
@@ -37,10 +37,10 @@ async def test_unacknowledged_stop_is_sent_three_times(mount: str, rate: bytes, 
 async def test_stop_is_given_up_and_reported_after_seven_times() -> None:
     async with to_a("cge") as bridge:
         client = bridge.client()
-        client.tell(b":RC#:Mn#")
+        client.send(b":RC#:Mn#")
         await asyncio.sleep(3.0)
         missed = lose_commands(bridge, ENDS, 1000)
-        client.tell(b":Q#")
+        client.send(b":Q#")
         await asyncio.sleep(240.0)
         sent = len(missed)
         assert 15 < sent < 120

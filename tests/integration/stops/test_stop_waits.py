@@ -59,7 +59,7 @@ def bridge_to(name: str, **config: Any) -> Bridge:
 async def poll(bridge: Bridge, seconds: float) -> None:
     client = bridge.client("10.0.0.9")
     for _ in range(round(seconds * 2)):
-        client.tell(b":GR#:GD#")
+        client.send(b":GR#:GD#")
         await asyncio.sleep(0.5)
 
 
@@ -67,7 +67,7 @@ async def seconds_to_rest(bridge: Bridge, since: float, at_most: float = 12.0) -
     """Return how long after this loop time the true axes were last seen to turn."""
     loop, client, moved = asyncio.get_running_loop(), bridge.client("10.0.0.9"), 0.0
     while loop.time() < since + at_most:
-        client.tell(b":GR#:GD#")
+        client.send(b":GR#:GD#")
         await asyncio.sleep(0.05)
         truth = truth_of(bridge.sim)
         if truth.moving and max(abs(truth.rate1), abs(truth.rate2)) > TRACKS:
@@ -85,13 +85,13 @@ MOTIONS = {"arrow": b":RS#:Me#", "two": b":RS#:Mn#:Mw#", "goto": b":Sr08:00:00#:
 async def test_stop_waits_for_at_most_one_exchange_after_any_loss(name: str, lost: int, motion: str) -> None:
     async with bridge_to(name) as bridge:
         client, loop, pressed = bridge.client(), asyncio.get_running_loop(), list[float]()
-        client.tell(MOTIONS[motion])
+        client.send(MOTIONS[motion])
         await poll(bridge, 3.0)
         line = LossyLine(bridge, MOUNTS[name].latency)
 
         def stop() -> None:
             pressed.append(loop.time())
-            client.tell(b":Q#")
+            client.send(b":Q#")
 
         stops = [data for _, data in line.heard if is_stop(data)]
         if lost:
@@ -116,12 +116,12 @@ async def test_stop_ends_a_motion_soon_after_the_line_works_again(name: str, dea
     """The mount hears nothing for a while from the stop on: the stop is written again while the line is checked."""
     async with bridge_to(name) as bridge:
         client, loop = bridge.client(), asyncio.get_running_loop()
-        client.tell(b":RS#:Me#")
+        client.send(b":RS#:Me#")
         await poll(bridge, 3.0)
         line, since = LossyLine(bridge, MOUNTS[name].latency), loop.time()
         line.lose_bytes(range(100_000))
         loop.call_later(dead, line.lose_bytes, ())
-        client.tell(b":Q#")
+        client.send(b":Q#")
         assert await seconds_to_rest(bridge, since) <= dead + 1.2 + BRAKES
         bridge.entries.clear()  # half a command has no form in the manual
 
@@ -132,13 +132,13 @@ async def test_stop_without_a_reply_is_sent_again_when_the_reply_behind_it_is_la
     """The end of the stop is lost with the beginning of the read behind it, which therefore gets no reply."""
     async with bridge_to(name) as bridge:
         client = bridge.client()
-        client.tell(b":RS#:Me#")
+        client.send(b":RS#:Me#")
         await poll(bridge, 3.0)
         line, since = LossyLine(bridge, MOUNTS[name].latency), asyncio.get_running_loop().time()
         line.lose_bytes(range(2, 5))
-        client.tell(b":Qe#")
+        client.send(b":Qe#")
         await asyncio.sleep(0.1)
-        client.tell(b":Q#")
+        client.send(b":Q#")
         assert await seconds_to_rest(bridge, since) <= 2.0 * MOUNTS[name].latency + 1.3 + BRAKES
         bridge.entries.clear()  # half a command has no form in the manual
 
@@ -198,15 +198,15 @@ async def play(case: Interrupted, stop: bool = True) -> tuple[float, bool, dict[
         before, traffic = TRAFFIC[case.traffic]
         was = settings_of(bridge)
         if case.places:
-            client.tell(before)
+            client.send(before)
         await poll(bridge, 3.0)
         line = LossyLine(bridge, MOUNTS[case.mount].latency, case.keeps_half)
         line.lose_bytes(case.places)
-        bridge.client("10.0.0.9").tell(traffic)
+        bridge.client("10.0.0.9").send(traffic)
         await asyncio.sleep(case.after)
         since = asyncio.get_running_loop().time()
         if stop:
-            client.tell(b":Q#")
+            client.send(b":Q#")
         moved = await seconds_to_rest(bridge, since)
         after = settings_of(bridge)
         bridge.entries.clear()  # half a command has no form in the manual
@@ -241,7 +241,7 @@ async def set_with_loss(name: str, traffic: bytes, place: int | None) -> tuple[d
         await poll(bridge, 2.0)
         line = LossyLine(bridge, MOUNTS[name].latency)
         line.lose_bytes(() if place is None else (place,))
-        bridge.client().tell(traffic)
+        bridge.client().send(traffic)
         await poll(bridge, 20.0)
         ends = accumulate(len(data) for _, data in line.heard)
         words = [end - 5 for end, (_, data) in zip(ends, line.heard, strict=True) if data.startswith(b":S")]
@@ -274,10 +274,10 @@ async def test_limit_ends_a_motion_in_time_though_replies_were_lost(name: str, l
             await poll(bridge, 0.5)
         await asyncio.sleep(2.0)
         line, low, armed = LossyLine(bridge, MOUNTS[name].latency), 90.0, False
-        client.tell(b":RS#:Ms#")
+        client.send(b":RS#:Ms#")
         for tenth in range(250):
             await asyncio.sleep(0.1)
-            client.tell(b":GR#:GD#" if tenth % 5 == 0 else b"")
+            client.send(b":GR#:GD#" if tenth % 5 == 0 else b"")
             low = min(low, altitude(bridge.sim))
             if low < 18.0 and not armed:
                 armed = True
@@ -290,7 +290,7 @@ async def test_flood_of_stops_does_not_keep_the_line_down(name: str) -> None:
     """What is written serves them all, so the checks of the line are answered between two writings."""
     async with bridge_to(name) as bridge:
         client = bridge.client()
-        client.tell(b":RS#:Me#")
+        client.send(b":RS#:Me#")
         await poll(bridge, 3.0)
         line = LossyLine(bridge, MOUNTS[name].latency)
         line.lose_replies(1_000_000, lambda: None)
@@ -298,12 +298,12 @@ async def test_flood_of_stops_does_not_keep_the_line_down(name: str) -> None:
         assert bridge.controller.line.state == "down"
         line.lose_replies(0, lambda: None)
         for _ in range(500):
-            client.tell(b":Q#")
+            client.send(b":Q#")
             await asyncio.sleep(0.02)
         assert bridge.controller.line.usable
         await asyncio.sleep(4.0)
         assert not bridge.controller.wanted.stop_owed
-        assert await client.ask(b":GD#", until=b"#")
+        assert await client.ask(b":GD#", ending=b"#")
 
 
 @pytest.mark.parametrize("name", ["cge/4.21", "autostar", "onstep"])
@@ -311,11 +311,11 @@ async def test_stop_is_written_until_a_mute_mount_hears_it(name: str) -> None:
     """It hears nothing for ten seconds, and says nothing after that."""
     async with bridge_to(name) as bridge:
         client, wire = bridge.client(), bridge.controller.line.wire
-        client.tell(b":RS#:Me#")
+        client.send(b":RS#:Me#")
         await poll(bridge, 3.0)
         hear = wire.feed  # type: ignore[attr-defined]
         wire.feed = lambda data: b""  # type: ignore[attr-defined]
-        client.tell(b":Q#")
+        client.send(b":Q#")
         await asyncio.sleep(10.0)
         wire.feed = lambda data: hear(data) and b""  # type: ignore[attr-defined]
         await asyncio.sleep(8.0)

@@ -113,12 +113,12 @@ async def stopped(bridge: Bridge) -> None:
 
 async def another_program(bridge: Bridge) -> None:
     one, other = bridge.client("10.0.0.2"), bridge.client("10.0.0.3")
-    one.tell(b":RC#:Mn#")
+    one.send(b":RC#:Mn#")
     await asyncio.sleep(1.0)
-    other.tell(b":RG#:Me#")
+    other.send(b":RG#:Me#")
     await asyncio.sleep(1.0)
-    one.tell(b":Qn#")
-    other.tell(b":Qe#")
+    one.send(b":Qn#")
+    other.send(b":Qe#")
 
 
 ORDERS: dict[str, Callable[[Bridge], Awaitable[None]]] = {

@@ -27,12 +27,12 @@ async def test_impossible_drive_rate_is_refused_and_not_reported(model: str, ver
         client = bridge.client()
         before = len(bridge.sent_requests())
         for hertz, reply in ((b"055.5", b"0"), (b"57.9", b"0"), (b"060.0", b"0"), (b"060.1", b"1"), (b"060.2", b"1")):
-            assert await client.ask(b":ST%s#" % hertz, until=reply) == reply
-            assert await client.ask(b":GT#", until=b"#") == b"60.1#"
-        client.tell(b":TL#")
-        assert await client.ask(b":GT#", until=b"#") == b"60.1#"
-        client.tell(b":TS#:T+#:TM#:TQ#")
-        assert await client.ask(b":GT#", until=b"#") == b"60.1#"
+            assert await client.ask(b":ST%s#" % hertz, ending=reply) == reply
+            assert await client.ask(b":GT#", ending=b"#") == b"60.1#"
+        client.send(b":TL#")
+        assert await client.ask(b":GT#", ending=b"#") == b"60.1#"
+        client.send(b":TS#:T+#:TM#:TQ#")
+        assert await client.ask(b":GT#", ending=b"#") == b"60.1#"
         assert [one for one in bridge.sent_requests()[before:] if one[:1] in b"PT"] == []
         assert any("Tracking rate" in entry.note for entry in bridge.entries)
 
@@ -45,23 +45,23 @@ async def test_reported_drive_rate_is_the_running_one_even_without_tracking(comm
     """The motors' lunar rate is 14.685 arcseconds a second: 60.164 hertz of 15.041 are 58.7."""
     async with Bridge("cge", "4.21") as bridge:
         client = bridge.client()
-        await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", until=b"0")
+        await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", ending=b"0")
         await asyncio.sleep(40.0)
-        client.tell(command)
+        client.send(command)
         await asyncio.sleep(2.0)
-        assert await client.ask(b":GT#", until=b"#") == told
+        assert await client.ask(b":GT#", ending=b"#") == told
         before, began = bridge.sim.true_position()[0], bridge.clock()
         await asyncio.sleep(20.0)
         drift = (bridge.sim.true_position()[0] - before) * 3600.0 / (bridge.clock() - began)
         assert (15.041 - drift) / 15.041 * 60.164 == pytest.approx(float(told[:-1]), abs=0.08)
-        client.tell(b":AL#")
-        assert await client.ask(b":GT#", until=b"#") == told
+        client.send(b":AL#")
+        assert await client.ask(b":GT#", ending=b"#") == told
 
 
 async def test_drive_rate_set_over_another_protocol_is_reported() -> None:
     async with Bridge("cge", "4.21") as bridge:
         await bridge.controller.perform(TrackRate(name="lunar"))
-        assert await bridge.client().ask(b":GT#", until=b"#") == b"58.7#"
+        assert await bridge.client().ask(b":GT#", ending=b"#") == b"58.7#"
 
 
 @pytest.mark.parametrize("version", ["1.6", "2.2"])
@@ -70,16 +70,16 @@ async def test_hand_control_that_hides_its_mode_can_be_told_to_stop_tracking(ver
         client = bridge.client()
         await asyncio.sleep(2.0)
         assert bridge.sim.tracking
-        client.tell(b":AL#")
+        client.send(b":AL#")
         await asyncio.sleep(2.0)
         assert b"T\x00" in bridge.sent_requests()
         assert not bridge.sim.tracking
         assert (await client.ask(b":GW#"))[1:2] == b"N"
-        client.tell(b":AA#")
+        client.send(b":AA#")
         await asyncio.sleep(2.0)
         assert b"T\x01" in bridge.sent_requests() and bridge.sim.tracking
         assert sum("fits the mount's type" in entry.note for entry in bridge.entries) == 1
-        client.tell(b":hP#")
+        client.send(b":hP#")
         await asyncio.sleep(90.0)
         assert not bridge.sim.tracking and (await client.ask(b":GW#"))[1:2] == b"N"
 
@@ -90,9 +90,9 @@ async def test_mount_tracks_again_after_an_arrow(version: str) -> None:
     async with Bridge("nexstar-gps", version, surface="lx200gps", config={"lowest": -90.0}) as bridge:
         client = bridge.client()
         await asyncio.sleep(2.0)
-        client.tell(b":RS#:Mn#")
+        client.send(b":RS#:Mn#")
         await asyncio.sleep(2.0)
         assert b"T\x00" in bridge.sent_requests()
-        client.tell(b":Qn#")
+        client.send(b":Qn#")
         await asyncio.sleep(5.0)
         assert bridge.sim.tracking

@@ -25,11 +25,11 @@ async def test_tracking_order_is_sent_though_the_mount_seemed_to_obey_already(mo
     async with Bridge(mount, driven="lx200") as bridge:
         client, keys = bridge.client(), bridge.sim.connection()
         if not on:
-            client.tell(b":AL#")
+            client.send(b":AL#")
             await asyncio.sleep(2.0)
         keys(b":AL#" if on else b":AA#")
         assert bridge.sim.tracking is not on
-        client.tell(b":AA#" if on else b":AL#")
+        client.send(b":AA#" if on else b":AL#")
         await asyncio.sleep(2.0)
         assert bridge.sim.tracking is on
 
@@ -42,9 +42,9 @@ async def test_tracking_switched_off_after_an_arrow_stays_off(
 ) -> None:
     async with Bridge(mount, version, site=site) as bridge:
         owner, client = Owner(bridge, "nexstar"), bridge.client()
-        client.tell(b":RM#:Me#")
+        client.send(b":RM#:Me#")
         await asyncio.sleep(2.0)
-        client.tell(b":Qe#")
+        client.send(b":Qe#")
         await asyncio.sleep(after)
         owner.keys("tracking off")
         for _ in range(40):
@@ -61,7 +61,7 @@ def test_tracking_ignored_by_the_hand_control_is_sent_once_more(
     async def program() -> None:
         async with Bridge(mount, version) as bridge:
             client, left = bridge.client(), ignored
-            client.tell(b":RM#:Me#")
+            client.send(b":RM#:Me#")
             await asyncio.sleep(2.0)
             track = bridge.sim.track  # type: ignore[attr-defined]
 
@@ -73,7 +73,7 @@ def test_tracking_ignored_by_the_hand_control_is_sent_once_more(
 
             set_deaf: Any = bridge.sim
             set_deaf.track = deaf
-            client.tell(b":Qe#")
+            client.send(b":Qe#")
             await asyncio.sleep(4.0)
             assert truth_of(bridge.sim).tracking is tracks
             assert len([sent for sent in bridge.sent_requests() if sent[:1] == b"T" and sent != b"T\0"]) == 2

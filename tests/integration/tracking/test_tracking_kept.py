@@ -27,7 +27,7 @@ MOTIONS = {
 async def polled(bridge: Any, seconds: int, question: bytes = b":GR#") -> None:
     client = bridge.client("10.0.0.9")
     for _ in range(seconds):
-        client.tell(question)
+        client.send(question)
         await asyncio.sleep(1.0)
 
 
@@ -80,9 +80,9 @@ async def test_tracking_returns_in_its_previous_mode(mount: str, tells_altaz: bo
             await client.ask(b"P\x02\x10\x24\0\0\0\0")
             await asyncio.sleep(3.0)
         elif between == "slept":
-            client.tell(b"x")
+            client.send(b"x")
             await asyncio.sleep(5.0)
-            client.tell(b"y")
+            client.send(b"y")
             await asyncio.sleep(8.0)
         else:
             for letter in between:
@@ -120,15 +120,15 @@ async def test_tracking_returns_in_its_previous_mode_for_lx200_programs(
         bridge.sim.feed(b":AP#")
         await polled(bridge, 8, b":GW#")
         client = bridge.client()
-        client.tell(b":AL#")
+        client.send(b":AL#")
         await asyncio.sleep(2.0)
         assert await client.ask(b"\x06") == b"L"
         if between:
             await client.ask(between)
-        client.tell(again)
+        client.send(again)
         await asyncio.sleep(3.0)
         assert bridge.sim.mode_letter == "P"
-        assert await client.ask(b":GW#", until=b"1") == b"PT1"
+        assert await client.ask(b":GW#", ending=b"1") == b"PT1"
         assert await client.ask(b"\x06") == b"P"
 
 
@@ -158,7 +158,7 @@ async def test_classic_that_cannot_stop_tracking_still_reports_tracking(mount: s
     async with Bridge(mount, driven="lx200", surface="lx200gps", config=OPEN) as bridge:
         client = bridge.client()
         assert await client.ask(b":AL#\x06") == b"P"
-        assert await client.ask(b":GW#", until=b"1") == b"PT1"
+        assert await client.ask(b":GW#", ending=b"1") == b"PT1"
 
 
 # --- the rate -------------------------------------------------------------------------------------------------------
@@ -188,32 +188,32 @@ async def test_drive_rate_runs_on_after_any_interruption(mount: str, polar: bool
             bridge.sim.feed(b":AP#")
         await polled(bridge, 8)
         client = bridge.client()
-        client.tell(rate)
+        client.send(rate)
         await polled(bridge, 3)
         before = await drift(bridge)
         assert before == pytest.approx(RATES[rate], abs=0.02)
         if between.startswith("off"):
-            client.tell(b":AL#")
+            client.send(b":AL#")
             await polled(bridge, 4)
         if "goto" in between:
-            await client.ask(b":Sr08:00:00#:Sd+20*00:00#:MS#", until=b"0")
+            await client.ask(b":Sr08:00:00#:Sd+20*00:00#:MS#", ending=b"0")
             await polled(bridge, 3 if between.endswith("stopped") else 40)
         if between.endswith("stopped"):
-            client.tell(b":Q#")
+            client.send(b":Q#")
         if between.endswith("on"):
-            client.tell(b":AP#")
+            client.send(b":AP#")
         if between == "slept":
-            client.tell(b":hN#")
+            client.send(b":hN#")
             await polled(bridge, 6)
-            client.tell(b":hW#")
+            client.send(b":hW#")
         if between == "parked":
-            client.tell(b":hP#")
+            client.send(b":hP#")
             await polled(bridge, 60)
-            client.tell(b":I#")
+            client.send(b":I#")
         if between in MOTIONS:
-            client.tell(MOTIONS[between])
+            client.send(MOTIONS[between])
             await polled(bridge, 2)
-            client.tell(b":Qn#:Qe#:Qw#")
+            client.send(b":Qn#:Qe#:Qw#")
         if between == "reconnected":
             cable = Cable(bridge)
             cable.pull()
@@ -223,7 +223,7 @@ async def test_drive_rate_runs_on_after_any_interruption(mount: str, polar: bool
         assert await drift(bridge) == pytest.approx(before, abs=0.02)
         lunar = b"58.7#" if driven == "nexstar" else b"57.9#"  # as its motors turn; a Meade's own number
         assert await client.ask(b":GT#") == (lunar if rate == b":TL#" else b"58.0#")
-        assert (await client.ask(b":GW#", until=b"1"))[1:2] == b"T"
+        assert (await client.ask(b":GW#", ending=b"1"))[1:2] == b"T"
 
 
 # --- registers ------------------------------------------------------------------------------------------------------
@@ -235,14 +235,14 @@ async def test_rates_set_while_the_line_was_down_apply_afterwards() -> None:
         cable.pull()
         await asyncio.sleep(2.0)
         assert await client.ask(b":Rg05.0#:Sw3#") == b"1"
-        client.tell(b":RE01.5#")
+        client.send(b":RE01.5#")
         cable.plug()
         await polled(bridge, 15)
         assert bridge.sim.stored_values["Rg"] == pytest.approx(5.0)
-        client.tell(b":RS#:Mw#")
+        client.send(b":RS#:Mw#")
         await asyncio.sleep(2.0)
         assert abs(truth_of(bridge.sim).rate1) == pytest.approx(3.0, abs=0.1)
-        client.tell(b":Qw#:RE01.5#:Mn#")
+        client.send(b":Qw#:RE01.5#:Mn#")
         await asyncio.sleep(2.0)
         assert abs(truth_of(bridge.sim).rate2) == pytest.approx(1.5, abs=0.1)
 
@@ -253,9 +253,9 @@ async def test_meade_registers_are_sent_anew_after_a_lost_line(off_and_on: bool)
     async with Bridge("lx200gps", driven="lx200", surface="lx200gps", config=OPEN) as bridge:
         client, cable = bridge.client(), Cable(bridge)
         await client.ask(b":Rg05.0#:Sw3#")
-        client.tell(b":RS#:Mw#")
+        client.send(b":RS#:Mw#")
         await asyncio.sleep(2.0)
-        client.tell(b":Qw#")
+        client.send(b":Qw#")
         await polled(bridge, 4)
         cable.pull()
         await asyncio.sleep(2.0)
@@ -264,12 +264,12 @@ async def test_meade_registers_are_sent_anew_after_a_lost_line(off_and_on: bool)
         cable.plug()
         await polled(bridge, 15)
         await client.ask(b":Sw8#")
-        client.tell(b":RS#:Mw#")
+        client.send(b":RS#:Mw#")
         await asyncio.sleep(3.0)
         assert abs(truth_of(bridge.sim).rate1) == pytest.approx(8.0, abs=0.1)
-        client.tell(b":Qw#")
+        client.send(b":Qw#")
         await polled(bridge, 6)
-        client.tell(b":Rg15.0#")
+        client.send(b":Rg15.0#")
         await polled(bridge, 3)
         assert bridge.sim.stored_values["Rg"] == pytest.approx(15.0, abs=0.1)
 

@@ -91,4 +91,4 @@ def act(random: Random, page: Page, program: RehearsalClient) -> None:
     elif what < 0.96:
         page.load()
     else:
-        program.tell(random.choice((b":Q#", b":RM#:Mn#:Qn#", b":Sr02:00:00#:Sd+40*00:00#:MS#")))
+        program.send(random.choice((b":Q#", b":RM#:Mn#:Qn#", b":Sr02:00:00#:Sd+40*00:00#:MS#")))

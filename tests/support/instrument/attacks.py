@@ -62,7 +62,7 @@ def leading_to(world: World, azimuth: float, altitude: float) -> Pair:
     twin, now = copy.deepcopy(world.mechanics), world.now
     hour_angle, dec = horizon_to_hour_angle(azimuth, altitude, world.site[0])
     geometry = Geometry(twin.build, world.site[0])
-    twin.goto_axes(now, *geometry.axes(hour_angle, dec, geometry.is_flipped(hour_angle)))
+    twin.goto_axes(now, *geometry.to_axes(hour_angle, dec, geometry.is_flipped(hour_angle)))
     ra, dec = twin.believed_position(twin.arrival_time(now) + 0.5)
     return ra, max(-90.0, min(90.0, dec if abs(dec) <= 90.0 else (180.0 if dec > 0 else -180.0) - dec))
 
@@ -75,9 +75,9 @@ async def goes(world: World, azimuth: float, altitude: float) -> bool:
 
 async def arrow(world: World, letter: str, seconds: float, rate: str = "RS") -> None:
     """Hold an arrow, polling as programs do."""
-    world.program.tell(f":{rate}#:M{letter}#".encode())
+    world.program.send(f":{rate}#:M{letter}#".encode())
     for _ in range(int(seconds)):
-        world.program.tell(b":GR#:GD#")
+        world.program.send(b":GR#:GD#")
         await world.watch(1.0)
     await world.tell(f":Q{letter}#".encode())
     await world.rest(30.0)

@@ -18,7 +18,7 @@ from gateway.astro.axes import Build, Geometry, Observer, Pair
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import horizon_to_hour_angle, hour_angle_to_horizon, separation, wrap180, wrap360
 from gateway.core import operations as op
-from gateway.diagnostics.rehearsal.stage import RehearsalMount
+from gateway.diagnostics.rehearsal.stage import RehearsalGateway
 from gateway.protocols.mechanics.mount import Mechanics
 from gateway.protocols.mechanics.truth import sun_position
 from tests.support.typed_programs import dms, hms
@@ -144,7 +144,7 @@ class World:
             config["site"] = configured
         if slip.doubtful:
             config["computer_clock"] = "doubtful"
-        self.stage = RehearsalMount(
+        self.stage = RehearsalGateway(
             made.model, made.version, driven=made.driven, presented="lx200", surface="lx200gps", start=start,
             site=site, latency=slip.latency, sky=EPHEMERIS, config=config, host_ahead=slip.computer,
             simulated=dict(made.simulated),
@@ -228,10 +228,10 @@ class World:
     # --- a program ----------------------------------------------------------------------------------------------------
 
     async def ask(self, data: bytes, until: bytes = b"", seconds: float = 6.0) -> bytes:
-        return await self.program.ask(data, seconds, until=until)
+        return await self.program.ask(data, seconds, ending=until)
 
     async def tell(self, data: bytes) -> None:
-        self.program.tell(data)
+        self.program.send(data)
         await asyncio.sleep(0.3)
 
     async def target(self, ra: float, dec: float) -> None:
@@ -244,7 +244,7 @@ class World:
             await self.ask(f":Sz{ra:03.0f}*00#:Sa{sign}{abs(dec):02.0f}*00#".encode(), b"11")
         else:
             await self.target(ra, dec)
-        self.program.tell(b":GR#:GD#")  # programs poll
+        self.program.send(b":GR#:GD#")  # programs poll
         await asyncio.sleep(1.0 + 4.0 * self.slip.latency)
         self.stage.entries.clear()
         heard = (await self.ask(b":MA#" if horizontal else b":MS#")).decode("latin-1")

@@ -16,7 +16,7 @@ from gateway.app.state import file as on_disk
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Held
-from gateway.core.motion_kinds import MOTIONS
+from gateway.core.motion_kinds import SEQUENTIAL
 from gateway.core.requests import Answer, HoldRequest, ReleaseHoldRequest, StopOrHold
 from gateway.mount.policy import Hold
 from tests.support.in_process_gateway import Bridge
@@ -38,7 +38,7 @@ MOUNTS = [("nexstar", "6-8se"), ("nexstar", "cge"), ("lx200", "lx200"), ("lx200"
 
 
 def test_every_operation_is_declared_allowed_or_refused_on_a_held_mount() -> None:
-    assert {type(operation) for operation in DONE} == set(MOTIONS)
+    assert {type(operation) for operation in DONE} == set(SEQUENTIAL)
     held, free = Hold(), Hold()
     held.is_on = True
     for operation, done in DONE.items():
@@ -88,13 +88,13 @@ async def test_held_mount_is_moved_by_no_program(
             await client.ask(b"T\0", 2.0)
         tracking = bridge.sim.tracking
         for command in said:
-            client.tell(command)
+            client.send(command)
             assert await _rests(bridge), command
             assert bridge.sim.tracking <= tracking, command
         assert any("The mount is held" in entry.note for entry in bridge.entries), "it is in the log"
         assert await client.ask(b":GR#" if presented == "lx200" else b"e")
         assert await _order(bridge, ReleaseHoldRequest()) == RELEASED
-        client.tell(said[0])
+        client.send(said[0])
         assert not await _rests(bridge)
 
 
@@ -102,23 +102,23 @@ async def test_goto_to_a_held_mount_is_refused_in_words_while_settings_are_accep
     async with Bridge(state=tmp_path) as bridge:
         assert await _order(bridge, HoldRequest()) == HELD
         client = bridge.client()
-        assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#", until=b"11") == b"11"
-        assert await client.ask(b":MS#", until=b"#") == b"2" + WORDS + b"#"
-        assert await client.ask(b":SMhere#:GM#", until=b"e#") == b"1here#"
+        assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#", ending=b"11") == b"11"
+        assert await client.ask(b":MS#", ending=b"#") == b"2" + WORDS + b"#"
+        assert await client.ask(b":SMhere#:GM#", ending=b"e#") == b"1here#"
         assert await client.ask(b":Q#:GVP#") == b"Autostar#"
 
 
 async def test_hold_stops_the_mount_first_and_reports_rest_only_if_observed(tmp_path: Path) -> None:
     async with Bridge("cge", state=tmp_path) as bridge:
         client = bridge.client()
-        client.tell(b":RS#:Mn#")
+        client.send(b":RS#:Mn#")
         await asyncio.sleep(2)
         assert not await _rests(bridge, 1.0)
         assert await _order(bridge, HoldRequest()) == HELD
         assert await _rests(bridge)
         assert bridge.sim.tracking, "it follows the sky as before"
         await _order(bridge, ReleaseHoldRequest())
-        client.tell(b":RS#:Mn#")
+        client.send(b":RS#:Mn#")
         await asyncio.sleep(2)
         bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
         answer = await _order(bridge, HoldRequest())
@@ -134,10 +134,10 @@ async def test_hold_survives_a_restart_and_is_reported_at_the_start(tmp_path: Pa
         assert await _order(first, HoldRequest()) == HELD
     async with Bridge(state=tmp_path, on=first) as second:
         assert len(second.warned) == 1 and "stop --release" in second.warned[0]
-        second.client().tell(b":RS#:Mn#")
+        second.client().send(b":RS#:Mn#")
         assert await _rests(second)
         assert await _order(second, ReleaseHoldRequest()) == RELEASED
-        second.client().tell(b":RS#:Mn#")
+        second.client().send(b":RS#:Mn#")
         assert not await _rests(second)
     async with Bridge(state=tmp_path, on=first) as third:
         assert third.warned == []
@@ -155,7 +155,7 @@ async def test_hold_that_cannot_be_saved_holds_in_memory_and_says_so(
         answer = await _order(bridge, HoldRequest())
         assert not answer.is_ok
         assert "a restart of the gateway forgets" in answer.text and f"{tmp_path}/hold" in answer.text
-        bridge.client().tell(b":RS#:Mn#")
+        bridge.client().send(b":RS#:Mn#")
         assert await _rests(bridge)
         assert await _order(bridge, ReleaseHoldRequest()) == RELEASED
 
@@ -163,10 +163,10 @@ async def test_hold_that_cannot_be_saved_holds_in_memory_and_says_so(
 async def test_hold_catches_a_motion_that_is_being_sent(tmp_path: Path) -> None:
     for step in range(12):
         async with Bridge("cge", state=tmp_path / str(step)) as bridge:
-            bridge.client().tell(b":RS#:Mn#:Sr07:00:00#:Sd+30*00:00#:MS#")
+            bridge.client().send(b":RS#:Mn#:Sr07:00:00#:Sd+30*00:00#:MS#")
             await asyncio.sleep(0.05 * step)
             assert await _order(bridge, HoldRequest()) == HELD
-            bridge.client().tell(b":Mw#:Me#")
+            bridge.client().send(b":Mw#:Me#")
             await asyncio.sleep(1)
             assert await _rests(bridge), step
 

@@ -219,7 +219,7 @@ async def test_motion_by_hand_lasts_while_its_program_sends_requests(way: str, t
 
 async def ask(bridge: Bridge, frames: bytes) -> None:
     """Send frames as another program, and let them be carried out."""
-    bridge.client().tell(frames)
+    bridge.client().send(frames)
     await asyncio.sleep(1.0)
 
 

@@ -120,7 +120,7 @@ async def test_reading_the_status_sends_nothing_to_the_mount() -> None:
         await client.ask(b":Q#:GR#")
         await asyncio.sleep(1)
         assert not status_line(pier, rate).by_hand
-        await client.ask(b":Sr05:34:32#:Sd+22*00:52#:MS#", until=b"110")
+        await client.ask(b":Sr05:34:32#:Sd+22*00:52#:MS#", ending=b"110")
         await asyncio.sleep(1)
         assert status_line(gateway(bridge, "pier"), rate).name == "pier"
         assert "slewing" in status_text([status_line(pier, rate)])

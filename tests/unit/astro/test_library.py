@@ -137,8 +137,8 @@ def test_object_search_keeps_its_size_and_brightness_limits(wanted: SearchLimits
     for candidate in found[:: max(1, len(found) // 15)]:
         entry = deepsky.object_by_row(candidate[0])
         assert (entry.ra, entry.dec) == pytest.approx(candidate[1:])
-        assert wanted.brightest <= (20.0 if entry.magnitude is None else entry.magnitude) <= wanted.faintest
-        assert wanted.smallest <= (entry.size or 0.0) <= wanted.largest
+        assert wanted.min_mag <= (20.0 if entry.magnitude is None else entry.magnitude) <= wanted.max_mag
+        assert wanted.min_size <= (entry.size or 0.0) <= wanted.max_size
         assert set(entry.kinds) & set(wanted.kinds)
         assert QUALITIES.index(quality(entry.magnitude, entry.size, entry.width)) <= QUALITIES.index(wanted.quality)
 

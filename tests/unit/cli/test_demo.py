@@ -75,7 +75,7 @@ def test_demo_takes_the_next_free_link_name(tmp_path: Path, terminal: str) -> No
     assert demo.free_pty_path(str(path)) == f"{path}-3"
     assert (os.readlink(path), (tmp_path / "lx200-2").read_text()) == (terminal, "mine")
     with pytest.raises(UserError, match="is in use"):
-        DeviceLink(str(path)).check_name()
+        DeviceLink(str(path)).check_path()
 
 
 def test_demo_takes_the_next_free_port(monkeypatch: pytest.MonkeyPatch) -> None:

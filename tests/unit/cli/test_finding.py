@@ -90,7 +90,7 @@ async def test_first_position_of_a_slow_classic_is_waited_for(named: bool, secon
     began, said = now(), list[str]()
     bridge.controller.start()
     assert await finding._wait_for_mount(gateway_of(bridge, "lx200:lx200@-" if named else "lx200@-"), said.append)
-    assert await bridge.client().ask(b":GR#", until=b"#")
+    assert await bridge.client().ask(b":GR#", ending=b"#")
     assert now() - began < seconds - 0.3  # the process has to start, too
     await bridge.controller.close()
 
@@ -129,7 +129,7 @@ async def test_slowly_starting_hand_control_is_waited_for(monkeypatch: pytest.Mo
     assert 25.0 < now() - began < 30.0
     assert "asks for 40 s" in slow.said[-1] and "--no-wait" in slow.said[-1]
     assert 4.0 < slow.times[-1] < 4.5
-    assert await bridge.client().ask(b":GR#", until=b"#")
+    assert await bridge.client().ask(b":GR#", ending=b"#")
     await bridge.controller.close()
 
 

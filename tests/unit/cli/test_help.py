@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.app.config.describing import keys
+from gateway.app.config.describing import keys_of
 from gateway.cli import main
 from gateway.cli.command_line import COMMAND_GROUPS, COMMANDS, make_parser
 from gateway.cli.completion import SHELLS, completion_script
@@ -60,7 +60,7 @@ def test_run_help_fits_a_screen_and_run_help_all_has_every_key(
 ) -> None:
     few, page = (told(capsys, monkeypatch, "run", columns="80", whole=whole) for whole in (False, True))
     assert len(few.splitlines()) <= 70
-    every = [key for key in (*keys("mount"), *keys("")) if key.has_flag]
+    every = [key for key in (*keys_of("mount"), *keys_of("")) if key.has_flag]
     assert all(f"\n  --{key.name}" in page for key in every)
     assert all((f"\n  --{key.name}" in few) is key.in_short_help for key in every)
     titles = ["connections", "about the mount:", *(f"{title}:" for title in FLAG_GROUPS), "Examples:"]

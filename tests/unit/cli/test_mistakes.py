@@ -209,12 +209,12 @@ def test_suspended_gateway_is_reported_as_suspended(started: list[Running], tmp_
     started.append(gateway)
     gateway.ready()
     number = gateway.process.pid
-    assert not processes.suspended(number)
+    assert not processes.is_suspended(number)
     assert f"kill -9 {number}" in (words := explain_no_answer(number)) and "stop" in words and "-CONT" not in words
     os.kill(number, signal.SIGSTOP)
     try:
         until = time.monotonic() + PATIENCE
-        while not processes.suspended(number):  # the signal takes a moment
+        while not processes.is_suspended(number):  # the signal takes a moment
             assert time.monotonic() < until
         assert f"kill -CONT {number}" in (words := explain_no_answer(number)) and f"kill -9 {number}" in words
     finally:

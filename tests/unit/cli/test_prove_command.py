@@ -19,7 +19,7 @@ import pytest
 from gateway.app.config import Config, MountConfig
 from gateway.app.state.mount_claim import MountTaken
 from gateway.cli import main
-from gateway.cli.inspect.prove import LINE_COLUMNS, Terminal, config_for_check, summary
+from gateway.cli.inspect.prove import LINE_COLUMNS, Terminal, config_for_check, summarize
 from gateway.core.errors import UserError
 from gateway.diagnostics.prove.findings import DIFFERS, SAME, Finding, Findings, ProofFile, save
 from gateway.diagnostics.prove.guide import STAGES
@@ -90,7 +90,7 @@ def test_prove_summary_names_each_difference() -> None:
     findings = Findings(
         stages={"reads": [Finding("identity", SAME), Finding("rate 9", DIFFERS, "3°/s", "5°/s", "Slow.")]}
     )
-    first, second, third = summary(findings)
+    first, second, third = summarize(findings)
     assert "1 same, 1 differs" in first
     assert second == "differs  rate 9: 3°/s (assumed: 5°/s)"
     assert "Not done: sky, motions" in third

@@ -184,7 +184,7 @@ def test_stop_stops_a_mount_left_moving_in_another_state_folder(
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as freed:
         freed.bind(("127.0.0.1", 0))
         gone = ControlEndpoint("nexstar@/dev/ttyS9", GONE, freed.getsockname()[1], "s", str(east), "east")
-    for folder in (folders := runtime.folders()[0]):
+    for folder in (folders := runtime.find_folders()[0]):
         (folder / "m.control").write_bytes(msgspec.json.encode(gone))
     assert len(folders) == 2
     exchange.remove_stale(folders[0])  # as a gateway does that starts for another mount

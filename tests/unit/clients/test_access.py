@@ -114,7 +114,7 @@ async def test_pending_commands_of_a_closed_connection_count_until_done() -> Non
     async with Bridge(latency=0.2, access=AccessRules(max_clients=3), presented="nexstar", surface="6-8se") as bridge:
         for _ in range(3):
             client = bridge.client()
-            client.tell(b"T\2t" * 20)
+            client.send(b"T\2t" * 20)
             client.close()
         with pytest.raises(ConnectionRefused):
             bridge.client()
@@ -256,14 +256,14 @@ async def test_look_only_lx200_client_changes_nothing() -> None:
         await asyncio.sleep(5)
         before = set(bridge.sent_requests())
         for command, reply in LX200_REFUSED.items():
-            heard = await client.ask(command, 0.6, until=b"\x00")
+            heard = await client.ask(command, 0.6, ending=b"\x00")
             assert heard.startswith(reply) if reply else heard == b"", command
         await asyncio.sleep(5)
         for command in LX200_ALLOWED:
             if command != b":Gr#":
                 assert await client.ask(command, 3.0), command
-        assert await client.ask(b":Sr05:34:32#:Gr#", until=b"32#") == b"105:34:32#", "the target is its own"
-        assert re.fullmatch(rb"0\d\d:\d\d:\d\d#", await client.ask(b":SL12:00:00#:GL#", until=b"#")), "not silence"
+        assert await client.ask(b":Sr05:34:32#:Gr#", ending=b"32#") == b"105:34:32#", "the target is its own"
+        assert re.fullmatch(rb"0\d\d:\d\d:\d\d#", await client.ask(b":SL12:00:00#:GL#", ending=b"#")), "not silence"
         assert await client.ask(b":GT#") == b"60.1#"
         assert await client.ask(b":GM#") == b"SITE 1#"
         await asyncio.sleep(5)
@@ -277,20 +277,20 @@ async def test_look_only_client_selects_no_site_and_shifts_no_zone() -> None:
     """Neither for itself nor for others; what it is told of both is what was there before."""
     async with Bridge(access=AccessRules(read_only=parse_networks(["10.9.0.0/16"])), surface="lx200gps") as bridge:
         owner, looker = bridge.client("10.0.0.1"), bridge.client("10.9.0.1")
-        owner.tell(b":W3#")
-        assert await owner.ask(b":St+50*00#:Sg010*00#", until=b"11") == b"11"
-        owner.tell(b":W1#")
+        owner.send(b":W3#")
+        assert await owner.ask(b":St+50*00#:Sg010*00#", ending=b"11") == b"11"
+        owner.send(b":W1#")
         await asyncio.sleep(3)
-        looker.tell(b":W3#")
-        assert await looker.ask(b":SG+07#:SL03:00:00#:GG#", until=b"#") == b"00+00#"
+        looker.send(b":W3#")
+        assert await looker.ask(b":SG+07#:SL03:00:00#:GG#", ending=b"#") == b"00+00#"
         for setting in (
             b":SG+01#", b":SL12:00:00#", b":SC01/15/26#", b":St+50*00#", b":Sg010*00#", b":SS12:00:00#",
             b":SMhere#", b":SNhere#", b":SOhere#", b":SPhere#", b":ST60.0#", b":gT#",
         ):  # fmt: skip
             assert await looker.ask(setting) == b"0", setting
         await asyncio.sleep(70)
-        assert await looker.ask(b":Gt#", until=b"#") == await owner.ask(b":Gt#", until=b"#") == b"+45*00#"
-        assert await looker.ask(b":GG#", until=b"#") == await owner.ask(b":GG#", until=b"#") == b"+00#"
+        assert await looker.ask(b":Gt#", ending=b"#") == await owner.ask(b":Gt#", ending=b"#") == b"+45*00#"
+        assert await looker.ask(b":GG#", ending=b"#") == await owner.ask(b":GG#", ending=b"#") == b"+00#"
 
 
 @pytest.mark.parametrize("stop", [b":Q#", b":Qn#", b":I#"])
@@ -298,13 +298,13 @@ async def test_look_only_client_may_stop(stop: bytes) -> None:
     access = AccessRules(read_only=parse_networks(["10.9.0.0/16"]))
     async with Bridge(access=access) as bridge:
         mover, looker = bridge.client("10.0.0.1"), bridge.client("10.9.0.1")
-        mover.tell(b":RM#:Mn#")
+        mover.send(b":RM#:Mn#")
         await asyncio.sleep(1)
         assert bridge.controller.wanted.axes_moved_by_hand == {2}
-        looker.tell(b":Ms#:Me#")
+        looker.send(b":Ms#:Me#")
         await asyncio.sleep(1)
         assert bridge.controller.wanted.axes_moved_by_hand == {2}
-        looker.tell(stop)
+        looker.send(stop)
         await asyncio.sleep(1)
         assert bridge.controller.wanted.axes_moved_by_hand == set()
 
@@ -347,7 +347,7 @@ async def test_look_only_nexstar_client_changes_nothing() -> None:
         assert await looker.ask(b"M") == b"#"
         await asyncio.sleep(2)
         assert await mover.ask(b"L") == b"0#"
-        mover.tell(b"P\2\x10\x24\5\0\0\0")
+        mover.send(b"P\2\x10\x24\5\0\0\0")
         await asyncio.sleep(1)
         assert await looker.ask(b"P\2\x10\x24\0\0\0\0") == b"#"
         await asyncio.sleep(1)

@@ -22,13 +22,13 @@ async def test_commands_sent_before_a_stop_begin_no_motion_after_it(who: str) ->
     async with Bridge("cge") as bridge:
         bully, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
         first, *rest = shares(ARROWS)
-        bully.tell(first)
+        bully.send(first)
         await asyncio.sleep(2.0)
         assert bridge.controller.wanted.axes_moved_by_hand == {1}
-        other.tell(b":Q#") if who == "another program" else bridge.controller.begin_stop()
+        other.send(b":Q#") if who == "another program" else bridge.controller.begin_stop()
         for share in rest:
             await asyncio.sleep(0.05)
-            bully.tell(share)
+            bully.send(share)
         await asyncio.sleep(4.0)
         assert not bridge.controller.moving
         assert not bridge.sim.slewing
@@ -38,13 +38,13 @@ async def test_commands_sent_before_a_stop_begin_no_motion_after_it(who: str) ->
 async def test_client_that_has_caught_up_moves_the_mount_again() -> None:
     async with Bridge("cge") as bridge:
         bully, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
-        bully.tell(shares(ARROWS)[0])
+        bully.send(shares(ARROWS)[0])
         await asyncio.sleep(1.0)
-        other.tell(b":Q#")
-        bully.tell(b":Me#")  # the rest of what it had sent
+        other.send(b":Q#")
+        bully.send(b":Me#")  # the rest of what it had sent
         await asyncio.sleep(3.0)
         assert not bridge.controller.moving
-        bully.tell(b":Me#")
+        bully.send(b":Me#")
         await asyncio.sleep(1.0)
         assert bridge.controller.wanted.axes_moved_by_hand == {1}
 
@@ -52,10 +52,10 @@ async def test_client_that_has_caught_up_moves_the_mount_again() -> None:
 async def test_long_backlog_is_forgotten_when_its_time_is_over() -> None:
     async with Bridge("cge") as bridge:
         client, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
-        client.tell(b":GR#" * (READ_BYTES // 4))
+        client.send(b":GR#" * (READ_BYTES // 4))
         await asyncio.sleep(30.0)
-        other.tell(b":Q#")
+        other.send(b":Q#")
         await asyncio.sleep(30.0)
-        client.tell(b":RM#:Me#")
+        client.send(b":RM#:Me#")
         await asyncio.sleep(1.0)
         assert bridge.controller.wanted.axes_moved_by_hand == {1}

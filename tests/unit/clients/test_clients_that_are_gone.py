@@ -22,7 +22,7 @@ ARROWS = b":RM#:Me#" * 60_000
 async def flood(visitor: Any, data: bytes, seconds: float) -> None:
     """As a port reads it."""
     for share in shares(data)[: round(seconds / READ_PAUSE)]:
-        visitor.tell(share)
+        visitor.send(share)
         await asyncio.sleep(READ_PAUSE)
 
 
@@ -43,15 +43,15 @@ async def test_backlog_of_a_gone_client_ends_motions_and_is_answered() -> None:
     async with Bridge("cge") as bridge:
         gone, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
         await flood(gone, b":GR#" * 20_000, 2.0)
-        other.tell(b":RM#:Mn#")
+        other.send(b":RM#:Mn#")
         await flood(gone, b":GR#" * 2000, 0.5)
         gone.received = b""
-        gone.tell((b":Sr05:00:00#:Sd+30*00:00#:MS#:RM#:Me#" + b":GR#" * READ_BYTES)[:READ_BYTES])
+        gone.send((b":Sr05:00:00#:Sd+30*00:00#:MS#:RM#:Me#" + b":GR#" * READ_BYTES)[:READ_BYTES])
         await asyncio.sleep(1.0)
         assert gone.received.startswith(b"111Stopped.#")
         assert gone.received.endswith(b"#")
         assert bridge.controller.wanted.axes_moved_by_hand == {2}
-        gone.tell((b":Q#" + b":GR#" * READ_BYTES)[:READ_BYTES])
+        gone.send((b":Q#" + b":GR#" * READ_BYTES)[:READ_BYTES])
         await asyncio.sleep(2.0)
         assert not bridge.controller.moving
 
@@ -61,18 +61,18 @@ async def test_client_that_has_caught_up_moves_the_mount_and_keeps_its_arrow() -
         client = bridge.client("10.0.0.1")
         await flood(client, b":GR#" * 10_000, 3.0)
         for _ in range(12):
-            client.tell(b":GR#:Me#")
+            client.send(b":GR#:Me#")
             await asyncio.sleep(0.1)
-        client.tell(b":RM#:Me#")
+        client.send(b":RM#:Me#")
         await asyncio.sleep(20.0)
         assert bridge.controller.wanted.axes_moved_by_hand == {1}
-        client.tell(b":Q#")
+        client.send(b":Q#")
 
 
 async def test_client_that_stopped_sending_keeps_no_arrow_alive() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client("10.0.0.1")
-        client.tell(b":RM#:Me#")
+        client.send(b":RM#:Me#")
         await asyncio.sleep(1.0)
         client.connection.peer_closed()
         await asyncio.sleep(7.0)
@@ -85,7 +85,7 @@ async def test_backlog_of_a_late_client_keeps_no_arrow_alive() -> None:
         await flood(client, b":GR#" * 10_000, 3.0)
         client.connection.peer_closed()
         await asyncio.sleep(3.0)
-        client.tell(b":RM#:Me#")
+        client.send(b":RM#:Me#")
         await asyncio.sleep(20.0)
         assert not bridge.controller.moving
 

@@ -97,10 +97,10 @@ async def test_arrow_begins_though_no_file_can_be_opened(tmp_path: Path, monkeyp
         monkeypatch.setattr(CommandSet, "extra_table", no_table)
         client = bridge.client()
         for _ in range(3):
-            client.tell(b":RM#:Mn#")
+            client.send(b":RM#:Mn#")
             await asyncio.sleep(2.0)
             assert bridge.controller.wanted.axes_moved_by_hand == {2}
-            client.tell(b":Qn#")
+            client.send(b":Qn#")
             await asyncio.sleep(8.0)
             assert bridge.controller.wanted.axes_moved_by_hand == set()
         assert (
@@ -119,14 +119,14 @@ async def test_arrow_begins_though_no_file_can_be_opened(tmp_path: Path, monkeyp
 async def test_defect_in_an_abandoned_request_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     async with Bridge() as bridge:
         client = bridge.client()
-        client.tell(b":RM#:Me#")
+        client.send(b":RM#:Me#")
         await asyncio.sleep(2.0)
 
         async def defect(*_: Any) -> Any:
             raise ValueError("broken")
 
         monkeypatch.setattr(bridge.controller.admission, "admit", defect)
-        client.tell(b":Mn#")
+        client.send(b":Mn#")
         await asyncio.sleep(3.0)
         assert any("internal error" in entry.note and "broken" in entry.note for entry in bridge.entries)
         assert bridge.controller.wanted.axes_moved_by_hand == set()

@@ -46,7 +46,7 @@ def flooded(flood: bytes, test: Callable[[Bridge, RehearsalClient], Awaitable[No
 
             async def pour() -> None:
                 while True:
-                    bully.tell(flood)
+                    bully.send(flood)
                     await asyncio.sleep(0.2)
 
             pouring = bridge.controller.spawn(pour())
@@ -59,7 +59,7 @@ def flooded(flood: bytes, test: Callable[[Bridge, RehearsalClient], Awaitable[No
 
 async def seconds(client: RehearsalClient, command: bytes, until: bytes = b"#") -> float:
     began = asyncio.get_running_loop().time()
-    assert await client.ask(command, 60.0, until=until)
+    assert await client.ask(command, 60.0, ending=until)
     return asyncio.get_running_loop().time() - began
 
 
@@ -93,9 +93,9 @@ def test_stop_goes_before_pending_orders_that_survive_it() -> None:
 
 def test_hundred_simultaneous_stops_are_sent_as_one() -> None:
     async def stopped(bridge: Bridge, other: RehearsalClient) -> None:
-        other.tell(b":RM#:Mn#")
+        other.send(b":RM#:Mn#")
         await asyncio.sleep(2)
-        other.tell(b":Q#" * 100)
+        other.send(b":Q#" * 100)
         names = [getattr(task.get_coro(), "__qualname__", "") for task in asyncio.all_tasks()]
         assert names.count("StopSender._send") == 1
         await asyncio.sleep(3)
@@ -108,7 +108,7 @@ def test_hundred_simultaneous_stops_are_sent_as_one() -> None:
 def test_joystick_does_not_queue_more_than_the_line_carries() -> None:
     async def steered(bridge: Bridge, other: RehearsalClient) -> None:
         for key in (1, 2, 3, 4, 5, 6, 7, 8, 9, 7):
-            other.tell(bytes((80, 2, 17, 36, key, 0, 0, 0)))
+            other.send(bytes((80, 2, 17, 36, key, 0, 0, 0)))
             await asyncio.sleep(0.02)
         await asyncio.sleep(4)
         keys = [sent[4] for sent in bridge.sent_requests() if sent[:4] == bytes((80, 2, 17, 36))]
@@ -124,7 +124,7 @@ def test_flood_leaves_positions_for_other_clients(flood: bytes) -> None:
         waits = []
         for command in (b"e", b"z", b"t", b"L", b"J") * 2:
             began = asyncio.get_running_loop().time()
-            if await other.ask(command, 4.0, until=b"#"):
+            if await other.ask(command, 4.0, ending=b"#"):
                 waits.append(asyncio.get_running_loop().time() - began)
             await asyncio.sleep(0.31)
         assert len(waits) >= 9, "while it moves, every answer is asked for twice, and anew after each order"
@@ -153,7 +153,7 @@ def test_number_of_pending_commands_of_one_client_is_bounded() -> None:
 
 def test_released_rate_ends_at_once_however_many_came_before() -> None:
     async def ended(bridge: Bridge, other: RehearsalClient) -> None:
-        other.tell(bytes((80, 2, 17, 36, 9, 0, 0, 0)) * 300 + bytes((80, 2, 17, 36, 0, 0, 0, 0)))
+        other.send(bytes((80, 2, 17, 36, 9, 0, 0, 0)) * 300 + bytes((80, 2, 17, 36, 0, 0, 0, 0)))
         await asyncio.sleep(2.0)
         assert 2 not in bridge.controller.wanted.axes_moved_by_hand
         assert bridge.sent_requests().count(bytes((80, 2, 17, 36, 9, 0, 0, 0))) <= 1, (
@@ -177,7 +177,7 @@ def test_repeated_stops_leave_room_for_reads() -> None:
 async def test_newer_goto_wins_in_any_protocol_and_both_programs_see_it() -> None:
     async with Bridge() as bridge, _SecondFace(bridge) as celestron:
         meade = bridge.client("10.0.0.1")
-        assert await meade.ask(b":Sr%s#:Sd+40*00:00#:MS#" % _hours(up(bridge, 50.0)[0]), until=b"110") == b"110"
+        assert await meade.ask(b":Sr%s#:Sd+40*00:00#:MS#" % _hours(up(bridge, 50.0)[0]), ending=b"110") == b"110"
         await asyncio.sleep(1)
         assert await celestron.ask(b"L") == b"1#"
         ra, dec = up(bridge, -30.0)
@@ -357,7 +357,7 @@ async def test_memory_of_one_client_is_bounded() -> None:
 
         async def make() -> None:
             for number in range(MEMORY):
-                client.tell(noise + b":Sz%03d#" % number)
+                client.send(noise + b":Sz%03d#" % number)
                 await asyncio.sleep(0.05)
             client.received = b""
             gc.collect()

@@ -150,7 +150,7 @@ def test_program_that_discards_its_input_after_writing_loses_no_reply(tmp_path: 
 def test_degree_character_of_replies_follows_the_setting_of_the_port(where: str, written: Any, sign: bytes) -> None:
     config = SurfaceConfig(at=f"lx200@{where}", degree=written)
     binding = make_surface(Endpoint("lx200", where), config, Limits())
-    write: Callable[[str, bytes], bytes] = binding.surface.as_written
+    write: Callable[[str, bytes], bytes] = binding.surface.to_mount_form
     for reply in (b"+45*30:15#", b"90*#", b"351*40#", b"-00*05#"):
         assert write("GD", reply) == reply.replace(b"*", sign)
     for text in (b"M31 * GAL#", b"12:34:56#", b"0", b"LX2001#"):

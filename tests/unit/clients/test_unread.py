@@ -7,7 +7,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from gateway.app.bindings import profiles
+from gateway.app.bindings import profiles_of
 from gateway.app.config import SurfaceConfig
 from gateway.app.config.programs import hold
 from gateway.clients.commands.unread import HOLD_TIME
@@ -30,8 +30,8 @@ class Line:
         known: Any = None
         self.gateway.acceptor.binding = replace(
             self.gateway.acceptor.binding,
-            profiles=tuple(profiles("lx200", surface, known)),
-            hold=hold(surface, "lx200", client),
+            profiles=tuple(profiles_of("lx200", surface, known)),
+            hold_time=hold(surface, "lx200", client),
         )
         self._heard = b""
         hang_up = (lambda last: None) if network else None

@@ -13,7 +13,7 @@ from gateway.app.gateway import Gateway
 from gateway.console.mounts import Mounts
 from gateway.console.page_session import PageSession
 from gateway.core import operations as op
-from gateway.diagnostics.rehearsal.stage import RehearsalMount
+from gateway.diagnostics.rehearsal.stage import RehearsalGateway
 from gateway.diagnostics.virtual_time import run
 from tests.support.console.browser import Node, Page, node
 from tests.support.console.plays import DELAYS, JITTERS, play
@@ -40,7 +40,7 @@ def named(monkeypatch: pytest.MonkeyPatch) -> None:
 @asynccontextmanager
 async def opened(
     scripts: Node, delay: float = 0.0, mount: str = "cpc", latency: float = 0.1, pages: int = 1
-) -> AsyncIterator[tuple[RehearsalMount, list[Page]]]:
+) -> AsyncIterator[tuple[RehearsalGateway, list[Page]]]:
     async with AsyncExitStack() as stack:
         own = await stack.enter_async_context(stage("lx200", mount, latency))
         mounts = Mounts([own.gateway])
@@ -53,7 +53,7 @@ async def opened(
         yield own, shown
 
 
-def refusals(own: RehearsalMount) -> list[str]:
+def refusals(own: RehearsalGateway) -> list[str]:
     return [notice.text for notice in own.controller.wire_log.recent_notices if "console" in notice.side]
 
 
@@ -153,7 +153,7 @@ async def test_ended_arrow_is_not_restarted_by_a_finger_that_stays(scripts: Node
         page.press("north")
         other.press("north")
         await asyncio.sleep(2.0)
-        own.client("10.0.0.1").tell(end)
+        own.client("10.0.0.1").send(end)
         await asyncio.sleep(1.5)
         page.do("rate", 9)
         other.lift()

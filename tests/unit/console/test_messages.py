@@ -19,7 +19,7 @@ MINE = {"number": "n", "who": ME}
 
 
 def read(do: str, **fields: Any) -> Any:
-    return messages.read(json.dumps({"do": do, **fields}), ME).request
+    return messages.decode(json.dumps({"do": do, **fields}), ME).request
 
 
 @each(
@@ -42,7 +42,7 @@ def test_page_message_is_read_as_the_request_that_it_names(
     sent: dict[str, Any], wish: object, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(requests, "new_request_number", lambda: "n")
-    assert messages.read(json.dumps({"id": 7, "mount": 2, **sent}), ME) == (7, 2, wish)
+    assert messages.decode(json.dumps({"id": 7, "mount": 2, **sent}), ME) == (7, 2, wish)
 
 
 def test_stop_of_all_mounts_is_confirmed_when_all_have_stopped() -> None:
@@ -92,4 +92,4 @@ def test_page_message_cannot_claim_another_sender() -> None:
 )
 def test_page_message_for_a_forbidden_operation_is_refused(sent: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=r"\$|required field|Invalid"):
-        messages.read(json.dumps(sent), ME)
+        messages.decode(json.dumps(sent), ME)

@@ -22,12 +22,12 @@ async def test_metrics_count_exchanges_and_reply_times() -> None:
     async with Bridge() as bridge:
         counts = MountCounts(bridge.controller)
         before = bridge.controller.line.times.reply_count
-        await bridge.client().ask(b":Sr05:34:32#:Sd+22*00:52#:MS#", until=b"0")
+        await bridge.client().ask(b":Sr05:34:32#:Sd+22*00:52#:MS#", ending=b"0")
         assert counts.exchanges >= bridge.controller.line.times.reply_count - before > 0
         assert sum(counts.answer_times.counts) == counts.exchanges - sum(counts.fault_counts.values())
         counts.close()
         seen = counts.exchanges
-        await bridge.client().ask(b":Q#:GR#", until=b"#")
+        await bridge.client().ask(b":Q#:GR#", ending=b"#")
         assert counts.exchanges == seen and counts.stop_count == 0
 
 
@@ -55,12 +55,12 @@ async def test_metrics_count_every_refusal_once() -> None:
     async with Bridge() as bridge:
         client, log = bridge.client(), bridge.wire_log
         assert await client.ask(b":Sr25:00:00#") == b"0" and log.refusal_count == 1  # the value
-        assert await client.ask(b":Sr25:00:00#" * 3, until=b"000") == b"000" and log.refusal_count == 4
+        assert await client.ask(b":Sr25:00:00#" * 3, ending=b"000") == b"000" and log.refusal_count == 4
         assert (await client.ask(b":MS#")).startswith(b"1") and log.refusal_count == 5  # no target
-        said = await client.ask(b":Sr05:34:32#:Sd-80*00:00#:MS#", until=b"#")
+        said = await client.ask(b":Sr05:34:32#:Sd-80*00:00#:MS#", ending=b"#")
         assert said.startswith(b"111") and log.refusal_count == 6  # the limits
-        client.tell(b":F9#")  # without a reply
+        client.send(b":F9#")  # without a reply
         await asyncio.sleep(1.0)
         assert log.refusal_count == 7
-        assert await client.ask(b":Sr05:34:32#") == b"1" and await client.ask(b":GR#", until=b"#")
+        assert await client.ask(b":Sr05:34:32#") == b"1" and await client.ask(b":GR#", ending=b"#")
         assert log.refusal_count == 7

@@ -56,7 +56,7 @@ def play(work: Coroutine[Any, Any, None]) -> None:
 
 
 def state(payload: bytes) -> MqttMessage:
-    return MqttMessage("a/state", payload, retain=True, replaces=True)
+    return MqttMessage("a/state", payload, retain=True, is_state=True)
 
 
 async def test_broker_link_announces_the_gateway_and_its_departure() -> None:

@@ -40,14 +40,14 @@ async def test_no_client_waits_for_a_slow_hand_control_while_it_polls() -> None:
         for _ in range(40):
             await asyncio.sleep(0.25)
             client.received = b""
-            client.tell(b":GR#")
+            client.send(b":GR#")
             assert client.received.endswith(b"#"), "answered within the call that brought the bytes"
 
 
 @pytest.mark.safety_line(8)
 async def test_unaligned_mount_refuses_gotos_with_a_reason() -> None:
     async with Bridge(aligned=False) as bridge:
-        reply = await bridge.client().ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", until=b".#")
+        reply = await bridge.client().ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", ending=b".#")
         assert reply == b"111Mount not aligned.#"
 
 
@@ -56,7 +56,7 @@ async def test_unaligned_mount_refuses_gotos_with_a_reason() -> None:
 async def test_unaligned_hand_control_refuses_syncs_and_axis_gotos(mount: str, asked: bytes) -> None:
     """It says ``#`` to a sync and forgets it; to axis readings it goes, wherever they lead."""
     async with Bridge(mount, aligned=False) as bridge:
-        reply = await bridge.client().ask(asked, 3.0, until=b"111")
+        reply = await bridge.client().ask(asked, 3.0, ending=b"111")
         await asyncio.sleep(3.0)
         assert not [sent for sent in bridge.sent_requests() if sent[:1] in b"sSbB"]
         assert not bridge.sim.slewing
@@ -66,15 +66,15 @@ async def test_unaligned_hand_control_refuses_syncs_and_axis_gotos(mount: str, a
 
 async def test_owner_may_allow_axis_gotos_without_an_alignment() -> None:
     async with Bridge("6-8se", aligned=False, config={"unaligned": "allow"}) as bridge:
-        assert await bridge.client().ask(b":Sz090*00#:Sa+40*00#:MA#", until=b"110") == b"110"
+        assert await bridge.client().ask(b":Sz090*00#:Sa+40*00#:MA#", ending=b"110") == b"110"
         assert bridge.sim.slewing
-        assert await bridge.client().ask(b":Sr07:00:00#:Sd+30*00:00#:CM#", until=b"#") == b"11#"
+        assert await bridge.client().ask(b":Sr07:00:00#:Sd+30*00:00#:CM#", ending=b"#") == b"11#"
 
 
 @pytest.mark.safety_line(8)
 async def test_first_sync_aligns_a_meade_at_any_distance() -> None:
     async with Bridge("autostar", driven="lx200", aligned=False) as bridge:
-        await bridge.client().ask(b":Sr07:00:00#:Sd+30*00:00#:CM#", until=b"#")
+        await bridge.client().ask(b":Sr07:00:00#:Sd+30*00:00#:CM#", ending=b"#")
         await asyncio.sleep(2.0)
         assert bridge.sim.aligned
 
@@ -84,7 +84,7 @@ def test_site_and_time_are_sent_to_unaligned_mounts_only() -> None:
         async with Bridge(aligned=aligned) as bridge:
             client = bridge.client()
             asked = b":St-34*00#:Sg341*30#:SG-05.8#:SL04:00:00#:SC01/16/26#"
-            assert (await client.ask(asked, until=b" " * 32 + b"#")).startswith(b"11111Updating")
+            assert (await client.ask(asked, ending=b" " * 32 + b"#")).startswith(b"11111Updating")
             await asyncio.sleep(2)
             written = [sent for sent in bridge.sent_requests() if sent[:1] in b"WH"]
             if aligned:
@@ -95,7 +95,7 @@ def test_site_and_time_are_sent_to_unaligned_mounts_only() -> None:
                 # 04:00 at +5:45 is 22:15 UTC; the hand control counts whole hours
                 hour, minute, _, _, day, _, zone, _ = bridge.sim.feed(b"h")[:8]
                 assert ((hour - zone) % 24, minute, day) == (22, 15, 16)
-            assert await client.ask(b":Gt#:Gg#", until=b"30#") == b"-34*00#-018*30#"
+            assert await client.ask(b":Gt#:Gg#", ending=b"30#") == b"-34*00#-018*30#"
             assert await client.ask(b":GC#") == b"01/16/26#"
 
     for aligned in (True, False):
@@ -106,7 +106,7 @@ async def test_first_bars_read_while_another_program_starts_a_goto_show_the_slew
     async with Bridge(latency=0.1) as bridge:
         one, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
         assert await other.ask(b":GR#")
-        one.tell(b":Sr07:00:00#:Sd+30*00:00#:MS#")
+        one.send(b":Sr07:00:00#:Sd+30*00:00#:MS#")
         await asyncio.sleep(0.01)
         assert await other.ask(b":D#") == b"\x7f#"
         assert await other.ask(b":GR#")
@@ -117,7 +117,7 @@ async def test_half_a_nexstar_echo_is_completed_by_the_next_byte() -> None:
         client = bridge.client()
         assert len(await client.ask(b"e")) == 18
         assert len(await client.ask(b"e")) == 18
-        client.tell(b"K")
+        client.send(b"K")
         assert await client.ask(b"e") == b"e#"
 
 
@@ -132,7 +132,7 @@ async def test_driver_defect_fails_only_one_operation() -> None:
         await client.ask(b":GR#")
         bridge.driver.handlers = {**bridge.driver.handlers, "pointing.position": broken}
         for _ in range(20):
-            client.tell(b":GR#")
+            client.send(b":GR#")
             await asyncio.sleep(0.5)
         assert any("please report" in entry.note for entry in bridge.entries)
         bridge.driver.handlers = {**bridge.driver.handlers, "pointing.position": good}

@@ -55,7 +55,7 @@ def test_clock_is_doubted_only_on_a_board_whose_kernel_reports_it_unset(
     board = ClockCheck(tmp_path)
     assert board()
     assert board(), "the kernel is asked once a minute"
-    monkeypatch.setattr(computer_clock, "_QUESTION_PERIOD", -1.0)
+    monkeypatch.setattr(computer_clock, "_CHECK_PERIOD", -1.0)
     assert not board()
 
 
@@ -82,4 +82,4 @@ def test_owner_setting_overrides_date_and_kernel_for_the_clock(
 async def test_computer_clock_setting_reaches_the_mount() -> None:
     for choice, doubtful in (("auto", False), ("right", False), ("doubtful", True)):
         async with Bridge("cge", config={"computer_clock": choice}) as bridge:
-            assert bridge.site_clock.doubts_computer_time(bridge.host()) is doubtful
+            assert bridge.site_clock.doubts_computer_time(bridge.pc_time()) is doubtful

@@ -16,7 +16,7 @@ from gateway.app.state.mount_claim import claim, lock_name
 from gateway.core.errors import UserError
 from gateway.system import runtime_folders as runtime
 from gateway.system.locks import LockHeld, NameClaim, PidLock, read_pid
-from gateway.system.runtime_folders import folders, user_id
+from gateway.system.runtime_folders import find_folders, user_id
 from gateway.transport.device_link import DeviceLink
 from tests.support.each import each
 from tests.support.process import PATIENCE
@@ -42,12 +42,12 @@ def _mine(base: Path) -> Path:
 
 @POSIX
 def test_lock_folders_are_private(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert folders() == ([_mine(base)], [])
+    assert find_folders() == ([_mine(base)], [])
     assert _mine(base).stat().st_mode & 0o777 == 0o700
     session = base / "session"
     session.mkdir()
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(session))
-    assert folders() == ([session / "mount-gateway", _mine(base)], [])
+    assert find_folders() == ([session / "mount-gateway", _mine(base)], [])
 
 
 @POSIX
@@ -64,10 +64,10 @@ def test_lock_folder_of_another_user_is_not_used_and_reported(
     make(_mine(base))
     mine = base / "state" / "run"
     monkeypatch.setenv("STATE_DIRECTORY", str(mine.parent))
-    assert folders() == ([mine], [f"{_mine(base)}: {reason}"]), "a place that nobody can take beforehand"
+    assert find_folders() == ([mine], [f"{_mine(base)}: {reason}"]), "a place that nobody can take beforehand"
     DeviceLink(str(base / "lx200")).close()
     monkeypatch.setenv("STATE_DIRECTORY", "/proc/nowhere")
-    assert folders()[0] == []
+    assert find_folders()[0] == []
     with pytest.raises(UserError, match=f"cannot make {base}/lx200: no folder for its lock: .*{reason}"):
         DeviceLink(str(base / "lx200"))
     warned: list[str] = []
@@ -82,7 +82,7 @@ def test_session_folder_of_another_user_is_ignored(base: Path, monkeypatch: pyte
     session.mkdir()
     os.chown(session, 1, 1)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(session))
-    assert folders() == ([_mine(base)], [])
+    assert find_folders() == ([_mine(base)], [])
     assert list(session.iterdir()) == []
 
 
@@ -139,7 +139,7 @@ def test_lock_is_exclusive_across_session_and_system_folders(base: Path, monkeyp
         NameClaim("x")
     service.release()
     mine = NameClaim("x")
-    paths = [folder / "x.lock" for folder in folders()[0]]
+    paths = [folder / "x.lock" for folder in find_folders()[0]]
     assert [read_pid(path) for path in paths] == [os.getpid()] * 2
     mine.release()
     assert [path.exists() for path in paths] == [False, False]

@@ -10,7 +10,7 @@ import pytest
 
 from gateway.app.simulated import _SimulatedConnection, serve_simulator
 from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
-from gateway.transport.baud import MAX_WAITING_BYTES, SerialPace
+from gateway.transport.baud import MAX_WAITING_BYTES, PacedLine
 from tests.support.simulated_meade import Clock
 
 #: Seconds that a byte takes at 9600 baud.
@@ -20,7 +20,7 @@ BYTE = 10.0 / 9600.0
 async def test_paced_bytes_arrive_one_after_the_other() -> None:
     loop = asyncio.get_running_loop()
     began, heard = loop.time(), []
-    pace = SerialPace(9600, lambda data: heard.append((data, loop.time() - began)))
+    pace = PacedLine(9600, lambda data: heard.append((data, loop.time() - began)))
     pace.send(b"ab")
     await asyncio.sleep(1.5 * BYTE)
     pace.send(b"c")  # behind those that are on the line
@@ -33,7 +33,7 @@ async def test_paced_bytes_arrive_one_after_the_other() -> None:
 
 async def test_paced_bytes_that_arrive_too_fast_are_lost_and_closing_drops_the_rest() -> None:
     heard: list[bytes] = []
-    pace = SerialPace(9600, heard.append)
+    pace = PacedLine(9600, heard.append)
     pace.send(b"x" * (2 * MAX_WAITING_BYTES))
     await asyncio.sleep((MAX_WAITING_BYTES + 1) * BYTE)
     assert len(b"".join(heard)) == MAX_WAITING_BYTES

@@ -75,7 +75,7 @@ async def test_lost_outgoing_socket_is_opened_again(monkeypatch: pytest.MonkeyPa
             for again in (0.05, 60.0):  # and not a third time, to somebody who is gone
                 async with asyncio.timeout(PATIENCE):
                     link, _ = await loop.sock_accept(listening)
-                    monkeypatch.setattr(serial_port, "RETRY_AFTER", again)
+                    monkeypatch.setattr(serial_port, "REOPEN_DELAY", again)
                     with link:
                         link.setblocking(False)
                         heard = b""

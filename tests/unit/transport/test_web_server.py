@@ -12,7 +12,7 @@ from aiohttp import web
 
 from gateway.core.errors import UserError
 from gateway.transport.listening import split_address
-from gateway.transport.room import RESERVED_PLACES, ConnectionQuota, max_places_of
+from gateway.transport.room import RESERVED_PLACES, ConnectionQuota, host_capacity
 from gateway.transport.web_server import IDLE_TIMEOUT, MAX_CONNECTIONS, MAX_EARLY_BYTES, REQUEST_TIMEOUT, WebServer
 from tests.support.each import each
 from tests.support.in_process_gateway import Bridge
@@ -170,17 +170,17 @@ async def test_http_client_that_leaves_early_is_not_reported(caplog: pytest.LogC
 def test_one_address_gets_three_quarters_of_the_http_connections_and_this_computer_all(
     host: str, most: int, places: int
 ) -> None:
-    assert max_places_of(host, most) == places
+    assert host_capacity(host, most) == places
 
 
 def test_two_http_connections_are_reserved_for_new_addresses() -> None:
     room = ConnectionQuota(8)
-    assert [room.take_place("10.0.0.1") for _ in range(7)] == [True] * 6 + [False]
-    assert room.take_place("10.0.0.2") and not room.take_place("10.0.0.2")
-    assert room.take_place("10.0.0.3") and not room.take_place("10.0.0.4"), "all are taken"
-    room.give_back_place("10.0.0.1")
-    assert not room.take_place("10.0.0.1"), "the last ones are not for it"
-    assert room.take_place("10.0.0.4")
+    assert [room.acquire("10.0.0.1") for _ in range(7)] == [True] * 6 + [False]
+    assert room.acquire("10.0.0.2") and not room.acquire("10.0.0.2")
+    assert room.acquire("10.0.0.3") and not room.acquire("10.0.0.4"), "all are taken"
+    room.release("10.0.0.1")
+    assert not room.acquire("10.0.0.1"), "the last ones are not for it"
+    assert room.acquire("10.0.0.4")
 
 
 @each("sent", [b"", HALF, GET])
@@ -197,7 +197,7 @@ async def test_http_attack_from_some_addresses_does_not_block_a_stop(sent: bytes
             await asyncio.sleep(0.5)
             there = [line for line in lines if not line.is_closing()]
             assert len(there) == (
-                max_places_of("10.0.0.1", MAX_CONNECTIONS) if hosts == 1 else MAX_CONNECTIONS - RESERVED_PLACES
+                host_capacity("10.0.0.1", MAX_CONNECTIONS) if hosts == 1 else MAX_CONNECTIONS - RESERVED_PLACES
             )
             assert all(b"503" in line.heard for line in lines if line.closed_after == 0.0)
             began = loop.time()

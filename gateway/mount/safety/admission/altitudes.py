@@ -19,8 +19,8 @@ from gateway.mount.context import Context
 from gateway.mount.policy import Limits
 from gateway.mount.safety.admission.contradictions import (
     Contradiction,
-    at_length,
     contradictions_of,
+    full_text,
     skies_by_others,
     summary,
 )
@@ -29,18 +29,18 @@ from gateway.mount.site.astrometry import PointingFrame, SiteAstrometry, SyncShi
 
 class AltitudeSource(NamedTuple):
     """One way to calculate an altitude: by the mount's own data; as if the syncs were wrong, so that the tube is off by
-    ``sync_shift``; or by another site and time (``contradicts``), with the astronomy for these in ``sky``.
+    ``sync_shift``; or by another site and time (``contradiction``), with the astronomy for these in ``sky``.
     """
 
     mount: Context
     sync_shift: SyncShift | None = None
-    contradicts: Contradiction | None = None
+    contradiction: Contradiction | None = None
     sky: SiteAstrometry | None = None
 
     @property
     def is_mounts_own(self) -> bool:
         """Whether the altitude follows from the mount's own data as they are."""
-        return self.sync_shift is None and self.contradicts is None
+        return self.sync_shift is None and self.contradiction is None
 
     def altitude(self, position: Equatorial) -> float:
         """Return the altitude of the tube while the mount reports ``position``, degrees."""
@@ -54,9 +54,9 @@ class AltitudeSource(NamedTuple):
             (limits if self.is_mounts_own else limits.without_default_altitudes()).check_altitude(altitude)
         except Fault as fault:
             which = "low" if isinstance(fault, BelowHorizon) else "high"
-            if self.contradicts is not None:
-                text = f"Too {which}, if {self.contradicts.sources[1]} is right: {at_length(self.contradicts)}"
-                raise Contradicted(text, f"Too {which} by {summary(self.contradicts)}.") from None
+            if self.contradiction is not None:
+                text = f"Too {which}, if {self.contradiction.sources[1]} is right: {full_text(self.contradiction)}"
+                raise Contradicted(text, f"Too {which} by {summary(self.contradiction)}.") from None
             if self.sync_shift is None:
                 raise
             off = max(abs(self.sync_shift.first), abs(self.sync_shift.second))
@@ -86,7 +86,7 @@ def contradicting_sources(mount: Context, limits: Limits) -> Iterator[AltitudeSo
     if written.lowest <= -90.0 and written.highest >= 90.0:
         return
     for contradiction, sky in skies_by_others(mount):
-        yield AltitudeSource(mount, contradicts=contradiction, sky=sky)
+        yield AltitudeSource(mount, contradiction=contradiction, sky=sky)
 
 
 def check_goal(mount: Context, limits: Limits, goal: Equatorial) -> float:
@@ -106,7 +106,7 @@ def check_altitude(mount: Context, limits: Limits, goal: Equatorial) -> float:
         limits.check_altitude(altitude)
     except Fault as fault:
         text = [f"{_violation_text(limits, altitude)} ({altitude:.0f}°).", *_rise_time_text(mount, limits, goal)]
-        text += [at_length(first) for first in list(contradictions_of(mount))[:1]]
+        text += [full_text(first) for first in list(contradictions_of(mount))[:1]]
         raise type(fault)(" ".join(text), str(fault)) from None
     return altitude
 

@@ -36,22 +36,22 @@ MAX_POSITION_AGE = 6.0
 class StretchStart(NamedTuple):
     """The start of a stretch of motion.
 
-    ``altitudes`` are the sources by which altitudes are calculated. ``angle`` is the angle of the first axis
+    ``alt_sources`` are the sources by which altitudes are calculated. ``angle`` is the angle of the first axis
     west of its middle, degrees; None if it is unknown or the hour angle has no limit. ``suns`` are the possible
     positions of the Sun, by each source.
     """
 
     position: op.Equatorial
     status: op.Status
-    altitudes: tuple[AltitudeSource, ...] = ()
+    alt_sources: tuple[AltitudeSource, ...] = ()
     angle: float | None = None
     suns: tuple[Sun, ...] = ()
 
-    def past(self, mount: Context, west: float) -> float | None:
-        """Return how far the tube is past the meridian when the first axis has turned by ``west`` degrees; None if
+    def past(self, mount: Context, west_turn: float) -> float | None:
+        """Return how far the tube is past the meridian when the first axis has turned by ``west_turn`` degrees; None if
         unknown.
         """
-        return None if self.angle is None else past_meridian(self.angle + west, mount.driver.german)
+        return None if self.angle is None else past_meridian(self.angle + west_turn, mount.driver.german)
 
 
 def reaction_turn(mount: Context, operation: op.Move | op.MoveAxis) -> float:
@@ -87,7 +87,7 @@ def check_turns(mount: Context, limits: Limits, start: StretchStart, turns: dict
     position, turned = start.position, 0.0
     for step in range(1, steps + 1):
         soon = _after_turns(mount, start, {axis: degrees * step / steps for axis, degrees in turns.items()})
-        for source in start.altitudes:
+        for source in start.alt_sources:
             before, after = source.altitude(position), source.altitude(soon)
             if is_moving_out(limits if source.is_mounts_own else limits.without_default_altitudes(), before, after):
                 source.check(limits, after)
@@ -129,7 +129,7 @@ class HandAdmission:
             limits = limits.narrowed(operation.lowest, operation.highest)
         by_hand = {**mount.wanted.by_hand, operation.axis: operation}
         turns = {axis: reaction_turn(mount, moving) for axis, moving in by_hand.items()}
-        start = start._replace(altitudes=(*start.altitudes, *contradicting_sources(mount, limits)))
+        start = start._replace(alt_sources=(*start.alt_sources, *contradicting_sources(mount, limits)))
         await self._check(limits, start, by_hand, turns)
 
     async def check_pulse(self, pulse: op.Pulse | op.PulseAxis) -> None:

@@ -44,14 +44,14 @@ NO_TIME_TEXT = (
 
 
 #: How to correct the site of each source; in CLOCK_REMEDIES, how to correct its time.
-SITE_SET = {
+SITE_REMEDY = {
     MOUNT_SOURCE: "the mount's at its hand control or in the program that sets it",
     GPS_SOURCE: "the receiver's by a new fix",
     CONFIGURED: "the key site of the configuration",
     PROGRAM: "the program's",
     FORMER_SITE_SOURCE: "or confirm the new one on the page, at the hand control, by the key site, or by a restart",
 }
-CLOCK_REMEDIES = {**SITE_SET, COMPUTER: "the clock of this computer"}
+CLOCK_REMEDIES = {**SITE_REMEDY, COMPUTER: "the clock of this computer"}
 
 
 class Contradiction(NamedTuple):
@@ -95,7 +95,7 @@ def sun_refusal(sources: SiteTimeSources, sun: Sun, on_path: bool = False) -> Ne
     if sun.confirmed or contradiction is None:
         return NearSun(text)
     return NearSun(
-        f"{text} {at_length(contradiction)}", f"{'Past' if on_path else 'Near'} the Sun by {summary(contradiction)}."
+        f"{text} {full_text(contradiction)}", f"{'Past' if on_path else 'Near'} the Sun by {summary(contradiction)}."
     )
 
 
@@ -106,7 +106,7 @@ def summary(contradiction: Contradiction) -> str:
     return f"{other} ({contradiction.difference} from {best})"
 
 
-def at_length(contradiction: Contradiction) -> str:
+def full_text(contradiction: Contradiction) -> str:
     """Return the whole text: which sources differ, by how much, and how to correct each."""
     text = contradiction.text[0].upper() + contradiction.text[1:]
     return f"{text}. {contradiction.remedy[0].upper()}{contradiction.remedy[1:]}."
@@ -124,7 +124,9 @@ def contradictions(sites: Sequence[SourcedSite], times: Sequence[SourcedTime]) -
                 hint, far = likely_mistake(place, other.place), f"{apart * KM_PER_DEGREE:.0f} km"
                 other_site = f"{other.source} says {site_text(other.place)}, {far} away{': ' * bool(hint)}{hint}"
                 text = f"{sites[0].who} stands at {site_text(place)}, {other_site}"
-                yield Contradiction(other.place, unix, text, (sites[0].source, other.source), far, SITE_SET, other_site)
+                yield Contradiction(
+                    other.place, unix, text, (sites[0].source, other.source), far, SITE_REMEDY, other_site
+                )
     for time in times[1:]:
         if abs(time.unix - unix) > CLOCK_CONTRADICTION and not time.doubtful:
             place_of_best, span = sites[0].place if sites else None, _duration_text(time.unix - unix)
@@ -194,7 +196,7 @@ def contradiction_warning(mount: Context) -> str:
     return f"WARNING: {'; '.join(doubts)}" if doubts else ""
 
 
-def note_contradictions(mount: Context) -> None:
+def log_contradictions(mount: Context) -> None:
     """Log the warning about contradictions; not again for the same ones if only the times in its text change."""
     if warning := contradiction_warning(mount):
         mount.note_once(warning, kind=re.sub(r"\([^()]* UTC\)", "", warning))

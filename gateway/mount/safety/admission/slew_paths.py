@@ -61,7 +61,7 @@ def axis_readings_at(astrometry: SiteAstrometry, direction: op.Equatorial | Sun,
     """Return the axis readings at which this mount points in a direction, in the usual of the two ways."""
     sun = op.Equatorial(direction.ra, direction.dec)
     if equatorial:
-        return _geometry_of(astrometry, Build.GERMAN).axes(_hour_angle(astrometry, sun), sun.dec, False)
+        return _geometry_of(astrometry, Build.GERMAN).to_axes(_hour_angle(astrometry, sun), sun.dec, False)
     horizon = astrometry.horizontal(sun) if astrometry.site_clock.site() is not None else op.Horizontal(sun.ra, sun.dec)
     return horizon.az, horizon.alt
 
@@ -95,11 +95,11 @@ def paths_of(mount: Context, journey: Journey) -> list[Path]:
     geometry = _geometry_of(astrometry, Build.GERMAN if german else Build.WEDGE if equatorial else Build.ALTAZ)
     start, end = (axis_readings_at(astrometry, place, equatorial) for place in (position, goal))
     if axes is not None:
-        end = (axes[0] - geometry.axes(0.0, 0.0, False)[0], axes[1]) if geometry.build is Build.WEDGE else axes
+        end = (axes[0] - geometry.to_axes(0.0, 0.0, False)[0], axes[1]) if geometry.build is Build.WEDGE else axes
     flips = pointings_at(astrometry, goal) if german and axes is None else {False}
     paths = []
-    for begin in (_reading_of_pointing(start, other) for other in others):
-        for target in (_reading_of_pointing(end, flip) for flip in flips):
+    for begin in (_flip_over_pole(start, other) for other in others):
+        for target in (_flip_over_pole(end, flip) for flip in flips):
             first, second = (geometry.axis_travel(axis, begin[axis - 1], target[axis - 1]) for axis in (1, 2))
             paths.append((begin, (first, second)))
             if not german and abs(first) > 180.0 - HALF_CIRCLE_TOLERANCE:
@@ -119,7 +119,7 @@ def pointings_at(astrometry: SiteAstrometry, goal: op.Equatorial) -> set[bool]:
     return {_geometry_of(astrometry, Build.GERMAN).is_flipped(hour_angle)}
 
 
-def _reading_of_pointing(reading: Pair, other_way: bool) -> Pair:
+def _flip_over_pole(reading: Pair, other_way: bool) -> Pair:
     """Return the readings for the same direction in the usual way, or in the other: over the pole or the zenith."""
     return (reading[0] + 180.0, 180.0 - reading[1]) if other_way else reading
 
@@ -159,9 +159,9 @@ def is_clear(start: Pair, turn: Pair, centre: Pair, min_distance: float) -> bool
         turned = min(length, turned + max(PATH_STEP, (distance - min_distance) / sqrt(2.0)))
 
 
-def are_clear(paths: Iterable[Path], centre: Pair, limit: float) -> bool:
+def are_clear(paths: Iterable[Path], centre: Pair, min_distance: float) -> bool:
     """Whether all paths keep this distance from ``centre``; a path that begins nearer must never come nearer still."""
-    return all(is_clear(*path, centre, min(limit, separation(*path[0], *centre) - 0.01)) for path in paths)
+    return all(is_clear(*path, centre, min(min_distance, separation(*path[0], *centre) - 0.01)) for path in paths)
 
 
 def path_points(path: Path) -> Iterator[Pair]:

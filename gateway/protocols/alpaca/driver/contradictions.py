@@ -15,7 +15,7 @@ from gateway.protocols.base.driver import Remark, Steps
 
 #: Degrees. Equinoxes are compared at altitudes in this range, where refraction is small and the azimuth exact. The
 #: right equinox fits altitude and azimuth to this tolerance; the other is worse by at least the margin.
-ALTITUDE_RANGE, FITS, MATCH_MARGIN = (30.0, 80.0), 0.05, 0.08
+ALTITUDE_RANGE, MATCH_ERROR, MATCH_MARGIN = (30.0, 80.0), 0.05, 0.08
 #: Degrees by which refraction raises an object at an altitude of 30 degrees.
 REFRACTION = 0.03
 #: A direction is compared after so many degrees of motion, at this speed (degrees a second) or more, and not beyond
@@ -44,7 +44,10 @@ def compare_equinox(mount: AlpacaDriver, _: CompareEquinox | None = None) -> Ste
         calculated = hour_angle_to_horizon(wrap180(sidereal - place[0]), place[1], latitude)
         away[equinox] = separation(*calculated, azimuth, altitude)
     fits = min(away, key=lambda equinox: away[equinox])
-    if away[fits] > FITS + (REFRACTION if mount.refracts else 0.0) or max(away.values()) < away[fits] + MATCH_MARGIN:
+    if (
+        away[fits] > MATCH_ERROR + (REFRACTION if mount.refracts else 0.0)
+        or max(away.values()) < away[fits] + MATCH_MARGIN
+    ):
         return None
     mount.equinox_compared = True
     if mount.declares_equinox and fits != mount.equinox:

@@ -27,7 +27,7 @@ from gateway.protocols.base.driver import Remark, Send, Steps, Wait
 #: whether it is, and how many checks.
 ASYNC_CONNECT_VERSION, CONNECT_CHECK_PERIOD, MAX_CONNECT_CHECKS = 4, 0.5, 120
 #: A multiple of the sidereal rate that no guide rate reaches: some servers report percents instead of degrees a second.
-GUIDE_LIMIT = 4.0
+MAX_GUIDE_RATE = 4.0
 #: ASCOM's number of a coordinate system -> equinox.
 EQUINOX_BY_NUMBER = {1: "jnow", 2: "j2000"}
 
@@ -73,7 +73,7 @@ def identity(mount: AlpacaDriver, _: op.GetIdentity) -> Steps:
     mount.lists_state = {"RightAscension", "Declination"} <= (yield from read_state(mount, read_member_again)).keys()
     east = (yield from read_member_again(mount, "guideraterightascension", 0.0)) / SIDEREAL
     north = (yield from read_member_again(mount, "guideratedeclination", 0.0)) / SIDEREAL
-    mount.rates = (east if 0.0 < east < GUIDE_LIMIT else 0.5, north if 0.0 < north < GUIDE_LIMIT else 0.5)
+    mount.rates = (east if 0.0 < east < MAX_GUIDE_RATE else 0.5, north if 0.0 < north < MAX_GUIDE_RATE else 0.5)
     yield from read_status(mount)
     name, version = (yield from read_member(mount, "name", "")), (yield from read_member(mount, "driverversion", ""))
     return op.Identity(product=str(name or "Alpaca telescope"), version=str(version or "?"), model=mount.model)

@@ -18,7 +18,7 @@ from gateway.protocols.alpaca.http.chain import check_for_loop
 from gateway.transport.http_wire import HttpRequest
 
 #: The HTTP status of success, and those for a member or a parameter that a server does not have.
-HTTP_OK, NOT_THERE = 200, (400, 404, 405, 422, 501)
+HTTP_OK, ABSENT_CODES = 200, (400, 404, 405, 422, 501)
 #: The path at which a server describes itself.
 DESCRIPTION_PATH = "/management/v1/description"
 #: ASCOM's error numbers for "not implemented" and for an unspecified error.
@@ -69,7 +69,7 @@ class TelescopeHttp:
     def reply(self, status: int, body: bytes) -> bytes:
         if status != HTTP_OK:
             text = " ".join(body.decode("utf-8", "replace").split())
-            return _error_line(NOT_IMPLEMENTED if status in NOT_THERE else UNSPECIFIED, f"HTTP {status}: {text}")
+            return _error_line(NOT_IMPLEMENTED if status in ABSENT_CODES else UNSPECIFIED, f"HTTP {status}: {text}")
         try:
             answer = json.loads(body)
             number = int(answer.get("ErrorNumber") or 0)

@@ -47,10 +47,10 @@ class AlpacaClient:
         self._loop = asyncio.get_running_loop()
         self._pending_replies: deque[asyncio.Future[bytes]] = deque()
         self._partial_line = b""
-        self.last_at = self._loop.time()
+        self.asked_at = self._loop.time()
         self.is_closed = False
         #: Whether it has ever sent a PUT. Those of web pages are refused, so it is then a program.
-        self.writes = False
+        self.has_put = False
         self._handler = accept(NewConnection(name, host, self._receive, lambda last: self.close()))
 
     @property
@@ -61,8 +61,8 @@ class AlpacaClient:
         """Send a line and return its reply; a ``stop`` is sent however many requests wait. Raises NoAnswerInTime."""
         if self.is_closed or (len(self._pending_replies) >= MAX_WAITING_REQUESTS and not stop):
             raise NoAnswerInTime("Too many requests of this program wait for an answer.")
-        self.last_at = self._loop.time()
-        self.writes |= not line.startswith(READ_PREFIX)
+        self.asked_at = self._loop.time()
+        self.has_put |= not line.startswith(READ_PREFIX)
         answer: asyncio.Future[bytes] = self._loop.create_future()
         self._pending_replies.append(answer)
         self._handler.feed(line)
@@ -98,16 +98,16 @@ class Programs:
 
     def __init__(self, accept: Accept) -> None:
         self._accept = accept
-        self._known: dict[tuple[str, int], AlpacaClient] = {}
+        self._clients: dict[tuple[str, int], AlpacaClient] = {}
 
     def program_of(self, host: str, client_id: int, stop: bool = False) -> AlpacaClient:
         """Return the program of a ClientID on a host. Raises ConnectionRefused for too many, except for a ``stop``."""
         self._forget_idle()
-        program = self._known.get((host, client_id))
+        program = self._clients.get((host, client_id))
         if program is None or program.is_closed:
-            if len(self._known) >= MAX_PROGRAMS and not stop:
+            if len(self._clients) >= MAX_PROGRAMS and not stop:
                 raise ConnectionRefused
-            program = self._known[host, client_id] = AlpacaClient(self._accept, _client_name(host, client_id), host)
+            program = self._clients[host, client_id] = AlpacaClient(self._accept, _client_name(host, client_id), host)
         return program
 
     def extra_connection(self, host: str, client_id: int) -> AlpacaClient:
@@ -117,20 +117,22 @@ class Programs:
     def _forget_idle(self) -> None:
         """Forget closed and silent programs. If too many are left, forget an idle one, first those without a PUT."""
         now = asyncio.get_running_loop().time()
-        for key, program in list(self._known.items()):
-            if program.is_closed or (program.idle and now - program.last_at > FORGET_AFTER):
+        for key, program in list(self._clients.items()):
+            if program.is_closed or (program.idle and now - program.asked_at > FORGET_AFTER):
                 program.close()
-                del self._known[key]
-        if len(self._known) >= MAX_PROGRAMS:
-            idle = [key for key, program in self._known.items() if program.idle]
+                del self._clients[key]
+        if len(self._clients) >= MAX_PROGRAMS:
+            idle = [key for key, program in self._clients.items() if program.idle]
             if idle:
-                self._known.pop(min(idle, key=lambda key: (self._known[key].writes, self._known[key].last_at))).close()
+                self._clients.pop(
+                    min(idle, key=lambda key: (self._clients[key].has_put, self._clients[key].asked_at))
+                ).close()
 
     def close(self) -> None:
         """Close the connections of all programs."""
-        for program in self._known.values():
+        for program in self._clients.values():
             program.close()
-        self._known.clear()
+        self._clients.clear()
 
 
 def _client_name(host: str, client_id: int) -> str:

@@ -228,7 +228,7 @@ def _pier_side(sim: AlpacaTelescope, flipped: bool) -> int:
 
 
 def _destination_side(sim: AlpacaTelescope, ra_hours: float, dec: float) -> int:
-    ra, _ = sim.of_date(ra_hours * 15.0, dec)
+    ra, _ = sim.to_of_date(ra_hours * 15.0, dec)
     return _pier_side(sim, sim.mechanics.geometry.is_flipped(wrap180(sim.sky.lst(sim.now) - ra)))
 
 
@@ -281,7 +281,7 @@ def _slew(sim: AlpacaTelescope, *coordinates: float) -> None:
 
 
 def _sync(sim: AlpacaTelescope, *coordinates: float) -> None:
-    sim.mechanics.sync(sim.now, *sim.of_date(*_resolved_target(sim, *coordinates)))
+    sim.mechanics.sync(sim.now, *sim.to_of_date(*_resolved_target(sim, *coordinates)))
 
 
 def _set_drive_rate(sim: AlpacaTelescope, rate: int) -> None:

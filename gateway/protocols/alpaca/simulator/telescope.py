@@ -181,7 +181,7 @@ class AlpacaTelescope(Simulated):
         self.follows.clear()
         self.mechanics.track(self.now, on, self.mechanics.geometry.ns_sign)
 
-    def of_date(self, ra: float, dec: float) -> Pair:
+    def to_of_date(self, ra: float, dec: float) -> Pair:
         """Convert coordinates of a program to the equinox of date."""
         return self._ephemeris.to_of_date(ra, dec, self.utc()) if self.sends_j2000 else (ra, dec)
 
@@ -189,9 +189,9 @@ class AlpacaTelescope(Simulated):
         """Slew to a position in degrees. Raises AlpacaError while not tracking, and below the lowest altitude."""
         if not self.tracks:
             raise AlpacaError(INVALID_OPERATION, "SlewToCoordinates is not allowed when tracking is False")
-        ra, dec = self.of_date(ra, dec)
+        ra, dec = self.to_of_date(ra, dec)
         self._check_alt(hour_angle_to_horizon(wrap180(self.sky.lst(self.now) - ra), dec, self.sky.latitude)[1])
-        self.release()
+        self.end_moves()
         self.mechanics.goto_sky(self.now, ra, dec)
 
     def slew_altaz(self, azimuth: float, altitude: float) -> None:
@@ -202,7 +202,7 @@ class AlpacaTelescope(Simulated):
         self._check_alt(check_range(altitude, -90.0, 90.0, "Altitude"))
         goal = horizon_to_hour_angle(azimuth, altitude, self.sky.latitude)
         geometry, correction = self.mechanics.geometry, self.mechanics.sync_correction
-        first, second = geometry.axes(*goal, geometry.is_flipped(goal[0]))
+        first, second = geometry.to_axes(*goal, geometry.is_flipped(goal[0]))
         self.slew_to_axes((wrap360(first - correction[0]), second - correction[1]))
 
     def _check_alt(self, altitude: float) -> None:
@@ -211,7 +211,7 @@ class AlpacaTelescope(Simulated):
 
     def slew_to_axes(self, axes: Pair, target: str = "") -> None:
         """Slew to axis positions. ``target`` is ``park`` or ``home`` if they are that position; tracking then ends."""
-        self.release()
+        self.end_moves()
         if target:
             self.track(False)
         self.mechanics.goto_axes(self.now, *axes)
@@ -255,7 +255,7 @@ class AlpacaTelescope(Simulated):
             if not self.moving:
                 self.mechanics.resume_tracking(self.now)
 
-    def release(self) -> None:
+    def end_moves(self) -> None:
         """End motion by hand. The mount is then not parked, not at its home position, and on the way to neither."""
         for axis in tuple(self.moving):
             self.move_axis(axis, 0.0)
@@ -263,7 +263,7 @@ class AlpacaTelescope(Simulated):
 
     def abort(self) -> None:
         """End every motion, including slews to the park and home positions."""
-        self.release()
+        self.end_moves()
         self.mechanics.cancel(self.now)
 
     def pulse(self, direction: int, seconds: float) -> None:

@@ -81,7 +81,7 @@ def read_pier_side(mount: Lx200Driver) -> Steps:
     return side if side in ("E", "W") else None
 
 
-def learn_speeds(mount: Lx200Driver) -> Steps:
+def read_speeds(mount: Lx200Driver) -> Steps:
     """Read the speeds of the arrows, if they depend on how the controller was set up."""
     said: dict[str, float | None] = {}
     for name, speed in mount.dialect.get("speeds", {}).items():
@@ -116,7 +116,7 @@ class CheckArrow(Operation, frozen=True):
     seen_moving_at: float
 
 
-def watch_arrow(mount: Lx200Driver, axis: int) -> Steps:
+def schedule_check(mount: Lx200Driver, axis: int) -> Steps:
     """Schedule a check whether an arrow still moves the mount, if its controller can end such a motion by itself."""
     if "arrows" in mount.dialect and mount.has_status:
         yield Schedule(ARROW_CHECK_DELAY, CheckArrow(axis, mount.now(), mount.now()))
@@ -155,4 +155,4 @@ def check_arrow(mount: Lx200Driver, operation: CheckArrow) -> Steps:
         yield from ask(mount, mount.rate_sent)
         if mount.moving.get(axis) == letter:
             yield from ask(mount, f"M{letter}")
-            yield from watch_arrow(mount, axis)
+            yield from schedule_check(mount, axis)

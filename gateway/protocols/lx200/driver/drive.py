@@ -141,14 +141,14 @@ def drive_rate(mount: Lx200Driver, _: op.DriveRate) -> Steps:
     return 1.0 if _SIDEREAL_MIN_HERTZ <= shown <= _SIDEREAL[1] and not solar else shown / SIDEREAL_HERTZ
 
 
-def _set_named_rate(mount: Lx200Driver, name: str) -> Steps:
+def _set_named_rate(mount: Lx200Driver, rate_name: str) -> Steps:
     """Set a named rate, retry once, raise Refused if another rate is displayed. Only lunar differs from the others."""
     for _ in range(2):
-        yield from ask(mount, _COMMAND_BY_DRIVE_RATE[name])
+        yield from ask(mount, _COMMAND_BY_DRIVE_RATE[rate_name])
         shown = (yield from ask(mount, "GT"))["hertz"]
-        if not shown or (shown < _LUNAR_MAX_HERTZ) == (name == "lunar"):
+        if not shown or (shown < _LUNAR_MAX_HERTZ) == (rate_name == "lunar"):
             return
-    raise Refused(f"The mount shows {shown} hertz instead of the {name} rate.")
+    raise Refused(f"The mount shows {shown} hertz instead of the {rate_name} rate.")
 
 
 def set_backlash(mount: Lx200Driver, operation: op.Backlash) -> Steps:

@@ -18,11 +18,11 @@ from gateway.protocols.base.driver import Remark, Schedule, Steps
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 
 #: Seconds until an end command is repeated.
-REPEAT_AFTER = 0.3
+REPEAT_DELAY = 0.3
 #: Both axes of the mount; the focuser has a number of its own.
 MOUNT_AXES, FOCUSER_AXIS = (1, 2), 3
 #: Seconds after a motion until rates are restored: a program that moves again at once finds its rate unchanged.
-RESTORE_AFTER = 1.0
+RESTORE_DELAY = 1.0
 #: Guide rates that differ by less than this fraction of sidereal are equal: :Rg has tenths of an arcsecond.
 GUIDE_RATE_TOLERANCE = 0.003
 
@@ -47,7 +47,7 @@ def end_motion(mount: Lx200Driver, command: str, axes: tuple[int, ...], was_movi
         mount.motions_at_end[command] = {axis: mount.motions_begun.get(axis, 0) for axis in axes}
     yield from ask(mount, command)
     if was_moving:
-        yield Schedule(REPEAT_AFTER, RepeatEnd(command), urgent=True, not_while_busy=command != "Q")
+        yield Schedule(REPEAT_DELAY, RepeatEnd(command), urgent=True, not_while_busy=command != "Q")
 
 
 def repeat_end(mount: Lx200Driver, operation: RepeatEnd) -> Steps:
@@ -70,7 +70,7 @@ class RestoreRates(Operation, frozen=True):
 def restore_rates_later(mount: Lx200Driver) -> Steps:
     """Schedule the restoration of the rates if any was changed."""
     if _rates_changed(mount):
-        yield Schedule(RESTORE_AFTER, RestoreRates(), not_while_busy=True)
+        yield Schedule(RESTORE_DELAY, RestoreRates(), not_while_busy=True)
 
 
 def restore_rates(mount: Lx200Driver, _: RestoreRates) -> Steps:
@@ -78,7 +78,7 @@ def restore_rates(mount: Lx200Driver, _: RestoreRates) -> Steps:
     if mount.moving or mount.pulsing or not _rates_changed(mount):
         return
     if mount.goto is not None or mount.seeking or mount.now() < mount.pulses_until:
-        yield Schedule(RESTORE_AFTER, RestoreRates(), not_while_busy=True)
+        yield Schedule(RESTORE_DELAY, RestoreRates(), not_while_busy=True)
         return
     if mount.keypad_rate is not None:
         if mount.old_pulse_rate not in (None, mount.keypad_rate):  # a slow rate of the keys is that of pulses, too

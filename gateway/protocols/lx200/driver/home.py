@@ -92,7 +92,7 @@ def unpark(mount: Lx200Driver, _: op.Unpark) -> Steps:
         with contextlib.suppress(NoAnswer):
             yield from ask(mount, "I")
         corrected = mount.pec_axes
-        mount.power_on()  # :I restarts the telescope with its default rates, and without corrections
+        mount.reset_state()  # :I restarts the telescope with its default rates, and without corrections
         if mount.drive_rate is not None:
             yield from set_drive_rate(mount, mount.drive_rate)
         for axis in sorted(corrected):

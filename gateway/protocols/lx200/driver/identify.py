@@ -13,12 +13,12 @@ from gateway.astro.spherical import fold_declination, wrap180
 from gateway.core.errors import Fault, Garbled, NoAnswer, Silence
 from gateway.core.operations import Equatorial, GetStatus, Identity, Operation, Status, Tracking
 from gateway.protocols.base.driver import Remark, Send, Steps, Wait
-from gateway.protocols.lx200.driver.dialect import learn_speeds, read_report
+from gateway.protocols.lx200.driver.dialect import read_report, read_speeds
 from gateway.protocols.lx200.driver.state import KNOWN_COMMAND_TIMEOUT, PUSHED_MESSAGE, Lx200Driver, ask, send_command
 from gateway.protocols.wireformat.command_set import load
 
 #: Timeout of a question that may stay unanswered: a multiple of the usual reply time, and its minimum in seconds.
-FACTOR, MIN_PROBE_TIMEOUT = 2.0, 0.6
+TIMEOUT_FACTOR, MIN_PROBE_TIMEOUT = 2.0, 0.6
 #: Questions to an unknown controller, and what remains unknown without an answer.
 UNKNOWN_BY_COMMAND = {"GVN": "its version", "ACK": "how it is mounted", "GW": "whether it tracks"}
 #: How many positions are read to find out whether a mount that shows bars moves, and the seconds between two.
@@ -32,7 +32,7 @@ HIGH_PRECISION_LENGTH = len("HH:MM:SS#")
 def contact(mount: Lx200Driver, _: object = None) -> Steps:
     """Read the position by ACK, :GR and :GD in high precision, so that clients can be served before identification."""
     corrects = mount.pec_axes
-    mount.power_on()
+    mount.reset_state()
     mount.pec_axes, mount.pushed_by_hand = corrects, False
     mount.mute, mount.reply_time = frozenset(), KNOWN_COMMAND_TIMEOUT
     yield from _probe(mount, "ACK", unverified_ok=True)
@@ -69,7 +69,7 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
             mount.assume_model("other")
     mount.extra_commands = frozenset({mount.status_command} if mount.has_status else ())
     if mount.dialect:
-        yield from learn_speeds(mount)
+        yield from read_speeds(mount)
     if mount.model == "other":
         unknown = [text for command, text in UNKNOWN_BY_COMMAND.items() if command in mount.mute]
         unnamed = load("lx200").model_of_product(mount.product) == "other"
@@ -120,7 +120,7 @@ def _probe(mount: Lx200Driver, command: str, unverified_ok: bool = False) -> Ste
     if command in mount.mute or command not in mount.protocol.commands:
         return None
     try:
-        patience = min(KNOWN_COMMAND_TIMEOUT, max(MIN_PROBE_TIMEOUT, FACTOR * mount.reply_time))
+        patience = min(KNOWN_COMMAND_TIMEOUT, max(MIN_PROBE_TIMEOUT, TIMEOUT_FACTOR * mount.reply_time))
         return (yield Send(command, timeout=patience, unverified_ok=unverified_ok))
     except (Garbled, Silence):
         mount.mute |= {command}

@@ -14,7 +14,7 @@ from gateway.astro.spherical import declination_rates, hour_angle_rates
 from gateway.core import operations as op
 from gateway.core.errors import Refused, Unsupported
 from gateway.protocols.base.driver import BY_HAND_MESSAGE, SLEWING_MESSAGE, Remark, Steps
-from gateway.protocols.lx200.driver.dialect import watch_arrow
+from gateway.protocols.lx200.driver.dialect import schedule_check
 from gateway.protocols.lx200.driver.drive import note_drive_rate, restore_drive_rate, set_drive_hertz
 from gateway.protocols.lx200.driver.ends import (
     MOUNT_AXES,
@@ -24,7 +24,7 @@ from gateway.protocols.lx200.driver.ends import (
     send_guide_rate,
     set_max_speed,
 )
-from gateway.protocols.lx200.driver.pointing import beyond_pole, horizontal_position
+from gateway.protocols.lx200.driver.pointing import horizontal_position, is_beyond_pole
 from gateway.protocols.lx200.driver.speeds import NAMED_DRIVES, SPEEDS, Speed, nearest, nearest_total_speed, ratio_error
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask, rate_command
 from gateway.protocols.lx200.reply_rules import PAUSE_AFTER_COMMAND
@@ -41,7 +41,7 @@ def _direction_letter(mount: Lx200Driver, axis: int, sense: int) -> Steps:
     if axis == 2 and mount.equatorial and not mount.german and mount.southern:  # lifting is towards the southern pole
         sense = -sense
     elif axis == 2 and mount.german:  # the motor's sense is reversed on one side of the pier
-        sense = -sense if (yield from beyond_pole(mount)) is not mount.southern else sense
+        sense = -sense if (yield from is_beyond_pole(mount)) is not mount.southern else sense
     if axis == 2:
         return "n" if sense > 0 else "s"
     if mount.equatorial and mount.southern:
@@ -69,7 +69,7 @@ def move_axis(mount: Lx200Driver, operation: op.MoveAxis) -> Steps:
         return
     west = rate.degrees if letter == "w" else -rate.degrees
     speed = nearest_total_speed(mount.model_speeds, west, _tracking_speed(mount))
-    yield from _remark_deviation(west, speed.degrees)
+    yield from _log_deviation(west, speed.deg_per_s)
     if speed.hertz is not None:
         yield from note_drive_rate(mount)
         mount.drive_rate_changed = True
@@ -93,11 +93,11 @@ def _choose_speed(mount: Lx200Driver, rate: op.Rate) -> Steps:
     if rate.name is not None or rate.degrees is None:
         return None
     speed = nearest(mount.model_speeds, rate.degrees)
-    yield from _remark_deviation(rate.degrees, speed.degrees)
+    yield from _log_deviation(rate.degrees, speed.deg_per_s)
     return speed
 
 
-def _remark_deviation(requested: float, actual: float) -> Steps:
+def _log_deviation(requested: float, actual: float) -> Steps:
     if ratio_error(requested, actual) > _REMARK_THRESHOLD:
         yield Remark(
             f"a motion at {abs(requested) * 3600:.5g} arcseconds per second is done at "
@@ -120,7 +120,7 @@ def _begin_motion(mount: Lx200Driver, axis: int, letter: str, rate: op.Rate, spe
     count_motion(mount, axis)
     yield from ask(mount, f"M{letter}")
     mount.moving[axis], mount.parked = letter, False
-    yield from watch_arrow(mount, axis)
+    yield from schedule_check(mount, axis)
 
 
 def _send_named_rate(mount: Lx200Driver, axis: int, rate: op.Rate) -> Steps:

@@ -90,9 +90,9 @@ def set_clock_from_gps(mount: Lx200Driver, _: ClockFromGps) -> Steps:
     yield from ask(mount, "gT")
 
 
-def _set_zone(mount: Lx200Driver, wanted: float) -> Steps:
+def _set_zone(mount: Lx200Driver, wanted_zone: float) -> Steps:
     """Send :SG and return the offset that the telescope has taken. Raises Invalid if it takes none."""
-    for offset in (wanted, float(int(wanted))):
+    for offset in (wanted_zone, float(int(wanted_zone))):
         with suppress(Invalid):
             yield from ask(mount, "SG", offset=-offset)
             return -(yield from ask(mount, "GG"))["offset"] if mount.dialect else offset

@@ -241,7 +241,7 @@ def note_chosen_side(mount: Lx200Driver, ra: float) -> None:
     mount.pier_side_basis, mount.beyond_pole = (ra, mount.now()), None
 
 
-def beyond_pole(mount: Lx200Driver) -> Steps:
+def is_beyond_pole(mount: Lx200Driver) -> Steps:
     """Return whether the second axis is turned beyond the pole: as reported, or by the last goto; False for a fork."""
     if not mount.german:
         return False
@@ -266,7 +266,7 @@ def pier_side(mount: Lx200Driver, _: op.PierSide) -> Steps:
     """
     if not mount.german:
         raise Unsupported("A fork has no sides of the pier.")
-    return "W" if (yield from beyond_pole(mount)) else "E"
+    return "W" if (yield from is_beyond_pole(mount)) else "E"
 
 
 # --- the telescope's own object library, for clients of its protocol --------------------------------------------------

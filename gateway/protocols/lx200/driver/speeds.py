@@ -28,7 +28,7 @@ _MIN_AXIS_RATE, _AXIS_STEP, _GUIDE_STEP = 0.1, 0.1, 0.1
 
 
 class Speed(Struct, frozen=True):
-    """A choice of rates. ``degrees`` is the resulting speed, degrees per second.
+    """A choice of rates. ``deg_per_s`` is the resulting speed, degrees per second.
 
     command         the rate command of the direction key, None if no key is pressed
     guide           the guide rate to set for :RG, a fraction of sidereal
@@ -38,7 +38,7 @@ class Speed(Struct, frozen=True):
     """
 
     command: str | None
-    degrees: float
+    deg_per_s: float
     guide: float | None = None
     max_speed: int | None = None
     axis_rate: float | None = None
@@ -82,7 +82,7 @@ def nearest_total_speed(model_speeds: ModelSpeeds, west_speed: float, drive_rate
         [
             *_drive_speeds(model_speeds, west_speed, drive_rate),
             *(
-                replace(speed, degrees=math.copysign(speed.degrees, west_speed))
+                replace(speed, deg_per_s=math.copysign(speed.deg_per_s, west_speed))
                 for speed in (() if model_speeds.speeds else _key_speeds(model_speeds, abs(west_speed)))
                 if speed.command != "RG"
             ),
@@ -93,8 +93,8 @@ def nearest_total_speed(model_speeds: ModelSpeeds, west_speed: float, drive_rate
 
 def _first_nearest(speeds: list[Speed], requested: float) -> Speed:
     """Return the first of the nearest speeds."""
-    least = min(ratio_error(requested, speed.degrees) for speed in speeds)
-    return next(speed for speed in speeds if ratio_error(requested, speed.degrees) <= least + RATIO_TOLERANCE)
+    least = min(ratio_error(requested, speed.deg_per_s) for speed in speeds)
+    return next(speed for speed in speeds if ratio_error(requested, speed.deg_per_s) <= least + RATIO_TOLERANCE)
 
 
 def _key_speeds(model_speeds: ModelSpeeds, requested: float) -> Iterator[Speed]:
@@ -133,7 +133,7 @@ def _drive_speeds(model_speeds: ModelSpeeds, west_speed: float, drive: float) ->
     if model_speeds.guides:
         more = west_speed - drive
         arrow = next(_key_speeds(model_speeds, abs(more)))
-        yield Speed("RG", drive + math.copysign(arrow.degrees, more), guide=arrow.guide, west=more > 0.0)
+        yield Speed("RG", drive + math.copysign(arrow.deg_per_s, more), guide=arrow.guide, west=more > 0.0)
     else:
         for sign in (1, -1):
             yield Speed("RG", drive + sign * SPEEDS["RG"], west=sign > 0)

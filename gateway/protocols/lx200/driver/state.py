@@ -20,7 +20,7 @@ from gateway.protocols.wireformat.rows import Model
 
 BUSY_RETRIES, BUSY_WAIT = 5, 0.4
 #: Queries whose replies are true for one moment only, so that they are accepted without verification.
-ONCE = frozenset({"GS", "Gr", "Gd"})
+UNVERIFIED = frozenset({"GS", "Gr", "Gd"})
 #: Stands for an unknown value of a rate register: it differs from every rate.
 UNKNOWN_RATE = -1
 _COMMAND_BY_RATE_NAME = {"guide": "RG", "center": "RC", "find": "RM", "max": "RS"}
@@ -137,9 +137,9 @@ class Lx200Driver(Driver):
         #: The drive rate displayed before a motion, maybe set at the hand control, hertz; and when it was read.
         self.drive_hertz_shown: float | None = None
         self.drive_rate_read_at = -math.inf
-        self.power_on()
+        self.reset_state()
 
-    def power_on(self) -> None:
+    def reset_state(self) -> None:
         """Reset the values that no Meade reports, because it may have been switched off and on while the line was down.
 
         A rate that the gateway had changed then counts as unknown, and is sent again before it is used.
@@ -167,7 +167,7 @@ class Lx200Driver(Driver):
         """Assume that the telescope is of this model, and speak the model's dialect."""
         self.model, self.protocol = model, load("lx200").in_dialect_of(model)
         #: The facts of its dialect, none for a Meade; and the command for its state.
-        self.dialect: Mapping[str, Any] = {} if self.protocol.other is None else self.protocol.other.facts
+        self.dialect: Mapping[str, Any] = {} if self.protocol.overlay is None else self.protocol.overlay.facts
         self.status_command = str(self.dialect.get("status", {}).get("command", "GW"))
 
     @property
@@ -306,7 +306,7 @@ class Lx200Driver(Driver):
     def speed(self, rate: op.Rate) -> float:
         """Return the speed at a hand rate, degrees per second; if several are possible, the greatest."""
         if rate.name is None and rate.degrees is not None:
-            speed = nearest(self.model_speeds, rate.degrees).degrees
+            speed = nearest(self.model_speeds, rate.degrees).deg_per_s
             return max(min(rate.degrees, max(self.speeds.values())), speed) if rate.key is None else speed
         return self.measured[rate.key - 1] if self.measured and rate.key else self.speeds[rate_command(self, rate)]
 
@@ -372,7 +372,7 @@ def send_command(
     if mount.powerless and row.allowed_while_asleep is False:
         raise Refused("The mount is asleep: wake it first.")
     patience = row.long or (KNOWN_COMMAND_TIMEOUT if row.may_be_silent else None)
-    asked, once = {**values, "low": mount.low}, command in ONCE
+    asked, once = {**values, "low": mount.low}, command in UNVERIFIED
     send = Send(command, asked, patience, row.long is not None, row.by_hand, once=once, unverified_ok=unverified_ok)
     for _ in range(0 if row.by_hand else BUSY_RETRIES):
         try:

@@ -92,7 +92,7 @@ HANDLERS: dict[str, Handler] = {
     "Gd": lambda sim, name, _: encode(sim, name, dec=sim.stored_values.get("dec", 0.0)),
     "ACK": lambda sim, name, _: sim.mode_letter.encode(), "GW": status, "GT": hertz, "G0": menu, "G1": menu, "G2": menu,
     **dict.fromkeys(_FIELDS, lambda sim, name, _: f"{sim.row[_FIELDS[name]]}#".encode()),
-    "h?": lambda sim, name, _: b"2" if sim.seeking else str(sim.home_state).encode(),
+    "h?": lambda sim, name, _: b"2" if sim.seeks_home else str(sim.home_state).encode(),
     "gps": lambda sim, name, _: format_rmc(Place(*sim.site), sim.now).encode() + b"#",
     "??": help_text, "?+": help_text, "?-": help_text, **dict.fromkeys(_SILENT, lambda sim, name, _: None),
 }  # fmt: skip

@@ -36,8 +36,8 @@ class FrameCutter:
     frame that is too long is shortened; a TeenAstro drops such a frame.
     """
 
-    def __init__(self, longest: int, accepts_any_first: bool) -> None:
-        self._longest, self._accepts_any_first, self._frame = longest, accepts_any_first, bytearray()
+    def __init__(self, max_length: int, accepts_any_first: bool) -> None:
+        self._max_length, self._accepts_any_first, self._frame = max_length, accepts_any_first, bytearray()
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
         frames = []
@@ -45,11 +45,11 @@ class FrameCutter:
             if byte == ACK[0] and not self._frame:
                 frames.append(ACK)
             elif byte not in IGNORED:
-                self._frame = self._frame[: self._longest - 1] + bytes((byte,))
+                self._frame = self._frame[: self._max_length - 1] + bytes((byte,))
             if byte == HASH:
                 first = self._frame[:1]
                 if first == b":":
-                    whole = len(self._frame) > 2 and (self._accepts_any_first or len(self._frame) < self._longest)
+                    whole = len(self._frame) > 2 and (self._accepts_any_first or len(self._frame) < self._max_length)
                 else:
                     whole = self._accepts_any_first and first != b"#"
                 if whole:
@@ -238,7 +238,7 @@ def _press_arrow(sim: ControllerMotion, name: str, _: Values) -> None:
         return
     sim.at_home, sim.stored_values[f"arrow {axis}"] = False, name
     sim.ends[axis] = sim.now + ARROW_TIMEOUT if sim.onstep else math.inf
-    sim.mechanics.move(sim.now, axis, sense * sim.sidereal_multiple(sim.rate_number) * SIDEREAL_RATE, gentle=True)
+    sim.mechanics.move(sim.now, axis, sense * sim.sidereal_multiple(sim.rate_number) * SIDEREAL_RATE, additive=True)
 
 
 def _release_arrow(sim: ControllerMotion, name: str, _: Values) -> None:
@@ -384,8 +384,8 @@ class SimulatedController(ControllerMotion):
         if frame == ACK:
             return b"P" if self.onstep else b"G"
         word = frame[1:-1].decode("latin-1")
-        assert self.protocol.other is not None
-        if (fixed := self.protocol.other.facts["simulated"].get(word)) is not None:
+        assert self.protocol.overlay is not None
+        if (fixed := self.protocol.overlay.facts["simulated"].get(word)) is not None:
             return str(fixed).encode()
         if (answer := REPLIES.get(word)) is not None and word not in (TEENASTRO_COMMANDS if self.onstep else OF_ONSTEP):
             return answer(self)
@@ -398,5 +398,5 @@ class SimulatedController(ControllerMotion):
         try:
             values = match[1].decode(frame)
         except ValueError:
-            return self._no(match[0])
+            return self._deny(match[0])
         return handler(self, match[0].name, values) or b""

@@ -63,14 +63,14 @@ def _begin_slew(sim: MeadeTelescope, ra: float, dec: float, target_altitude: flo
 
 def slew_axes(sim: MeadeTelescope, goal: Pair) -> None:
     """Begin a slew to these axis positions."""
-    release(sim)
+    release_keys(sim)
     sim.goal = goal, True
     sim.mechanics.goto_axes(sim.now, *goal)
 
 
 def unpark(sim: MeadeTelescope) -> None:
     """Release all direction keys, and unpark the telescope if it is parked."""
-    release(sim)
+    release_keys(sim)
     if sim.parked:
         sim.parked = False
         sim.track(sim.mode_letter != "L")
@@ -138,7 +138,7 @@ def press_arrow(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:Mn :Ms :Me :Mw - press a direction key: the guide rate is added to tracking, the other rates replace it."""
     axis, sense = axis_of(sim, name[1])
     if set(sim.arrows) - {axis}:
-        release(sim, axis)
+        release_keys(sim, axis)
     else:
         unpark(sim)
     sim.mechanics.cancel(sim.now)
@@ -150,7 +150,7 @@ def press_arrow(sim: MeadeTelescope, name: str, _: Values) -> None:
     sim.arrows[axis] = gentle
 
 
-def release(sim: MeadeTelescope, *axes: int) -> None:
+def release_keys(sim: MeadeTelescope, *axes: int) -> None:
     """Release the direction keys of these axes, or all; after the last key the telescope tracks where it points.
 
     A polar telescope tracks again as soon as the keys of its first axis are released (:Qe halts eastward motion only).
@@ -167,17 +167,17 @@ def release(sim: MeadeTelescope, *axes: int) -> None:
 
 def release_arrow(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:Qn :Qs :Qe :Qw - end the motion in a direction."""
-    release(sim, axis_of(sim, name[1])[0])
+    release_keys(sim, axis_of(sim, name[1])[0])
 
 
 def stop(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:Q - end every motion; computing and waiting for satellites continue."""
-    release(sim)
+    release_keys(sim)
     if sim.mechanics.slewing(sim.now):
         sim.mechanics.cancel(sim.now)
         unpark(sim)
-    if sim.seeking:
-        sim.seeking, sim.home_state = False, 0
+    if sim.seeks_home:
+        sim.seeks_home, sim.home_state = False, 0
 
 
 def pulse(sim: MeadeTelescope, name: str, values: Values) -> None:

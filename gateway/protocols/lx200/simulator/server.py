@@ -23,7 +23,7 @@ import re
 
 from gateway.core.motion_kinds import may_begin_motion
 from gateway.protocols.base.frames import Suspect, Unterminated
-from gateway.protocols.lx200.framing import ACK, Lx200Framer, setter
+from gateway.protocols.lx200.framing import ACK, Lx200Framer, setter_name
 from gateway.protocols.lx200.simulator import answers, library, motion, settings, tracking
 from gateway.protocols.lx200.simulator.telescope import Handler, MeadeTelescope
 from gateway.protocols.mechanics.simulated import SendLater
@@ -59,7 +59,7 @@ _ARGS = {
     "ST": rb"\d{3}[.]\d", "Sw": rb"[2-8]", "Sz": _AZIMUTH + _SECONDS, "T": rb"\d{3}[.]\d{3}", "W": rb"\d",
 }  # fmt: skip
 _PATTERNS = {name: re.compile(b":" + re.escape(name.encode()) + b"(?:" + form + b")#") for name, form in _ARGS.items()}
-LINE = 15  # characters between the colon and the #
+LINE_SIZE = 15  # characters between the colon and the #
 _MIN_BYTE, _MAX_BYTE = 0x20, 0x7F
 
 
@@ -78,7 +78,7 @@ class ClassicFramer(Lx200Framer):
         for byte in data:
             if _MIN_BYTE <= byte <= _MAX_BYTE or byte == ACK:
                 frames += super().feed(bytes((byte,)), now)
-                if len(self._frame) > LINE + 1:
+                if len(self._frame) > LINE_SIZE + 1:
                     self._drop()
             else:
                 self._drop()
@@ -86,7 +86,7 @@ class ClassicFramer(Lx200Framer):
 
     def _drop(self) -> None:
         """Drop an incomplete command; if it had an argument, the commands that arrive with it are suspect."""
-        self._suspect = self._suspect or setter(bytes(self._frame)) is not None
+        self._is_suspect = self._is_suspect or setter_name(bytes(self._frame)) is not None
         self._begin_command()
 
 
@@ -99,7 +99,7 @@ class SimulatedLx200(MeadeTelescope):
     def answer(self, frame: bytes, send_later: SendLater | None) -> bytes:
         if isinstance(frame, Unterminated):
             name = frame.names[0]
-            return self._no(self.protocol.commands[name]) if name and self.supports(name) and not frame.late else b""
+            return self._deny(self.protocol.commands[name]) if name and self.supports(name) and not frame.late else b""
         match = self.protocol.find(frame)
         if match is None or not self.supports(match[0].name) or match[0].name not in HANDLERS:
             return b""
@@ -109,28 +109,28 @@ class SimulatedLx200(MeadeTelescope):
         if isinstance(frame, Suspect) and may_begin_motion(self.protocol.surface_rows[command.name].operations):
             return b""
         if not self.tolerant and not well_formed(command.name, frame):
-            return self._no(command)
+            return self._deny(command)
         try:
             values = template.decode(frame)
         except ValueError:
-            return self._no(command)
+            return self._deny(command)
         if self.asleep and command.name in ASLEEP_REPLY_BY_COMMAND:
             return ASLEEP_REPLY_BY_COMMAND[command.name]
         reply = HANDLERS[command.name](self, command.name, values) or b""
         return self._split_slow_reply(command.name, reply, send_later)
 
     @staticmethod
-    def _no(command: Command) -> bytes:
+    def _deny(command: Command) -> bytes:
         """Return the reply that refuses an unreadable value of this command; empty if the command has none."""
         refusals = [form for reply, form in command.replies if reply.fault]
         return refusals[0].encode({}) if refusals and not refusals[0].fields else b""
 
-    def _split_slow_reply(self, name: str, reply: bytes, later: SendLater | None) -> bytes:
-        """Return the part of a slow reply to send at once; pass the rest to ``later`` with the seconds to wait."""
+    def _split_slow_reply(self, name: str, reply: bytes, send_later: SendLater | None) -> bytes:
+        """Return the part of a slow reply to send at once; pass the rest to ``send_later`` with the seconds to wait."""
         seconds = settings.reply_duration(self, name)
-        if later is None or not seconds or reply == b"0":
+        if send_later is None or not seconds or reply == b"0":
             return reply
         self.busy_until = self.now + seconds
         first, mark, rest = reply.partition(b"#")
-        later(seconds, rest if mark else first)
+        send_later(seconds, rest if mark else first)
         return first + mark if mark else b""

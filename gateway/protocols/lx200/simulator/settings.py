@@ -15,8 +15,8 @@ from gateway.protocols.wireformat import sexagesimal
 
 #: Seconds in which a classic computes its planets after a new date, and an LX200GPS finds satellites.
 PLANETS_DURATION, GPS_FIX_DURATION = 5.0, 60.0
-_MARKED = b"\x02"  # marks the selected site in a classic's menu
-_NAME = 12  # columns of that menu
+_MARK = b"\x02"  # marks the selected site in a classic's menu
+_NAME_WIDTH = 12  # columns of that menu
 _TYPES = re.compile("[Gg][Pp][Dd][Cc][Oo]")
 _SEARCH_LIMIT_BY_LETTER = {
     "b": ("magnitude", -5.5),
@@ -154,7 +154,7 @@ def site_name(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     text = sim.names[number].encode("latin-1")
     if not sim.classic:
         return text + b"#"
-    return text.ljust(_NAME) + (_MARKED if number == sim.site_number else b" ") + b"#"
+    return text.ljust(_NAME_WIDTH) + (_MARK if number == sim.site_number else b" ") + b"#"
 
 
 def set_site_name(sim: MeadeTelescope, name: str, values: Values) -> bytes:

@@ -28,7 +28,7 @@ MODELS_BY_COMMAND = {
 #: The commands for the telescope's name, which a classic does not have.
 NAME_COMMANDS = {"GVP", "GVN", "GVD", "GVT", "GVF"}
 HIGH_PRECISION_MODELS = {"lx200gps"}
-SITES = 4
+SITE_COUNT = 4
 
 
 class MeadeTelescope(Simulated):
@@ -59,8 +59,8 @@ class MeadeTelescope(Simulated):
         self.row: Model = self.protocol.models[model]
         self.classic: bool = model in ("lx200", "lx200-16")
         self.clock, self.now = clock, clock()
-        self.sites: list[Pair] = [site] * SITES
-        self.names = [f"SITE {number}" if not self.classic else f"ST{number}" for number in range(1, SITES + 1)]
+        self.sites: list[Pair] = [site] * SITE_COUNT
+        self.names = [f"SITE {number}" if not self.classic else f"ST{number}" for number in range(1, SITE_COUNT + 1)]
         self.site_number = 0
         self.clock_ahead, self.utc_offset = 0.0, utc_offset
         self.aligned: bool = aligned
@@ -71,7 +71,7 @@ class MeadeTelescope(Simulated):
         #: Axes moved by hand, and whether that motion is added to tracking instead of replacing it.
         self.arrows: dict[int, bool] = {}
         self.busy_until = 0.0
-        self.seeking, self.home_state = False, 0
+        self.seeks_home, self.home_state = False, 0
         self.land_tells_altaz, self.tolerant = land_tells_altaz, tolerant
         build = Build.GERMAN if dialect else Build.WEDGE if self.mode_letter == "P" else Build.ALTAZ
         self.mechanics = Mechanics(build, Observer(*site), self.now, self.power_on_axes(build))
@@ -109,7 +109,7 @@ class MeadeTelescope(Simulated):
     @property
     def busy(self) -> bool:
         """Whether the telescope accepts hardly any command: it seeks its home, computes, or waits for satellites."""
-        return self.seeking or self.now < self.busy_until
+        return self.seeks_home or self.now < self.busy_until
 
     def utc(self) -> float:
         """The telescope's own clock, Unix seconds."""
@@ -144,8 +144,8 @@ class MeadeTelescope(Simulated):
         """Advance the motion, and a search for home, to the present time."""
         self.now = self.clock()
         self.mechanics.advance(self.now)
-        if self.seeking and not self.mechanics.slewing(self.now):
-            self.seeking, self.home_state, self.aligned = False, 1, True
+        if self.seeks_home and not self.mechanics.slewing(self.now):
+            self.seeks_home, self.home_state, self.aligned = False, 1, True
             self.mechanics.correct(self.now, (0.0, 0.0))
 
 

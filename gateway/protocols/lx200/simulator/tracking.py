@@ -9,7 +9,7 @@ from gateway.astro.axes import Build, Pair
 from gateway.astro.spherical import SIDEREAL_RATE
 from gateway.core.operations import Values
 from gateway.protocols.lx200.simulator.answers import encode
-from gateway.protocols.lx200.simulator.motion import release, slew_axes, unpark
+from gateway.protocols.lx200.simulator.motion import release_keys, slew_axes, unpark
 from gateway.protocols.lx200.simulator.telescope import Handler, MeadeTelescope
 from gateway.protocols.mechanics.axis_motor import LUNAR_RATE, SOLAR_RATE
 
@@ -67,10 +67,10 @@ def step_drive_hertz(sim: MeadeTelescope, name: str, _: Values) -> None:
 
 def set_alignment_mode(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:AA :AP :AL - set the alignment mode; on a telescope without :GW the alignment is lost."""
-    release(sim)
+    release_keys(sim)
     sim.mode_letter = {"AA": "A", "AP": "P", "AL": "L"}[name]
     if sim.mode_letter != "L" and sim.mechanics.build is not Build.GERMAN:
-        sim.mechanics.rebuild(sim.now, Build.WEDGE if sim.mode_letter == "P" else Build.ALTAZ)
+        sim.mechanics.set_build(sim.now, Build.WEDGE if sim.mode_letter == "P" else Build.ALTAZ)
     sim.parked = False
     sim.track(sim.mode_letter != "L")
     if not sim.supports("GW"):
@@ -105,12 +105,12 @@ def seek_home(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:hS :hF - search for home; until it is found, hardly any command is accepted."""
     unpark(sim)
     slew_axes(sim, sim.power_on_axes(sim.mechanics.build))
-    sim.seeking, sim.home_state = True, 0
+    sim.seeks_home, sim.home_state = True, 0
 
 
 def sleep(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:hN - sleep: the motors are off."""
-    release(sim)
+    release_keys(sim)
     sim.mechanics.cancel(sim.now)
     sim.track(False)
     sim.asleep = True
@@ -125,7 +125,7 @@ def wake(sim: MeadeTelescope, name: str, _: Values) -> None:
 
 def restart(sim: MeadeTelescope, name: str, _: Values) -> bytes:
     """:I - restart."""
-    release(sim)
+    release_keys(sim)
     sim.mechanics.cancel(sim.now)
     sim.power_on()
     return b"X"

@@ -69,7 +69,7 @@ def commit_draft_if_allowed(session: LxSession) -> Handling:
         yield from commit_draft(session)
 
 
-def _draft(session: LxSession) -> ClockDraft:
+def _get_draft(session: LxSession) -> ClockDraft:
     """Return the draft, which the next connection of the same program continues."""
     if session.client.clock_draft is None:
         session.client.clock_draft = ClockDraft()
@@ -80,7 +80,7 @@ def set_clock_part(session: LxSession, command: Command, values: op.Values) -> H
     """:SL :SC :SG - set one of the three parts; the third part, or a pause, sends them to the mount."""
     values = decoded(values)
     session.check_may_set()
-    draft = _draft(session)
+    draft = _get_draft(session)
     draft.changed_at = session.clock()
     if command.name == "SG":
         _keep_local_time(session, draft, -values["offset"])
@@ -92,7 +92,7 @@ def set_clock_part(session: LxSession, command: Command, values: op.Values) -> H
         draft.day = values["date"]
         session.client.date_set = values["date"], session.clock()
         draft.carried_parts -= {"day"}
-    if draft.complete:
+    if draft.is_complete:
         yield from commit_draft(session)
     else:
         yield Defer(DRAFT_PAUSE, "clock.commit_draft_after_pause")
@@ -119,13 +119,13 @@ def _keep_local_time(session: LxSession, draft: ClockDraft, offset: float) -> No
 
 def commit_draft_after_pause(session: LxSession, command: Command | None, values: op.Values) -> Handling:
     """Send an incomplete draft after the pause, unless another part was set meanwhile."""
-    if session.clock() - _draft(session).changed_at >= DRAFT_PAUSE - 0.1:
+    if session.clock() - _get_draft(session).changed_at >= DRAFT_PAUSE - 0.1:
         yield from commit_draft(session)
 
 
 def commit_draft(session: LxSession) -> Handling:
     """Send the time and date of the draft to the mount as one instant."""
-    draft = _draft(session)
+    draft = _get_draft(session)
     pieces = copy(draft)
     draft.clear()
     if pieces.time is None and pieces.day is None:
@@ -148,7 +148,7 @@ def commit_draft(session: LxSession) -> Handling:
         seconds, elapsed = now.hour * 3600 + now.minute * 60 + now.second + now.microsecond / 1e6, 0.0
     if pieces.time is not None or session.client.local_time_sent is not None:
         session.client.local_time_sent = day, seconds, session.clock() - elapsed, offset
-    local = pieces.set_together or not session.model.get("utc_date")
+    local = pieces.by_one_command or not session.model.get("utc_date")
     yield op.SetClock(_unix_of_local(session, day, seconds, offset, local) + elapsed, offset)
 
 
@@ -182,8 +182,8 @@ def set_date_and_time(session: LxSession, values: op.Values) -> Handling:
         local = datetime.strptime(values.get("stamp", ""), "%y%m%d%H%M%S").replace(tzinfo=UTC)
     except ValueError:
         raise Invalid("The stamp is yyMMddHHmmss.") from None
-    draft = _draft(session)
-    draft.day, draft.set_together = local.date(), True
+    draft = _get_draft(session)
+    draft.day, draft.by_one_command = local.date(), True
     draft.time = (local.hour * 3600 + local.minute * 60 + local.second, session.clock())
     yield from commit_draft(session)
 

@@ -21,7 +21,7 @@ MAX_PULSE_MS = 60_000  # milliseconds
 SIDEREAL_HERTZ = 60.16427
 #: Accepted: a drive rate in hertz, a guide rate in arcseconds a second (up to twice sidereal), the rate of an axis in
 #: degrees a second. Other values have another meaning, such as iOptron's :ST1#, which starts tracking.
-HERTZ, GUIDES, AXIS_RATE_RANGE = (50.0, 70.0), (0.0, 30.1), (0.0, 20.0)
+HERTZ_RANGE, GUIDE_RANGE, AXIS_RATE_RANGE = (50.0, 70.0), (0.0, 30.1), (0.0, 20.0)
 #: The range that counts as sidereal, and the value reported for it; the highest frequency that can be reported.
 _SIDEREAL_RANGE, _REPORTED_SIDEREAL, _MAX_HZ = (60.1, 60.2), 60.1, 99.9
 _DRIVE_RATE_BY_COMMAND = {"TQ": "sidereal", "TS": "solar", "TL": "lunar"}
@@ -41,9 +41,9 @@ def move(session: LxSession, command: Command) -> Handling:
     yield FireAndForget(op.Move(direction, rate, lowest=client.lowest, highest=client.highest))
 
 
-def _in_range(limits: tuple[float, float], value: float, unit: str) -> float:
+def _in_range(allowed: tuple[float, float], value: float, unit: str) -> float:
     """Return a value that is in its range. Raises Invalid for any other."""
-    low, high = limits
+    low, high = allowed
     if not low <= value <= high:
         raise Invalid(f"{value:g} is out of range: {low:g} to {high:g} {unit}.")
     return value
@@ -76,7 +76,7 @@ def set_max_rate(session: LxSession, values: op.Values) -> None:
 
 def set_guide_rate(values: op.Values) -> Handling:
     """:Rg - the guide rate of both axes, arcseconds per second, at most sidereal."""
-    fraction = min(1.0, _in_range(GUIDES, decoded(values)["rate"], "arcseconds a second") / SIDEREAL_ARCSECONDS)
+    fraction = min(1.0, _in_range(GUIDE_RANGE, decoded(values)["rate"], "arcseconds a second") / SIDEREAL_ARCSECONDS)
     for axis in (1, 2):
         yield FireAndForget(op.SetGuideRate(axis, fraction))
 
@@ -156,14 +156,14 @@ def tell_hertz() -> Handling:
 
 def set_hertz(session: LxSession, values: op.Values) -> Handling:
     """:ST :T<ddd.ddd> - set the tracking rate; 60.1 to 60.2 means exactly sidereal."""
-    yield from _set_drive_hertz(session, _in_range(HERTZ, decoded(values)["hertz"], "hertz, 60.1 for sidereal"))
+    yield from _set_drive_hertz(session, _in_range(HERTZ_RANGE, decoded(values)["hertz"], "hertz, 60.1 for sidereal"))
 
 
 def set_manual_rate(session: LxSession, command: Command) -> Handling:
     """:TM :T+ :T- - track at the manual rate, or change it by a tenth of a hertz."""
     step = {"TM": 0.0, "T+": 0.1, "T-": -0.1}[command.name]
     hertz = round((session.shared.manual_hertz or 60.1) + step, 3)
-    yield from _set_drive_hertz(session, max(HERTZ[0], min(HERTZ[1], hertz)))
+    yield from _set_drive_hertz(session, max(HERTZ_RANGE[0], min(HERTZ_RANGE[1], hertz)))
 
 
 def _set_drive_hertz(session: LxSession, hertz: float) -> Handling:

@@ -103,16 +103,16 @@ def _target_entry(session: LxSession, entry: CatalogObject) -> Handling:
     client.ra, client.dec, client.selected_entry, client.object_text = place.ra, place.dec, entry, describe(entry)
 
 
-def _set_target(session: LxSession, moving: op.MoonPlace | op.PlanetPlace, text: str) -> Handling:
+def _set_target(session: LxSession, moving_object: op.MoonPlace | op.PlanetPlace, text: str) -> Handling:
     """Make a moving object the target. If its position is unknown, nothing is selected and Fault is raised."""
     client = session.client
     try:
-        place: op.Equatorial = yield moving
+        place: op.Equatorial = yield moving_object
     except Fault as fault:
         client.select_nothing(str(fault))
         raise
     client.deselect()
-    client.ra, client.dec, client.moving_object, client.object_text = place.ra, place.dec, moving, text
+    client.ra, client.dec, client.moving_object, client.object_text = place.ra, place.dec, moving_object, text
 
 
 def set_moon_target(session: LxSession, values: op.Values) -> Handling:

@@ -19,7 +19,7 @@ from gateway.protocols.wireformat.command import Command
 
 #: The letters of the four sites in the commands for their names, and the highest number that ``:W`` accepts.
 _SITE_LETTERS = "MNOP"
-_SITES_AT_MOST = 4
+_MAX_SITE_NUMBER = 4
 
 
 def tell_site_coordinate(session: LxSession, command: Command) -> Handling:
@@ -64,7 +64,7 @@ def _select_for_all(session: LxSession, index: int) -> Handling:
 def select_site(session: LxSession, values: Values) -> Handling:
     """:W - select a site. The model counts from 0 or from 1; a number outside its range selects the nearest site."""
     number = decoded(values)["site"]
-    if number > _SITES_AT_MOST:
+    if number > _MAX_SITE_NUMBER:
         return
     session.check_may_set()
     index = max(0, min(len(_SITE_LETTERS) - 1, number - session.model["first_site"]))

@@ -14,13 +14,13 @@ from gateway.core.operations import Direction, Move, Pulse, Pulsed, Tracking
 from gateway.protocols.base.driver import BY_HAND_MESSAGE, SLEWING_MESSAGE, Send, Steps
 from gateway.protocols.nexstar.counting import SIDEREAL
 from gateway.protocols.nexstar.driver import tracking
-from gateway.protocols.nexstar.driver.pointing import axis_readings, stop_current_motion
+from gateway.protocols.nexstar.driver.pointing import axis_command, stop_current_motion
 from gateway.protocols.nexstar.driver.state import MOTORS, NexStar, rate_zero
 
 Pair = tuple[float, float]
 
 #: At this speed (degrees a second) and above, tracking makes no visible difference to the motion.
-SLOW_BELOW = 0.1
+MAX_SLOW_SPEED = 0.1
 #: Seconds: the line's pause after an acknowledgement; the longest delay assumed between the commands to both motors,
 #: and the delay assumed before the first measurement.
 LINE_PAUSE, MAX_MOTOR_DELAY, DEFAULT_MOTOR_DELAY = 0.03, 0.5, 0.1
@@ -33,7 +33,7 @@ def can_add_rates(mount: NexStar) -> bool:
 
 def moves_on_tracking(mount: NexStar, operation: Move) -> bool:
     """Whether to move on top of tracking. Without a latitude the axis moves as on a mount that does not track."""
-    return can_add_rates(mount) and mount.site is not None and mount.speed(operation.rate) < SLOW_BELOW
+    return can_add_rates(mount) and mount.site is not None and mount.speed(operation.rate) < MAX_SLOW_SPEED
 
 
 def move(mount: NexStar, operation: Move) -> Steps:
@@ -118,7 +118,7 @@ def send_rates(mount: NexStar, first_axis: int) -> Steps:
 
 def _read_az_alt(mount: NexStar) -> Steps:
     """Read and return azimuth and altitude; store both axes' tracking rates there in ``mount.tracking_rates``."""
-    answer = yield axis_readings(mount)
+    answer = yield axis_command(mount)
     where = answer["az"], answer["alt"]
     assert mount.site is not None
     first, second = hour_angle_rates(*where, mount.site.latitude)

@@ -20,7 +20,7 @@ WAKE_DELAY = 2.0
 
 def park(mount: NexStar, operation: op.Park) -> Steps:
     """Slew to the park position by ``b`` (which also works unaligned); tracking is turned off on arrival."""
-    mount.woken = False
+    mount.was_woken = False
     yield from stop_current_motion(mount)
     goal = mount.destination(operation)
     assert goal is not None
@@ -79,7 +79,7 @@ def sleep(mount: NexStar, _: op.Hibernate) -> Steps:
         except NoAnswer:
             if not mount.asleep:  # a mount that already hibernates does not answer
                 raise
-        mount.asleep, mount.woken = True, False
+        mount.asleep, mount.was_woken = True, False
         mount.record_at_rest()
         mount.suspended_mode = None  # it tracks when it wakes
     else:
@@ -94,8 +94,8 @@ class TrackAfterWake(op.Operation, frozen=True):
 
 def track_after_wake(mount: NexStar, _: TrackAfterWake) -> Steps:
     """Turn tracking on some seconds after ``y``."""
-    if mount.woken:
-        mount.woken = False
+    if mount.was_woken:
+        mount.was_woken = False
         yield from unpark(mount, op.Unpark())
 
 
@@ -103,7 +103,7 @@ def wake(mount: NexStar, _: op.Wake) -> Steps:
     """Wake by ``y`` if the firmware has it, else turn tracking on."""
     if mount.supports("y"):
         yield Send("y")
-        mount.asleep, mount.woken = False, True
+        mount.asleep, mount.was_woken = False, True
         yield Schedule(WAKE_DELAY, TrackAfterWake())
     else:
         yield from tracking.set_tracking(mount, op.SetTracking(on=True))

@@ -12,7 +12,7 @@ from gateway.astro.spherical import wrap180
 from gateway.core.errors import Fault, NoDevice, Unsupported
 from gateway.core.operations import ClockFromGps, GetClock, GetGps, GetSite, Gps, Moment, Place, SetClock, SetSite
 from gateway.protocols.base.driver import Send, Steps
-from gateway.protocols.nexstar.counting import fields_of, unix_of
+from gateway.protocols.nexstar.counting import clock_fields, unix_time
 from gateway.protocols.nexstar.driver.state import NexStar
 
 #: If setting the clock took this many seconds, the time was late and is set again; at most this many attempts.
@@ -60,20 +60,20 @@ def get_clock(mount: NexStar, _: GetClock) -> Steps:
     """Return the Moment by ``i`` or ``h``, else from the GPS unit, else from the clock of a CGE. Raises Unsupported."""
     if mount.supports("i"):
         a = yield Send("i")
-        return _moment(a, a["quarters"] / 4.0)
+        return _to_moment(a, a["quarters"] / 4.0)
     if mount.supports("h"):
         a = yield Send("h")
-        return _moment(a, float(a["zone"]))
+        return _to_moment(a, float(a["zone"]))
     for part in ("gps", "rtc"):
         if not (mount.has(part) and mount.supports(f"{part}_date")):
             continue
         try:
             if part == "gps" and not (yield Send("gps_linked"))["linked"]:
                 continue
-            time = yield from _universal_time(part)
+            time = yield from _read_utc(part)
         except Fault:
             continue
-        return _moment(time, 0.0, century=0)
+        return _to_moment(time, 0.0, century=0)
     raise Unsupported("This hand control does not report the time.")
 
 
@@ -85,11 +85,11 @@ def read_gps(mount: NexStar, _: GetGps) -> Steps:
         return Gps(linked=False)
     latitude = (yield Send("gps_latitude"))["latitude"]
     longitude = (yield Send("gps_longitude"))["longitude"]
-    time = yield from _universal_time("gps")
-    return Gps(True, Place(latitude, wrap180(longitude)), _moment(time, 0.0, century=0).unix)
+    time = yield from _read_utc("gps")
+    return Gps(True, Place(latitude, wrap180(longitude)), _to_moment(time, 0.0, century=0).unix)
 
 
-def _universal_time(part: str) -> Steps:
+def _read_utc(part: str) -> Steps:
     """Return the fields of UTC from the GPS unit or the clock of a CGE; the year has all four digits."""
     day = yield Send(f"{part}_date")
     year = yield Send(f"{part}_year")
@@ -109,12 +109,12 @@ def set_clock_from_gps(mount: NexStar, _: ClockFromGps) -> Steps:
     yield from set_clock(mount, SetClock(receiver.unix, offset, dst))
 
 
-def _moment(fields: dict[str, int], zone: float, century: int = 2000) -> Moment:
+def _to_moment(fields: dict[str, int], zone: float, century: int = 2000) -> Moment:
     offset = zone + fields.get("dst", 0)
     if fields.get("dst", 0) > 1 or not -MAX_OFFSET_HOURS < offset < MAX_OFFSET_HOURS:
         raise Unsupported(f"The hand control's zone is impossible: {zone:g} hours, daylight saving {fields['dst']}.")
     try:
-        local = unix_of({**fields, "second": min(fields["second"], 59)}, century)
+        local = unix_time({**fields, "second": min(fields["second"], 59)}, century)
     except ValueError as error:
         raise Unsupported(f"The hand control's clock is impossible: {error}.") from None
     return Moment(unix=local - offset * 3600.0, offset=offset, dst=fields.get("dst"))
@@ -145,7 +145,7 @@ def set_clock(mount: NexStar, operation: SetClock) -> Steps:
         yield from _check_not_aligned(mount)
         asked = mount.now()
         local = datetime.fromtimestamp(round(operation.unix + asked - began), UTC) + timedelta(hours=zone + dst)
-        yield Send(name, {**fields_of(local), "dst": dst, **fields})
+        yield Send(name, {**clock_fields(local), "dst": dst, **fields})
         if mount.now() - asked < MAX_SET_DURATION:
             return
 

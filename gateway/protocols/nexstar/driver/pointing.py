@@ -35,14 +35,14 @@ def position(mount: NexStar, _: op.Position) -> Steps:
     return mount.last_position
 
 
-def axis_readings(mount: NexStar) -> Send:
+def axis_command(mount: NexStar) -> Send:
     """Return the command that reads the axes with the best precision this version has."""
     return Send("z" if mount.supports("z") else "Z")
 
 
 def axis_position(mount: NexStar, _: op.AxisPosition) -> Steps:
     """Return the readings of both axes; on a German mount, counted as a Celestron counts them (POLE_AXES)."""
-    answer = yield axis_readings(mount)
+    answer = yield axis_command(mount)
     az = wrap360(answer["az"] + mount.axis_offset) if mount.axis_offset else answer["az"]
     return op.Horizontal(az, answer["alt"])
 
@@ -52,7 +52,7 @@ def horizontal_position(mount: NexStar, _: op.HorizontalPosition) -> Steps:
     mode = tracking.native_mode(mount)
     if mount.german or (mode is not None and mode.equatorial) or any(mount.sync_offset):
         return None
-    answer = yield axis_readings(mount)
+    answer = yield axis_command(mount)
     return op.Horizontal(az=wrap360(answer["az"]), alt=max(-90.0, min(90.0, answer["alt"])))
 
 
@@ -67,7 +67,7 @@ def pier_side(mount: NexStar, _: op.PierSide) -> Steps:
     if mount.supports("p"):
         answer = yield Send("p")
         return answer["side"]
-    answer = yield axis_readings(mount)
+    answer = yield axis_command(mount)
     return "W" if wrap180(answer["alt"] - POLE_AXES[1]) > 0.0 else "E"
 
 
@@ -143,7 +143,7 @@ def stop_current_motion(mount: NexStar) -> Steps:
     if mount.goto is not None and mount.goto.seeks_switches:
         yield from _stop_seeking(mount)
     elif mount.goto is not None:
-        yield from _cancel(mount)
+        yield from _cancel_goto(mount)
         deadline = mount.now() + CANCEL_WAIT
         while mount.now() < deadline and (yield from _is_slewing(mount)):
             yield Wait(0.1)
@@ -162,12 +162,12 @@ def abort_slew(mount: NexStar, _: op.AbortSlew) -> Steps:
         yield from tracking.resume(mount)
         return
     mount.give_up_goto()
-    yield from _cancel(mount)
+    yield from _cancel_goto(mount)
     if going is not None and mount.rate.name != "sidereal":
         yield Schedule(0.0, AfterGoto(then=""))  # the hand control now tracks at the sidereal rate
 
 
-def _cancel(mount: NexStar) -> Steps:
+def _cancel_goto(mount: NexStar) -> Steps:
     """Send ``M``; where a goto may go on after it, also rate 0 to the axes that are not moved by hand."""
     yield Send("M")
     if "restarts" in mount.model_facts:

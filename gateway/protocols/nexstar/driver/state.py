@@ -13,7 +13,7 @@ from gateway.core.errors import Fault, Refused, Silence, Unsupported
 from gateway.protocols.base.driver import SLEWING_MESSAGE, Driver, GotoUnderWay, Handler, SavedValues, Send, Steps
 from gateway.protocols.base.spec import DriverSettings
 from gateway.protocols.nexstar.counting import SIDEREAL, key_speed, rate_tables
-from gateway.protocols.nexstar.versions import NEXSTAR_VARIANT, STARSENSE_VARIANT, code_of, letters_swapped, parse
+from gateway.protocols.nexstar.versions import NEXSTAR_VARIANT, STARSENSE_VARIANT, letters_swapped, mode_code, parse
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model, Version
 
@@ -111,7 +111,7 @@ class NexStar(Driver):
         self.resume_needs_alignment = False
         self.mode_checks_left = 0
         #: The mount was woken; tracking is to be turned on shortly.
-        self.woken = False
+        self.was_woken = False
         self.small_goto_motions: dict[int, SmallGotoMotion] = {}
         self.guide_rates = dict.fromkeys(MOTORS, settings.guide_rate or DEFAULT_GUIDE_RATE)  # of guide pulses
         #: The axes with a guide pulse that a command has to end.
@@ -198,7 +198,7 @@ class NexStar(Driver):
     @property
     def _mode_code_is_usual(self) -> bool:
         """Whether the byte of its tracking mode is the usual one for that mode."""
-        return self.native_mode is None or self.mode_code == code_of(self.native_mode, self.model_facts, self.version)
+        return self.native_mode is None or self.mode_code == mode_code(self.native_mode, self.model_facts, self.version)
 
     def record_alignment_lost(self) -> None:
         """Reset the sync offset and the drive rate, because they belong to an alignment that was lost."""

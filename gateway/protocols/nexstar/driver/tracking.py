@@ -14,7 +14,7 @@ from gateway.core.errors import NoAnswer, NoDevice, Refused, Unsupported
 from gateway.protocols.base.driver import Remark, Schedule, Send, Steps
 from gateway.protocols.nexstar.counting import DRIVE_CODES
 from gateway.protocols.nexstar.driver.state import NexStar
-from gateway.protocols.nexstar.versions import code_of, modes_by_code
+from gateway.protocols.nexstar.versions import mode_code, modes_by_code
 
 #: Speeds of the motors' own drive rates, arcseconds a second.
 _DRIVE_SPEEDS = {"sidereal": SIDEREAL_ARCSECONDS, "solar": 15.0, "lunar": 14.685}
@@ -23,7 +23,7 @@ _ASSUMED_MODE_REMARK = (
     "type; if that is wrong, set the key mode"
 )
 #: Seconds after ``T`` at which ``t`` is read to check it.
-VERIFY_AFTER = 1.0
+VERIFY_DELAY = 1.0
 
 
 def _set_mode(mount: NexStar, mode: op.Tracking) -> Steps:
@@ -34,7 +34,7 @@ def _set_mode(mount: NexStar, mode: op.Tracking) -> Steps:
     """
     known = modes_by_code(mount.model_facts, mount.version)
     own_code = mount.mode_code in known and _mode_of(mount, mount.mode_code) is mode
-    yield Send("T", {"mode": mount.mode_code if own_code else code_of(mode, mount.model_facts, mount.version)})
+    yield Send("T", {"mode": mount.mode_code if own_code else mode_code(mode, mount.model_facts, mount.version)})
     mount.drive = "own"
 
 
@@ -132,7 +132,7 @@ def set_tracking(mount: NexStar, operation: op.SetTracking) -> Steps:
     if moves and operation.on and native is not None and mode.equatorial != native.equatorial:
         raise Refused("The mount is moving: it can change between alt-az and equatorial tracking only at rest.")
     mount.parked = mount.parked and not operation.on
-    mount.mode_checks_left, mount.woken = 0, False
+    mount.mode_checks_left, mount.was_woken = 0, False
     readable = operation.on and mount.suspended_mode is None and mount.supports("t") and mount.drive == "own"
     if readable and (yield from _read_mode(mount)) is mode and operation.code in (None, mount.mode_code):
         return
@@ -178,7 +178,7 @@ def resume(mount: NexStar) -> Steps:
         shown = False
         with contextlib.suppress(NoAnswer):  # the motion has ended, whatever becomes of this
             shown = (yield from _read_mode(mount)) is mode
-        yield Schedule(VERIFY_AFTER, VerifyTracking(mode=mode.value, was_confirmed=shown))
+        yield Schedule(VERIFY_DELAY, VerifyTracking(mode=mode.value, was_confirmed=shown))
 
 
 def _read_mode(mount: NexStar) -> Steps:

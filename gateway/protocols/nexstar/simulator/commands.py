@@ -16,7 +16,7 @@ from gateway.astro.axes import Build, Observer, Pair
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import fold_declination, wrap180
 from gateway.core.operations import Values
-from gateway.protocols.nexstar.counting import fields_of, unix_of
+from gateway.protocols.nexstar.counting import clock_fields, unix_time
 from gateway.protocols.nexstar.simulator.mount import (
     ALTAZ,
     AZM,
@@ -29,15 +29,15 @@ from gateway.protocols.nexstar.simulator.mount import (
     RestartableGoto,
     SimulatedMount,
 )
-from gateway.protocols.nexstar.versions import MODES, NEXSTAR_VARIANT, STARSENSE_VARIANT, code_of, letters_swapped
+from gateway.protocols.nexstar.versions import MODES, NEXSTAR_VARIANT, STARSENSE_VARIANT, letters_swapped, mode_code
 from gateway.protocols.wireformat.rows import parse_version
 
 #: Slew limits of a fork, degrees of altitude.
-LOWEST, HIGHEST = -5.0, 90.0
+MIN_ALT, MAX_ALT = -5.0, 90.0
 #: Converts the coordinates of a mount that has those of J2000.
 SKY = Sky()
 #: The equatorial mode of a SynScan with periodic error correction.
-WITH_PEC = 3
+PEC_MODE = 3
 #: The numbers of the tracking modes in the simulator.
 NUMBER_BY_MODE = {mode: number for number, mode in MODES.items()}
 MIN_ZONE, MAX_ZONE = -12, 14  # hours: the zones in use
@@ -70,7 +70,7 @@ def goto(sim: SimulatedMount, values: Values) -> None:
     if sim.aligned:
         ra, dec = _goal_of_date(sim, values)
         hour_angle = wrap180(sim.mechanics.sky.lst(sim.now) - ra)
-        if _is_altitude_allowed(sim, sim.mechanics.geometry.axes(hour_angle, dec, flipped=False)[1]):
+        if _is_altitude_allowed(sim, sim.mechanics.geometry.to_axes(hour_angle, dec, flipped=False)[1]):
             if "dialect" in sim.row and sim.mode == OFF:
                 sim.track(_default_mode(sim))
             sim.mechanics.goto_sky(sim.now, ra, dec)
@@ -91,7 +91,7 @@ def goto_axes(sim: SimulatedMount, values: Values) -> None:
 
 
 def _is_altitude_allowed(sim: SimulatedMount, altitude: float) -> bool:
-    return sim.mechanics.build is not Build.ALTAZ or LOWEST <= altitude <= HIGHEST
+    return sim.mechanics.build is not Build.ALTAZ or MIN_ALT <= altitude <= MAX_ALT
 
 
 def sync(sim: SimulatedMount, values: Values) -> None:
@@ -123,15 +123,15 @@ def set_mode(sim: SimulatedMount, values: Values) -> None:
     mode = _default_mode(sim) if wanted is None else NUMBER_BY_MODE[wanted]
     if mode != ALTAZ or not sim.german:
         if "dialect" in sim.row:
-            sim.settings["periodic error", AZM] = int(values["mode"] == WITH_PEC)
+            sim.settings["periodic error", AZM] = int(values["mode"] == PEC_MODE)
         sim.track(mode)
 
 
 def mode(sim: SimulatedMount, _: Values) -> Values:
     """``t``: the tracking mode."""
-    code = code_of(MODES[sim.mode], sim.row, sim.version)
-    corrects = "dialect" in sim.row and sim.settings.get(("periodic error", AZM)) and code in (WITH_PEC - 1, WITH_PEC)
-    return {"mode": WITH_PEC if corrects else code}
+    code = mode_code(MODES[sim.mode], sim.row, sim.version)
+    corrects = "dialect" in sim.row and sim.settings.get(("periodic error", AZM)) and code in (PEC_MODE - 1, PEC_MODE)
+    return {"mode": PEC_MODE if corrects else code}
 
 
 def pier_side(sim: SimulatedMount, _: Values) -> Values:
@@ -159,14 +159,14 @@ def wake(sim: SimulatedMount, _: Values) -> None:
 # --- clocks and sites ---------------------------------------------------------------------------------------------
 
 
-def _utc(unix: float) -> datetime:
+def _to_utc(unix: float) -> datetime:
     return datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=unix)
 
 
-def _local(sim: SimulatedMount, zone: float) -> Values:
+def _local_time(sim: SimulatedMount, zone: float) -> Values:
     """``h`` ``i``: local date and time in a zone (hours east)."""
-    local = _utc(sim.utc() + (zone + sim.daylight) * 3600)
-    return {**fields_of(local), "dst": sim.daylight, "zone": int(zone), "quarters": round(zone * 4)}
+    local = _to_utc(sim.utc() + (zone + sim.daylight) * 3600)
+    return {**clock_fields(local), "dst": sim.daylight, "zone": int(zone), "quarters": round(zone * 4)}
 
 
 def _set_time(sim: SimulatedMount, values: Values, zone: float) -> Values:
@@ -174,7 +174,7 @@ def _set_time(sim: SimulatedMount, values: Values, zone: float) -> Values:
     if not MIN_ZONE <= zone <= MAX_ZONE or values["dst"] > 1 or values["year"] > 99:
         return {}
     try:
-        local = unix_of(values)
+        local = unix_time(values)
     except ValueError:
         return {}
     sim.zone, sim.daylight = zone, values["dst"]
@@ -190,7 +190,7 @@ def _set_site(sim: SimulatedMount, values: Values) -> None:
 
 
 def _true_time(sim: SimulatedMount, device: int) -> datetime:
-    return _utc(sim.now + (sim.rtc_ahead if device == RTC else 0.0))
+    return _to_utc(sim.now + (sim.rtc_ahead if device == RTC else 0.0))
 
 
 def _make_time_reader(device: int, *names: str) -> Handler:
@@ -225,9 +225,9 @@ HANDLER_BY_COMMAND: dict[str, Handler] = {
     "v": lambda sim, _: {"variant": STARSENSE_VARIANT if sim.starsense else NEXSTAR_VARIANT},
     "m": lambda sim, _: {"model": sim.row["id"]},
     # The zone byte of h holds whole hours, so a zone of 5:45 is reported as 5, with the matching local time.
-    "h": lambda sim, _: _local(sim, math.floor(sim.zone)),
+    "h": lambda sim, _: _local_time(sim, math.floor(sim.zone)),
     "H": lambda sim, values: _set_time(sim, values, values["zone"]),
-    "i": lambda sim, _: _local(sim, sim.zone),
+    "i": lambda sim, _: _local_time(sim, sim.zone),
     "I": lambda sim, values: _set_time(sim, values, values["quarters"] / 4),
     "w": lambda sim, _: {"latitude": sim.mechanics.sky.latitude, "longitude": sim.mechanics.sky.longitude},
     "W": _set_site,

@@ -22,7 +22,7 @@ GENTLE_KEYS = (1, 2)
 PULSE_FIRMWARE = (6, 12)
 #: The first motor firmware that reports its model, and the first with cord wrap prevention.
 MODEL_FIRMWARE, CORDWRAP_FIRMWARE = (7, 0), (5, 0)
-INDEX = 90.0  # where the home switches of both axes are
+HOME_DEG = 90.0  # where the home switches of both axes are
 MAX_BACKLASH = 99
 VERSION_BY_DEVICE: dict[int, Version] = {GPS: (1, 6), RTC: (1, 2), FOCUSER: (7, 16)}
 _TURN = 1 << 24
@@ -39,7 +39,7 @@ def _hand_rate(sim: SimulatedMount, values: Values, sign: int) -> Values | None:
         return {}
     if device == FOCUSER and sim.focuser is not None:
         end = sim.focuser.TRAVEL if sign > 0 else 0
-        sim.focuser.move_to(sim.now, end, sim.focuser.FASTEST * 2.0 ** (key - 9) if key else 0.0)
+        sim.focuser.move_to(sim.now, end, sim.focuser.MAX_RATE * 2.0 ** (key - 9) if key else 0.0)
         return {}
     if device not in (AZM, ALT):
         return None
@@ -48,7 +48,7 @@ def _hand_rate(sim: SimulatedMount, values: Values, sign: int) -> Values | None:
         sim.goal = None  # it is stopped
     elif sim.goal is not None and sim.goal.cancelled_at <= sim.now:
         sim.goal.axes_not_stopped = left
-    sim.mechanics.move(sim.now, device - 15, sign * rate, gentle=key in GENTLE_KEYS)
+    sim.mechanics.move(sim.now, device - 15, sign * rate, additive=key in GENTLE_KEYS)
     return {}
 
 
@@ -118,19 +118,19 @@ def _set_position(sim: SimulatedMount, values: Values) -> Values | None:
 
 
 def _seek_home(sim: SimulatedMount, values: Values) -> Values:
-    sim.mechanics.goto_axis(sim.now, values["device"] - 15, INDEX)
+    sim.mechanics.goto_axis(sim.now, values["device"] - 15, HOME_DEG)
     return {}
 
 
 # --- settings -------------------------------------------------------------------------------------------
 
 
-def _make_setter(name: str, limit: int) -> Handler:
+def _make_setter(name: str, max_value: int) -> Handler:
     """Return a handler that stores a motor setting; a value beyond the limit is acknowledged and ignored."""
 
     def set_value(sim: SimulatedMount, values: Values) -> Values:
         field = "rate" if "rate" in values else "value"
-        if values[field] <= limit:
+        if values[field] <= max_value:
             sim.settings[name, values["device"]] = values[field]
         return {}
 
@@ -153,7 +153,7 @@ def _switch_pec(sim: SimulatedMount, values: Values) -> Values | None:
     return {}
 
 
-def _constant(value: int) -> Handler:
+def _make_fixed(value: int) -> Handler:
     """Return a handler that always reports the same value."""
     return lambda sim, values: dict.fromkeys(("value", "done", "on", "other"), value)
 
@@ -211,17 +211,17 @@ HANDLER_BY_REQUEST: dict[str, Handler] = {
     "motor_model": _motors_only(lambda sim, values: {"value": sim.row["id"]}, min_firmware=MODEL_FIRMWARE),
     "pec_record": _motors_only(_switch_pec, part="pec"),
     "pec_playback": _motors_only(_switch_pec, part="pec"),
-    "pec_bin": _motors_only(_constant(0), part="pec"),
-    "pec_recorded": _motors_only(_constant(0), part="pec"),
-    "at_index": _motors_only(_constant(255), part="pec"),
-    "max_rate_on": _motors_only(_constant(0)),
+    "pec_bin": _motors_only(_make_fixed(0), part="pec"),
+    "pec_recorded": _motors_only(_make_fixed(0), part="pec"),
+    "at_index": _motors_only(_make_fixed(255), part="pec"),
+    "max_rate_on": _motors_only(_make_fixed(0)),
     "max_rate": lambda sim, values: None,
-    "cordwrap": _motors_only(_constant(255), min_firmware=CORDWRAP_FIRMWARE),
+    "cordwrap": _motors_only(_make_fixed(255), min_firmware=CORDWRAP_FIRMWARE),
     # only the azimuth motor winds cords up
     "cordwrap_position": _motors_only(
         lambda sim, values: {"position": 180.0} if values["device"] == AZM else None, min_firmware=CORDWRAP_FIRMWARE
     ),
-    "approach": _motors_only(_constant(1)),
+    "approach": _motors_only(_make_fixed(1)),
     "gps_satellites": lambda sim, values: {"visible": 9, "tracked": 7},
     "gps_receiver": lambda sim, values: {"value": 0x0800},
     "gps_hardware": lambda sim, values: {"value": 1},

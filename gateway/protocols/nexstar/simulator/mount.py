@@ -55,22 +55,22 @@ class FocuserMotor:
     """A focuser: a position in steps; it moves at a rate, to one end of its travel or to a goal."""
 
     TRAVEL = 50000
-    FASTEST = 1000.0  # steps a second at key 9
+    MAX_RATE = 1000.0  # steps a second at key 9
 
     def __init__(self) -> None:
-        self._position, self._since, self._rate, self._goal = self.TRAVEL / 2, 0.0, 0.0, 0.0
+        self._position, self._moved_at, self._rate, self._goal = self.TRAVEL / 2, 0.0, 0.0, 0.0
 
     def position(self, now: float) -> float:
         """Return the steps from the inner end."""
-        moved, left = self._rate * (now - self._since), self._goal - self._position
+        moved, left = self._rate * (now - self._moved_at), self._goal - self._position
         return self._goal if abs(moved) >= abs(left) else self._position + moved
 
     def is_moving(self, now: float) -> bool:
         return self._rate != 0.0 and self.position(now) != self._goal
 
-    def move_to(self, now: float, goal: float, rate: float = FASTEST) -> None:
+    def move_to(self, now: float, goal: float, rate: float = MAX_RATE) -> None:
         """Move to a position in steps at a rate in steps a second; rate 0 stops."""
-        self._position, self._since = self.position(now), now
+        self._position, self._moved_at = self.position(now), now
         self._goal = max(0.0, min(float(self.TRAVEL), goal)) if rate else self._position
         self._rate = abs(rate) if self._goal > self._position else -abs(rate)
 
@@ -132,7 +132,7 @@ class SimulatedMount(Simulated):
         self.mode_by_code = modes_by_code(self.row, self.version)
         self.goal: RestartableGoto | None = None
 
-    def _set_up(self, wedge: bool, fastest: float, speed: float, ramps: bool) -> None:
+    def _set_up(self, wedge: bool, max_speed: float, speed: float, ramps: bool) -> None:
         """Choose the initial position: a fork points at the meridian, a German mount at the pole."""
         build = Build.GERMAN if self.german else Build.WEDGE if wedge else Build.ALTAZ
         north = self.site[0] >= 0
@@ -140,8 +140,8 @@ class SimulatedMount(Simulated):
         if not self.german:
             start = 180.0 if north else 0.0, 45.0 if build is Build.ALTAZ else 0.0
         self.mechanics = Mechanics(build, Observer(*self.site), self.now, start)
-        self.mechanics.max_rate, self.mechanics.speedup = fastest, speed
-        self.mechanics.acceleration = fastest / RAMP_SECONDS if ramps else math.inf
+        self.mechanics.max_rate, self.mechanics.speedup = max_speed, speed
+        self.mechanics.acceleration = max_speed / RAMP_SECONDS if ramps else math.inf
         self.encoder_offset = [float(self.row.get("index", start[0])) - start[0] if self.german else 0.0, 0.0]
         if self.aligned:
             self.track(ALTAZ if build is Build.ALTAZ else EQ_NORTH if north else EQ_SOUTH)
@@ -177,7 +177,7 @@ class SimulatedMount(Simulated):
         """Track in this mode, and store it."""
         self.mode = mode
         if mode != OFF and not self.german:
-            self.mechanics.rebuild(self.now, Build.ALTAZ if mode == ALTAZ else Build.WEDGE)
+            self.mechanics.set_build(self.now, Build.ALTAZ if mode == ALTAZ else Build.WEDGE)
         self.mechanics.track(self.now, mode != OFF, sense=-1 if mode == EQ_SOUTH else 1)
 
     def relocate(self, observer: Observer) -> None:

@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from gateway.core import operations as op
 from gateway.core.errors import Asleep, Fault, Invalid, NoAnswer, NoDevice, Unsupported
 from gateway.protocols.base.wants import CheckPossible, FireAndForget, Handling
-from gateway.protocols.nexstar.counting import fields_of
+from gateway.protocols.nexstar.counting import clock_fields
 from gateway.protocols.nexstar.session import NexStarSession, begin
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.rows import parse_version
@@ -19,7 +19,7 @@ from gateway.protocols.wireformat.rows import parse_version
 AXIS_BY_DEVICE = {16: 1, 17: 2}
 GPS, RTC = 176, 178
 #: Years that a hand control can represent.
-CENTURY = range(2000, 2100)
+VALID_YEARS = range(2000, 2100)
 #: Not passed on even to a NexStar mount: the first would make the alignment meaningless, the second moves the mount to
 #: where no limit is known. (Firmware upload and memory writes are no commands here at all.)
 NEVER_PASSED = frozenset({"axis_set_position", "level_start"})
@@ -101,7 +101,7 @@ def universal_time(session: NexStarSession) -> Handling:
 
 def _calendar(unix: float) -> dict[str, int]:
     now = datetime.fromtimestamp(unix, UTC)
-    return {**fields_of(now), "year": now.year}
+    return {**clock_fields(now), "year": now.year}
 
 
 def set_rtc(session: NexStarSession, command: Command, values: op.Values) -> Handling:
@@ -115,7 +115,7 @@ def set_rtc(session: NexStarSession, command: Command, values: op.Values) -> Han
         now = datetime.fromtimestamp(moment.unix, UTC).replace(**values)
     except ValueError:
         raise Invalid from None
-    if now.year not in CENTURY:
+    if now.year not in VALID_YEARS:
         raise Invalid
     yield op.SetClock(now.timestamp(), moment.offset, moment.dst)
 

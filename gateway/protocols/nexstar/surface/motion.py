@@ -10,7 +10,7 @@ from gateway.protocols.base.wants import FireAndForget, Handling
 from gateway.protocols.nexstar.counting import DRIVE_CODES, key_speed, rate_tables
 from gateway.protocols.nexstar.session import NexStarSession, attempt, begin
 from gateway.protocols.nexstar.surface.devices import addressed_axis
-from gateway.protocols.nexstar.versions import STARSENSE_LONG_MODE, STARSENSE_VARIANT, code_of, modes_by_code
+from gateway.protocols.nexstar.versions import STARSENSE_LONG_MODE, STARSENSE_VARIANT, mode_code, modes_by_code
 from gateway.protocols.wireformat.command import Command
 
 _DRIVE_RATE_BY_CODE = {code: name for name, code in DRIVE_CODES.items()}
@@ -64,7 +64,7 @@ def _move_or_track(axis: int, sense: int, speed: float, drive_rate: str | None) 
 def mode(session: NexStarSession) -> Handling:
     """t - the actual tracking mode: not off if the mount cannot stop tracking. A StarSense 1.20 adds bytes."""
     status: op.Status = yield op.GetStatus()
-    code = code_of(status.tracking, session.model, session.model["counts_as"])
+    code = mode_code(status.tracking, session.model, session.model["counts_as"])
     if session.model.get("own") and status.code is not None:
         code = status.code
     if (session.model["variant"], session.model["version"]) == (STARSENSE_VARIANT, STARSENSE_LONG_MODE):
@@ -111,14 +111,14 @@ def set_guide_rate(session: NexStarSession, values: op.Values) -> Handling:
     yield from _set(session, f"guide rate {axis}", values["rate"], op.SetGuideRate(axis, values["rate"] / 256.0))
 
 
-def _set(session: NexStarSession, name: str, value: int, operation: op.SetGuideRate | op.Backlash) -> Handling:
+def _set(session: NexStarSession, value_name: str, value: int, operation: op.SetGuideRate | op.Backlash) -> Handling:
     """Set a value on the mount, and remember it, also if it can only be sent later. Raises Fault."""
     try:
         yield operation
     except (Busy, NoAnswer):
-        session.set_for_all(session.shared.with_motor(name, value))
+        session.set_for_all(session.shared.with_motor(value_name, value))
         raise
-    session.set_for_all(session.shared.with_motor(name, value))
+    session.set_for_all(session.shared.with_motor(value_name, value))
 
 
 def guide_rate(session: NexStarSession, values: op.Values) -> Handling:

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from gateway.core.errors import Fault
 from gateway.core.operations import GetClock, Moment, SetClock, SetSite, Values
 from gateway.protocols.base.wants import CheckPossible, Handling
-from gateway.protocols.nexstar.counting import fields_of, unix_of
+from gateway.protocols.nexstar.counting import clock_fields, unix_time
 from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.wireformat.command import Command
 
@@ -39,7 +39,7 @@ def clock(session: NexStarSession, command: Command) -> Handling:
     else:
         zone = round((offset - dst) * 4) / 4 if quarters else float(int(offset - dst + 100.5) - 100)
     local = datetime.fromtimestamp(moment.unix + (zone + dst) * 3600.0, UTC)
-    return {**fields_of(local), "zone": int(zone), "quarters": round(zone * 4), "dst": dst}
+    return {**clock_fields(local), "zone": int(zone), "quarters": round(zone * 4), "dst": dst}
 
 
 def set_clock(session: NexStarSession, command: Command, values: Values) -> Handling:
@@ -50,7 +50,7 @@ def set_clock(session: NexStarSession, command: Command, values: Values) -> Hand
         session.refusal_reason = f"{command.help}: no such year, zone or daylight saving"
         return
     try:
-        local = unix_of(values)
+        local = unix_time(values)
     except ValueError as error:
         session.refusal_reason = f"{command.help}: {error}"
         return

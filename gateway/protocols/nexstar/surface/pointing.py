@@ -99,7 +99,7 @@ def _presents_german(session: NexStarSession) -> bool:
     return bool(session.model["mount"] == "german")
 
 
-def _offset(session: NexStarSession) -> float:
+def _axis_offset(session: NexStarSession) -> float:
     """Return how many degrees more a Celestron's first axis reads than that of the presented German mount."""
     return POLE_READING - float(session.model.get("index", POLE_READING)) if _presents_german(session) else 0.0
 
@@ -107,7 +107,7 @@ def _offset(session: NexStarSession) -> float:
 def _axis_readings(session: NexStarSession) -> Handling:
     """Return the axis readings of the presented model as Horizontal."""
     position: op.Horizontal = yield from _native_readings(session)
-    ahead = _offset(session)
+    ahead = _axis_offset(session)
     return op.Horizontal(wrap360(position.az - ahead), position.alt) if ahead else position
 
 
@@ -123,7 +123,7 @@ def _native_readings(session: NexStarSession) -> Handling:
 def _goto_operation(session: NexStarSession, first: float, second: float) -> Handling:
     """Return the operation that turns both axes to these readings of the presented model."""
     status: op.Status = yield op.GetStatus()
-    first += _offset(session)
+    first += _axis_offset(session)
     if not _wedge_as_german(session, status):
         return op.GotoAxes(first, second) if _uses_axes(session, status) else op.GotoHorizontal(first % 360.0, second)
     second = wrap180(second)

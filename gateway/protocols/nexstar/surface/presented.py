@@ -20,7 +20,7 @@ from gateway.protocols.wireformat.rows import Model, Version, show_version
 #: wedge and a German mount.
 DEFAULT_VERSION, FORK_MODEL, WEDGE_MODEL, GERMAN_MODEL = "4.21", "6-8se", "cpc", "cge"
 #: Answered in every version: a client program sends it to every hand control and waits.
-ALWAYS = "v"
+ANSWERED = "v"
 #: The gateway answers these for the motors, which it moves; other devices answer them themselves.
 _AXIS_COMMANDS = frozenset({"axis_position", "axis_done"})
 
@@ -46,7 +46,7 @@ def default_model(equatorial: bool, german: bool | None, gps: bool, version: str
     return {**model, "has": [part for part in model["has"] if part != "gps"] + ["gps"] * gps}
 
 
-def chooser(model: str | None, version: str | None) -> Callable[[bool, bool | None, bool], Model] | None:
+def make_chooser(model: str | None, version: str | None) -> Callable[[bool, bool | None, bool], Model] | None:
     """Return the function that chooses the presented model when the mount is known; None if the user's model stays."""
     if model is None:
         return lambda equatorial, german, gps: default_model(equatorial, german, gps, version)
@@ -60,7 +60,7 @@ def _opcodes(model: str, version: Version) -> frozenset[int]:
     known = [
         command
         for command in load("nexstar").commands.values()
-        if command.exists_on(model, version) or (command.name == ALWAYS and model not in command.lacking_models)
+        if command.exists_on(model, version) or (command.name == ANSWERED and model not in command.lacking_models)
     ]
     return frozenset(command.request.prefix[0] for command in known)
 

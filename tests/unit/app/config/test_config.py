@@ -12,7 +12,7 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 
 from gateway.app.config import Config, make_config, read_tables
-from gateway.app.config.describing import keys
+from gateway.app.config.describing import keys_of
 from gateway.app.config.source import Source, line_of
 from gateway.cli.serve.settings import add_setting_flags, load_config
 from gateway.core.errors import UserError
@@ -178,7 +178,7 @@ def test_every_config_key_of_the_mount_is_a_flag() -> None:
         "speed": "5",
     }
     for name, text in given.items():
-        key = next(key for key in keys("mount") if key.name == name)
+        key = next(key for key in keys_of("mount") if key.name == name)
         mount = flags(f"--{name}", text).mount[0]
         value = getattr(mount, name.replace("-", "_"))
         assert value != key.default
@@ -187,7 +187,7 @@ def test_every_config_key_of_the_mount_is_a_flag() -> None:
 
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
 def test_config_ranges_refuse_toml_values_that_are_no_numbers(tmp_path: Path, value: str) -> None:
-    numbers = [key.name for key in keys("mount") if isinstance(key.default, float)] + ["lowest", "highest"]
+    numbers = [key.name for key in keys_of("mount") if isinstance(key.default, float)] + ["lowest", "highest"]
     assert "sun" in numbers
     for name in numbers:
         with pytest.raises(UserError, match=f"{name}: {value}: write a number"):

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from gateway.app.bindings import make_surface, profiles
+from gateway.app.bindings import make_surface, profiles_of
 from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.app.config.describing import find_key
 from gateway.app.config.programs import first_bytes, programs, unmet_needs, with_needs
@@ -31,7 +31,7 @@ def gateway(**keys: str) -> tuple[FakeGateway, list[Entry]]:
     surface = SurfaceConfig(at=TCP, **keys)  # type: ignore[arg-type]
     built = FakeGateway(Mount())
     j2000 = EquinoxConverter(built.mount.sky, built.controller.clock)
-    face = replace(built.acceptor.binding, profiles=tuple(profiles("lx200", surface, j2000)))
+    face = replace(built.acceptor.binding, profiles=tuple(profiles_of("lx200", surface, j2000)))
     built.acceptor.binding = face
     entries: list[Entry] = []
     built.controller.wire_log.sinks.append(entries.append)

@@ -9,10 +9,10 @@ import pytest
 import tomli
 
 from gateway.app.config import Source, make_config, read_tables
-from gateway.app.config.describing import keys
+from gateway.app.config.describing import keys_of
 from gateway.app.config.keys import SurfaceConfig
 from gateway.app.config.programs import with_needs
-from gateway.app.config.showing import effective_toml, example_toml, toml
+from gateway.app.config.showing import effective_toml, example_toml, to_toml
 from gateway.app.config.source import Place
 from gateway.app.config.tables import Config, ConsoleConfig
 from gateway.cli import main
@@ -92,16 +92,16 @@ def test_example_configuration_has_every_key(tmp_path: Path) -> None:
     text = re.sub(r"(?m)^#(?! )", "", example_toml())
     back(tmp_path, text)
     tables = tomli.loads(text)
-    assert set(tables["mount"]) == {key.name for key in keys("mount")}
-    assert set(tables["surface"][0]) == {key.name for key in keys("surface")}
-    assert set(tables["console"]) == {key.name for key in keys("console")}
-    assert set(tables["mqtt"]) == {key.name for key in keys("mqtt")}
-    assert set(tables) == {"mount", "surface", "console", "mqtt"} | {key.name for key in keys("")}
+    assert set(tables["mount"]) == {key.name for key in keys_of("mount")}
+    assert set(tables["surface"][0]) == {key.name for key in keys_of("surface")}
+    assert set(tables["console"]) == {key.name for key in keys_of("console")}
+    assert set(tables["mqtt"]) == {key.name for key in keys_of("mqtt")}
+    assert set(tables) == {"mount", "surface", "console", "mqtt"} | {key.name for key in keys_of("")}
 
 
 def test_every_config_key_has_a_description() -> None:
     for name in ("", "mount", "surface", "console"):
-        for key in keys(name):
+        for key in keys_of(name):
             assert key.description
             assert key.allowed
             assert key.example is not None, key.name
@@ -110,7 +110,7 @@ def test_every_config_key_has_a_description() -> None:
 
 @each("value", [True, 0, -1.5, 'a "b" \\ \x7f \n é', [1.0, -2.0], ["a"]])
 def test_printed_configuration_writes_values_as_toml(value: object) -> None:
-    assert tomli.loads(f"x = {toml(value)}") == {"x": value}
+    assert tomli.loads(f"x = {to_toml(value)}") == {"x": value}
 
 
 def test_config_command_prints_the_configuration_and_the_example(capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,7 +12,7 @@ import msgspec
 import pytest
 
 from gateway.app.control import reach
-from gateway.app.control.exchange import AnswerParts, ControlEndpoint, read_endpoints, seal, split_answer, unseal
+from gateway.app.control.exchange import AnswerParts, ControlEndpoint, read_endpoints, sign, split_answer, verify
 from gateway.app.control.reach import ask
 from gateway.app.control.server import ControlServer
 from gateway.core import requests
@@ -83,8 +83,8 @@ def test_malformed_control_request_is_refused_in_words(tmp_path: Path, line: str
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
             port.setblocking(False)
             port.connect(("127.0.0.1", endpoint.port))
-            await loop.sock_sendall(port, seal(endpoint.secret, "1", f"ask {line}"))
-            heard = [unseal(endpoint.secret, await loop.sock_recv(port, 9216)) for _ in range(2)]
+            await loop.sock_sendall(port, sign(endpoint.secret, "1", f"ask {line}"))
+            heard = [verify(endpoint.secret, await loop.sock_recv(port, 9216)) for _ in range(2)]
         await served.close()
         return str(heard[1])
 
@@ -160,9 +160,9 @@ async def test_random_datagrams_do_not_harm_the_control_port(tmp_path: Path) -> 
             b"stop",
             b" ",
             b"x" * 60_000,
-            seal("guessed", "1", "ask stop"),
-            seal(endpoint.secret, "1", "stop"),
-            seal(endpoint.secret, "", ""),
+            sign("guessed", "1", "ask stop"),
+            sign(endpoint.secret, "1", "stop"),
+            sign(endpoint.secret, "", ""),
         ):
             stranger.sendto(data, ("127.0.0.1", endpoint.port))
     assert await ask(endpoint, requests.StopRequest(), 60.0) == STOPPED
@@ -170,10 +170,10 @@ async def test_random_datagrams_do_not_harm_the_control_port(tmp_path: Path) -> 
 
 
 def test_control_seal_depends_on_secret_number_and_text() -> None:
-    assert unseal("s", seal("s", "7", "ask stop")) == ("7", "ask stop")
-    assert unseal("t", seal("s", "7", "ask stop")) is None
-    assert unseal("s", seal("s", "7", "ask stop") + b"!") is None
-    assert unseal("s", b"\xff\xfe") is None
+    assert verify("s", sign("s", "7", "ask stop")) == ("7", "ask stop")
+    assert verify("t", sign("s", "7", "ask stop")) is None
+    assert verify("s", sign("s", "7", "ask stop") + b"!") is None
+    assert verify("s", b"\xff\xfe") is None
     gathered, told = AnswerParts(), split_answer("x" * 4500)
     assert [gathered.add(part) for part in (told[2], "tell 9 2 x", "tell x", "wait", told[0])] == [None] * 5
     assert gathered.add(told[1]) == "x" * 4500

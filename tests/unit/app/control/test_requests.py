@@ -132,7 +132,7 @@ async def test_refusals_of_programs_are_shown_without_a_log() -> None:
         bridge.wire_log.sinks.clear()
         client = bridge.client("192.168.1.23")
         for _ in range(2):
-            await client.ask(b":Sr05:34:32#:Sd-80*00:00#:MS#", until=b"#")
+            await client.ask(b":Sr05:34:32#:Sd-80*00:00#:MS#", ending=b"#")
         state = await Owner(bridge).see()
         [refused] = [words.partition(" ago, ")[2] for words in state.lately]
         assert refused.startswith("192.168.1.23: Goto: ") and "(2 times)" in refused
@@ -192,7 +192,7 @@ async def test_cancelling_a_move_leaves_a_newer_motion_alone() -> None:
         owner, client = Owner(bridge), bridge.client()
         await owner.wish(requests.GotoRequest(CRAB, number="g"))
         await asyncio.sleep(1)
-        assert await client.ask(b":Sr03:00:00#:Sd+60*00:00#:MS#", until=b"110") == b"110"
+        assert await client.ask(b":Sr03:00:00#:Sd+60*00:00#:MS#", ending=b"110") == b"110"
         await asyncio.sleep(1)
         assert (await owner.wish(requests.CancelRequest("g"))).startswith("done nothing ")
         assert bridge.controller.slewing
@@ -213,13 +213,13 @@ async def test_waiting_requester_is_told_of_a_stop_by_a_program() -> None:
         owner, client = Owner(bridge), bridge.client()
         await owner.wish(requests.GotoRequest(CRAB, number="g"))
         await asyncio.sleep(2)
-        client.tell(b":Q#")
+        client.send(b":Q#")
         assert (await owner.outcome("g")).startswith("failed it was stopped") and "127.0.0.1" in await owner.outcome(
             "g"
         )
         wish = asyncio.ensure_future(owner.wish(requests.MoveRequest(Direction.WEST, 9, 20.0, number="m")))
         await asyncio.sleep(2)
-        client.tell(b":Q#")
+        client.send(b":Q#")
         assert (await wish).startswith("failed Stopped.")  # twenty seconds are not waited for
         assert "move: Move ended by a stop" in " ".join((await owner.see()).lately)
 
@@ -230,7 +230,7 @@ async def test_held_arrow_stays_ended_after_a_stop() -> None:
         owner, client = Owner(bridge), bridge.client()
         press = requests.PressKeyRequest(Direction.NORTH, 7, number="p")
         assert await owner.wish(press) == "done it is moved north"
-        client.tell(b":Q#")
+        client.send(b":Q#")
         await asyncio.sleep(2)
         assert (await owner.wish(press)).startswith("failed Stopped.")
         assert not moves(bridge)

@@ -181,7 +181,7 @@ async def test_unwritable_state_folder_is_reported_in_one_line(tmp_path: Path, k
             assert await client.ask(b":SM%s#" % name) == b"1"
             assert await client.ask(b":GM#") == name + b"#"
             await asyncio.sleep(3)
-        client.tell(b":Mn#")
+        client.send(b":Mn#")
         await asyncio.sleep(1)
         assert bridge.controller.moving
         assert len(bridge.warned) == 1
@@ -234,13 +234,13 @@ async def test_burst_of_changes_is_saved_in_few_writes_without_loss(
             assert await client.ask(b":SM%d#" % number) == b"1"
             await asyncio.sleep(0.01)
         assert 2 <= len(writes) <= 7
-        client.tell(b":SN%d#" % 500)
+        client.send(b":SN%d#" % 500)
         await asyncio.sleep(1.1)
         before = len(writes)
-        client.tell(b":SN%d#" % 500)  # nothing new
+        client.send(b":SN%d#" % 500)  # nothing new
         await asyncio.sleep(3)
         assert len(writes) == before
-        client.tell(b":SOlast#")
+        client.send(b":SOlast#")
     assert {index: site.name for index, site in read_state(tmp_path / "nexstar@bridge.json").sites.items()} == {
         "0": "499",
         "1": "500",
@@ -255,8 +255,8 @@ async def test_slow_disk_delays_no_client(tmp_path: Path) -> None:
 
     async with Bridge(state=tmp_path, in_thread=slow) as bridge:
         client, began = bridge.client(), bridge.controller.now()
-        assert await client.ask(b":SMA#:GM#", until=b"A#") == b"1A#"
-        client.tell(b":RM#:Mn#")
+        assert await client.ask(b":SMA#:GM#", ending=b"A#") == b"1A#"
+        client.send(b":RM#:Mn#")
         while not bridge.controller.wanted.axes_moved_by_hand:
             await asyncio.sleep(0.001)
         assert bridge.controller.now() - began < 0.4, "two or three exchanges, and 20 ms for the mark"
@@ -271,11 +271,11 @@ async def test_two_gateways_never_share_a_state_file(tmp_path: Path) -> None:
         await asyncio.sleep(1)
         async with Bridge(state=tmp_path) as second:
             assert second.warned == []
-            assert second.store and "another mount-gateway (process" in second.store.other_gateway
+            assert second.store and "another mount-gateway (process" in second.store.conflict_text
             client = second.client()
             assert await client.ask(b":GM#") == b"first#", "it begins with what there is"
-            assert await client.ask(b":SMsecond#:GM#", until=b"d#") == b"1second#"
-            client.tell(b":Mn#")
+            assert await client.ask(b":SMsecond#:GM#", ending=b"d#") == b"1second#"
+            client.send(b":Mn#")
             await asyncio.sleep(2)
             assert not list(tmp_path.glob("*.moving"))
         assert first.warned == []

@@ -53,14 +53,14 @@ async def test_motion_mark_is_written_before_a_motion_and_removed_after_it(
         await asyncio.sleep(1)
         seen.clear()
         assert _mark(tmp_path) is None
-        client.tell(motion)
+        client.send(motion)
         await asyncio.sleep(0.7)
         assert seen[0]
         assert all(seen)
         if motion[:2] in (b":R", b":M") and b"g" not in motion:
             await asyncio.sleep(5)
             assert _mark(tmp_path), "it stays as long as the motion"
-            client.tell(b":Q#")
+            client.send(b":Q#")
         await asyncio.sleep(60)
         assert not bridge.controller.reconciler.busy
         assert _mark(tmp_path) is None
@@ -75,7 +75,7 @@ async def test_unreadable_motion_mark_is_named(tmp_path: Path, kind: Callable[[P
         assert told.startswith(f"nexstar@bridge: the motion marker {mark} cannot be read, as if")
         assert told.endswith("stopped first")
         assert NEXSTAR_STOP & set(bridge.sent_requests())
-        bridge.client().tell(b":RC#:Mn#")
+        bridge.client().send(b":RC#:Mn#")
         await asyncio.sleep(1)
         assert mark.is_file() or "Is a directory" in bridge.warned[-1]
 
@@ -83,7 +83,7 @@ async def test_unreadable_motion_mark_is_named(tmp_path: Path, kind: Callable[[P
 async def test_orders_that_do_not_move_the_mount_write_no_motion_mark(tmp_path: Path) -> None:
     async with Bridge(state=tmp_path) as bridge:
         for command in (b":GR#", b":Q#", b":RS#", b":SMx#", b":TS#", b":AL#", b":AA#", b":F+#"):
-            bridge.client().tell(command)
+            bridge.client().send(command)
             await asyncio.sleep(1)
             assert _mark(tmp_path) is None, command
 
@@ -99,7 +99,7 @@ async def test_guiding_program_rarely_writes_to_the_disk(tmp_path: Path) -> None
     async with Bridge("cge", state=tmp_path, in_thread=counting) as bridge:
         client = bridge.client()
         for number in range(100):
-            client.tell(b":Mg%c0200#" % b"nesw"[number % 4])
+            client.send(b":Mg%c0200#" % b"nesw"[number % 4])
             await asyncio.sleep(2)
         assert writes <= 3
 
@@ -124,7 +124,7 @@ async def test_stop_after_a_kill_goes_before_identification(
     }
     async with Bridge(**kinds) as first:
         before = first.sim.tracking
-        first.client().tell(motion)
+        first.client().send(motion)
         await asyncio.sleep(2)
         assert not first.sim.tracking
         await first.kill()
@@ -143,7 +143,7 @@ async def test_stop_after_a_kill_goes_before_identification(
 
 async def test_mount_switched_off_since_the_kill_does_not_begin_to_track(tmp_path: Path) -> None:
     async with Bridge("cge", state=tmp_path) as first:
-        first.client().tell(b":RS#:Mn#")
+        first.client().send(b":RS#:Mn#")
         await asyncio.sleep(2)
         await first.kill()
         first.sim.aligned = False
@@ -189,7 +189,7 @@ async def test_first_command_to_a_meade_after_a_kill_is_a_stop(tmp_path: Path, m
 async def test_motion_that_was_never_stopped_stays_marked(tmp_path: Path) -> None:
     """The line is dead when the gateway ends: whoever comes next must stop the mount."""
     async with Bridge(state=tmp_path) as bridge:
-        bridge.client().tell(b":RS#:Mn#")
+        bridge.client().send(b":RS#:Mn#")
         await asyncio.sleep(2)
         bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
     assert _mark(tmp_path)
@@ -201,7 +201,7 @@ async def test_motion_that_was_never_stopped_stays_marked(tmp_path: Path) -> Non
 
 async def test_motion_mark_says_how_to_stop_without_a_gateway(tmp_path: Path) -> None:
     async with Bridge("cge", state=tmp_path) as bridge:
-        bridge.client().tell(b":RS#:Mn#")
+        bridge.client().send(b":RS#:Mn#")
         await asyncio.sleep(2)
         path = _mark(tmp_path)
         assert path is not None

@@ -25,15 +25,15 @@ async def test_four_named_sites_survive_a_restart(tmp_path: Path, model: str) ->
     async with Bridge(state=tmp_path, surface=model, aligned=False) as bridge:
         client = bridge.client()
         for number, letter, name, (latitude, longitude) in zip(numbers, b"MNOP", names, PLACES, strict=True):
-            client.tell(b":W%c#" % number)
-            assert await client.ask(b":St%s#:Sg%s#" % (latitude, longitude), until=b"11") == b"11"
+            client.send(b":W%c#" % number)
+            assert await client.ask(b":St%s#:Sg%s#" % (latitude, longitude), ending=b"11") == b"11"
             assert await client.ask(b":S%c%s#" % (letter, name)) == b"1"
             assert (await client.ask(b":S%c%s#" % (letter, b"x" * (longest + 1)))) == b"0"
     async with Bridge(state=tmp_path, surface=model, aligned=False, on=bridge) as bridge:
         client = bridge.client()
         for number, letter, name, (latitude, longitude) in zip(numbers, b"MNOP", names, PLACES, strict=True):
-            assert await client.ask(b":G%c#" % letter, until=b"#") == name.strip() + b"#"
-            client.tell(b":W%c#" % number)
+            assert await client.ask(b":G%c#" % letter, ending=b"#") == name.strip() + b"#"
+            client.send(b":W%c#" % number)
             await asyncio.sleep(3)
             assert (await client.ask(b":Gt#")).startswith(latitude)
             assert (await client.ask(b":Gg#")).startswith(longitude)
@@ -60,10 +60,10 @@ async def test_site_name_that_cannot_be_stored_is_refused(tmp_path: Path, name: 
 
 async def test_program_that_selects_no_site_gets_the_last_selected_one(tmp_path: Path) -> None:
     async with Bridge(state=tmp_path, aligned=False) as bridge:
-        bridge.client().tell(b":W2#")
+        bridge.client().send(b":W2#")
         await asyncio.sleep(1)
     async with Bridge(state=tmp_path, aligned=False, on=bridge) as bridge:
-        assert await bridge.client().ask(b":St+10*00#:Sg010*00#", until=b"11") == b"11"
+        assert await bridge.client().ask(b":St+10*00#:Sg010*00#", ending=b"11") == b"11"
         assert bridge.store is not None
         assert bridge.store.shared.settings.sites[2] == NamedSite(None, 10.0, -10.0)
 
@@ -72,11 +72,11 @@ async def test_last_selected_site_is_used_for_a_mount_without_a_site(tmp_path: P
     mount = {"mount": "nexstar-gps", "version": "1.2", "state": tmp_path}
     async with Bridge(**mount) as bridge:
         client = bridge.client("10.0.0.5")
-        client.tell(b":W1#:St+10*30#")
+        client.send(b":W1#:St+10*30#")
         await asyncio.sleep(1)
         assert bridge.store is not None
         assert bridge.site_clock.site_to_store() is None, "half a site is none"
-        client.tell(b":Sg010*00#")
+        client.send(b":Sg010*00#")
         await asyncio.sleep(1)
     async with Bridge(on=bridge, **mount) as bridge:
         assert bridge.controller.sources.sites()[0].source == "a program (10.0.0.5, 2026-01-15)"
@@ -84,7 +84,7 @@ async def test_last_selected_site_is_used_for_a_mount_without_a_site(tmp_path: P
 
 
 async def _hex(client: RehearsalClient, command: bytes, until: bytes = b"#") -> str:
-    return (await client.ask(command, until=until)).hex()
+    return (await client.ask(command, ending=until)).hex()
 
 
 async def test_settings_of_a_celestron_program_survive_a_restart(tmp_path: Path) -> None:
@@ -108,9 +108,9 @@ async def test_home_and_park_state_survive_a_restart(tmp_path: Path) -> None:
     """:hS stores home, :hP parks; a mount that tracks again when the gateway is back is not parked any more."""
     async with Bridge("cge", state=tmp_path, surface="lx200gps", speed=50) as bridge:
         client = bridge.client()
-        client.tell(b":hS#")
+        client.send(b":hS#")
         await asyncio.sleep(2)
-        client.tell(b":hP#")
+        client.send(b":hP#")
         await asyncio.sleep(60)
         assert bridge.driver.parked
         home = bridge.driver.home_axes
@@ -120,6 +120,6 @@ async def test_home_and_park_state_survive_a_restart(tmp_path: Path) -> None:
         bridge.sim.track(2)
     async with Bridge("cge", state=tmp_path, surface="lx200gps", on=bridge) as bridge:
         assert not bridge.driver.parked
-        bridge.client().tell(b":hF#")
+        bridge.client().send(b":hF#")
         await asyncio.sleep(1)
         assert bridge.controller.slewing

@@ -392,7 +392,7 @@ async def test_stop_commands_of_the_watchdog_change_nothing_in_the_driver(moving
     """Celestron's manual: both motors at rate 0, M for a goto, and tracking as it was (T 2 on a CGE)."""
     async with Bridge("cge") as bridge:
         client = bridge.client()
-        client.tell(moving)
+        client.send(moving)
         await client.ask(b":GVP#")
         driver = bridge.controller.driver
         before = repr(sorted(vars(driver).items(), key=lambda item: item[0]))
@@ -444,7 +444,7 @@ async def test_only_a_checked_goto_counts_as_a_clear_path_for_the_watchdog(
         client = bridge.client()
         await client.ask(b":GR#")
         assert not bridge.controller.watch.on_clear_path
-        client.tell(said)
+        client.send(said)
         await asyncio.sleep(0.5)
         assert bridge.controller.watch.on_clear_path is told
 
@@ -454,7 +454,7 @@ async def test_path_beyond_a_limit_is_not_clear_for_the_watchdog() -> None:
         client, seen = bridge.client(), set[bool]()
         for hour in (1, 3, 5, 7, 9, 11):
             client.received = b""
-            client.tell(b":Sr%02d:00:00#:Sd+10*00:00#:MS#" % hour)
+            client.send(b":Sr%02d:00:00#:Sd+10*00:00#:MS#" % hour)
             await asyncio.sleep(2.0)
             watch = bridge.controller.watch
             if client.received == b"110":

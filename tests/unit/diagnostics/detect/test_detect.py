@@ -11,7 +11,7 @@ import pytest
 from gateway.app.config import Endpoint
 from gateway.app.simulated import make_simulator
 from gateway.diagnostics.detect.ports import SerialPortInfo, parse_port
-from gateway.diagnostics.detect.report import describe_port, start_command, toml
+from gateway.diagnostics.detect.report import as_toml, describe_port, start_command
 from gateway.diagnostics.detect.scan_port import OTHER_BAUD_RATES, PortFinding, has_nmea_sentence, scan
 from gateway.diagnostics.virtual_time import run
 from tests.support.each import each
@@ -132,7 +132,7 @@ def test_detect_shows_what_the_mount_answered(what: str, equinox: str, answers: 
     assert answers.items() <= finding.mount.answered_commands.items()
     assert "j2000" in describe_port(finding) or equinox == "jnow"
     assert ("(j2000), as its maker says" in describe_port(finding)) is ("synscan" in what)
-    assert ('equinox = "auto"' in toml(finding)) is (equinox == "j2000" and "synscan" not in what)
+    assert ('equinox = "auto"' in as_toml(finding)) is (equinox == "j2000" and "synscan" not in what)
     assert ("no reply: site, clock" in describe_port(finding)) is (answers.get("site") == "")
 
 

@@ -27,7 +27,7 @@ from gateway.diagnostics.detect import ports
 from gateway.diagnostics.detect.ports import SerialPortInfo, local_ports, parse_port, persistent_name, port_holder
 from gateway.diagnostics.detect.scan_port import PortFinding, ProbeTimes, scan
 from gateway.system.processes import GatewayProcess
-from gateway.transport.baud import misread
+from gateway.transport.baud import garbled
 from gateway.transport.pty import baud_rate_of
 from tests.support.process import Running
 
@@ -334,12 +334,12 @@ def test_detect_finds_a_mount_behind_a_socket() -> None:
 
 def test_simulated_line_garbles_bytes_received_at_another_baud_rate() -> None:
     everything = bytes(range(256))
-    assert misread(everything, 9600, 9600) == everything
-    assert misread(everything, 56700, 57600) == everything
-    assert misread(b"\x06", 4800, 9600) == b"x"  # 0 0110 0000 1, each bit twice: 0 0001 1110, and no stop bit
-    assert misread(b"\x00", 9600, 19200)[:1] == b"\x00"
+    assert garbled(everything, 9600, 9600) == everything
+    assert garbled(everything, 56700, 57600) == everything
+    assert garbled(b"\x06", 4800, 9600) == b"x"  # 0 0110 0000 1, each bit twice: 0 0001 1110, and no stop bit
+    assert garbled(b"\x00", 9600, 19200)[:1] == b"\x00"
     for rate in (1200, 4800, 19200, 38400):
-        assert misread(b"Kx#\x06:GR#", rate, 9600) not in (b"Kx#\x06:GR#", b"")
+        assert garbled(b"Kx#\x06:GR#", rate, 9600) not in (b"Kx#\x06:GR#", b"")
 
 
 def test_baud_rate_of_a_terminal_is_read_even_if_it_has_no_constant() -> None:

@@ -14,7 +14,7 @@ from gateway.app.config import make_config, read_tables
 from gateway.cli import main
 from gateway.diagnostics.detect.identify import FoundMount
 from gateway.diagnostics.detect.ports import SerialPortInfo
-from gateway.diagnostics.detect.report import describe_port, next_steps, port_values, toml
+from gateway.diagnostics.detect.report import as_toml, describe_port, next_steps, port_values
 from gateway.diagnostics.detect.scan_port import PortFinding
 from gateway.transport.wires import group_of
 from tests.support.each import each
@@ -42,14 +42,14 @@ def test_detect_prints_run_commands_for_this_computer_and_for_phones(protocol: s
 @pytest.mark.parametrize("network", [False, True])
 def test_detect_writes_the_file_for_the_requested_user(network: bool, tmp_path: Path) -> None:
     path = tmp_path / "gateway.toml"
-    path.write_text(toml(mount(), network))
+    path.write_text(as_toml(mount(), network))
     [surface] = make_config(*read_tables(path)).surface
     assert surface.at == f"lx200@tcp://{'0.0.0.0' if network else '127.0.0.1'}:4030"
     assert "anyone on your network" in path.read_text()
     assert ('# at = "lx200@tcp://0.0.0.0:4030"' in path.read_text()) is not network
     for program in ("pty:/tmp/lx200", "rfc2217://0.0.0.0:4032"):
         path.write_text(
-            toml(mount(), network).replace(f'# at = "lx200@{program}"', f'[[surface]]\nat = "lx200@{program}"')
+            as_toml(mount(), network).replace(f'# at = "lx200@{program}"', f'[[surface]]\nat = "lx200@{program}"')
         )
         assert make_config(*read_tables(path)).surface[1].at == f"lx200@{program}"
     assert ("# allow = " in path.read_text()) is network

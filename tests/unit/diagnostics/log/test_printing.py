@@ -30,8 +30,8 @@ class Log:
 
 async def _poll(client: Any, seconds: float) -> None:
     for _ in range(int(2 * seconds)):
-        await client.ask(b":GR#", until=b"#")
-        await client.ask(b":GD#", until=b"#")
+        await client.ask(b":GR#", ending=b"#")
+        await client.ask(b":GD#", ending=b"#")
         await asyncio.sleep(0.5)
 
 
@@ -67,11 +67,11 @@ async def test_log_shows_every_order_and_setting_and_ends_the_fold_there() -> No
             "< 1",
         ]
         log.rows.clear()
-        await client.ask(b":GR#", until=b"#")
+        await client.ask(b":GR#", ending=b"#")
         assert log.of("127.") == ["> :GR#", "< 06:21:28#"]
-        client.tell(b":RM#:Me#")
+        client.send(b":RM#:Me#")
         await asyncio.sleep(0.5)
-        client.tell(b":Qe#")
+        client.send(b":Qe#")
         await asyncio.sleep(1.0)
         sent = [row.data for row in log.rows if row.side == "mount" and row.arrow == ">"]
         assert [data for data in sent if data[:1] in b"PT"] == [
@@ -89,7 +89,7 @@ async def test_log_shows_a_changed_answer_at_once() -> None:
         await client.ask(b":Sd+10*00:00#")
         assert await client.ask(b":MS#") == b"0"
         for _ in range(60):
-            await client.ask(b":D#", until=b"#")
+            await client.ask(b":D#", ending=b"#")
             await asyncio.sleep(0.5)
         told = [row.text for row in log.rows if row.side.startswith("127.") and row.arrow == "<"]
         assert told[-2:] == ["D: the slew is under way", "D: the slew is done"]

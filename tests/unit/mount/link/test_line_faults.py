@@ -182,13 +182,13 @@ async def test_clients_get_failures_while_the_line_is_down() -> None:
         position = await client.ask(b":GR#")
         silence(bridge)
         await asyncio.sleep(1)
-        bridge.client("10.0.0.2").tell(b":GR#")
+        bridge.client("10.0.0.2").send(b":GR#")
         await asyncio.sleep(8)
         assert bridge.controller.line.state == "down"
         assert await client.ask(b":GR#", 0.1) == position
         assert await client.ask(b":Sr05:00:00#", 0.1) == b"1"
         assert await client.ask(b":Sd+30*00:00#", 0.1) == b"1"
-        assert await client.ask(b":MS#", 0.1, until=b"#") == b"1No answer from mount.#"
+        assert await client.ask(b":MS#", 0.1, ending=b"#") == b"1No answer from mount.#"
         await asyncio.sleep(5)
         assert await client.ask(b":GR#", 1.0) == b""
 
@@ -198,14 +198,14 @@ async def test_hand_control_restart_is_noticed_by_its_lost_alignment_and_trackin
         client = bridge.client()
         assert await client.ask(b":GW#") == b"PT1"
         heal = silence(bridge)
-        client.tell(b":GR#")
+        client.send(b":GR#")
         await asyncio.sleep(10)
         bridge.sim.aligned = False
         bridge.sim.track(0)
         heal()
         await asyncio.sleep(5)
         assert await client.ask(b":GW#") == b"PN0"
-        assert (await client.ask(b":Sr05:00:00#:Sd+60*00:00#:MS#", until=b"#")).startswith(b"111")
+        assert (await client.ask(b":Sr05:00:00#:Sd+60*00:00#:MS#", ending=b"#")).startswith(b"111")
 
 
 async def test_meade_switched_off_and_on_is_set_to_high_precision_again() -> None:
@@ -237,7 +237,7 @@ def test_line_that_often_corrupts_a_digit_seldom_gives_a_wrong_position(moves: b
             wrong = told = 0
             for number in range(300):
                 if moves and number % 20 == 0:
-                    client.tell(b":RM#:Mn#" if number % 40 else b":RM#:Ms#")
+                    client.send(b":RM#:Mn#" if number % 40 else b":RM#:Ms#")
                 with contextlib.suppress(Fault):
                     here = await bridge.controller.read_now(op.Position())
                     told += 1

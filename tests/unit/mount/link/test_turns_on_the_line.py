@@ -16,8 +16,8 @@ from gateway.mount.link.queue import (
     SETTING,
     STOP,
     hold_back_time,
+    is_too_late,
     sort_queue,
-    too_late,
 )
 from gateway.protocols.base.driver import Send
 from tests.support.each import each
@@ -54,6 +54,6 @@ def test_read_waits_for_urgent_and_imminent_orders() -> None:
 
 def test_late_motion_by_hand_is_not_sent() -> None:
     arrow = Send("move", at_once_or_never=True)
-    assert too_late(Waits(MOTION, queued_at=NOW - MAX_START_DELAY - 0.01, command=arrow), NOW)
-    assert not too_late(Waits(MOTION, queued_at=NOW - MAX_START_DELAY + 0.01, command=arrow), NOW)
-    assert not too_late(Waits(MOTION, queued_at=NOW - MAX_START_DELAY - 0.01), NOW)
+    assert is_too_late(Waits(MOTION, queued_at=NOW - MAX_START_DELAY - 0.01, command=arrow), NOW)
+    assert not is_too_late(Waits(MOTION, queued_at=NOW - MAX_START_DELAY + 0.01, command=arrow), NOW)
+    assert not is_too_late(Waits(MOTION, queued_at=NOW - MAX_START_DELAY - 0.01), NOW)

@@ -19,6 +19,6 @@ def test_only_positions_requested_after_the_end_show_rest() -> None:
 def test_second_end_leaves_a_run_on_that_of_a_goto() -> None:
     watch = RunOnWatch(lambda: 10.0)
     watch.sent.emit(None)
-    watch.on_end(after_goto=True)
-    watch.on_end(after_goto=False)
+    watch.begin(after_goto=True)
+    watch.begin(after_goto=False)
     assert watch.is_after_goto

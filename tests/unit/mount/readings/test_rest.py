@@ -40,7 +40,7 @@ async def test_resting_mount_is_recognised_with_and_without_tracking(
         bridge.driver.low = state == "coarse"
         if state == "not tracking":
             await client.ask(b"T\0", 3.0)
-        client.tell(NORTH)
+        client.send(NORTH)
         await asyncio.sleep(3)
         began = bridge.controller.now()
         assert (await stop_mount(bridge.controller)).is_ok
@@ -70,7 +70,7 @@ async def test_acknowledged_stop_without_effect_is_not_reported_as_stopped(
     driven: str, mount: str, version: str | None, config: dict[str, Any], rate: int
 ) -> None:
     async with bridge_of(driven, mount, version, config) as bridge:
-        bridge.client().tell(NORTH.replace(b"\x09", bytes((rate,))))
+        bridge.client().send(NORTH.replace(b"\x09", bytes((rate,))))
         await asyncio.sleep(3)
         _deaf(bridge, b"P\2\x10\x24\0", b"P\2\x11\x24\0", b"M", b"T", b":Q")
         began = bridge.controller.now()
@@ -93,7 +93,7 @@ async def test_axis_that_turns_the_tube_on_the_spot_counts_as_moving(driven: str
                 break
             await asyncio.sleep(1)
         assert (await stop_mount(bridge.controller)).is_ok
-        bridge.client().tell(b"P\2\x10\x24\x09\0\0\0")
+        bridge.client().send(b"P\2\x10\x24\x09\0\0\0")
         await asyncio.sleep(3)
         _deaf(bridge, b"P\2\x10\x24\0", b"P\2\x11\x24\0", b"M", b"T", b":Q")
         assert "still moves" in (await stop_mount(bridge.controller)).text
@@ -102,7 +102,7 @@ async def test_axis_that_turns_the_tube_on_the_spot_counts_as_moving(driven: str
 def test_stop_waits_for_a_mount_that_runs_on() -> None:
     async def program() -> None:
         async with bridge_of("nexstar", "cge", None, {}) as bridge:
-            bridge.client().tell(NORTH)
+            bridge.client().send(NORTH)
             await asyncio.sleep(3)
             hear, later = bridge.controller.line.wire.feed, asyncio.get_running_loop().call_later  # type: ignore[attr-defined]
 
@@ -123,7 +123,7 @@ def test_stop_waits_for_a_mount_that_runs_on() -> None:
 @pytest.mark.parametrize("question", [b"e", b"E"])
 async def test_invisible_mount_is_not_reported_as_stopped(question: bytes) -> None:
     async with bridge_of("nexstar", "cge", None, {}) as bridge:
-        bridge.client().tell(NORTH)
+        bridge.client().send(NORTH)
         await asyncio.sleep(3)
         hear = bridge.controller.line.wire.feed  # type: ignore[attr-defined]
         bridge.controller.line.wire.feed = lambda data: b"" if data[:1] in b"eE" else hear(data)  # type: ignore[attr-defined]
@@ -133,7 +133,7 @@ async def test_invisible_mount_is_not_reported_as_stopped(question: bytes) -> No
 
 async def test_stop_on_a_line_that_is_down_is_reported_as_pending() -> None:
     async with bridge_of("nexstar", "cge", None, {}) as bridge:
-        bridge.client().tell(NORTH)
+        bridge.client().send(NORTH)
         await asyncio.sleep(3)
         hear = bridge.controller.line.wire.feed  # type: ignore[attr-defined]
         bridge.controller.line.wire.feed = lambda data: b""  # type: ignore[attr-defined]
@@ -156,7 +156,7 @@ async def test_program_that_keeps_pressing_an_arrow_is_named_with_a_remedy() -> 
 
         async def press() -> None:
             while True:
-                client.tell(NORTH)
+                client.send(NORTH)
                 await asyncio.sleep(0.3)
 
         pressing = asyncio.ensure_future(press())
@@ -168,7 +168,7 @@ async def test_program_that_keeps_pressing_an_arrow_is_named_with_a_remedy() -> 
 
 async def test_hibernating_mount_counts_as_resting() -> None:
     async with bridge_of("nexstar", "cpc", None, {}) as bridge:
-        bridge.client().tell(b"x")
+        bridge.client().send(b"x")
         await asyncio.sleep(12)
         assert bridge.sim.asleep
         assert (await stop_mount(bridge.controller)).is_ok

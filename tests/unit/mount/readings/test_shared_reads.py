@@ -27,14 +27,14 @@ def test_stop_of_a_motion_not_yet_begun_cancels_no_shared_read(presented: str) -
             hand, other = bridge.client("127.0.0.1"), bridge.client("127.0.0.2")
             await bridge.controller.perform(op.Goto(100.0, 40.0))
             await ready(bridge, hand, question)
-            hand.tell(b":RS#" + arrow if presented == "lx200" else arrow)
+            hand.send(b":RS#" + arrow if presented == "lx200" else arrow)
             await asyncio.sleep(2.0)
             await bridge.controller.stop()
-            hand.tell(arrow)
+            hand.send(arrow)
             await asyncio.sleep(late)
             answer = asyncio.create_task(other.ask(question, 3.0))
             await asyncio.sleep(0.02)
-            hand.tell(stop)
+            hand.send(stop)
             bridge.controller.begin_stop()
             assert await answer
 
@@ -69,5 +69,5 @@ async def test_end_of_a_goto_is_noticed_after_a_stray_byte(mount: str, latency: 
         while bridge.sim.slewing:
             await asyncio.sleep(0.5)
         await asyncio.sleep(5.0)
-        assert await client.ask(b"L", 5.0, until=b"#") == b"0#"
+        assert await client.ask(b"L", 5.0, ending=b"#") == b"0#"
         assert not bridge.controller.moving

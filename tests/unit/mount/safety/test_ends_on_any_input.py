@@ -24,7 +24,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.motion.ends import AxisSample
-from gateway.mount.motion.seen import ObservedMotion, PositionSample, Rates, add_position, simultaneous
+from gateway.mount.motion.seen import ObservedMotion, PositionSample, Rates, add_position, extrapolate_ra
 from gateway.mount.motion.wanted import MotionState
 from gateway.mount.policy import Limits
 from gateway.mount.safety.admission.altitudes import AltitudeSource
@@ -101,7 +101,7 @@ def test_safety_rules_end_on_any_input(n: list[float], suns: int, slewing: bool)
             seen, limits, timing, MotionState(slewing, {}), n[0], op.Status(True, False, op.Tracking.OFF)
         )
         judge_motion(view), farthest_from_suns(view), first_position_deadline(view, n[1], n[2])
-        simultaneous(n[3], op.Equatorial(n[4], n[5]), before, n[6])
+        extrapolate_ra(n[3], op.Equatorial(n[4], n[5]), before, n[6])
 
     ends(decide)
 

@@ -37,9 +37,9 @@ async def test_arrow_without_visible_motion_is_ended(mount: str, driven: str, mo
         client = bridge.client()
         await client.ask(b":GR#")
         freeze(bridge)
-        client.tell(motion)
+        client.send(motion)
         for _ in range(24):
-            client.tell(b":GR#")
+            client.send(b":GR#")
             await asyncio.sleep(0.5)
         slow = motion.startswith(b":RC#")
         assert not truth_of(bridge.sim).moving or slow
@@ -58,9 +58,9 @@ async def test_arrow_with_visible_motion_is_not_ended(mount: str, driven: str, m
     config = {"lowest": -90.0, "sun": 0.0}
     async with Bridge(mount, driven=driven, latency=latency, config=config) as bridge:
         client = bridge.client()
-        client.tell(motion)
+        client.send(motion)
         for _ in range(24):
-            client.tell(b":GR#")
+            client.send(b":GR#")
             await asyncio.sleep(0.5)
         assert bridge.controller.wanted.axes_moved_by_hand
         assert not [entry.note for entry in bridge.entries if "shows nothing" in entry.note]

@@ -26,12 +26,12 @@ def test_cancelled_gotos_do_not_delay_position_readings(every: float) -> None:
             hand, other = bridge.client("127.0.0.1"), bridge.client("127.0.0.2")
             await bridge.controller.perform(op.GotoHorizontal(180.0, height))
             await ready(bridge, hand, b"e")
-            hand.tell(UP)
+            hand.send(UP)
             high = 0.0
             for _ in range(round(4.0 / every)):
-                other.tell(b"r34AB0500,12CE0500")
+                other.send(b"r34AB0500,12CE0500")
                 high = max(high, (await extremes(bridge, every / 2))[1])
-                other.tell(b"M")
+                other.send(b"M")
                 high = max(high, (await extremes(bridge, every / 2))[1])
             assert high <= 75.01, height
 
@@ -48,7 +48,7 @@ async def test_motion_without_positions_ends_before_the_limit(
         client = bridge.client()
         await bridge.controller.perform(op.GotoHorizontal(180.0, 50.0))
         await ready(bridge, client, b"e")
-        client.tell(motor)
+        client.send(motor)
         await extremes(bridge, 0.1 if from_the_first else 2.0)
         bridge.controller.reader.position.disconnect(bridge.controller.watch.check_position)
         low, high = await extremes(bridge, 10.0)
@@ -60,10 +60,10 @@ async def test_motion_without_positions_ends_before_the_limit(
 async def test_motion_ended_in_time_triggers_no_deadline() -> None:
     async with Bridge("6-8se", presented="nexstar", surface="cpc", config={"highest": 80.0}) as bridge:
         client = bridge.client()
-        client.tell(UP)
+        client.send(UP)
         await asyncio.sleep(3.0)
         bridge.controller.reader.position.disconnect(bridge.controller.watch.check_position)
-        client.tell(b"P\x02\x11\x24\0\0\0\0")
+        client.send(b"P\x02\x11\x24\0\0\0\0")
         await asyncio.sleep(60.0)
         assert altitude(bridge) < 75.0
         assert not any("stopped" in note for note in notes(bridge))

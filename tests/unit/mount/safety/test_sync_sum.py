@@ -113,7 +113,7 @@ async def test_sync_sum_equals_the_correction_of_the_axes(
         if driven == "nexstar" and equatorial:
             bridge.sim.feed(b"T\x03" if south else b"T\x02")
         elif equatorial:
-            mechanics.rebuild(bridge.clock(), Build.WEDGE)
+            mechanics.set_build(bridge.clock(), Build.WEDGE)
         first = mechanics.sync_correction
         for number, (hour_angle, away) in enumerate([(-30.0, 20.0), (40.0, 5.0), (20.0, 25.0), (-50.0, 10.0)]):
             ra = (mechanics.sky.lst(bridge.clock()) - hour_angle) % 360.0

@@ -82,7 +82,7 @@ async def test_no_lx200_program_switches_a_limit_off(mount: str, wrong: str) -> 
         client = bridge.client()
         await client.ask(LX200[wrong])
         await asyncio.sleep(3.0)
-        reply = await client.ask(as_lx200(*low_target(bridge)), until=b"#")
+        reply = await client.ask(as_lx200(*low_target(bridge)), ending=b"#")
         assert reply.startswith(b"111Object Below Lower Limit."), reply
         await asyncio.sleep(20.0)
         assert altitude(bridge) > LIMIT
@@ -109,7 +109,7 @@ async def test_no_program_makes_the_sun_set(mount: str, wrong: str) -> None:
         client = bridge.client()
         await client.ask(b":Sg071*45#" if wrong == "Greenwich" else LX200[wrong])
         await asyncio.sleep(3.0)
-        assert b"Sun" in await client.ask(b":Sr06:00:00#:Sd+23*26:00#:MS#", until=b"#")
+        assert b"Sun" in await client.ask(b":Sr06:00:00#:Sd+23*26:00#:MS#", ending=b"#")
         await asyncio.sleep(20.0)
         assert separation(*bridge.sim.mechanics.true_position(bridge.clock()), *SKY.sun(bridge.clock())) > 20.0
 
@@ -118,7 +118,7 @@ async def test_no_program_makes_the_sun_set(mount: str, wrong: str) -> None:
 async def test_no_program_causes_tracking_to_end_far_from_a_limit(mount: str) -> None:
     async with Bridge(mount, config={"lowest": LIMIT}) as bridge:
         client = bridge.client()
-        await client.ask(as_lx200(*low_target(bridge, 55.0)), until=b"0")
+        await client.ask(as_lx200(*low_target(bridge, 55.0)), ending=b"0")
         await asyncio.sleep(30.0)
         await client.ask(b":SG+00#:SL10:00:00#:SC01/15/26#")
         for _ in range(60):
@@ -131,7 +131,7 @@ async def test_no_program_causes_tracking_to_end_far_from_a_limit(mount: str) ->
 async def test_reported_altitude_is_the_true_one_and_the_set_site_is_read_back() -> None:
     async with Bridge("cge", config={"lowest": LIMIT}) as bridge:
         client = bridge.client()
-        await client.ask(as_lx200(*low_target(bridge, 40.0)), until=b"0")
+        await client.ask(as_lx200(*low_target(bridge, 40.0)), ending=b"0")
         await asyncio.sleep(40.0)
         await client.ask(b":St+10*00#")
         await asyncio.sleep(3.0)
@@ -157,12 +157,12 @@ def test_goto_forbidden_by_one_of_two_sources_is_refused_and_both_are_named(
             client = bridge.client()
             hour_angle, dec = horizon_to_hour_angle(110.0, 30.0, 45.0)
             there = (bridge.sim.mechanics.sky.lst(bridge.clock()) - hour_angle) % 360.0, dec
-            assert await client.ask(as_lx200(*there), until=b"#") == b"112Too low by %s.#" % words
+            assert await client.ask(as_lx200(*there), ending=b"#") == b"112Too low by %s.#" % words
             assert not bridge.sim.slewing
             high = (bridge.sim.mechanics.sky.lst(bridge.clock()) - 20.0) % 360.0, 60.0
             if site is not None:
                 return
-            assert (await client.ask(as_lx200(*high), until=b"0")).endswith(b"0"), "above the horizon by both"
+            assert (await client.ask(as_lx200(*high), ending=b"0")).endswith(b"0"), "above the horizon by both"
 
     run(program())
 
@@ -183,7 +183,7 @@ async def test_change_at_the_hand_control_is_noticed_within_a_minute(changed: by
         for _ in range(60):
             await client.ask(b":GR#")
             await asyncio.sleep(1.0)
-        assert await client.ask(asked, until=told[-3:]) == told
+        assert await client.ask(asked, ending=told[-3:]) == told
         assert any("changed at the mount" in entry.note for entry in bridge.entries)
 
 
@@ -278,8 +278,8 @@ async def test_goto_needs_the_time_where_the_sun_counts(sun: float, told: bool, 
     async with Bridge("gt", "101.0", config=config, host_ahead=SINCE_1970) as bridge:
         client = bridge.client()
         if told:
-            await client.ask(b":SG+00#:SL22:00:00#:SC01/15/26#", until=b"#")
+            await client.ask(b":SG+00#:SL22:00:00#:SC01/15/26#", ending=b"#")
             await asyncio.sleep(3.0)
-        reply = await client.ask(GOTO, until=b"0" if done else b"#")
+        reply = await client.ask(GOTO, ending=b"0" if done else b"#")
         assert reply.endswith(b"0" if done else b"#")
         assert (b"time is unknown" in reply.lower()) is not done

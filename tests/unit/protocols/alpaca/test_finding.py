@@ -13,11 +13,11 @@ from typing import Any
 import pytest
 from aiohttp import web
 
-from gateway.app.pages import application
+from gateway.app.pages import make_app
 from gateway.app.simulated import serve_simulator
 from gateway.cli import main
 from gateway.core.wire_log import WireLog
-from gateway.diagnostics.detect.report import describe_port, start_command, toml
+from gateway.diagnostics.detect.report import as_toml, describe_port, start_command
 from gateway.diagnostics.detect.scan_port import ask_servers
 from gateway.protocols.alpaca.http import chain, finding
 from gateway.protocols.alpaca.http.discovery import answer_discovery
@@ -86,7 +86,7 @@ def test_detect_prints_the_run_command_for_an_alpaca_telescope() -> None:
         finding_there
     )
     assert "Simulated polar" in describe_port(finding_there) and f"alpaca@{where}" in start_command(finding_there)
-    assert f'at = "alpaca@{where}"' in toml(finding_there)
+    assert f'at = "alpaca@{where}"' in as_toml(finding_there)
 
 
 def test_alpaca_server_may_be_given_by_name() -> None:
@@ -120,7 +120,7 @@ def test_detect_reports_that_no_alpaca_server_answered(capsys: pytest.CaptureFix
 def test_detect_names_a_gateway_among_alpaca_servers() -> None:
     async def program() -> str:
         async def load() -> web.Application:
-            app = application()
+            app = make_app()
             device = WebDevice(lambda connected: None, "nexstar@sim", WireLog(lambda: 0.0))  # type: ignore[arg-type,return-value]
             AlpacaServer([device]).add_to(app)
             return app

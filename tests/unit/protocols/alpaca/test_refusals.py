@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
-from gateway.diagnostics.rehearsal.stage import RehearsalMount
+from gateway.diagnostics.rehearsal.stage import RehearsalGateway
 from gateway.protocols.alpaca.tables import empty_value
 from gateway.protocols.lx200.simulator.server import SimulatedLx200
 from gateway.protocols.wireformat.command_set import load
@@ -16,7 +16,7 @@ from tests.unit.protocols.alpaca.test_surface import CRAB, ask, connected, stage
 NOT_POSSIBLE, PARKED, INVALID, NOT_CONNECTED = -0x40B, -0x408, -0x401, -0x407
 
 
-def answering(own: RehearsalMount, instead: Callable[[bytes], bytes | None]) -> None:
+def answering(own: RehearsalGateway, instead: Callable[[bytes], bytes | None]) -> None:
     """Let the simulated Meade answer these frames otherwise, and not carry them out."""
     assert isinstance(own.sim, SimulatedLx200)
     usual = own.sim.answer
@@ -69,9 +69,9 @@ async def test_alpaca_stop_reaches_a_parked_mount_and_is_then_refused() -> None:
         await ask(client, "put park")
         while not await ask(client, "get atpark"):
             await asyncio.sleep(0.5)
-        own.wire.clear()
+        own.rx_data.clear()
         assert await ask(other, "put abortslew") == PARKED
-        assert b"M" in own.wire and await ask(client, "get atpark") is True
+        assert b"M" in own.rx_data and await ask(client, "get atpark") is True
 
 
 async def test_alpaca_rate_between_two_of_the_mount_uses_the_slower_one() -> None:

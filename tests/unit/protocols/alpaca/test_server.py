@@ -11,7 +11,7 @@ from typing import Any
 import aiohttp
 import pytest
 
-from gateway.app.pages import application
+from gateway.app.pages import make_app
 from gateway.core.wire_log import WireLog
 from gateway.protocols.alpaca.http import programs
 from gateway.protocols.alpaca.http.discovery import AlpacaWeb
@@ -78,7 +78,7 @@ async def served(names: tuple[str, ...] = ()) -> AsyncIterator[Served]:
     device = WebDevice(mount.accept, "a mount", mount.log)
 
     async def load() -> Any:
-        alpaca, app = AlpacaWeb(), application(names, [mount.log])
+        alpaca, app = AlpacaWeb(), make_app(names, [mount.log])
         alpaca.add_routes(app, [device])
         return app
 

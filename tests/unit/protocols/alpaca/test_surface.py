@@ -9,24 +9,24 @@ from typing import Any
 import pytest
 
 from gateway.clients.access import AccessRules
-from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalMount
+from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalGateway
 from tests.support import exact_sky
 
 START = 1769634000.0
 CRAB = "RightAscension=5.5756 Declination=22.0145"
 
 
-def stage(mount: str = "6-8se", driven: str = "nexstar", **settings: Any) -> RehearsalMount:
-    return RehearsalMount(mount, start=START, driven=driven, presented="alpaca", named=True, **settings)
+def stage(mount: str = "6-8se", driven: str = "nexstar", **settings: Any) -> RehearsalGateway:
+    return RehearsalGateway(mount, start=START, driven=driven, presented="alpaca", named=True, **settings)
 
 
 async def ask(program: RehearsalClient, line: str) -> Any:
     """A value; an error as its number."""
-    told = json.loads(await program.ask(line.encode() + b"\n", until=b"\n"))
+    told = json.loads(await program.ask(line.encode() + b"\n", ending=b"\n"))
     return -told["ErrorNumber"] if isinstance(told, dict) else told
 
 
-async def connected(own: RehearsalMount, host: str = "127.0.0.1") -> RehearsalClient:
+async def connected(own: RehearsalGateway, host: str = "127.0.0.1") -> RehearsalClient:
     client = own.client(host)
     assert await ask(client, "put connected Connected=True") is None
     assert await ask(client, "get connected") is True

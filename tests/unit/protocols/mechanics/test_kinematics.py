@@ -26,7 +26,7 @@ def mount(build: Build, latitude: float, *, on: bool = True, ramps: bool = True)
     """
     sky = Observer(latitude, 10.0)
     pole = 1 if latitude > 0 else -1
-    axes = Geometry(build, latitude).axes(40.0, 20.0 * pole, Geometry(build, latitude).is_flipped(40.0))
+    axes = Geometry(build, latitude).to_axes(40.0, 20.0 * pole, Geometry(build, latitude).is_flipped(40.0))
     made = Mechanics(build, sky, START, axes)
     made.acceleration = made.acceleration if ramps else math.inf
     made.flipped = made.geometry.is_flipped(40.0)
@@ -125,7 +125,7 @@ def test_slow_simulated_rates_add_to_tracking_and_fast_ones_suspend_it(latitude:
     made = mount(Build.GERMAN, latitude, ramps=False)
     west = made.geometry.ns_sign
     ra, _ = made.true_position(START)
-    made.move(START, 1, west * 7.5 * ARCSECOND, gentle=True)
+    made.move(START, 1, west * 7.5 * ARCSECOND, additive=True)
     assert made.tracking(START + 10)
     made.move(START + 10, 1, 0.0)
     assert wrap180(made.true_position(START + 60)[0] - ra) * 3600 == pytest.approx(-75, abs=0.01)
@@ -216,7 +216,7 @@ def test_simulated_rates_have_a_maximum() -> None:
 def test_simulated_fork_put_on_its_wedge_keeps_pointing() -> None:
     made = mount(Build.ALTAZ, 45.0)
     place = made.true_position(START)
-    made.rebuild(START, Build.WEDGE)
+    made.set_build(START, Build.WEDGE)
     assert separation(*made.true_position(START), *place) < 1e-9
     assert separation(*made.believed_position(START), *place) < 1e-9
     made.track(START, True, sense=1)

@@ -119,7 +119,7 @@ def order(made: Mechanics, now: float, chance: Random) -> None:
     if what == 0:
         made.set_rate(now, axis, rate)
     elif what == 1:
-        made.move(now, axis, rate, gentle=abs(rate) < 0.01)
+        made.move(now, axis, rate, additive=abs(rate) < 0.01)
     elif what == 2:
         made.goto_sky(now, made.sky.lst(now) - chance.uniform(-60.0, 60.0), chance.uniform(0.0, 35.0))
     elif what == 3:

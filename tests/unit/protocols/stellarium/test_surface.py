@@ -10,7 +10,7 @@ import pytest
 
 from gateway.clients.access import AccessRules
 from gateway.clients.strangers import ReceivedBytes, StrangerFilter
-from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalMount
+from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalGateway
 from gateway.protocols.registry import PROTOCOLS
 from tests.support import exact_sky
 
@@ -47,8 +47,8 @@ def heard(program: RehearsalClient) -> list[Position]:
 
 def stage(
     mount: str = "6-8se", driven: str = "nexstar", access: AccessRules = AccessRules(), **others: Any
-) -> RehearsalMount:
-    return RehearsalMount(
+) -> RehearsalGateway:
+    return RehearsalGateway(
         mount, start=START, driven=driven, presented="stellarium", named=True, access=access, **others
     )
 
@@ -63,7 +63,7 @@ async def test_stellarium_gets_positions_twice_a_second_and_its_goto_runs(mount:
         assert len(told) == 4, "none in the first moment, when it may turn out to be a web browser"
         assert {(one.length, one.kind, one.status) for one in told} == {(24, 0, 0)}
         assert [round(one.time - START, 1) for one in told][-1] > 1.0
-        client.tell(goto(*CRAB))
+        client.send(goto(*CRAB))
         await asyncio.sleep(1.0)
         assert own.sim.slewing
         for _ in range(180):
@@ -80,12 +80,12 @@ async def test_stellarium_gets_positions_twice_a_second_and_its_goto_runs(mount:
 async def test_stellarium_status_shows_a_refused_goto_until_one_is_accepted() -> None:
     async with stage() as own:
         client, other = own.client(), own.client("192.0.2.7")
-        client.tell(goto(*BELOW))
+        client.send(goto(*BELOW))
         await asyncio.sleep(1.5)
         assert not own.sim.slewing
         assert heard(client)[-1].status == -1
         assert heard(other)[-1].status == 0, "another program has asked for nothing"
-        client.tell(goto(*CRAB))
+        client.send(goto(*CRAB))
         await asyncio.sleep(1.5)
         assert own.sim.slewing and heard(client)[-1].status == 0
 
@@ -94,7 +94,7 @@ async def test_stellarium_status_shows_a_refused_goto_until_one_is_accepted() ->
 async def test_stellarium_goto_beyond_a_pole_is_refused(dec: int) -> None:
     async with stage() as own:
         client = own.client()
-        client.tell(struct.pack("<HHQIi", 20, 0, 0, 0, dec))
+        client.send(struct.pack("<HHQIi", 20, 0, 0, 0, dec))
         await asyncio.sleep(1.5)
         assert not own.sim.slewing and heard(client)[-1].status == -1
 
@@ -102,7 +102,7 @@ async def test_stellarium_goto_beyond_a_pole_is_refused(dec: int) -> None:
 async def test_look_only_stellarium_gets_positions_and_moves_nothing() -> None:
     async with stage(access=AccessRules(read_only=True)) as own:
         client = own.client()
-        client.tell(goto(*CRAB))
+        client.send(goto(*CRAB))
         await asyncio.sleep(1.5)
         assert not own.sim.slewing and heard(client)[-1].status == -1
 
@@ -111,7 +111,7 @@ async def test_dead_man_leaves_a_stellarium_goto_alone() -> None:
     """A program of this protocol says nothing after its goto."""
     async with stage(config={"dead_man": 2.0, "dead_man_closed": 1.0}) as own:
         client, other = own.client(), own.client("192.0.2.7")
-        client.tell(goto(*CRAB))
+        client.send(goto(*CRAB))
         await asyncio.sleep(4.0)
         assert own.sim.slewing and heard(other)[-1].status == 0
         client.close()
@@ -124,7 +124,7 @@ async def test_stellarium_coordinates_are_j2000() -> None:
     async with stage() as own:
         exact_sky.load(own.controller.astrometry.sky)
         client = own.client()
-        client.tell(goto(*CRAB))
+        client.send(goto(*CRAB))
         await asyncio.sleep(2.0)
         sent = [data for data in own.sent_requests() if data[:1] == b"r"][-1]
         ra = int(sent[1:9], 16) * 360 / 2**32

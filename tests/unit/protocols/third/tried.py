@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from gateway.cli import main
-from gateway.diagnostics.rehearsal.stage import RehearsalMount
+from gateway.diagnostics.rehearsal.stage import RehearsalGateway
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.registry import PROTOCOLS
 
@@ -29,15 +29,15 @@ def said(*arguments: str) -> tuple[int, str]:
 
 async def pushed() -> list[bytes]:
     """What a program of the toy protocol hears that has said nothing, in two seconds; then what it asks for."""
-    async with RehearsalMount("6-8se", start=START, presented="toy", named=True) as stage:
+    async with RehearsalGateway("6-8se", start=START, presented="toy", named=True) as stage:
         program = stage.client()
         await asyncio.sleep(2.2)
         heard = program.received.splitlines(keepends=True)
         program.received = b""
-        program.tell(b"!05:34:32,+22*00:52\n")
+        program.send(b"!05:34:32,+22*00:52\n")
         await asyncio.sleep(1.0)
         assert stage.sim.slewing
-        program.tell(b"!!\n")
+        program.send(b"!!\n")
         await asyncio.sleep(3.0)
         assert not stage.sim.slewing
         program.close()

@@ -91,14 +91,14 @@ async def test_program_is_told_that_the_meade_sleeps() -> None:
     """It would say yes to the goto and stay where it is."""
     async with Bridge("lx200gps", driven="lx200", presented="lx200", surface=None, latency=0.02) as bridge:
         client = bridge.client()
-        assert await client.ask(overhead(bridge.sim), until=b"11") == b"11"
-        client.tell(b":hN#")
+        assert await client.ask(overhead(bridge.sim), ending=b"11") == b"11"
+        client.send(b":hN#")
         await asyncio.sleep(2.0)
         assert await client.ask(b":MS#") == b"1The mount is asleep: wake it first.#"
-        client.tell(b":RS#:Mn#")
+        client.send(b":RS#:Mn#")
         await asyncio.sleep(2.0)
         assert not bridge.controller.moving and not {b":MS#", b":Mn#"} & set(bridge.sent_requests())
-        client.tell(b":hW#")
+        client.send(b":hW#")
         await asyncio.sleep(1.0)
         assert await client.ask(b":MS#") == b"0"
         await asyncio.sleep(1.0)
@@ -108,8 +108,8 @@ async def test_program_is_told_that_the_meade_sleeps() -> None:
 async def test_meade_woken_at_its_keys_moves_again() -> None:
     async with Bridge("lx200gps", driven="lx200", presented="lx200", surface=None, latency=0.02) as bridge:
         client = bridge.client()
-        assert await client.ask(overhead(bridge.sim), until=b"11") == b"11"
-        client.tell(b":hN#")
+        assert await client.ask(overhead(bridge.sim), ending=b"11") == b"11"
+        client.send(b":hN#")
         await asyncio.sleep(2.0)
         bridge.sim.feed(b":hW#")
         await asyncio.sleep(8.0)

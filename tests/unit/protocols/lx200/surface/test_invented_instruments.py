@@ -26,10 +26,10 @@ def test_gps_sentence_without_a_receiver_reports_no_fix() -> None:
 async def test_gps_fix_status_is_that_of_the_mount(mount: str, status: bytes) -> None:
     async with Bridge(mount, surface="lx200gps") as bridge:
         client = bridge.client()
-        heard = await client.ask(b":gps#", until=b"#")
+        heard = await client.ask(b":gps#", ending=b"#")
         assert heard.startswith(b"$GPRMC,")
         assert heard.split(b",")[2] == status
-        assert await client.ask(b":gT#", until=b"") == (b"0" if status == b"V" else b"1")
+        assert await client.ask(b":gT#", ending=b"") == (b"0" if status == b"V" else b"1")
 
 
 @each("model", MODELS)
@@ -60,5 +60,5 @@ async def test_thermometer_and_gps_of_a_real_telescope_are_passed_through() -> N
     """An LX200GPS behind the gateway has a thermometer and a receiver of its own."""
     async with Bridge("lx200gps", driven="lx200", surface="lx200gps") as bridge:
         client = bridge.client()
-        assert await client.ask(b":fT#", until=b"#") == b"+12.500#"
-        assert (await client.ask(b":gps#", 20.0, until=b"#")).split(b",")[2] == b"A"
+        assert await client.ask(b":fT#", ending=b"#") == b"+12.500#"
+        assert (await client.ask(b":gps#", 20.0, ending=b"#")).split(b",")[2] == b"A"
