@@ -1,4 +1,4 @@
-"""Present examined ports as text, as values for JSON, and as the command line and ``gateway.as_toml`` of a gateway.
+"""Present examined ports as text, as values for JSON, and as the command line and ``gateway.toml`` of a gateway.
 
 If no mount was found, the suggested next steps depend on the states of the ports.
 """
@@ -159,7 +159,7 @@ def start_command(finding: PortFinding, network: bool = False) -> str:
 
 
 def as_toml(finding: PortFinding, network: bool = False) -> str:
-    """Return a ``gateway.as_toml`` that is equivalent to the command line."""
+    """Return a ``gateway.toml`` that is equivalent to the command line."""
     mount = finding.mount
     assert mount is not None
     who = f"# {mount.product} {mount.version}".removesuffix(f" {UNREPORTED_VERSION}")
