@@ -102,8 +102,7 @@ def console_offers(web: WebServer) -> list[Offer]:
 
 
 def qr_code(line: str) -> list[str]:
-    """Return the first web address of a line as a QR code in block characters; empty without a terminal or the
-    library."""
+    """Return the first web address of a line as a QR code in block characters; empty without terminal or library."""
     address = next((word for word in line.split() if word.startswith("http://")), "")
     if not address or not sys.stdout.isatty():
         return []

@@ -166,9 +166,7 @@ class Reconciler:
         return same is not None
 
     def treat_as_release(self, activity: HostActivity) -> bool:
-        """Treat a full stop that only releases an arrow as the end of a tap; return False if the stop must be sent at
-        once.
-        """
+        """Treat a full stop that only releases an arrow as the end of a tap; False if the stop must be sent now."""
         after = None if self._movement.slewing else taps.after_stop_as_release(self.wanted, activity, self._loop.time())
         if after is not None:
             self.update(after)

@@ -198,9 +198,7 @@ class GuidePulse(Struct, frozen=True):
 
 
 class Tap(Struct, frozen=True):
-    """A motion by hand whose arrow was released before it began: its axis, the client, and the time at
-    which it ends.
-    """
+    """A motion by hand whose arrow was released before it began: its axis, the client, and when it ends."""
 
     axis: int
     by: HostActivity | None
@@ -216,9 +214,7 @@ class PressedArrow(Struct, frozen=True):
 
 
 class DoneHalt(Struct, frozen=True):
-    """A halt that is done: its loop time, ``Wanted.order_count`` at its arrival, and how many equal halts
-    it repeated.
-    """
+    """A halt that was carried out: when, ``Wanted.order_count`` at its arrival, how many equal halts came before it."""
 
     operation: op.Operation
     at: float

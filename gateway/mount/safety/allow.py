@@ -185,9 +185,8 @@ class JudgedState(Struct, frozen=True):
     @property
     def _second_axis_run_on(self) -> float:
         """How far the second axis moves the tube after the first was stopped, degrees; 0 unless both move by hand."""
-        return self.observed.sky_speed * (
-            AXIS_STOP_GAP * self.timing.round_trip if len(self.moving.by_hand) > 1 else 0.0
-        )
+        seconds = AXIS_STOP_GAP * self.timing.round_trip if len(self.moving.by_hand) > 1 else 0.0
+        return self.observed.sky_speed * seconds
 
     def max_rate(self, rate: float, earlier_rate: float | None) -> float:
         """Return how fast the mount may approach a limit from now on, by its last two rates of approach."""

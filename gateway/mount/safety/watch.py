@@ -69,8 +69,7 @@ NEW_SKY_TIME = 3.0
 
 
 class LimitWatch:
-    """Watches the limits of a mount: call ``check_position`` with every position, ``on_motion_start`` with every
-    motion.
+    """Watches the limits of a mount: ``check_position`` gets every position, ``on_motion_start`` every motion.
 
     ``must_stop`` is emitted with the reason: a forbidden position, a missing position, or a missed deadline.
     ``carried_to_limit`` is emitted with the name of a limit that the mount reaches although no client moves it.
@@ -155,9 +154,8 @@ class LimitWatch:
         """Whether the only motion is a goto on a path within the limits, and nothing else was ordered."""
         wanted = self._mount.wanted
         ordered = any(isinstance(order.operation, MOVERS) for order in wanted.value.pending)
-        return (
-            self._current_path.allowed and isinstance(wanted.value.motion, Slew) and not (wanted.is_ending or ordered)
-        )
+        is_only_motion = isinstance(wanted.value.motion, Slew) and not (wanted.is_ending or ordered)
+        return self._current_path.allowed and is_only_motion
 
     def narrow_limits(self, min_alt: float, max_alt: float, hour_angle: float | None) -> None:
         """Apply tighter limits to the motion under way, too; wider ones apply to the next."""
@@ -410,10 +408,8 @@ class StallWatch:
         self._courses = courses
         for axis, course in courses.items():
             elapsed = sample.time - course.began
-            if (
-                elapsed >= max(STALL_TIME, 3.0 * round_trip)
-                and course.distance < STALL_MIN_PART * course.speed * elapsed
-            ):
+            is_slow = course.distance < STALL_MIN_PART * course.speed * elapsed
+            if elapsed >= max(STALL_TIME, 3.0 * round_trip) and is_slow:
                 return axis
         return None
 

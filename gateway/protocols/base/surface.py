@@ -238,9 +238,9 @@ class Surface:
             return answer
         model = session.model
         form = command.reply_form(session.client.precision, model.get("name"), model.get("dialect"))
-        return (
-            b"" if form is None else self.to_mount_form(command.name, form.encode(_reply_fields(answer, form.fields)))
-        )
+        if form is None:
+            return b""
+        return self.to_mount_form(command.name, form.encode(_reply_fields(answer, form.fields)))
 
 
 def _drops_motion(request: SurfaceStep) -> bool:

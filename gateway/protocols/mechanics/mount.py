@@ -156,8 +156,7 @@ class Mechanics:
             self._end_goto(now)
 
     def move(self, now: float, axis: int, rate: float, additive: bool = False) -> None:
-        """Move an axis by hand; rate 0 ends it. A ``additive`` rate adds to a polar mount's tracking, others override
-        it.
+        """Move an axis by hand. An ``additive`` rate is added to a polar mount's tracking, others override it.
 
         Rate 0 ends hand motion or the goto of this axis and does nothing to an axis that has neither.
         Tracking that was overridden stays off until `track` or `resume_tracking`.

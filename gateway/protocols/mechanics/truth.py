@@ -94,7 +94,6 @@ async def sample(simulator: Simulated, record: Callable[[Truth], object], period
     while True:
         truth = truth_of(simulator)
         record(truth)
-        due = (
-            due + period if due + period > truth.t else truth.t + period
-        )  # skips samples missed while the computer slept
+        # samples that were missed while the computer slept are skipped
+        due = due + period if due + period > truth.t else truth.t + period
         await asyncio.sleep(max(0.0, due - truth.t))

@@ -124,9 +124,8 @@ def contradictions(sites: Sequence[SourcedSite], times: Sequence[SourcedTime]) -
                 hint, far = likely_mistake(place, other.place), f"{apart * KM_PER_DEGREE:.0f} km"
                 other_site = f"{other.source} says {site_text(other.place)}, {far} away{': ' * bool(hint)}{hint}"
                 text = f"{sites[0].who} stands at {site_text(place)}, {other_site}"
-                yield Contradiction(
-                    other.place, unix, text, (sites[0].source, other.source), far, SITE_REMEDY, other_site
-                )
+                sources = (sites[0].source, other.source)
+                yield Contradiction(other.place, unix, text, sources, far, SITE_REMEDY, other_site)
     for time in times[1:]:
         if abs(time.unix - unix) > CLOCK_CONTRADICTION and not time.doubtful:
             place_of_best, span = sites[0].place if sites else None, _duration_text(time.unix - unix)

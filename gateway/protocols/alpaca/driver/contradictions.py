@@ -44,10 +44,8 @@ def compare_equinox(mount: AlpacaDriver, _: CompareEquinox | None = None) -> Ste
         calculated = hour_angle_to_horizon(wrap180(sidereal - place[0]), place[1], latitude)
         away[equinox] = separation(*calculated, azimuth, altitude)
     fits = min(away, key=lambda equinox: away[equinox])
-    if (
-        away[fits] > MATCH_ERROR + (REFRACTION if mount.refracts else 0.0)
-        or max(away.values()) < away[fits] + MATCH_MARGIN
-    ):
+    max_error = MATCH_ERROR + (REFRACTION if mount.refracts else 0.0)
+    if away[fits] > max_error or max(away.values()) < away[fits] + MATCH_MARGIN:
         return None
     mount.equinox_compared = True
     if mount.declares_equinox and fits != mount.equinox:

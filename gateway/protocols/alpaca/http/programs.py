@@ -124,9 +124,8 @@ class Programs:
         if len(self._clients) >= MAX_PROGRAMS:
             idle = [key for key, program in self._clients.items() if program.idle]
             if idle:
-                self._clients.pop(
-                    min(idle, key=lambda key: (self._clients[key].has_put, self._clients[key].asked_at))
-                ).close()
+                oldest = min(idle, key=lambda key: (self._clients[key].has_put, self._clients[key].asked_at))
+                self._clients.pop(oldest).close()
 
     def close(self) -> None:
         """Close the connections of all programs."""

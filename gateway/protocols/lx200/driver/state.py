@@ -284,8 +284,8 @@ class Lx200Driver(Driver):
 
     @property
     def german(self) -> bool | None:  # type: ignore[override]
-        """Whether it is a German mount: True for the letter G, False for A; P is a fork on a wedge, but of some Meades
-        perhaps a German mount.
+        """Whether it is a German mount: True for the letter G, False for A. For P, None if the model may be German, else
+        False (a fork on a wedge).
         """
         return {"G": True, "A": False}.get(self.mounting, False if self.dialect or self.facts.get("fork") else None)
 
