@@ -154,7 +154,7 @@ def after_stop_as_release(wanted: Wanted, activity: HostActivity, now: float) ->
 
 
 def end_tap(wanted: Wanted, end: Halt) -> Wanted:
-    """Add the halt that ends a tap. It cancels no later order, and is void once a goto under way has begun."""
+    """Add the halt that ends a tap. It cancels no later order, and is void once a goto being sent has begun."""
     goto = next((other.number for other in wanted.waiting_gotos if other.number == wanted.active), 0)
     end = replace(end, rank=FIRST_RANK, overtakes=True, order_count=wanted.order_count, void_by=goto)
     return replace(wanted, pending=(*wanted.pending, end))

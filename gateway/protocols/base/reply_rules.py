@@ -101,7 +101,7 @@ class ReplyRules(ReplyParser, Protocol):
         """Whether the replies to two commands are so similar in form that they could be confused."""
 
     def resync_commands(self, check_number: int) -> Iterator[Send]:
-        """Yield commands whose replies prove that replies match requests again, for this number of the check."""
+        """Yield the commands of resynchronisation check ``check_number``: do their replies match the requests again?"""
 
     def is_resync_reply(self, request: Send, values: Values) -> bool:
         """Whether these values are the right reply to a command of ``resync_commands``."""

@@ -68,7 +68,7 @@ class Surface:
         self.lacking_reason: Callable[[Model, bytes], str] = lambda model, frame: ""
 
     def urgent_end(self, session: Session, frame: bytes) -> UrgentEnd | None:
-        """Return what an urgent command ends before the commands that are queued; None for all other commands."""
+        """Return the motion that an urgent command ends at once, ahead of queued commands; None if it is not urgent."""
         command = self.protocol.immediate_commands.get(frame)
         if command is None:
             return None

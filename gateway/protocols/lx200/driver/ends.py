@@ -51,7 +51,7 @@ def end_motion(mount: Lx200Driver, command: str, axes: tuple[int, ...], was_movi
 
 
 def repeat_end(mount: Lx200Driver, operation: RepeatEnd) -> Steps:
-    """Repeat an end command; not on a busy telescope, because that has received a newer command."""
+    """Send an end command again, unless a newer command has moved its axes since, or occupies the telescope."""
     begun = mount.motions_at_end.pop(operation.command, None)
     if begun is not None and all(mount.motions_begun.get(axis, 0) == number for axis, number in begun.items()):
         with contextlib.suppress(Busy):

@@ -284,8 +284,8 @@ class Lx200Driver(Driver):
 
     @property
     def german(self) -> bool | None:  # type: ignore[override]
-        """Whether it is a German mount: True for the letter G, False for A. For P, None if the model may be German, else
-        False (a fork on a wedge).
+        """Whether it is a German mount: True for the letter G, False for A. For P, None if the model may be German,
+        else False (a fork on a wedge).
         """
         return {"G": True, "A": False}.get(self.mounting, False if self.dialect or self.facts.get("fork") else None)
 
@@ -347,7 +347,7 @@ def rate_command(mount: Lx200Driver, rate: op.Rate) -> str:
 
 
 def ask(mount: Lx200Driver, command: str, **values: object) -> Steps:
-    """Send a command with these values and return the verified reply; errors are those of ``send_command``."""
+    """Send a command with these values and return the verified reply; raises what ``send_command`` raises."""
     return (yield from send_command(mount, command, values, False))
 
 

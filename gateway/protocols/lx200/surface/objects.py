@@ -3,7 +3,8 @@
 The Moon, places on it and planets move: the session stores the object, and its position is computed at every goto. If a
 catalogue or an object is refused, nothing is selected, so that no goto leads to the previous object. The classic models
 search by the limits that :S sets. On the others LB, LF and LN do nothing and Lf, LI and Lo give the manual's fixed
-replies, but LC, LM and LS work, as in their later firmware. A mount presented itself has its own library.
+replies, but LC, LM and LS work, as in their later firmware. If the surface presents the mount's own model, the mount's
+library is used.
 """
 
 from __future__ import annotations
