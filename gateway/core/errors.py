@@ -31,7 +31,7 @@ class UserError(GatewayError):
     exit_code = 2
 
 
-class SunIsNoTarget(UserError):
+class SunIsNoGoal(UserError):
     """The user named the Sun as a target. The input is valid, so the exit code is that of a refusal."""
 
     exit_code = 1

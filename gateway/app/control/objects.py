@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from gateway.astro.catalog import deepsky, names, stars, supplied
 from gateway.astro.catalog.objects import CatalogObject, NotInstalled
-from gateway.core.errors import Fault, SunIsNoTarget, UserError
+from gateway.core.errors import Fault, SunIsNoGoal, UserError
 from gateway.core.requests import ResolvedTarget, SkyPosition, SolarSystemBody
 from gateway.system.own_commands import install_instruction
 
@@ -39,7 +39,7 @@ class SkyObject(NamedTuple):
     size: float | None = None
     width: float | None = None
     #: Its other names.
-    aliases: str = ""
+    also: str = ""
     #: How a double star looks in the eyepiece.
     seen: str = ""
 
@@ -63,7 +63,7 @@ def describe(text: str) -> SkyObject:
     if body := next((body for body in BODIES if body.lower() == text.lower()), None):
         return SkyObject(body, SolarSystemBody(body), "moon" if body == "Moon" else "planet")
     if text.lower().removeprefix("the ") == "sun":
-        raise SunIsNoTarget(
+        raise SunIsNoGoal(
             "no goto to the Sun: without a solar filter on the tube it blinds you and burns the optics. With a filter, "
             "start the gateway with --sun 0 and give coordinates: mount-gateway goto RA DEC"
         )

@@ -24,7 +24,7 @@ async def nearly_there(bridge: Any, client: Any, degrees: float) -> None:
     """Send the mount to the goal, and wait until it is so far from it."""
     assert await client.ask(GOTO, ending=b"0") == b"110"
     while separation(*bridge.sim.true_position(), *GOAL) > degrees:
-        client.tell(b":GR#")
+        client.send(b":GR#")
         await asyncio.sleep(0.1)
     assert bridge.sim.slewing
 
