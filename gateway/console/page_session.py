@@ -24,7 +24,7 @@ from gateway.console.shown.view import COARSE_DECIMALS, coordinates, in_page_wor
 from gateway.core.about import full_version
 from gateway.core.errors import Fault, UserError
 from gateway.core.operations import Direction
-from gateway.core.requests import Answer, ByName, StopRequest, Target
+from gateway.core.requests import Answer, Named, StopRequest, Target
 from gateway.core.waiting import BackgroundTasks
 from gateway.mount.controller import MountController
 
@@ -38,7 +38,7 @@ async def look_up(controller: MountController, target: Target) -> dict[str, Any]
     For an object, also return its name, kind and magnitude. Raises UserError, Fault.
     """
     about: dict[str, Any] = {}
-    if isinstance(target, ByName):
+    if isinstance(target, Named):
         entry = await asyncio.to_thread(objects.describe, target.name)
         about = {key: value for key, value in entry._asdict().items() if key != "where"}
         target = entry.where

@@ -17,7 +17,7 @@ from msgspec import Meta, Struct
 from gateway.core.operations import Direction
 
 
-class SkyPosition(Struct, frozen=True, tag="spot"):
+class Spot(Struct, frozen=True, tag="spot"):
     """A position on the sky in degrees, of the equinox of date or of J2000."""
 
     ra: float
@@ -25,20 +25,20 @@ class SkyPosition(Struct, frozen=True, tag="spot"):
     j2000: bool = False  # else of date
 
 
-class SolarSystemBody(Struct, frozen=True, tag="body"):
+class Body(Struct, frozen=True, tag="body"):
     """A planet by its English name, or the Moon: the gateway computes its position."""
 
     name: str
 
 
-class ByName(Struct, frozen=True, tag="named"):
+class Named(Struct, frozen=True, tag="named"):
     """An object by the name that the user typed; it is looked up before the request is carried out."""
 
     name: Annotated[str, Meta(max_length=200)]
 
 
-ResolvedTarget = SkyPosition | SolarSystemBody  # a target that needs no look-up
-Target = ResolvedTarget | ByName
+ResolvedTarget = Spot | Body  # a target that needs no look-up
+Target = ResolvedTarget | Named
 
 
 def new_request_number() -> str:

@@ -19,7 +19,7 @@ from gateway.app.config.checks import ALL_GATEWAYS
 from gateway.app.config.tables import MqttConfig
 from gateway.app.gateway import Gateway
 from gateway.core.about import version
-from gateway.core.requests import ByName, GotoRequest, HomeRequest, ParkRequest, StopRequest, UnparkRequest
+from gateway.core.requests import GotoRequest, HomeRequest, Named, ParkRequest, StopRequest, UnparkRequest
 from gateway.core.waiting import BackgroundTasks
 from gateway.core.wire_log import printable
 from gateway.fleet.client import MAX_MESSAGE_BYTES, BrokerAccess, Connect
@@ -111,7 +111,7 @@ class Dispatcher:
     async def _carry_out(self, text: str, order: str, arguments: str) -> None:
         self._is_busy = True
         try:
-            name = ByName(arguments)
+            name = Named(arguments)
             request = GotoRequest(name, who=CLIENT) if order == GOTO_ORDER else PLAIN_ORDERS[order](who=CLIENT)
             answer = await self._gateway.carry_out(request)
         finally:

@@ -21,7 +21,9 @@ LIMIT_TOLERANCE = 0.1
 #: The motion orders that are allowed during a `Hold`; all others are refused.
 HOLD_ALLOWS = (op.AbortSlew, op.Choose, op.Focus, op.StopAxis, op.Hibernate, op.Sync, op.TrackRate)
 #: The advice in a refused park or home: how to choose a park position.
-PARK_TIP = "Write park = [AZ, ALT] under [mount] for a place of your own choice; it may lie beyond lowest and highest."
+PARK_TIP = (
+    "Write park = [AZ, ALT] under [mount] for a place of your own choice, which may lie beyond lowest and highest."
+)
 
 
 class Limits(Struct, frozen=True):

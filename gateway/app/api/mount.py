@@ -110,7 +110,7 @@ class Mount:
 
     async def goto_object(self, name: str) -> None:
         """Slew to a planet, star or other object as ``goto`` does. Raises UserError for a name that is not known."""
-        await self._get_answer_text(requests.GotoRequest(checked(requests.ByName(name))))
+        await self._get_answer_text(requests.GotoRequest(checked(requests.Named(name))))
 
     async def park(self) -> None:
         """Slew to the park position and turn tracking off; return when the mount has accepted it."""
@@ -207,6 +207,6 @@ class Mount:
         return answer
 
 
-def _target_of(operation: op.Goto | op.Sync, j2000: bool) -> requests.SkyPosition:
+def _target_of(operation: op.Goto | op.Sync, j2000: bool) -> requests.Spot:
     operation = checked(operation)
-    return requests.SkyPosition(operation.ra % 360.0, operation.dec, bool(j2000))
+    return requests.Spot(operation.ra % 360.0, operation.dec, bool(j2000))

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from gateway.astro.catalog import deepsky, names, stars, supplied
 from gateway.astro.catalog.objects import CatalogObject, NotInstalled
 from gateway.core.errors import Fault, SunIsNoGoal, UserError
-from gateway.core.requests import ResolvedTarget, SkyPosition, SolarSystemBody
+from gateway.core.requests import Body, ResolvedTarget, Spot
 from gateway.system.own_commands import install_instruction
 
 BODIES = ("Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
@@ -61,7 +61,7 @@ def describe(text: str) -> SkyObject:
     """Return what is known of an object. Raises UserError that suggests what the user may have meant."""
     text = text.strip()
     if body := next((body for body in BODIES if body.lower() == text.lower()), None):
-        return SkyObject(body, SolarSystemBody(body), "moon" if body == "Moon" else "planet")
+        return SkyObject(body, Body(body), "moon" if body == "Moon" else "planet")
     if text.lower().removeprefix("the ") == "sun":
         raise SunIsNoGoal(
             "no goto to the Sun: without a solar filter on the tube it blinds you and burns the optics. With a filter, "
@@ -74,7 +74,7 @@ def describe(text: str) -> SkyObject:
     star = int(match[2]) if match and match[1].lower() == "hip" else names.star_number(text)
     double = supplied.double_star_texts().get(star or 0, "")
     kind = "double star" if double or name == "M40" else _KINDS.get(entry.kinds, _KINDS.get(entry.kinds[:1], "object"))
-    place = SkyPosition(entry.ra, entry.dec, j2000=True)
+    place = Spot(entry.ra, entry.dec, j2000=True)
     return SkyObject(name, place, kind, entry.magnitude, entry.size, entry.width, entry.also, double)
 
 

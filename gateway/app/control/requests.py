@@ -86,9 +86,9 @@ def explain(fault: Fault, limits: Limits) -> str:
 
 async def position_of_date(controller: MountController, target: requests.Target) -> op.Equatorial:
     """Return the position of a target for the equinox of date, in degrees. Raises Fault."""
-    if isinstance(target, requests.ByName):
+    if isinstance(target, requests.Named):
         raise Invalid(f"The position of {target.name} has not been looked up.")
-    if isinstance(target, requests.SolarSystemBody):
+    if isinstance(target, requests.Body):
         await _wait_for_site(controller)
         reads: op.Read[op.Equatorial] = op.MoonPlace() if target.name.lower() == "moon" else op.PlanetPlace(target.name)
     elif not (-90.0 <= target.dec <= 90.0 and 0.0 <= target.ra <= 360.0):
@@ -125,7 +125,7 @@ class RequestHandler:
         """Carry out any request but a stop or a hold. First look up the position of a named object."""
         named = "It"
         if isinstance(request, requests.GotoRequest | requests.SyncRequest) and isinstance(
-            request.where, requests.ByName
+            request.where, requests.Named
         ):
             named = request.where.name[:1].upper() + request.where.name[1:]
             from gateway.app.control import objects  # loads the catalogues, which only names of objects need

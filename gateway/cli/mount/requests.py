@@ -196,7 +196,7 @@ def typed_target(arguments: argparse.Namespace) -> requests.ResolvedTarget:
     degrees = ":" not in ra and "h" not in ra.lower()
     right = _parse_angle(ra, "a right ascension", 360.0 if degrees else 24.0, 0.0)
     up = _parse_angle(dec, "a declination", 90.0, -90.0)
-    return requests.SkyPosition(right if degrees else right * 15.0, up, arguments.j2000)
+    return requests.Spot(right if degrees else right * 15.0, up, arguments.j2000)
 
 
 def _parse_angle(text: str, quantity: str, maximum: float, minimum: float) -> float:

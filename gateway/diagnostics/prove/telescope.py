@@ -232,7 +232,7 @@ class CheckedMount:
     async def goto(self, goal: op.Equatorial, timeout: float) -> str:
         """Go to a position; cancel the goto when time is up. Return why it was refused, or "". Raises StageEnded."""
         number = requests.new_request_number()
-        where = requests.SkyPosition(goal.ra % 360.0, goal.dec)
+        where = requests.Spot(goal.ra % 360.0, goal.dec)
         self.moving, controller, over = True, self.controller, False
         try:
             answer = await self.ask(requests.GotoRequest(where=where, number=number, who=CLIENT))

@@ -115,7 +115,7 @@ async def test_refused_request_raises_the_matching_error(way: str, tmp_path: Pat
             (mount.sync(ra + 90.0, dec), SyncTooFar, "Sync refused"),
             (mount.sync(ra, 91.0), Invalid, "declination must be a number of degrees from -90 to 90, not 91"),
             (mount.goto_object("Vegaa"), UserError, "did you mean Vega"),
-            (mount.goto_object(42), Invalid, "ByName: name: Expected `str`"),  # type: ignore[arg-type]
+            (mount.goto_object(42), Invalid, "Named: name: Expected `str`"),  # type: ignore[arg-type]
             (mount.move("up", 9, 1.0), Invalid, "write op.Direction.NORTH"),  # type: ignore[arg-type]
             (mount.move(op.Direction.NORTH, 9, 99.0), Invalid, "for up to 5 s"),
         ]
@@ -209,7 +209,7 @@ async def test_motion_by_hand_lasts_while_its_program_sends_requests(way: str, t
     async with opened(way, tmp_path) as (mount, bridge):
         await mount.perform(op.Move(op.Direction.EAST, op.Rate(key=5)))
         for _ in range(100):  # so many others come and go meanwhile
-            await bridge.gateway.carry_out(requests.GotoRequest(where=requests.SkyPosition(400.0, 0.0)))
+            await bridge.gateway.carry_out(requests.GotoRequest(where=requests.Spot(400.0, 0.0)))
             await asyncio.sleep(0.2)
             await mount.position()
         assert (await mount.status()).look.by_hand

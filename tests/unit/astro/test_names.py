@@ -15,7 +15,7 @@ from gateway.astro.spherical import separation
 from gateway.cli.completion import completion_script
 from gateway.cli.mount.requests import typed_target
 from gateway.core.errors import UserError
-from gateway.core.requests import SkyPosition
+from gateway.core.requests import Spot
 from tests.support.each import each
 
 #: name, J2000 hours, minutes, degrees, minutes
@@ -42,9 +42,9 @@ class Typed:
         self.place = list(words)
 
 
-def spot(*words: str) -> SkyPosition:
+def spot(*words: str) -> Spot:
     found = typed_target(Typed(*words))  # type: ignore[arg-type]
-    assert isinstance(found, SkyPosition)
+    assert isinstance(found, Spot)
     return found
 
 

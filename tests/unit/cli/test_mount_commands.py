@@ -18,7 +18,7 @@ from gateway.astro.catalog.objects import NotInstalled
 from gateway.cli import main
 from gateway.cli.mount.requests import typed_target
 from gateway.core.errors import UserError
-from gateway.core.requests import SkyPosition, SolarSystemBody
+from gateway.core.requests import Body, Spot
 from tests.support.each import each
 from tests.support.process import PATIENCE, Running, ask
 
@@ -235,25 +235,23 @@ class Typed:
 
 
 @each(("words", "found"), [
-    (("05:30:00", "+22:30:00"), SkyPosition(82.5, 22.5)),
-    (("05:30", " -05:30"), SkyPosition(82.5, -5.5)),
-    (("5h30m00s", "22d30m00s"), SkyPosition(82.5, 22.5)),
-    (("5h30m", "22°30'"), SkyPosition(82.5, 22.5)),
-    (("82.5", "22.5"), SkyPosition(82.5, 22.5)),
-    (("82.5", " -0.5"), SkyPosition(82.5, -0.5)),
-    (("jupiter",), SolarSystemBody("Jupiter")),
-    (("Moon",), SolarSystemBody("Moon")),
+    (("05:30:00", "+22:30:00"), Spot(82.5, 22.5)),
+    (("05:30", " -05:30"), Spot(82.5, -5.5)),
+    (("5h30m00s", "22d30m00s"), Spot(82.5, 22.5)),
+    (("5h30m", "22°30'"), Spot(82.5, 22.5)),
+    (("82.5", "22.5"), Spot(82.5, 22.5)),
+    (("82.5", " -0.5"), Spot(82.5, -0.5)),
+    (("jupiter",), Body("Jupiter")),
+    (("Moon",), Body("Moon")),
 ])  # fmt: skip
-def test_command_accepts_coordinates_in_usual_notations(
-    words: tuple[str, ...], found: SkyPosition | SolarSystemBody
-) -> None:
+def test_command_accepts_coordinates_in_usual_notations(words: tuple[str, ...], found: Spot | Body) -> None:
     assert typed_target(Typed(*words)) == found  # type: ignore[arg-type]
 
 
 def test_object_name_at_the_shell_means_j2000_coordinates() -> None:
     for words in (("M42",), ("NGC", "1976"), ("ngc1976",), ("messier 42",)):
         spot = typed_target(Typed(*words))  # type: ignore[arg-type]
-        assert isinstance(spot, SkyPosition)
+        assert isinstance(spot, Spot)
         assert spot.j2000
         assert (round(spot.ra, 1), round(spot.dec, 1)) == (83.8, -5.4)
 

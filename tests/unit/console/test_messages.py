@@ -25,12 +25,9 @@ def read(do: str, **fields: Any) -> Any:
 @each(
     ("sent", "wish"),
     [
-        ({"do": "goto", "name": "M42"}, requests.GotoRequest(requests.ByName("M42"), **MINE)),
-        ({"do": "goto", "ra": 83, "dec": 22.0}, requests.GotoRequest(requests.SkyPosition(83.0, 22.0), **MINE)),
-        (
-            {"do": "sync", "ra": 1, "dec": 2, "j2000": True},
-            requests.SyncRequest(requests.SkyPosition(1.0, 2.0, True), **MINE),
-        ),
+        ({"do": "goto", "name": "M42"}, requests.GotoRequest(requests.Named("M42"), **MINE)),
+        ({"do": "goto", "ra": 83, "dec": 22.0}, requests.GotoRequest(requests.Spot(83.0, 22.0), **MINE)),
+        ({"do": "sync", "ra": 1, "dec": 2, "j2000": True}, requests.SyncRequest(requests.Spot(1.0, 2.0, True), **MINE)),
         ({"do": "wake"}, requests.UnparkRequest(**MINE)),
         ({"do": "track", "on": False}, requests.TrackRequest(on=False, **MINE)),
         ({"do": "site", "latitude": 48, "longitude": 11}, requests.SetSiteRequest(48.0, 11.0, **MINE)),

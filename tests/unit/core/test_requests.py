@@ -12,9 +12,9 @@ from gateway.core.requests import decode, encode
 
 LINES = {
     '{"type":"goto","number":"a1","who":"","where":{"type":"spot","ra":83.6,"dec":22.0,"j2000":true}}':
-        requests.GotoRequest(requests.SkyPosition(83.6, 22.0, j2000=True), number="a1"),
+        requests.GotoRequest(requests.Spot(83.6, 22.0, j2000=True), number="a1"),
     '{"type":"sync","number":"a1","who":"mqtt","where":{"type":"body","name":"Moon"}}':
-        requests.SyncRequest(requests.SolarSystemBody("Moon"), number="a1", who="mqtt"),
+        requests.SyncRequest(requests.Body("Moon"), number="a1", who="mqtt"),
     '{"type":"press","number":"a1","who":"me","direction":"n","key":7}':
         requests.PressKeyRequest(Direction.NORTH, 7, number="a1", who="me"),
     '{"type":"let go","number":"a1","who":"me","lost":true}':

@@ -24,7 +24,7 @@ from tests.support import exact_sky
 from tests.support.in_process_gateway import Bridge
 
 NORTH = requests.MoveRequest(Direction.NORTH, 7, 3.0, number="m")
-CRAB = requests.SkyPosition(83.633, 22.014)
+CRAB = requests.Spot(83.633, 22.014)
 
 
 class Owner:
@@ -80,11 +80,11 @@ async def test_goto_by_name_uses_the_position_of_the_object(monkeypatch: pytest.
     monkeypatch.setattr(asyncio, "to_thread", at_once)
     async with Bridge() as bridge:
         take = Owner(bridge).request_handler.carry_out
-        answer = await take(requests.GotoRequest(requests.ByName("Aldebaran"), number="g"))
+        answer = await take(requests.GotoRequest(requests.Named("Aldebaran"), number="g"))
         assert answer.is_ok and answer.text.startswith("it goes to 04:37:")
-        low = await take(requests.GotoRequest(requests.ByName("canopus"), number="l"))
+        low = await take(requests.GotoRequest(requests.Named("canopus"), number="l"))
         assert low.text.startswith("Canopus is below the horizon (-")
-        unknown = await take(requests.GotoRequest(requests.ByName("Aldebarran"), number="h"))
+        unknown = await take(requests.GotoRequest(requests.Named("Aldebarran"), number="h"))
         assert not unknown.is_ok and "did you mean Aldebaran" in unknown.text
 
 
@@ -92,7 +92,7 @@ async def test_log_holds_each_request_and_its_outcome() -> None:
     async with Bridge() as bridge:
         owner = Owner(bridge)
         await owner.wish(requests.GotoRequest(CRAB, number="g", who="a page"))
-        await owner.wish(requests.GotoRequest(requests.SkyPosition(10.0, -80.0), who="a page"))
+        await owner.wish(requests.GotoRequest(requests.Spot(10.0, -80.0), who="a page"))
         await owner.wish(requests.CancelRequest("g"))
         for _ in range(3):  # the first presses, the others keep it alive
             await owner.wish(requests.PressKeyRequest(Direction.NORTH, 7, number="p", who="a page"))
@@ -113,10 +113,10 @@ async def test_log_holds_each_request_and_its_outcome() -> None:
 async def test_goto_from_the_command_line_beyond_a_limit_is_refused_in_words() -> None:
     async with Bridge(config={"lowest": 15.0}) as bridge:
         owner = Owner(bridge)
-        answer = await owner.wish(requests.GotoRequest(requests.SkyPosition(83.6, -70.0), number="g"))
+        answer = await owner.wish(requests.GotoRequest(requests.Spot(83.6, -70.0), number="g"))
         assert answer.startswith("failed ") and "altitude, 15°" in answer
         assert not moves(bridge)
-        far = await owner.wish(requests.SyncRequest(requests.SkyPosition(200.0, 40.0), number="s"))
+        far = await owner.wish(requests.SyncRequest(requests.Spot(200.0, 40.0), number="s"))
         assert far.startswith("failed Sync refused: ")
         told = (await owner.see()).lately[-1]
         assert ": Sync refused: " in told and "Sync: " not in told
@@ -312,7 +312,7 @@ async def test_command_line_requests_work_on_a_meade() -> None:
         assert (await owner.wish(NORTH)).startswith("done it was moved north for 3.0 s")
         assert (await owner.wish(requests.GotoRequest(CRAB, number="g"))).startswith("done it goes to 05:34:32")
         assert (await owner.outcome("g")).startswith("done it is there: 05:34:")
-        assert (await owner.wish(requests.GotoRequest(requests.SolarSystemBody("Jupiter"), number="j"))).startswith(
+        assert (await owner.wish(requests.GotoRequest(requests.Body("Jupiter"), number="j"))).startswith(
             "done it goes to 07:"
         )
         assert (await owner.wish(requests.CancelRequest("j"))) == "done the mount was stopped"

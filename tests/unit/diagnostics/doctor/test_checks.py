@@ -132,7 +132,13 @@ def test_doctor_on_a_healthy_computer_reports_ok_and_suggests_nothing() -> None:
         ),
         ("state", {"state_problem": "permission denied"}, BAD, "(permission denied)", "sudo chown -R $USER /home/me"),
         ("gateways", {"gateways": [Running(77, "nexstar@sim")]}, GOOD, "runs for nexstar@sim (process 77)", ""),
-        ("gateways", {"gateways": [Running(77, user="user pi", is_other_users=True)]}, NOTE, "user pi", "or as root"),
+        (
+            "gateways",
+            {"gateways": [Running(77, user="user pi", is_other_users=True)]},
+            NOTE,
+            "of user pi",
+            "or as root",
+        ),
         (
             "gateways",
             {"gateways": [Running(77, user="the user me"), Running(78, user="the user me")]},
