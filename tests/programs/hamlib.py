@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import socket
 
-from .processes import PATIENCE, Workshop, accepts, free_port, requires, wait_until
+from .processes import PATIENCE, Workshop, free_port, requires, wait_until
 
 MEADE = 1801
 CELESTRON = 1401
@@ -31,10 +31,12 @@ class Rotator:
         port = free_port()
         argv = ["rotctld", "-m", str(model), "-r", terminal, "-T", "127.0.0.1", "-t", str(port), "-vvvv"]
         daemon = workshop.start(argv)
-        wait_until(f"{daemon} listens", lambda: accepts(port))
         self._model = model
-        self._wire = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE)
+        self._wire = socket.socket()
         workshop.keep(self._wire.close)
+        self._wire.settimeout(PATIENCE)
+        # No second connection: when one ends, Hamlib 4.5 closes its descriptor twice, and the next may have that number.
+        wait_until(f"{daemon} listens", lambda: self._wire.connect_ex(("127.0.0.1", port)) == 0)
         self._reader = self._wire.makefile("r", encoding="ascii", newline="\n")
         workshop.keep(self._reader.close)
 
