@@ -35,7 +35,7 @@ class Rotator:
         self._wire = socket.socket()
         workshop.keep(self._wire.close)
         self._wire.settimeout(PATIENCE)
-        # No second connection: when one ends, Hamlib 4.5 closes its descriptor twice, and the next may have that number.
+        # One connection only: when it ends, Hamlib 4.5 closes its descriptor twice, and that of a next one with it.
         wait_until(f"{daemon} listens", lambda: self._wire.connect_ex(("127.0.0.1", port)) == 0)
         self._reader = self._wire.makefile("r", encoding="ascii", newline="\n")
         workshop.keep(self._reader.close)

@@ -9,10 +9,10 @@ from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 
 import pytest
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright
 
 from ..processes import workshop_in
-from .page import PHONE, Console, Visit, open_browser
+from .page import PHONE, Console, Visit, has_touch, new_page, open_browser
 
 
 @pytest.fixture(scope="package")
@@ -29,27 +29,43 @@ def browser(console: Console) -> Iterator[Browser]:
         opened.close()
 
 
-@pytest.fixture
-def visit(console: Console, browser: Browser) -> Iterator[Callable[..., Visit]]:
-    """Open the page: ``visit()``, or with a size, and with what this browser has kept of earlier visits."""
-    opened: list[Visit] = []
+@pytest.fixture(scope="package")
+def unused_pages() -> dict[bool, list[Page]]:
+    """Pages of ended visits, with a touch screen (true) or without; a new page takes half a second of processor."""
+    return {True: [], False: []}
 
-    def open_page(size: tuple[int, int] = PHONE, told: Mapping[str, str] = MappingProxyType({}), **kept: str) -> Visit:
-        mode = {"light-mode": "day", "light-shown": "day", "rate": "7"}
-        opened.append(
-            Visit(
-                browser,
-                console.url,
-                size,
-                mode | {key.replace("_", "-"): value for key, value in kept.items()},
-                told=told,
-            )
-        )
-        return opened[-1]
+
+@pytest.fixture
+def visit(console: Console, browser: Browser, unused_pages: dict[bool, list[Page]]) -> Iterator[Callable[..., Visit]]:
+    """Open the page: ``visit()``, or with a size, and with what this browser has kept of earlier visits.
+
+    ``fresh``: in a browser that has nothing cached; also for scripts that are to run before the page's, and so would
+    in later visits.
+    """
+    opened: list[tuple[Visit, list[Page] | None]] = []
+
+    def open_page(
+        size: tuple[int, int] = PHONE,
+        told: Mapping[str, str] = MappingProxyType({}),
+        *,
+        fresh: bool = False,
+        **kept: str,
+    ) -> Visit:
+        kept = {"light-mode": "day", "light-shown": "day", "rate": "7"} | {
+            key.replace("_", "-"): value for key, value in kept.items()
+        }
+        unused = None if fresh or told else unused_pages[has_touch(size)]
+        page = unused.pop() if unused else new_page(browser, size)
+        opened.append((Visit(page, console.url, size, kept, told=told), unused))
+        return opened[-1][0]
 
     yield open_page
-    for one in opened:
-        one.close()
+    for one, unused in opened:
+        if unused is None:
+            one.close()
+        else:
+            one.leave()
+            unused.append(one.page)
     with console.program() as program:
         program.say(b":Q#")
     console.at_rest()

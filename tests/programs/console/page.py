@@ -43,6 +43,15 @@ OVERLAPPING = """() => {
     .map((b) => `${a.one.id || a.one.textContent} × ${b.one.id || b.one.textContent}`));
 }"""
 
+#: A file of the console at which a browser does nothing.
+EMPTY = "app.webmanifest"
+#: Forget earlier visits but for what is given.
+FORGET = """kept => {
+  sessionStorage.clear();
+  localStorage.clear();
+  for (const [name, value] of Object.entries(kept)) localStorage.setItem(name, value);
+}"""
+
 #: For ``Visit``: of what the mount does after it was opened, the page hears only what ``hear_of_mount`` tells it.
 UNHEARD: Mapping[str, str] = {"unheard": "unheard"}
 #: What the gateway tells of where a mount is that points at Aldebaran.
@@ -110,44 +119,49 @@ class Program:
 
 
 class Visit:
-    """One page in a browser of its own settings; ``faults`` and ``asked`` are what it complains of and asks for."""
+    """The console in a page of a browser; ``faults`` and ``asked`` are what the page complains of and asks for."""
 
     def __init__(
         self,
-        browser: Browser,
+        page: Page,
         url: str,
         size: tuple[int, int],
         kept: Mapping[str, str],
         shows: str = "Celestron",
         told: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
-        """``told``: what the gateway tells, as JSON, and what the page hears instead."""
+        """``kept``: what this browser remembers of earlier visits. ``told``: what the gateway tells, as JSON, and what
+        the page hears instead."""
         width, height = size
-        self._context = browser.new_context(
-            viewport={"width": width, "height": height}, has_touch=width < 1000, accept_downloads=True
-        )
-        self._context.set_default_timeout(PATIENCE * 1000)
-        for key, value in kept.items():
-            self._context.add_init_script(f"localStorage.setItem({key!r}, {value!r})")
-        self.page: Page = self._context.new_page()
+        self.page = page
+        page.set_viewport_size({"width": width, "height": height})
+        page.emulate_media(reduced_motion="null", forced_colors="null")
+        if not page.url.startswith(url):
+            page.goto(f"{url}{EMPTY}")  # the storage is that of the console's address
+        page.evaluate(FORGET, dict(kept))
         self.faults: list[str] = []
         self.asked: list[str] = []
-        self.page.on("console", self._complained)
-        self.page.on("pageerror", lambda error: self.faults.append(str(error)))
-        self.page.on("dialog", lambda dialog: self.faults.append(f"dialog: {dialog.message}"))
-        self.page.on("request", lambda request: self.asked.append(request.url))
+        self._heard: dict[Any, Callable[[Any], None]] = {
+            "console": self._complained,
+            "pageerror": lambda error: self.faults.append(str(error)),
+            "dialog": lambda dialog: self.faults.append(f"dialog: {dialog.message}"),
+            "request": lambda request: self.asked.append(request.url),
+        }
+        for event, hear in self._heard.items():
+            page.on(event, hear)
         self.url, self._told = url, told
         self._send: Callable[[str], None] = lambda message: None
         #: The last message of the mounts, and what the page hears of the first one instead.
         self._mounts: dict[str, Any] = {}
         self._instead: dict[str, object] = {}
         if told:
-            self.page.route_web_socket("**/socket*", self._tell_otherwise)
-        self.page.goto(url)
+            page.route_web_socket("**/socket*", self._tell_otherwise)
+        page.goto(url)
         self.until("the page shows the mount", lambda: self.text("#name").startswith(shows))
 
     def _complained(self, message: Any) -> None:
-        if message.type in ("error", "warning"):
+        no_icon = message.location["url"].endswith("/favicon.ico")  # asked for beside EMPTY, which names none
+        if message.type in ("error", "warning") and not no_icon:
             self.faults.append(f"{message.text} {message.location}")
 
     def _tell_otherwise(self, route: WebSocketRoute) -> None:
@@ -218,12 +232,35 @@ class Visit:
         """What is seen now."""
         return Image.open(io.BytesIO(self.page.screenshot())).convert("RGB")
 
+    def leave(self) -> None:
+        """Leave the console to an address of its own that shows nothing: from there the next visit costs a third."""
+        for event, hear in self._heard.items():
+            self.page.remove_listener(event, hear)
+        self.page.goto(f"{self.url}{EMPTY}")
+        self._check()
+
     def close(self) -> None:
+        """Close the page and its browser's memory."""
+        self.page.context.close()
+        self._check()
+
+    def _check(self) -> None:
         """Nothing may have been complained of, and nothing asked for but of the console."""
-        self._context.close()
         foreign = [url for url in self.asked if not url.startswith((self.url, self.url.replace("http:", "ws:")))]
         assert not foreign, foreign
         assert not self.faults, self.faults
+
+
+def has_touch(size: tuple[int, int]) -> bool:
+    """Whether a screen of this size is taken for a touch screen."""
+    return size[0] < 1000
+
+
+def new_page(browser: Browser, size: tuple[int, int]) -> Page:
+    """Return a page in a browser that remembers nothing."""
+    context = browser.new_context(has_touch=has_touch(size), accept_downloads=True)
+    context.set_default_timeout(PATIENCE * 1000)
+    return context.new_page()
 
 
 def open_browser(chromium: BrowserType, *more: str) -> Browser:

@@ -19,7 +19,7 @@ from tests.support.sampling import as_a_rule
 
 from ..processes import workshop_in
 from ..sky import NORTH
-from .page import DESK, PHONE, Console, Visit
+from .page import DESK, PHONE, Console, Visit, new_page
 
 #: Keeps the text that the last picture of the sky has: words, left, top, right, bottom.
 KEEP = """(() => {
@@ -58,7 +58,7 @@ TARGETS = ("NGC 104", "Castor", "Jupiter", "Saturn", "Polaris", "M42", "18:37:00
 @pytest.mark.parametrize("up", ["north", "south", "zenith"])
 @pytest.mark.parametrize("size", SIZES[: as_a_rule(3, whole=7)])
 def test_chart_text_does_not_overlap(visit: Callable[..., Visit], size: tuple[int, int], up: str) -> None:
-    page = visit(size, chart_up=up)
+    page = visit(size, fresh=True, chart_up=up)
     page.page.add_init_script(KEEP)
     page.page.reload()
     page.until("the planets are drawn", lambda: "Jupiter" in page.page.evaluate("window.texts.map(([words]) => words)"))
@@ -109,7 +109,7 @@ def test_chart_shows_the_sky_where_astropy_computes_it(
 ) -> None:
     """Two pixels at most: planets, the Moon, and fifty stars, of a picture without text."""
     url, later = moonlit
-    page = Visit(browser, url, size, {"light-mode": "day", "light-shown": "day"})
+    page = Visit(new_page(browser, size), url, size, {"light-mode": "day", "light-shown": "day"})
     page.page.add_init_script(
         "for (const name of ['fillText', 'strokeText']) CanvasRenderingContext2D.prototype[name] = () => {}"
     )

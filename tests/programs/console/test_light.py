@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser
 
-from .page import DESK, PHONE, VIEWS, Console, Visit, open_browser
+from .page import DESK, PHONE, VIEWS, Console, Visit, new_page, open_browser
 
 
 def not_red(picture: Image.Image) -> int:
@@ -97,7 +97,7 @@ def follow(console: Console, page: Visit) -> None:
 
 
 def test_screen_stays_on_while_the_mount_moves(console: Console, visit: Callable[..., Visit]) -> None:
-    page = visit()
+    page = visit(fresh=True)
     page.page.add_init_script(
         "let locks = 0; navigator.wakeLock.request = async () => { window.locks = ++locks; return new EventTarget() }"
     )
@@ -113,7 +113,7 @@ def test_screen_stays_on_over_plain_http(console: Console, visit: Callable[..., 
     visit()  # whose end stops the mount
     name = f"{socket.gethostname().lower()}.local"
     elsewhere = open_browser(browser.browser_type, f"--host-resolver-rules=MAP {name} 127.0.0.1")
-    page = Visit(elsewhere, console.url.replace("127.0.0.1", name), PHONE, {"light-mode": "day"})
+    page = Visit(new_page(elsewhere, PHONE), console.url.replace("127.0.0.1", name), PHONE, {"light-mode": "day"})
     assert page.page.evaluate("[isSecureContext, 'wakeLock' in navigator]") == [False, False]
     assert page.page.locator("video").count() == 0
     follow(console, page)

@@ -10,7 +10,7 @@ from playwright.sync_api import Browser
 from ..processes import Workshop, workshop_in
 from ..product import PRODUCT, start_meade, start_simulator
 from ..sky import NORTH, SOUTH, separation
-from .page import DESK, PHONE, Visit
+from .page import DESK, PHONE, Visit, new_page
 
 CONFIG = """
 [[mount]]
@@ -72,7 +72,8 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Two]:
 @pytest.mark.parametrize("size", [(844, 390), PHONE, (1024, 768), (320, 568)])
 def test_page_with_two_long_mount_names_overlaps_nothing(two: Two, browser: Browser, size: tuple[int, int]) -> None:
     told = {'"west"': '"Observatory west"', '"east"': '"Observatory east"'}
-    page = Visit(browser, two.url, size, {"light-mode": "day"}, "Observatory west: Celestron", told=told)
+    new = new_page(browser, size)
+    page = Visit(new, two.url, size, {"light-mode": "day"}, "Observatory west: Celestron", told=told)
     one_cut = "[...document.querySelectorAll('#mounts button')].some(one => one.scrollWidth > one.clientWidth)"
     for view in ("sky", "control"):
         page.show(view)
@@ -83,7 +84,7 @@ def test_page_with_two_long_mount_names_overlaps_nothing(two: Two, browser: Brow
 
 @pytest.mark.parametrize("size", [PHONE, (844, 390), DESK])
 def test_page_moves_the_chosen_mount_and_stops_both(two: Two, browser: Browser, size: tuple[int, int]) -> None:
-    page = Visit(browser, two.url, size, {"light-mode": "day", "rate": "7"}, "west: Celestron")
+    page = Visit(new_page(browser, size), two.url, size, {"light-mode": "day", "rate": "7"}, "west: Celestron")
     north = page.text("#readings")
     page.page.evaluate(SAID)
     page.page.get_by_role("radio", name="east").click()

@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from ..processes import Workshop
-from .page import PHONE, Console, Visit
+from .page import PHONE, Console, Visit, new_page
 
 #: Milliseconds, by the page's own clock, within which it says that a stop was not heard.
 TOLD = 1000
@@ -26,7 +26,7 @@ def own(workshop: Workshop) -> Console:
 
 @pytest.fixture
 def page(own: Console, browser: Browser) -> Iterator[Visit]:
-    visit = Visit(browser, own.url, PHONE, {"light-mode": "day", "light-shown": "day"})
+    visit = Visit(new_page(browser, PHONE), own.url, PHONE, {"light-mode": "day", "light-shown": "day"})
     yield visit
     visit.close()
 
