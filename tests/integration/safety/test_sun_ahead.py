@@ -19,8 +19,8 @@ from tests.integration.safety.test_sun_frames import DAY, LIMIT
 from tests.support.in_process_gateway import Bridge
 from tests.support.looks import goes, notes, to
 
-#: 2026-03-20 04:40 UTC, 48 minutes before sunrise.
-DAWN = 1773981600.0
+#: 2026-03-20 05:00 UTC, 28 minutes before sunrise.
+DAWN = 1773982800.0
 MOUNTS = [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200")]
 
 
@@ -78,7 +78,7 @@ async def test_sun_rising_beside_a_tracking_tube_is_reported_and_tracking_contin
         await asyncio.sleep(60.0)
         assert told(bridge) == ""
         near = truth_of(bridge.sim).sun_distance
-        for _ in range(120):
+        for _ in range(80):
             await asyncio.sleep(60.0)
             assert truth_of(bridge.sim).sun_distance > near - 0.3
         assert len(warnings(bridge)) == 1
