@@ -115,7 +115,7 @@ class Gateway:
         await self._open_control()
 
     def _connect_watchdog(self) -> None:
-        """Let the watchdog process stop the mount if this process cannot. A simulated mount ends with this process."""
+        """Let the watchdog process stop a real mount if this process cannot. A simulated mount needs no watchdog."""
         if self.watchdog is not None and self.mount.where != "sim":
             lock = self.store.lock_path if self.store is not None else None
             self.watchdog_mount = add_watch(self.watchdog, self.title, lock, lambda: self.controller, self._on_watchdog)
@@ -209,7 +209,7 @@ class Gateway:
         return mount_state(self.controller, self.config.name or "", str(self.mount), programs)
 
     def start_warnings(self) -> Iterator[str]:
-        """Yield the warnings for the user, after the start: earlier they would hide the reason if the start fails."""
+        """Yield warnings, to be shown after the start: before it they would hide the reason if the start fails."""
         for port, surface in zip(self.ports, self.surfaces, strict=True):
             if warning := exposure_warning(port.address, surface, reachable_networks):
                 yield warning

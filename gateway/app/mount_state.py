@@ -32,12 +32,12 @@ RECENT_AGE, MAX_RECENT_EVENTS = 60.0, 10
 
 
 class MountState(Struct, frozen=True, dict=True):
-    """The state of a mount at the loop time ``now``; the computer's Unix time of that moment is a field, too.
+    """The state of a mount at the loop time ``now``; ``unix_time`` is the computer's Unix time at that moment.
 
     ``horizontal`` is its azimuth and altitude, ``goal`` the goal of a goto under way; both None if not known.
-    ``programs`` are the hosts of connected programs; ``sites`` and ``times`` are all reported ones, best first. Other
-    fields are how many replies the mount has sent, its typical reply time in seconds, whether a limit of the hour
-    angle can be enforced, and the source of the calculated sky.
+    ``programs`` are the hosts of connected programs; ``sites`` and ``times`` are all reported ones, best first.
+    ``reply_count`` is how many replies the mount has sent, ``reply_time`` its typical reply time in seconds.
+    ``sky_source`` names what the sky is calculated from: an almanac or a closed form.
     """
 
     look: StatusLine
@@ -226,7 +226,7 @@ _TUBE_DIRECTIONS = {"north": "up", "south": "down", "east": "left", "west": "rig
 
 
 def _arrow_text(operation: op.Move | op.MoveAxis, axis: int, moves_tube: bool) -> str:
-    """Return the text for an arrow: with ``moves_tube`` up, down, left or right (alt-azimuth), else as on the sky."""
+    """Return the text for an arrow: up, down, left or right with ``moves_tube``, else north, south, east or west."""
     if isinstance(operation, op.Move):
         word = operation.direction.label
         return f"an arrow {_TUBE_DIRECTIONS[word] if moves_tube else word}"

@@ -166,7 +166,7 @@ class Pages:
         return await self._answer(request, page, page.encode(), MIME_MAP[".html"], headers)
 
     async def file(self, request: web.Request) -> web.StreamResponse:
-        """Serve any other file, by the ``path`` of its route."""
+        """Serve a file other than the page; the route's ``path`` names it."""
         name = request.match_info["path"].removeprefix(self._files_path)
         if name not in self._files:
             raise web.HTTPNotFound
@@ -177,7 +177,7 @@ class Pages:
     async def _answer(
         self, request: web.Request, name: str, body: bytes, mime: str, headers: dict[str, str]
     ) -> web.Response:
-        """Return a body, a text compressed if the browser accepts that; ``name`` is the key of the compressed copy."""
+        """Return a response: text is compressed if the browser accepts that, and the copy is kept under ``name``."""
         if mime in _TEXTS:
             headers["Vary"] = "Accept-Encoding"
             if "gzip" in request.headers.get("Accept-Encoding", ""):
@@ -252,7 +252,7 @@ def from_other_site(headers: Mapping[str, str]) -> bool:
 
 
 def from_own_page(headers: Mapping[str, str], path: str) -> bool:
-    """Whether a request comes from the page itself; for the page's address, also from a link on another site."""
+    """Whether the page itself sends a request. For the path ``/``, a link on another site may also be the origin."""
     same = same_origin(headers.get("Origin"), headers.get("Host"))
     return same and (path == "/" or not from_other_site(headers))
 

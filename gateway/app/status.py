@@ -21,7 +21,7 @@ MIN_PARTS = 2
 
 
 class StatusLine(Struct, frozen=True):
-    """The last known state of one mount. ``state`` is that of the line to it, ``age`` that of the position in seconds.
+    """The last known state of one mount. ``state`` is the state of its line, ``age`` the position's age in seconds.
 
     ``rate`` is exchanges with the mount per second. ``by_hand`` includes motion at the hand control's keys.
     """
@@ -61,7 +61,7 @@ class ServedSurface(Struct, frozen=True):
     name: str
     at: str
     addresses: tuple[str, ...] = ()
-    #: What to type on another computer or a phone, or that none can reach it.
+    #: A sentence: what to type on another computer or a phone, or that no other computer can reach the surface.
     words: str = ""
 
     def __str__(self) -> str:
@@ -97,7 +97,7 @@ class State(Struct, frozen=True):
     unopened: str = ""
     #: The usual name of a mount that reports another name.
     title: str = ""
-    #: What the sky at its time is calculated from: ``almanac of`` that date, or ``closed form``.
+    #: What the sky at the mount's time is calculated from: ``almanac of YYYY-MM-DD``, or ``closed form``.
     sky: str = ""
 
     @property
@@ -157,7 +157,7 @@ def format_position(position: Equatorial) -> str:
 
 
 def activity(line: StatusLine) -> str:
-    """Return the activity in a few words, after ``held`` if nothing may move the mount."""
+    """Return the activity in a few words, preceded by ``held`` if nothing may move the mount."""
     return "held, " * line.held + _condition(line) if _condition(line) else "held" * line.held
 
 

@@ -63,7 +63,7 @@ class Geometry(NamedTuple):
         return wrap180(hour_angle), dec
 
     def unfolded_ha_dec(self, axis1: float, axis2: float, flipped: bool) -> Pair:
-        """Like ``ha_dec_of_axes``, but a polar mount driven past the pole has a declination beyond 90 degrees."""
+        """Like ``ha_dec_of_axes``, but for a polar mount driven past the pole the declination exceeds 90 degrees."""
         if self.build is Build.ALTAZ:
             return self.ha_dec_of_axes(axis1, axis2)
         if flipped:
@@ -79,10 +79,10 @@ class Geometry(NamedTuple):
         return (first + 180.0, 180.0 - second) if flipped else (first, second)
 
     def axis_readings(self, position: Pair, current: Pair, goal: Pair) -> Pair:
-        """Return the axis readings at ``goal``, an hour angle and declination; the counterweight stays low.
+        """Return what the axes will read at ``goal``, on the side of the pier where the counterweight is low.
 
-        The mount's readings have an offset, which is found from the ``current`` readings at the present ``position``.
-        """
+        ``goal`` and ``position`` are hour angle and declination. The mount's readings have an unknown offset: it is
+        calculated from the ``current`` readings at the present ``position``."""
         ways = [self.to_axes(*position, flipped) for flipped in (False, True)]
         offsets = [(wrap180(current[0] - first), wrap180(current[1] - second)) for first, second in ways]
         offset = min(offsets, key=lambda pair: abs(pair[0]) + abs(pair[1]))
@@ -90,13 +90,12 @@ class Geometry(NamedTuple):
         return first + offset[0], second + offset[1]
 
     def is_flipped(self, hour_angle: float) -> bool:
-        """Whether a German mount reaches this hour angle with its tube on the other side of the pier (``flipped``)."""
+        """Whether a German mount is ``flipped`` at this hour angle, so that its counterweight stays low."""
         return self.build is Build.GERMAN and wrap180(self.ns_sign * hour_angle) < 0.0
 
     def axis_travel(self, axis: int, start: float, end: float) -> float:
         """Return the degrees by which an axis turns from ``start`` to ``end``: by the shorter way, except that the
-        first axis of a German mount goes the way that keeps its counterweight low.
-        """
+        first axis of a German mount goes the way that keeps its counterweight low."""
         if self.build is Build.GERMAN:
             return wrap180(end - 90.0) - wrap180(start - 90.0)
         return wrap180(end - start) if axis == 1 else wrap180(end) - wrap180(start)

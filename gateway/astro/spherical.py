@@ -131,14 +131,14 @@ def horizon_to_hour_angle(az: float, alt: float, lat: float) -> tuple[float, flo
 
 
 def hour_angle_rates(az: float, alt: float, lat: float) -> tuple[float, float]:
-    """Return how (azimuth, altitude) change per degree of hour angle, degrees. Limited near the zenith."""
+    """Return by how many degrees (azimuth, altitude) change per degree of hour angle; limited near the zenith."""
     a, h, phi = math.radians(az), math.radians(alt), math.radians(lat)
     up = max(math.cos(h), _MIN_ZENITH_COSINE)
     return math.sin(phi) - math.cos(phi) * math.cos(a) * math.sin(h) / up, math.cos(phi) * math.sin(a)
 
 
 def declination_rates(az: float, alt: float, lat: float) -> tuple[float, float]:
-    """Return how (azimuth, altitude) change per degree of declination (by the parallactic angle), degrees.
+    """Return by how many degrees (azimuth, altitude) change per degree of declination (by the parallactic angle).
 
     Limited near the zenith and the poles.
     """

@@ -76,7 +76,7 @@ def _all_hold(traits: str, mount: CommandSet, kind: MountKind, unable: bool, pre
 
 
 def choose(row: SurfaceRow | None, mount: CommandSet, kind: MountKind) -> list[Implementation]:
-    """Return how a mount carries out the operations of a row: the first possible implementation of each."""
+    """Return, for each operation of a row, the first implementation that such a mount can carry out, if any."""
     ways = [next(possible_implementations(name, mount, kind), None) for name in ([] if row is None else row.operations)]
     return [way for way in ways if way is not None]
 

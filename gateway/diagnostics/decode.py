@@ -95,7 +95,7 @@ def _read_socat_log(path: Path) -> Iterator[Event]:
 
 
 def decode(events: Iterable[Event], decoder_of: Callable[[str], ConnectionDecoder], start_time: float) -> Iterator[str]:
-    """Yield the events as lines of text; each new connection gets a decoder by its name. The start is Unix time."""
+    """Yield the events as lines of text; ``decoder_of`` makes a connection's decoder. ``start_time`` is Unix time."""
     talks: dict[str, ConnectionDecoder] = {}
     for event in events:
         if event.side not in talks or event.arrow in "+~":

@@ -47,8 +47,7 @@ class Histogram:
 
 class MountCounts:
     """Counts the events of a mount until it is closed. ``stop_count`` counts requested stops; ``stop_times`` are
-    the times from a request until the mount has acknowledged the stop.
-    """
+    the times from a request until the mount has acknowledged the stop."""
 
     def __init__(self, controller: MountController) -> None:
         self._controller = controller

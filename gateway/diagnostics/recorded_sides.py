@@ -14,7 +14,7 @@ from gateway.protocols.registry import ANY, surface_protocols
 
 
 class RecordedSides:
-    """The protocols of a recording's connections, by name; ``protocols_of_surfaces``: of its surfaces, in order."""
+    """The protocol of each connection of a recording, by name. ``protocols_of_surfaces`` has one per surface."""
 
     def __init__(self, recording: Recording) -> None:
         config = recording.settings["config"]
@@ -31,8 +31,8 @@ class RecordedSides:
         return number
 
     def after_recognition(self, lines: Iterable[Event]) -> Iterator[Event]:
-        """Yield all lines; if the gateway recognised a connection's protocol by its first bytes, yield these after the
-        line that names the protocol, so that it is known when they are decoded."""
+        """Yield all lines, but move a client's first bytes behind the line that names the protocol recognised by them:
+        so the protocol is known when they are decoded."""
         held: dict[str, list[Event]] = {}
         for line in lines:
             side, waiting = line.side, held.get(line.side)
@@ -59,7 +59,7 @@ class RecordedSides:
             yield from waiting
 
     def protocol(self, side: str) -> str:
-        """Return a connection's protocol; that of the mount for one that is older than the recording."""
+        """Return a connection's protocol. If the recording lacks its beginning, return the mount's protocol."""
         return self.protocols.get(side, self.protocols[MOUNT_SIDE])
 
     def decoder(self, name: str) -> ConnectionDecoder:

@@ -1,8 +1,8 @@
 """An event loop with virtual time: waiting takes no real time, so a night passes in seconds.
 
 Whenever nothing is ready, time jumps to the next timer. It is only for programs within one process without real I/O.
-Such programs spend most of their time in loop iterations, so these are leaner than asyncio's own; timers that are due
-at the same moment run in the order in which they were set.
+Such programs spend most of their time in loop iterations, so an iteration does less than asyncio's own. Timers that are
+due at the same moment run in the order in which they were set.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ class MountSnapshot(Struct, frozen=True):
 
 
 class SameMountCheck:
-    """Keeps the last record of the mount (``snapshot``); ``lasting`` is emitted when it should be written to disk."""
+    """Compares the mount with its last record, ``snapshot``. ``lasting`` is emitted when the record must be saved."""
 
     def __init__(self, context: Context, runner: DriverRunner) -> None:
         self._context, self._runner = context, runner

@@ -35,7 +35,7 @@ class Context:
     """The driver, the owner's policy, the log, the loop's clock, background tasks, and the shared values.
 
     Only `Identification` sets the events: ``replied`` at the mount's first reply, ``identified`` after identification,
-    ``site_read`` when site and clock were read as well. ``closed``: shutdown has begun, start nothing new.
+    ``site_read`` when site and clock were read as well. ``closed``: shutdown has begun, and nothing new may start.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class Context:
         self.log.note("mount", text)
 
     def remark(self, remark: Remark) -> None:
-        """Log a remark of the driver, that it did something else than requested, once for each kind or text."""
+        """Log the driver's remark that it did something else than requested, once for each kind or text of remark."""
         self.log.note_once("mount", remark.text, kind=remark.kind)
 
     def note_once(self, text: str, kind: str = "") -> None:

@@ -48,11 +48,11 @@ _T = TypeVar("_T")
 
 
 class MountController:
-    """``perform`` carries out any operation and waits for it; ``begin`` does not wait. ``certain_fault`` returns the
-    reason why an operation cannot succeed. ``peek`` answers a client's read if the answer is cached; ``answer`` asks
-    the mount if it is not. The gateway itself uses ``read``, and ``read_now``, which never uses the cache.
-    ``fresh_until``: the loop time until which a client may get the same answers again; ``touch`` notes a poll.
-    ``announcers`` are awaited before any command that sets the mount moving.
+    """Carries out operations on one mount: ``perform`` waits for the end, ``begin`` does not. ``certain_fault`` returns
+    the reason why an operation cannot succeed. ``peek`` answers a client's read if the answer is cached; ``answer``
+    asks the mount if it is not. The gateway itself uses ``read``, and ``read_now``, which never uses the cache.
+    ``fresh_until``: the loop time until which a client may get the same answers again. ``touch`` notes that a client
+    polls. ``announcers`` are awaited before any command that sets the mount moving.
     """
 
     def __init__(self, context: Context, follow_ups: FollowUps, announcers: Sequence[Announce] = ()) -> None:
@@ -120,7 +120,7 @@ class MountController:
             self.synced.reset()
 
     def _on_identified(self, _: None) -> None:
-        """Set the equinox of the mount's coordinates, which its identity implies."""
+        """Set the equinox of the mount's coordinates: the owner's choice, else what its identity implies."""
         chosen = self.context.policy.equinox or self.driver.default_equinox
         self.astrometry.equinox = self.driver.equinox if chosen == "auto" else chosen
 

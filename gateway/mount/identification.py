@@ -1,8 +1,8 @@
-"""Identifies the mount whenever the line comes up; first it repeats a stop that the mount has not acknowledged.
+"""Identifies the mount whenever the line comes up, after it has repeated a stop that the mount has not acknowledged.
 
 If the mount moved when the line was lost, a stop is the first command on the restored line. After a longer loss, a
-person may have taken over at the hand control, so the motion of the mount is observed first (``left_moving.py``). A
-mount that was not identified before is probed first, because a mount of another kind might misread the bytes of a stop.
+person may be using the hand control, so the motion of the mount is observed first (``left_moving.py``). A mount that
+was not identified before is probed first, because a mount of another kind might misread the bytes of a stop.
 """
 
 from __future__ import annotations
@@ -45,9 +45,7 @@ RETRY_PERIOD = 1.0
 
 
 class Identification:
-    """Identifies the mount each time the line comes up; then ``identified`` is emitted. Just before, ``check``
-    compares the mount with its last record (``as_left.py``).
-    """
+    """Identifies the mount each time the line comes up, compares it with its last record, and emits ``identified``."""
 
     def __init__(
         self,
@@ -66,7 +64,7 @@ class Identification:
         self._check_same_mount = check
         self._identify_task: asyncio.Task[Any] | None = None
         self.identified: Signal[None] = Signal()
-        #: Whether the mount moved when the port was lost; the loop time of the loss; the motion (None: not comparable).
+        #: Whether the mount moved when the port was lost; the loop time of the loss; that motion (None: unclear).
         self._motion_interrupted, self._lost_at = False, 0.0
         self._leftover_motion: Leftover | None = None
         self._status_when_lost: op.Status | None = None
@@ -83,11 +81,11 @@ class Identification:
         self._status_when_lost = self._cache.value(op.GetStatus)
 
     def leftover_motion(self) -> Leftover | None:
-        """Return the motion that the gateway has begun; None if later positions cannot show whether it continues."""
+        """Return the motion under way that the gateway began; None if positions could not show that it continues."""
         return find_leftover(self._reconciler.wanted, self._context.driver.speed, self._end_watch.samples)
 
     def set_leftover_motion(self, motion: Leftover) -> None:
-        """Set the motion that an earlier run of the gateway left; it is stopped if it goes on when the line is up."""
+        """Set the motion that an earlier run of the gateway did not end. If the mount still makes it, it is stopped."""
         self._leftover_motion = motion
 
     def _on_reopened(self, _: None) -> None:
@@ -103,8 +101,8 @@ class Identification:
             self._reconciler.begin_stop("stopped when the connection to the mount was lost and restored")
 
     def _add_owed_stop(self, commands: list[bytes]) -> None:
-        """Add the stop commands if the mount has not acknowledged the last stop. Add them also if no position has
-        confirmed yet that the mount stopped, unless a newer motion is being sent.
+        """Add the bytes of a stop to ``commands`` if the mount has not acknowledged the last stop. Add them also if no
+        position has confirmed yet that the mount stopped, unless a newer motion is being sent.
         """
         wanted = self._reconciler.wanted
         active = wanted.active_order
@@ -177,7 +175,7 @@ class Identification:
     # --- motion that was left behind ----------------------------------------------------------------------------------
 
     async def _stop_leftover_motion(self, motion: Leftover) -> None:
-        """Stop the motion if it continues as the gateway left it, or if that is unclear; stop no other motion."""
+        """Stop this motion if the mount still makes it, or if that is unclear. Do not stop any other motion."""
         context, reconciler = self._context, self._reconciler
         self._leftover_motion = None
         axes: frozenset[int] = frozenset()
@@ -210,8 +208,8 @@ class Identification:
         self._context.tasks.spawn(self._resume_tracking_later(reconciler.wanted.order_count))
 
     async def _resume_tracking_later(self, order_count: int) -> None:
-        """Resume the tracking that the driver suspended for a motion, once the mount is at rest. A newer order, after
-        which the number of orders is no longer ``order_count``, cancels this.
+        """Resume the tracking that the driver suspended for a motion, once the mount is at rest. A newer order cancels
+        this; ``order_count`` is the number of orders until now.
         """
         resting = False
         while self._driver.tracking_suspended and self._reconciler.wanted.order_count == order_count and not resting:

@@ -2,7 +2,7 @@
 
 Hand controls do not report their limits, so the gateway has its own. Angles are degrees. A position exactly at a limit
 is allowed, and a motion that leads out of a forbidden region is never forbidden. The default altitude limits, 0 and 90
-degrees, apply to the goals of gotos, by the mount's own site and clock. They also end motion by arrows, and tracking.
+degrees, apply to the goals of gotos, by the mount's own site and clock. They also end tracking and manual motion.
 Altitude limits that the owner has set apply also along the path of a goto, and by every known site and clock.
 """
 
@@ -20,7 +20,7 @@ from gateway.core.errors import BelowHorizon, Held, Invalid, Refused, TooHigh
 LIMIT_TOLERANCE = 0.1
 #: The motion orders that are allowed during a `Hold`; all others are refused.
 HOLD_ALLOWS = (op.AbortSlew, op.Choose, op.Focus, op.StopAxis, op.Hibernate, op.Sync, op.TrackRate)
-#: The advice in a refused park or home: how to choose a park position.
+#: The advice in the refusal of a park or home: how to choose a park position.
 PARK_TIP = (
     "Write park = [AZ, ALT] under [mount] for a place of your own choice, which may lie beyond lowest and highest."
 )
@@ -106,9 +106,9 @@ class Policy(Struct, frozen=True):
     """The owner's settings. A field with the name of a key of ``[mount]`` in gateway.toml has the value of that key.
 
     ``own_park``: the owner has chosen the park position. ``unaligned``: whether a mount that is not aligned may be sent
-    to axis readings (``allow`` or ``refuse``). ``dead_man`` and ``dead_man_closed``: for how many seconds a client that
-    moves the mount by hand may be silent while it is connected, and after it has disconnected. ``run_on``: for how many
-    seconds after a stop the mount continues at its previous speed.
+    to axis readings (``allow`` or ``refuse``). ``dead_man`` and ``dead_man_closed``: for how many seconds the client of
+    a manual motion may be silent while it is connected, and after it has disconnected. ``run_on``: for how many seconds
+    after a stop the mount continues at its previous speed.
     """
 
     limits: Limits = Limits()

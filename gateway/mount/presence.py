@@ -1,6 +1,6 @@
 """The client connections of each host, and when each was last active.
 
-The supervisor stops a motion by hand when its client falls silent. While the client's connection is open, only data on
+The supervisor stops a manual motion when its client falls silent. While the client's connection is open, only data on
 this connection counts as a sign of life, because the host may run other programs. Once it is closed, data on newer
 connections of the same host counts as well, because some programs open a connection for every command.
 """

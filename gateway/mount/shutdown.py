@@ -1,4 +1,4 @@
-"""Shutdown: ends all motion, and leaves the mount tracking as its user had it.
+"""Shutdown: ends all motion, and resumes tracking if it was on before the motion.
 
 The stop is sent, and its acknowledgement awaited. If none comes, or the worker of the line has ended, the bytes of the
 stop are written without waiting. Then pending follow-ups are awaited, because some hand controls need the tracking

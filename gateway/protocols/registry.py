@@ -20,7 +20,7 @@ ANY_PORT = 4040
 
 
 def surface_protocols(protocol: str) -> list[str]:
-    """Return the protocols that a surface accepts: ``protocol``, or for ``any`` all byte streams, without HTTP."""
+    """Return the protocols that a surface accepts: ``protocol``, or for ``any`` all that use a byte stream."""
     return streams() if protocol == ANY else [protocol]
 
 

@@ -75,7 +75,7 @@ class BlockingMount:
 
 class _GatewayThread(threading.Thread):
     """Runs an event loop on which one gateway is open until ``end`` is called, at the latest by ``atexit``. The thread
-    is a daemon, because Python waits for all other threads before it runs ``atexit``: the program would never end.
+    is a daemon: Python waits for every other thread before it runs ``atexit``, so the program would never end.
     """
 
     mount: Mount

@@ -145,7 +145,7 @@ def _encode(command: Command, template: FrameTemplate, values: Mapping[str, obje
 
 
 def _mismatch(template: FrameTemplate, values: Mapping[str, object]) -> str:
-    """Return which value does not fit, and why if the error is one of this package, not of Python; empty if all fit."""
+    """Return which value does not fit, with the reason if this package, not Python, gives it; empty if all fit."""
     for field, codec in template.fields.items():
         value = values[field]
         try:

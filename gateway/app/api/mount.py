@@ -82,9 +82,9 @@ class Mount:
         return position.ra, position.dec
 
     async def moving(self) -> bool:
-        """Return whether the mount moves for any reason but tracking and guiding, until its position shows it at rest.
+        """Return whether the mount moves, except by tracking and guiding, or is not yet seen at rest after a motion.
 
-        Raises NoAnswer if that is not known, because it has not reported its position since a motion was ended.
+        Raises NoAnswer if that is not known, because the mount has not reported its position since a motion was ended.
         """
         look = (await self._get_state(fresh=False)).look
         if look.unknown:
@@ -124,7 +124,7 @@ class Mount:
         """Wait until the goto, park or home of this program has ended, and return the position.
 
         If this program has none under way, wait until no program has one. Raises Stopped with the reason if the motion
-        ended before its goal (also before the call), TimeoutError after ``seconds``, NoAnswer of a silent mount.
+        ended before its goal (also before the call), TimeoutError after ``seconds``, NoAnswer if the mount is silent.
         """
         now = asyncio.get_running_loop().time
         heard, gone = now(), ""

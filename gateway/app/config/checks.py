@@ -58,7 +58,7 @@ def mistakes(config: Config, must_serve: bool = True, has_file: bool = False) ->
 
 
 def _check_park(mount_index: int, mount: MountConfig) -> Iterator[Mistake]:
-    """Check that ``park`` fits: a mount that parks itself takes no AZ,ALT, and no other mount takes ``"mount"``."""
+    """Check that ``park`` fits the mount: AZ,ALT only if it does not park itself, ``"mount"`` only if it does."""
     try:
         spec = PROTOCOLS[parse_endpoint(mount.at).protocol]
     except (UserError, KeyError):

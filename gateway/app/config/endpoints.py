@@ -117,7 +117,7 @@ def device_text(protocol: str, model: str | None = None, version: str | None = N
 
 
 def parse_endpoint(text: str, role: str = "") -> Endpoint:
-    """Parse an endpoint of a ``mount`` or a ``surface`` (``role``, empty: of either). Raises UserError."""
+    """Parse an endpoint; ``role`` is ``mount`` or ``surface``, or empty if it may be either. Raises UserError."""
     what, at, where = text.partition("@")
     if not at or not where:
         raise UserError(

@@ -17,7 +17,7 @@ from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Version, parse_version
 from gateway.transport.listening import NETWORK_SCHEMES
 
-#: The version that comparisons assume for StarSense hand controls, whose own numbers start from 1, and for no version.
+#: Comparisons use it in place of no version, and for StarSense hand controls, whose own numbers start from 1.
 NEWEST_VERSION = (99,)
 
 
@@ -27,7 +27,7 @@ class NeededSetting(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     key: str
     value: str
     why: str
-    #: Only with hand controls before this version.
+    #: The need exists only with hand controls before this version.
     below: str | None = None
 
 
@@ -39,7 +39,7 @@ class KnownProgram(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     #: First bytes that only this program sends, and how that is known.
     first: str | None = None
     evidence: str = ""
-    #: Whether it does not read the text of a refusal.
+    #: Whether the program leaves the text of a refusal unread.
     leaves_text: bool = False
     #: Whether it sends a full stop when its user releases an arrow.
     stops_arrows: bool = False
@@ -94,7 +94,7 @@ def as_fields(needs: list[NeededSetting]) -> dict[str, object]:
 
 
 def hold(surface: SurfaceConfig, protocol: str, program: str) -> float:
-    """Return by how many seconds the text of a refusal is delayed: infinite if the program never reads it."""
+    """Return the seconds for which the text of a refusal is delayed: infinite if the program never reads it."""
     if not surface.hold_text:
         return 0.0
     row = programs(protocol).get(program)

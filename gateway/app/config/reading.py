@@ -126,7 +126,7 @@ def make_config(tables: dict[str, object], source: Source, must_serve: bool = Tr
 
 
 def _parse_msgspec_error(message: str) -> tuple[Place, str | None, str]:
-    """Parse msgspec's message: return path, key (None for a wrong value), and whether the key is unknown or missing."""
+    """Parse msgspec's message: return path, key, and ``unknown`` or ``missing required``; a wrong value has no key."""
     where = re.search(r" - at `\$\.?([^`]*)`$", message)
     steps = re.findall(r"[^.\[\]]+|\[\d+\]", where.group(1) if where else "")
     place = tuple(int(step[1:-1]) if step.startswith("[") else step for step in steps)

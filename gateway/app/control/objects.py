@@ -53,7 +53,7 @@ class LibraryMissing(UserError):
 
 
 def find_target(text: str) -> ResolvedTarget:
-    """Return the position of an object; for a planet or the Moon, its name. Raises UserError."""
+    """Return the position of an object; a planet or the Moon is returned as its name. Raises UserError."""
     return describe(text).where
 
 
@@ -81,7 +81,7 @@ def describe(text: str) -> SkyObject:
 def completions(text: str, limit: int) -> list[str]:
     """Return at most ``limit`` names that begin with a text: planets, catalogue numbers, stars and nebulae.
 
-    If there are none, those that are similar.
+    If no name begins with the text, return similar names.
     """
     typed = supplied.normalized(text)
     bodies = [body for body in (*BODIES, "Sun") if typed and body.lower().startswith(typed)]

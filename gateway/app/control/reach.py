@@ -57,7 +57,7 @@ def scope_of(folder: str | None) -> Scope:
 
 
 def unreachable_gateways(scope: Scope) -> list[processes.GatewayProcess]:
-    """Return the gateway processes that (may) belong to the scope and have no endpoint file that can be read."""
+    """Return the gateway processes that belong or may belong to the scope, but have no readable endpoint file."""
     if scope.folder_only and _must_hold_endpoint(scope.folder):
         return []
     known = {endpoint.pid for _, endpoint in _all_endpoints(scope.folder)[0]}

@@ -281,7 +281,7 @@ class RequestHandler:
             raise Stopped
         if active.pressed == (request.direction, request.key):
             return f"it is moved {request.direction.label}"
-        if active.pressed is not None and not self._has_key(active):  # another rate, after something else has ended it
+        if active.pressed is not None and not self._has_key(active):  # another rate, after something else ended it
             raise Stopped
         active.pressed = request.direction, request.key
         try:

@@ -39,7 +39,7 @@ TRIES, SEARCH_PERIOD, MAX_START = 9, 0.125, 30.0
 class StopReport(Struct):
     """The result of a stop: a (mount, answer) pair for each gateway, warnings, and mounts that were not selected.
 
-    A mount is listed by its name, else by its endpoint; the text is empty if neither is known.
+    The mount is given by its name, else by its endpoint; it is an empty text if neither is known.
     """
 
     outcomes: list[tuple[str, Answer]]

@@ -40,7 +40,7 @@ class PreviousRun(Struct, frozen=True):
 
 
 def restore(controller: MountController, previous_run: PreviousRun) -> None:
-    """Restore the state of the previous run. A mount left moving is stopped; much later, only if it still moves."""
+    """Restore the state of the previous run. Stop a mount left moving; if that is long ago, only if it still moves."""
     controller.driver.restore_state(previous_run.saved.mount, moving=False)
     controller.synced.value = previous_run.saved.synced
     controller.same_mount.snapshot = previous_run.saved.left
@@ -56,7 +56,7 @@ def restore(controller: MountController, previous_run: PreviousRun) -> None:
 
 
 class StateStore:
-    """Keeps the files of a mount; without their lock it saves nothing. ``shared``: settings that all clients share."""
+    """Keeps a mount's files; without the lock on them it saves nothing. ``shared`` are the settings of all clients."""
 
     def __init__(
         self,

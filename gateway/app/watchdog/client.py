@@ -1,10 +1,10 @@
 """The gateway's side of the watchdog: starts the process, passes it the serial lines, and reports which mounts move.
 
-Every message is one line of ASCII: ``line NUMBER TITLE LOCK``, sent with a duplicate of the line's descriptor, or
-``server NUMBER TITLE LOCK HOST PORT WHEN`` (``beside`` or ``alone``: see ``ServedMount``); ``gone NUMBER``; ``moving
-NUMBER COMMAND…`` with the commands that stop the mount, or ``clear NUMBER COMMAND…`` if it is on a path that was
-checked; ``rest NUMBER``; and ``beat``. Texts and commands are in hexadecimal. The process answers ``stopped
-NUMBER``. The event loop sends heartbeats only while a mount moves; they cost no exchange with the mount.
+Every message is one line of ASCII, with texts and commands in hexadecimal. A mount is added by ``line NUMBER TITLE
+LOCK``, with a duplicate of its descriptor, or by ``server NUMBER TITLE LOCK HOST PORT WHEN`` (see ``ServedMount``).
+``gone NUMBER`` removes it. ``moving NUMBER COMMAND…`` gives the commands that stop it; ``clear NUMBER COMMAND…`` does
+the same on a checked path. ``rest NUMBER`` means that it is at rest. ``beat`` is the heartbeat, sent only while a mount
+moves; it costs no exchange with the mount. The process sends ``stopped NUMBER`` after it has stopped a mount.
 """
 
 from __future__ import annotations

@@ -17,8 +17,8 @@ import time
 
 #: Seconds without a heartbeat after which a gateway with a moving mount counts as hung.
 MAX_SILENCE = 1.2
-#: The same for a gateway that gets no processor time while every moving mount is on a checked path; the fraction
-#: of the silence for which it must have waited for a processor; seconds between two checks of this.
+#: The longer limit if every moving mount is on a checked path and the gateway gets no processor time; the fraction of
+#: the silence for which the gateway must have waited for a processor; seconds between two checks of this wait.
 MAX_STARVED_SILENCE, MIN_WAITING_TIME, WAITING_CHECK_PERIOD = 5.0, 0.8, 0.25
 #: Seconds between two commands of a stop: a hand control must answer each before it can receive the next.
 COMMAND_GAP = 0.15
@@ -71,7 +71,7 @@ class GuardedMount:
 
 class ServedMount(GuardedMount):
     """A mount behind a server. Each stop command is a whole HTTP request on a new connection, because servers may close
-    a connection after an answer. The first is opened in advance if an idle connection does no harm (``beside``).
+    a connection after an answer. With ``beside`` the first is opened in advance: an idle connection does no harm.
     """
 
     def __init__(self, title: str, lock_path: str, host: str, port: str, connect_mode: str) -> None:
@@ -160,7 +160,7 @@ class Watch:
                 self.stop_for_silent_gateway(moving)
 
     def restart_silence(self) -> None:
-        """Measure the silence of the gateway from now on, because it has just sent something."""
+        """Measure the gateway's silence from now on, because the gateway has just sent something."""
         self.last_heard, self._cpu_wait, self._timeout = time.monotonic(), cpu_wait(self.gw_pid), MAX_SILENCE
 
     def starved(self) -> bool:

@@ -67,7 +67,7 @@ def _sort_key(name: str) -> tuple[bool, float, int]:
 
 
 def suggestions(name: str, more_names: tuple[str, ...] = ()) -> list[str]:
-    """Return names that begin with an unknown name or are similar to it, from the catalogues and additional names."""
+    """Return names of the catalogues, and of ``more_names``, that begin with an unknown name or are similar to it."""
     spelled = _name_by_spelling() | {normalized(known): known for known in more_names}
     spelled = {supplied.without_kind_suffix(spelling): known for spelling, known in spelled.items()} | spelled
     typed = normalized(name)

@@ -25,7 +25,7 @@ _GREEK = {
     "ι": "iota", "κ": "kappa", "λ": "lambda", "μ": "mu", "ν": "nu", "ξ": "xi", "ο": "omicron", "π": "pi", "ρ": "rho",
     "σ": "sigma", "τ": "tau", "υ": "upsilon", "φ": "phi", "χ": "chi", "ψ": "psi", "ω": "omega",
 }  # fmt: skip
-#: Last words that users may omit if the rest is no other object's name: Lagoon finds the Lagoon Nebula.
+#: Last words of names; users may omit them if no other object has the rest: Lagoon finds the Lagoon Nebula.
 _KIND_SUFFIXES = ("nebula", "galaxy", "starcluster", "cluster")
 #: Every spelling of a Greek letter -> the letter: alpha, alf, alp and the letter itself.
 _SPELLINGS = {spelled: letter for letter, name in _GREEK.items() for spelled in (name, name[:3], letter)} | {"alf": "α"}

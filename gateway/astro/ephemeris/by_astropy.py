@@ -1,10 +1,10 @@
 """Calculates days of the almanac with astropy. The import takes half a second and 45 MB: only
 ``mount-gateway almanac`` and tests do it, never a process that serves mounts.
 
-`Time` counts the leap seconds, ERFA's IAU 2006 precession and 2000A nutation lead from J2000 to the equinox of date,
-`get_sun` and `get_body_barycentric` give Sun, Moon and planets (ephemeris "builtin": nothing is downloaded). UT1-UTC is
-that of finals2000A.all of the IERS, which is installed with astropy and contains predictions for a year; later dates
-use its last value. astropy's own reader of this file takes 100 MB.
+`Time` knows the leap seconds. ERFA's IAU 2006 precession and 2000A nutation convert J2000 to the equinox of date.
+`get_sun` and `get_body_barycentric` return Sun, Moon and planets (ephemeris "builtin": nothing is downloaded). UT1-UTC
+is read from the IERS file finals2000A.all, which is installed with astropy and contains predictions for a year; later
+dates use its last value. The file is parsed here, because astropy's own reader takes 100 MB.
 Errors, against Skyfield and JPL's DE421: sidereal time 5 ms, axes 1 mas, Sun 0.03", Moon 3" rms and 19" at worst.
 """
 
@@ -79,7 +79,7 @@ def _sidereal_times(days: tuple[int, ...]) -> Any:
 
 
 def geocentric_vector(name: str, times: Any) -> Any:
-    """Return the geocentric vectors (J2000, km) of a body at these times, where it was when its light left it.
+    """Return the geocentric vectors (J2000, km) of a body, corrected for light time, as it is seen at these times.
 
     Aberration is included for the Sun only: the Moon moves with the Earth, so light time is its only aberration.
     """

@@ -25,7 +25,7 @@ from gateway.astro.spherical import (
     wrap360,
 )
 
-_TT_MINUS_UTC = 69.184  # since 2017; ten seconds of error here cost less than a milliarcsecond below
+_TT_MINUS_UTC = 69.184  # since 2017; an error of ten seconds changes results by less than 0.001"
 _CENTURY_SECONDS = 36525.0 * 86400.0
 _ABERRATION = 20.4955 / 3600.0
 _MOON_RADIUS = 1737.4  # km, IAU
@@ -149,8 +149,8 @@ def moon_orientation(unix: float) -> Matrix:
     """Return the rotation from selenographic axes to the true equator and equinox of date.
 
     Cassini's laws, which cause the optical libration (Meeus, Astronomical Algorithms, chapter 53). The physical
-    libration is left out: it is at most 0.05 degrees, which is 0.8" on the sky. It uses vectors, so the difference
-    between a site and the Earth's centre (up to a degree of libration) needs no further formula.
+    libration is left out: it is at most 0.05 degrees, which is 0.8" on the sky. Positions on the Moon are vectors, so
+    the libration that is due to the observer's place on the Earth (up to a degree) needs no further formula.
     """
     t = centuries(unix)
     node = 125.0445479 + t * (-1934.1362891 + 0.0020754 * t)

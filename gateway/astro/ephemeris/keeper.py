@@ -1,8 +1,8 @@
 """Maintains the almanac: starts a process that calculates missing days, and stores them for the next start.
 
 The process that serves mounts imports neither astropy nor numpy. All gateways of a user share one file; the holder of
-its lock replaces it as a whole, and the next gateway reads it. An almanac that cannot be stored stays in memory. It
-checks for missing days every minute, after a failure every hour.
+its lock replaces it as a whole, and the next gateway reads it. An almanac that cannot be stored stays in memory. The
+keeper checks for missing days every minute; after a failed calculation it waits an hour.
 """
 
 from __future__ import annotations
@@ -150,7 +150,7 @@ class AlmanacKeeper:
         self._sky.use(self._almanac)
 
     def _missing_days(self) -> list[int]:
-        """Return the days to calculate: today, a mount's date if it differs, and if all mounts rest, the days ahead."""
+        """Return missing days to calculate: from today and a mount's date on; if all mounts rest, also days ahead."""
         today = int(self._clock() // DAY)
         starts = {today, self._sky.missing_day or today}
         if self._is_quiet():

@@ -4,9 +4,9 @@ Right ascension and declination are of the equinox of date (true equator) and ge
 unless a method says so. Degrees, longitude EAST positive, Unix time (UTC) in seconds. Results are interpolated in the
 tables of an almanac, which a separate process has calculated with astropy (``keeper.py``). For a day without a table,
 which is noted as missing, and before 1973 and after 2099, closed formulas are used. No call waits; no method raises for
-finite arguments. Errors of the formulas and of the tables: sidereal time 0.02 s plus UT1-UTC, and 0.005 s; precession
-and nutation 0.4", and 0.03"; Sun 0.01 degrees, and 0.03"; Moon 0.04 degrees, and 3" rms, 19" at worst; planets only
-from tables, 1.5'.
+finite arguments. Errors of the formulas: sidereal time 0.02 s plus UT1-UTC, precession and nutation 0.4", Sun 0.01
+degrees, Moon 0.04 degrees. Errors of the tables: sidereal time 0.005 s, precession, nutation and Sun 0.03", Moon 3" rms
+and 19" at worst, planets 1.5'. Only the tables have planets.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Sky:
     def __init__(self) -> None:
         self._almanac = Almanac()
         self._frame_at: dict[float, Frame] = {}
-        #: The last day (since the Unix epoch) that the almanac lacked when needed; a new one calls `request_almanac`.
+        #: The last day (since the Unix epoch) that was needed but not in the almanac; a change calls `request_almanac`.
         self.missing_day: int | None = None
         self.request_almanac: Callable[[], object] = lambda: None
 
@@ -106,14 +106,14 @@ class Sky:
     def sun(self, unix: float) -> tuple[float, float]:
         """Return the apparent (ra, dec) of date of the Sun, from the Earth's centre (parallax 9").
 
-        With aberration (20"), unlike the positions above: as in almanacs, and as seen through a telescope.
+        It includes aberration (20"), unlike the positions above: so it is the position that almanacs list.
         """
         return from_vector(self._table_vector("Sun", unix) or closed_forms.sun(unix))
 
     def moon(self, unix: float, lat: float, lon_east: float) -> tuple[float, float, float]:
         """Return the apparent (ra, dec, distance in km) of date of the Moon, as seen from a site at sea level.
 
-        Apparent like the Sun; the Moon's aberration is only its motion in the 1.3 s of light time, 0.7".
+        Aberration is included: for the Moon it is only its motion during the 1.3 s of light time, 0.7".
         """
         moon = self._moon_from_site(unix, lat, lon_east)
         return *from_vector(moon), math.hypot(*moon)

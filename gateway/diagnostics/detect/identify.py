@@ -43,8 +43,7 @@ _T = TypeVar("_T")
 
 class FoundMount(Struct, frozen=True):
     """An identified mount. ``latency`` is its median reply time, seconds; ``equinox`` is ``jnow`` or ``j2000``, by its
-    version; ``aligned`` is None if it did not say. ``answered_commands`` lists the answered commands of each query.
-    """
+    version; ``aligned`` is None if it did not say. ``answered_commands`` lists the answered commands of each query."""
 
     protocol: str
     product: str

@@ -1,10 +1,10 @@
 """A port that is opened once and kept open from the first query to the last.
 
 Devices notice when a port is opened: the operating system raises DTR and RTS together, and Arduino boards restart when
-DTR rises. No program can prevent that edge on POSIX, so there is exactly one: baud rates are changed on the open port,
-and the driver's link borrows this transport instead of opening the port again. DTR and RTS stay as the system set them.
-Lowering them would be one more edge on each, one after the other, which is the sequence that resets an ESP32; and a
-level shifter powered from them would lose its supply during the query.
+DTR rises. No program can prevent this rise on POSIX, but it happens only once: baud rates are changed on the open port,
+and the driver's link uses this transport instead of opening the port again. DTR and RTS stay as the system set them.
+Lowering them one after the other is the sequence that resets an ESP32, and a level shifter that is powered from these
+lines would lose its supply during the query.
 """
 
 from __future__ import annotations

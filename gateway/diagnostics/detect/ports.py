@@ -26,7 +26,7 @@ SIMULATED_PORT = "sim"
 
 class SerialPortInfo(Struct, frozen=True):
     """A port to examine: ``url`` is opened, ``name`` is for the configuration, ``about`` is the system's description.
-    If the user has typed an endpoint, that is included, with the protocol to expect."""
+    ``typed_endpoint`` is the endpoint that the user typed, if any: it names the protocol to expect."""
 
     url: str
     name: str
@@ -110,8 +110,8 @@ def unsupported_device_at(port: str) -> str:
 def port_holder(url: str) -> str:
     """Return the program that has a port open, as ``name (process 123)``; empty if none has, or it is hidden.
 
-    This also finds programs that have not locked the port, without opening it. A pseudo-terminal is always held by the
-    program that created it, so it is not examined.
+    The port is not opened, and programs that have not locked it are found, too. A pseudo-terminal is not examined,
+    because the program that created it always has it open.
     """
     real = os.path.realpath(url)
     if "://" in url or real.startswith("/dev/pts/"):

@@ -32,7 +32,7 @@ _NMEA = re.compile(rb"\$([A-Z]{4,6},[^\r\n*$]*)\*([0-9A-F]{2})")
 
 
 class PortVerdict(StrEnum):
-    """The result of the queries if no mount answered. If one did, the result is a protocol's name or state instead."""
+    """Verdicts on a port where no mount answered. Where one did, the verdict is its protocol's name, or its state."""
 
     SILENT = "silent"
     ECHO = "echo"
@@ -44,8 +44,7 @@ class PortVerdict(StrEnum):
 
 class ProbeTimes(Struct, frozen=True):
     """Times in seconds: how long the port must be silent before the first query, and how long to wait for that silence;
-    the interval between two queries; and the timeout of all answers, from the first query on.
-    """
+    the interval between two queries; and the timeout of all answers, from the first query on."""
 
     required_silence: float
     silence_timeout: float
@@ -56,8 +55,8 @@ class ProbeTimes(Struct, frozen=True):
 #: At 9600 baud: a hand control discards an incomplete command after a second, and may take 3.5 s to answer (NexStar
 #: protocol, Developer Notes). ACK (0x06) is sent before that time is over, and its answer may arrive later.
 AT_9600 = ProbeTimes(required_silence=1.05, silence_timeout=2.5, query_interval=0.6, answer_timeout=3.5)
-#: At other rates only a Meade can be expected, which answers at once. The last query at one rate and the first at the
-#: next are a second apart, too.
+#: At other rates only a Meade can be expected, which answers at once. Here, too, there is a second between the last
+#: query at one rate and the first query at the next.
 AT_OTHERS = ProbeTimes(required_silence=0.3, silence_timeout=1.5, query_interval=0.3, answer_timeout=1.05)
 
 
@@ -158,14 +157,14 @@ async def _listen(listener: PortListener, seconds: float, condition: Callable[[]
 
 DEFAULT_BAUD = 9600
 #: The other rates that a Meade can be set to (LX200 protocol, :SB; its 56.7K is 57600), and 115200 for newer devices;
-#: the likeliest first. At 4800 and 2400 baud a query could harm a hand control that was only slow to start: at its 9600
-#: it would read ACK, or Kx, as ``x``, hibernate. These rates come last, and 9600 is tried again before them.
+#: the likeliest first. 4800 and 2400 baud come last, after another try at 9600: a hand control that was only slow to
+#: start listens at 9600, and would read ACK or Kx at these rates as ``x``, its command to hibernate.
 OTHER_BAUD_RATES = (19200, 38400, 57600, 115200, 1200, 14400, 28800, DEFAULT_BAUD, 4800, 2400)
 #: Seconds to listen at each baud rate to a device that sends unasked: a GPS receiver sends every second.
 LISTENING_TIME = 1.6
 #: Verdicts after which other rates are tried.
 UNDECIDED_VERDICTS = (PortVerdict.SILENT, PortVerdict.GARBLED, PortVerdict.TALKER)
-#: A port in use by a program, by this user's gateway, perhaps by another user's; a mount that a network server offers.
+#: A port in use: by a program, by this user's gateway, perhaps by another user's. A mount of a network server.
 BUSY, SERVED, FOREIGN, OFFERED = "busy", "served", "foreign", "offered"
 #: The port could not be opened; it disappeared during the search; a mount answered but could not be identified.
 UNOPENED, VANISHED, NO_ID = "unopened", "vanished", "mute"
@@ -211,7 +210,7 @@ async def ask_servers(urls: Sequence[str] | None) -> list[PortFinding]:
 async def scan(
     port: SerialPortInfo, wire: BaudTransport | None = None, first: ProbeTimes = AT_9600, others: ProbeTimes = AT_OTHERS
 ) -> PortFinding:
-    """Examine a port; the result reports any problem with it. A given transport is used instead of the port's URL."""
+    """Examine a port; problems are reported in the result. ``wire`` is a transport to use instead of the port's URL."""
     if wire is None and (process := serving_gateway_pid(port.url)):
         return PortFinding(port, SERVED, reason=f"mount-gateway, process {process}")
     who = port_holder(port.url) if wire is None else ""

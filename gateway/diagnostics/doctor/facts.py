@@ -9,7 +9,7 @@ from typing import Final, Literal
 
 from msgspec import Struct
 
-#: Good; worth knowing, but no failure; must be fixed before a gateway can work as it should.
+#: States of a check. A note is worth knowing, but no failure; what is bad must be fixed before a gateway can work.
 GOOD: Final = "good"
 NOTE: Final = "note"
 BAD: Final = "bad"
@@ -28,7 +28,7 @@ class CheckResult(Struct, frozen=True):
 
 
 class Package(Struct, frozen=True):
-    """A required package: the versions that suit, the installed one (empty if none), and whether that ``fits``."""
+    """A required package. ``version`` is the installed version (empty if none); ``fits``: whether it is suitable."""
 
     name: str
     required_versions: str  # the versions that suit, as in ``>=2.0``
@@ -37,7 +37,7 @@ class Package(Struct, frozen=True):
 
 
 class Port(Struct, frozen=True):
-    """A serial port. Members of ``group`` may open it; ``permitted``: this user may; ``holder`` has it open now."""
+    """A serial port. Members of ``group`` may open it. ``holder`` is the program that has it open, or empty."""
 
     name: str
     about: str = ""
@@ -50,8 +50,7 @@ class Port(Struct, frozen=True):
 
 class Running(Struct, frozen=True):
     """A running gateway: process id, mount (empty if the gateway does not answer this user), user, whether that is
-    another user, the addresses where clients connect now, and its state folder.
-    """
+    another user, the addresses where clients connect now, and its state folder."""
 
     pid: int
     mount: str = ""

@@ -26,7 +26,7 @@ MAX_UNANSWERED, MAX_UNPARSED_BYTES = 256, 4096
 class DecodedMessage(NamedTuple):
     """A decoded command or reply, its description, and the command's name in the command table (empty if unknown).
 
-    ``is_query``: a query that changes nothing, or the reply to one. ``fails``: a refusal, or not understood. ``fields``
+    ``is_query``: a query that changes nothing, or its reply. ``fails``: refused, or not understood. ``fields``
     are all fields of a reply by name; ``values`` are those that stay constant while nothing happens (no positions, no
     times). ``pushed``: a message that answers no request.
     """

@@ -24,7 +24,7 @@ from gateway.system import streams
 REPEAT_REPORT_PERIOD = 10.0
 #: If a host reconnects within so many seconds, the counts of repeated queries continue.
 RECONNECT_WINDOW = 60.0
-#: How many lines of a connection are held back, at most, until it is clear whether they are worth showing.
+#: The most lines of a connection that wait, not shown yet, until the filter can decide whether to show them.
 MAX_HELD_LINES = 32
 #: The key under which messages without a request are counted.
 UNPROMPTED_KEY = b""
@@ -55,7 +55,7 @@ class _RepeatedQuery:
 
 
 class _LoggedConnection:
-    """The filter's state for a connection; a host that reconnects soon continues with the same."""
+    """The filter's state for a connection. If its host reconnects soon, the new connection uses the same state."""
 
     def __init__(self) -> None:
         self.runs: dict[bytes, _RepeatedQuery] = {}
@@ -66,8 +66,8 @@ class _LoggedConnection:
 class LogFilter:
     """Decides which lines are shown, in their order.
 
-    The user selects "all"; "normal", without the counts of repeated queries; "changes", without answered queries; or
-    "refusals", without anything that succeeds.
+    The user selects "all" lines; "normal", which omits the counts of repeated queries; "changes", which omits answered
+    queries; or "refusals", which omits everything that succeeds.
     """
 
     def __init__(self, filter_name: str = "all") -> None:
@@ -171,7 +171,7 @@ class LogFilter:
         return self._count_row(key, run, line.row) if line.row.time - run.shown_at >= REPEAT_REPORT_PERIOD else []
 
     def _show_unanswered(self, connection: _LoggedConnection) -> list[Row]:
-        """Return the rows held back, if one is a request: it stays unanswered, because the next one has arrived."""
+        """Return the rows held back, if a request is among them: it was not answered before the next one arrived."""
         if all(row.arrow in CONNECTION_ARROWS for row in connection.held_rows):
             return []
         if self._filter == "refusals":
@@ -190,7 +190,7 @@ class LogFilter:
         return rows
 
     def _repeat_counts_row(self, connection: _LoggedConnection, row: Row) -> list[Row]:
-        """Return one row with all counts of repeated queries that were not shown yet; none if there are none."""
+        """Return a row with the counts of all repeated queries that were not shown yet; an empty list without any."""
         counts = {printable(asked) or "line unasked": run.count for asked, run in connection.runs.items() if run.count}
         for run in connection.runs.values():
             run.count, run.shown_at = 0, row.time

@@ -64,7 +64,7 @@ def untried_rest_title(stage: str) -> str:
 
 
 class StageReporter(Protocol):
-    """Receives the findings and the progress of a stage; ``before`` are findings of its earlier, unfinished run."""
+    """Receives findings and progress of a stage. ``before``: the findings of an earlier session in the same stage."""
 
     before: list[Finding]
 

@@ -1,4 +1,4 @@
-"""The goto stages: first, if necessary, to a position with room for small motions; then 5° and back, and one cancelled.
+"""The goto stages. One goes to a position with room for small motions; one goes 5° and back, and cancels a goto.
 
 The gateway's limits must allow each goto. By day the goals chosen here are at least 40° from the Sun.
 """
@@ -15,7 +15,7 @@ from gateway.diagnostics.prove.findings import DIFFERS, NOT_TRIED, SAME, Finding
 from gateway.diagnostics.prove.telescope import CheckedMount, StageEnded
 from gateway.mount.motion.run_on import TimedPosition
 
-#: Seconds: the timeout of a goto, and the time after which the goto that is to be cancelled is cancelled.
+#: Seconds: the timeout of a goto; how long after its start the last goto is cancelled.
 GOTO_TIMEOUT, CANCEL_DELAY = 300.0, 2.0
 #: Degrees: length of the goto, allowed error, allowed motion at rest, and the error from which on the stage ends.
 GOTO_DISTANCE, GOAL_TOLERANCE, REST_TOLERANCE, MIN_DISTANCE_FROM_GOAL = 5.0, 0.1, 0.1, 1.0

@@ -1,4 +1,4 @@
-"""Leads a person through the stages of ``prove``: asks before each, and stops the mount as soon as the person wants.
+"""Leads a person through the stages of ``prove``: asks before each, and stops the mount when the person presses space.
 
 A stage that ends early keeps its findings; the rest is ``not tried``. The next session offers that stage again, and
 continues after the last measured rate. At an early end the stage's motion is stopped, and tracking is turned off if the
@@ -25,8 +25,8 @@ STOP_PROMPT = "y: next stage  a: this one again  q: leave"
 
 
 class Stage(NamedTuple):
-    """A stage of ``prove``. ``announcement`` announces it in one sentence; ``moves_mount``: whether it moves the mount;
-    ``needs_alignment``: whether a stage without motion needs an aligned mount, as every stage with motion does.
+    """A stage of ``prove``. ``announcement`` announces it in one sentence; ``moves_mount``: whether it moves the mount,
+    which must then be aligned; ``needs_alignment``: whether it must be aligned although it is not moved.
 
     ``run`` raises StageEnded. ``reason_needed`` returns why the stage is necessary; empty if it is not.
     """
@@ -197,7 +197,7 @@ class GuidedCheck:
         return await self._ask_person(STOP_PROMPT, "yaq") if stopped else "y"
 
     def _note_early_end(self, stage: Stage, reason: str) -> None:
-        """Add what an earlier run of the stage found, and a finding with the reason why the rest is missing."""
+        """Add the findings of an earlier run that this run has not replaced, and the reason why the rest is missing."""
         again = {untried_rest_title(stage.name), *(finding.what for finding in self._stage_findings)}
         self._stage_findings += [finding for finding in self.before if finding.what not in again]
         self._stage_findings.append(Finding(untried_rest_title(stage.name), NOT_TRIED, reason))
@@ -222,8 +222,8 @@ class GuidedCheck:
         self._person.say(f"Not stopped: {trouble}" if trouble else "STOPPED.")
 
     async def _restore_tracking(self, earlier_tracking: op.Tracking, set_by_check: bool) -> None:
-        """Turn tracking off if it was off before the stage and the stage has turned it on. Report any other change of
-        tracking: somebody else made it, or the gateway at a limit."""
+        """Turn tracking off if it was off before the stage and the stage has turned it on. Tell the person about any
+        other change of tracking: it was made by somebody else, or by the gateway at a limit."""
         telescope = self._telescope
         telescope.begin_stage()
         with contextlib.suppress(StageEnded):
@@ -249,6 +249,6 @@ class GuidedCheck:
             self._person.say(f"  {finding.means}")
 
     def progress(self, done_count: int, total: int, title: str) -> None:
-        """Show the progress of the stage to the person; show others (page, ``status``) that ``prove`` is running."""
+        """Show the person the progress; let the console's page and ``status`` show that ``prove`` is running."""
         self._telescope.controller.wire_log.remember_notice(CLIENT, "checks this mount")
         self._person.show_progress(done_count / max(1, total), title)

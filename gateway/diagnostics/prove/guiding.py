@@ -12,11 +12,11 @@ from gateway.diagnostics.prove.telescope import MAX_CROSS_MOTION, CheckedMount, 
 
 #: Pulses in each direction, the length of a pulse, and the interval between two, seconds.
 PULSE_COUNT, PULSE_SECONDS, PULSE_PERIOD = 20, 0.2, 0.5
-#: The most exchanges that a pulse takes (on an alt-az mount); the longest exchange that allows pulses, seconds.
+#: The most exchanges that one pulse takes (on an alt-az mount); no pulse is sent if an exchange takes longer (seconds).
 EXCHANGES_PER_PULSE, QUICK_EXCHANGE_TIME = 16, 0.15
-#: The greatest average delay of this computer, seconds: it changes the length of pulses by as much.
+#: The greatest tolerated average delay of this computer, seconds: such a delay makes a pulse longer or shorter.
 MAX_DELAY = PULSE_SECONDS / 8.0
-#: The tolerance of the guide rate, as a part of it.
+#: The tolerance of the guide rate, as a fraction of it.
 RATE_TOLERANCE = 0.25
 
 
@@ -63,8 +63,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
 
 def guide_rate_finding(title: str, rate: float, assumed: float, exchange_time: float, reading_step: float) -> Finding:
     """Return the finding on the guide rate of an axis. The measurement is uncertain by two steps of the reading
-    (``reading_step``, degrees) for all pulses together, and by half an exchange (seconds) for each pulse.
-    """
+    (``reading_step``, degrees) for all pulses together, and by half an exchange (seconds) for each pulse."""
     rates = rate_text(rate), rate_text(assumed)
     if max(abs(rate), assumed) * PULSE_COUNT * PULSE_SECONDS < MIN_READING_STEPS * reading_step:
         return Finding(title, NOT_MEASURABLE, "too few steps of its reading", rates[1])

@@ -26,9 +26,9 @@ RECOVERY_TIME = 3.0
 NAME_QUERIES, UNKNOWN_VERSION = frozenset(("GVP", "GVN", "GVD", "GVT")), "?"
 #: This word is in the description of a reply whose form is wrong.
 GARBLED_WORD = "garbled"
-#: Seconds: an ordinary connection answers sooner; one that takes this much longer than usual is busy.
+#: Seconds: the longest reply time of an ordinary connection; the extra time that shows that it is busy.
 USUAL_REPLY_TIME, BUSY_EXTRA_TIME = 0.3, 1.0
-#: The most exchanges that a question takes: if the answer is doubtful, the gateway asks again.
+#: The most exchanges for one question: the gateway asks again if an answer is doubtful.
 MAX_EXCHANGES = 6.0
 
 

@@ -28,10 +28,10 @@ from gateway.diagnostics.prove.findings import (
 from gateway.diagnostics.prove.telescope import FAST, MAX_DURATION, MAX_TRAVEL, CheckedMount, Motion
 from gateway.mount.safety.allow import RUN_ON, RUN_UP_SECONDS
 
-#: The rate keys of the hand control, fastest first: if several have the same speed, the lowest number is tried.
+#: The rate keys of the hand control, fastest first. If several have the same speed, only the lowest is tried.
 RATE_KEYS: Sequence[int] = range(9, 0, -1)
-#: Tolerances of a rate, as parts of it: if measured between readings, if the motion is a series of small gotos, and if
-#: measured by the whole distance of a short motion.
+#: Tolerances of a rate, as fractions of it: if it is measured between readings; if the motion is a series of small
+#: gotos; if it is measured by the whole distance of a short motion.
 STEADINESS_TOLERANCE, STEPPED_TOLERANCE, SHORT_TOLERANCE = 0.08, 0.25, 0.35
 #: Seconds: the least time between two readings that show a rate, and how long tracking is observed.
 MIN_RATE_SPAN, TRACKING_TIME = 1.5, 10.0
@@ -48,13 +48,13 @@ DIRECTION_PAIRS = ((Direction.WEST, Direction.EAST), (Direction.NORTH, Direction
 
 
 class Velocity(NamedTuple):
-    """The rate of an axis and its error (degrees a second), distance and run-on (degrees), and whether it was short."""
+    """The measured rate of an axis and its error (degrees a second), and the distance and run-on (degrees)."""
 
     rate: float
     error: float
     distance: float
     run_on: float
-    is_short: bool
+    is_short: bool  # too short a motion for an exact rate
 
 
 def velocity(telescope: CheckedMount, motion: Motion, axis: int, speed: float) -> Velocity | None:
@@ -130,7 +130,7 @@ async def _measure(telescope: CheckedMount, name: str, speed: float, key: int, p
 def rate_finding(
     title: str, rate: float, error: float, nominal: float, measured_velocity: Velocity, distance: float, min_arc: float
 ) -> Finding:
-    """Return the finding on a rate; no rate is measured if the axis turned no farther than ``min_arc``."""
+    """Return the finding on a rate. After a ``distance`` up to ``min_arc`` the axis may not have moved at all."""
     measured, assumed = rate_text(rate), rate_text(nominal)
     if distance <= min_arc:
         if nominal * MAX_DURATION > 2.0 * min_arc:

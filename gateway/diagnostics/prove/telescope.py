@@ -34,8 +34,8 @@ from gateway.protocols.registry import streams
 CLIENT = "mount-gateway prove"
 #: Seconds: between two checks of the mount's state; the timeout for rest; between two positions that prove rest.
 CHECK_PERIOD, REST_TIMEOUT, POSITION_SPACING = 0.1, 15.0, 0.8
-#: A motion ends after so many changed readings, or so many seconds, or the time for so many degrees at its rate; the
-#: other axis may turn by no more than the last value, degrees.
+#: A motion ends after so many changed readings, after so many seconds, or after the time for so many degrees. The last
+#: value is the greatest motion of the other axis, degrees.
 ENOUGH_READING_CHANGES, MAX_DURATION, MAX_TRAVEL, MAX_CROSS_MOTION = 20, 10.0, 5.0, 0.5
 #: At this rate (degrees a second) or faster, a reading must change within so many seconds.
 FAST, MAX_UNCHANGED_TIME = 0.5, 2.0
@@ -57,7 +57,7 @@ class StoppedByOthers(StageEnded):
 
 
 class Motion(NamedTuple):
-    """A motion as by a key: when the mount had acknowledged its start and its stop, and the positions on the way.
+    """A motion by a direction key: when the mount acknowledged its start and its stop, and the positions on the way.
 
     ``start_position`` and ``end_position`` are at rest. ``refusal`` is the reason if the motion was refused.
     """
@@ -105,7 +105,7 @@ class CheckedMount:
     # --- who else acts ------------------------------------------------------------------------------------------------
 
     def begin_stage(self) -> None:
-        """Begin a stage: stops and tracking orders before this moment do not count."""
+        """Begin a stage: only later stops and tracking orders of others count as interference."""
         self._stop_count, self.others_set_tracking = self.controller.stops, False
 
     def raise_if_stage_ends(self) -> None:
@@ -226,7 +226,7 @@ class CheckedMount:
         return Motion(began, ended, before, places, after)
 
     def _has_changed(self, before: TimedPosition, after: TimedPosition, fast: bool) -> bool:
-        """Whether a position has changed; in a fast motion only if tracking does not explain the change."""
+        """Whether a position has changed; in a fast motion only a change counts that tracking does not explain."""
         return self.drift(before, after) > max(self.angle_steps) if fast else before.position != after.position
 
     async def goto(self, goal: op.Equatorial, timeout: float) -> str:
@@ -300,10 +300,10 @@ class CheckedMount:
         return wrap180(then - first), second_end - second
 
     def drift(self, before: TimedPosition, after: TimedPosition) -> float:
-        """Return the motion between two positions that tracking, on or off, does not explain."""
+        """Return the motion between two positions, on the sky or over the ground, whichever is less, in degrees."""
         return unexplained_motion(before.position, after.position, after.at - before.at)
 
     def distance_moved(self, before: TimedPosition, after: TimedPosition, tracks: bool) -> float:
-        """Return the distance of two positions in the sky, or relative to the ground if the mount does not track."""
+        """Return the angle between two positions: on the sky if the mount tracks, else relative to the ground."""
         passed = 0.0 if tracks else SIDEREAL_RATE * (after.at - before.at)
         return separation(before.position.ra + passed, before.position.dec, after.position.ra, after.position.dec)

@@ -133,7 +133,7 @@ def version_tuple(mount: Endpoint) -> Version | None:
 def traits_of(surface: Endpoint, command: Command, facts: Model | None = None) -> frozenset[str]:
     """Return the traits of a presented model, as the tables name them; none if its version lacks the command.
 
-    The facts are those of a model that the gateway chose to fit the mount, which may lack a part.
+    ``facts`` describe a model that the gateway has fitted to the mount: it may lack a part that the mount lacks.
     """
     spec = PROTOCOLS[surface.protocol]
     protocol, model = spec.commands, facts["name"] if facts else surface.model or spec.default_model or ""
@@ -142,7 +142,7 @@ def traits_of(surface: Endpoint, command: Command, facts: Model | None = None) -
 
 
 def commands_before(surface: Endpoint, row: SurfaceRow) -> Prelude:
-    """Return the commands that a program sends before this command: completed ones, and those still in progress."""
+    """Return the commands that a program sends before the command of ``row``: completed ones, then unfinished ones."""
     spec = PROTOCOLS[surface.protocol]
     after = (*spec.required_requests, *spec.target_requests, *row.after)
     return Prelude(tuple(map(unescape, after)), tuple(map(unescape, row.during)))
@@ -153,7 +153,7 @@ def rehearse_command(
 ) -> tuple[Play, str, str]:
     """Send a frame through a new gateway, whose presented model fits the mount if none is named.
 
-    Return its record, the actual outcome, and that in the tables: they differ if it is refused or changes nothing.
+    Return the trace, the actual outcome and the tables' outcome; these differ after a refusal, or if nothing changes.
     """
     protocol, driven = load(face.protocol), load(mount.protocol).in_dialect_of(mount.model)
     match = protocol.find(frame)
@@ -230,7 +230,7 @@ def _unknown_command_hint(client: str, mount: str, frame: bytes) -> str:
 
 
 def format_play(play: Play, surface: str, mount: Endpoint) -> list[str]:
-    """Format a play: its meaning, the commands to the mount up to the reply, and later ones that change the mount."""
+    """Format a trace: its meaning, all commands to the mount until the reply, and later ones that change the mount."""
     program, driven = ConnectionDecoder(surface), ConnectionDecoder(mount.protocol, mount.model)
     lines: list[str] = []
     answered, last, again = False, "", 0

@@ -1,7 +1,7 @@
 """Send a command through a rehearsal gateway and record its meaning, commands to the mount, log notes and the reply.
 
-The record is called a play. Queries that the gateway sends for itself (it polls the position) are part of a play only
-if they come before the reply; commands that change the mount are always part of it.
+The record is called a trace. Every command that changes the mount is part of it. A query that the gateway sends for
+itself (it polls the position) is part of it only if it comes before the reply.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _CHECK_PERIOD = 0.05
 
 
 class PlayedStep(NamedTuple):
-    """An event of a play. ``kind``: means (the operation), baud (a new rate), act (a command that changes the mount),
+    """A step of a trace. ``kind``: means (the operation), baud (a new rate), act (a command that changes the mount),
     look (a query to the mount), answer (the mount's), note (a log entry) or reply (to the client)."""
 
     kind: str
@@ -61,7 +61,7 @@ class PlayedStep(NamedTuple):
 
 
 class Prelude(NamedTuple):
-    """The commands that a program sends first: those ``completed`` before the next one, and those ``in_progress``."""
+    """The commands sent before a frame: those ``completed`` one by one, then those still ``in_progress`` with it."""
 
     completed: tuple[bytes, ...] = ()
     in_progress: tuple[bytes, ...] = ()
@@ -115,7 +115,7 @@ def general_refusal(surface: Surface, frame: bytes) -> bytes:
 
 @cache
 def query_commands(protocol: CommandSet) -> frozenset[str]:
-    """Return the names of the protocol's commands that only query the mount: they carry out reads and have replies."""
+    """Return the names of a protocol's commands that only query the mount: reads use them, and they have replies."""
     reads: set[str] = set()
     for name, ways in protocol.driver_rows.items():
         kind = operation_class(name)
@@ -164,7 +164,7 @@ async def _wait_until(condition: Callable[[], bool], timeout: float) -> None:
 
 
 class Player:
-    """Sends frames through one rehearsal gateway, each on a new connection, and returns the plays."""
+    """Sends frames through one rehearsal gateway, each on a new connection, and returns their traces."""
 
     def __init__(self, stage: RehearsalGateway) -> None:
         self.stage = stage
@@ -203,7 +203,7 @@ class Player:
         return Play(frame, tuple(self._events), reply, acts, refusals != self.stage.wire_log.refusal_count)
 
     def on_play_begin(self) -> None:
-        """Called when the play begins, after the preceding commands; for subclasses."""
+        """Called when the trace begins, after the preceding commands; for subclasses."""
 
     async def _wait_for_replies(self, visitor: RehearsalClient, min_wait: float) -> None:
         """Wait until all commands that have a reply are answered, for `REPLY_TIMEOUT` at most."""
@@ -224,7 +224,7 @@ class Player:
         return False
 
     def _note_entry(self, entry: Entry) -> None:
-        """Record the wire log entries that belong to a play: notes, and commands and replies of the mount."""
+        """Record the wire log entries that belong to a trace: notes, and commands and replies of the mount."""
         if entry.arrow == "!":
             self._events.append(PlayedStep("note", entry.note))
         elif entry.side == "mount" and entry.arrow == ">":

@@ -1,10 +1,10 @@
 """Runs the generators of a driver: sends the commands that they yield and gives the verified replies back to them.
 
 A corrupted byte can leave the form of a reply intact. So only a reply that resembles the previous reply to the same
-request is accepted at once. Otherwise the request is repeated until replies in a row agree: two if the mount can have
-moved that far, three if the value seldom changes, and always more than the late replies that may still arrive. A
-position that no motor can have reached since the last one needs five (three on a slow line); until then neither clients
-nor limits get it. A reply that took unusually long does not count.
+request is accepted at once. Otherwise the request is repeated until several replies in a row agree: two if the mount
+can have moved that far, three if the value seldom changes, and five (three on a slow line) for a position that no motor
+can have reached since the last one. If late replies may still arrive, more replies than these must agree. Until then
+neither clients nor limits get the new value. A reply that took unusually long does not count.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ MAX_SPEED = 8.0 * math.sqrt(2.0)
 MAX_LATITUDE_STEP = 2.0
 #: Seconds by which a clock may differ from its last reading: it has whole seconds, and replies take time.
 CLOCK_TOLERANCE = 1.6
-#: A reply after over SLOW_AFTER seconds on a usually quick line may be outdated: it is skipped, up to SLOW_TRIES times.
+#: A reply after over SLOW_AFTER seconds on a usually quick line may be old: it is skipped up to SLOW_TRIES times.
 SLOW_AFTER, SLOW_TRIES = 0.5, 3
 #: How often a request is sent at most to verify its reply, and how often if the reply was garbled.
 MAX_TRIES, GARBLED_TRIES = 9, 3
@@ -290,7 +290,7 @@ class HibernationGate:
 
 
 class DriverRunner:
-    """``perform`` carries out an operation with a priority, ``drive`` runs any generator of the driver.
+    """Runs the generators of the driver: ``perform`` for an operation with a priority, ``drive`` for any generator.
 
     ``may_move`` is emitted before a command that may set the mount moving, ``scheduled`` with an operation that the
     driver wants done later, ``driver_failed`` when a defect of the driver leaves it unknown what moves now.
@@ -301,8 +301,8 @@ class DriverRunner:
         self.may_move: Signal[None] = Signal()
         self.scheduled: Signal[Schedule] = Signal()
         self.driver_failed: Signal[None] = Signal()
-        #: The number of exchanges of the last operation; if it read a position, the loop time of the first request for
-        #: that position, which cannot be older.
+        #: The number of exchanges of the last operation. If it read a position: the loop time of the first request for
+        #: that position, which is not older than this request.
         self.exchange_count, self.requested_at = 0, 0.0
         #: The loop time at which the last operation's first command was written.
         self.first_sent_at = 0.0
@@ -320,10 +320,10 @@ class DriverRunner:
         check_start: Callable[[], None] = lambda: None,
         changes_mount: bool = True,
     ) -> _T:
-        """Run a generator of the driver and return its value. Raises Fault: Busy if it starts later than
-        ``MAX_START_DELAY`` seconds after ``ordered_at`` (loop time), or if the line delayed a motion by hand as long.
-        ``check_start`` is called before a motion by hand begins, and may raise a Fault. ``changes_mount``: the
-        operation outdates the readings before it, and those that arrive meanwhile.
+        """Run a generator of the driver and return its value. Raises Fault; Busy if it starts more than
+        ``MAX_START_DELAY`` seconds after ``ordered_at`` (loop time), or if the line delays the start of a motion by
+        hand that long. ``check_start`` is called before a motion by hand starts, and may raise a Fault. If the
+        operation ``changes_mount``, readings from before it and during it are outdated.
         """
         now, driver, line = self._context.now, self._context.driver, self._context.link.transaction
         self.exchange_count = exchanges = 0

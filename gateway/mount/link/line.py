@@ -1,9 +1,9 @@
 """The line to the mount: one exchange at a time; a stop goes first, then motions, then settings, then reads.
 
 After a timeout or a garbled reply, and during a long operation of the mount, nothing but a stop is sent. A port that is
-lost, or on which the mount stays mute, is reopened with growing pauses, for ever. A stop waits for one exchange at
-most, which is cut off if it lasts longer than usual. Then the stop is written without waiting for replies, and repeated
-until the line is in step (every reply belongs to the latest request), because the mount may not have received it.
+lost, or on which the mount does not reply, is reopened with growing pauses, for ever. A stop waits for one exchange at
+most, which is cut off if it lasts longer than usual. Then the stop is written without waiting for replies. It is
+repeated until the line is in step (every reply belongs to the latest request): the mount may not have received it.
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ class MountLink:
         return await outcome
 
     def _hurry_stop(self, priority: int) -> None:
-        """Have a queued stop written soon, if it is not yet; in a long operation, have all new requests examined."""
+        """Wake the exchange under way: for a stop that is not written yet, in a long operation for any request."""
         stop = priority == STOP and not (self.transaction.written and self.transaction.written.issuperset(self._stop()))
         if stop or self.transaction.is_long:
             self.transaction.wake(stop)

@@ -26,7 +26,7 @@ MAX_START_DELAY = 2.0
 #: The message if the start of a motion by hand is refused as too late.
 START_TOO_LATE_MESSAGE = "The line to the mount was busy for too long: this motion was not started."
 #: Seconds after which the priority of a request rises. A read then goes before settings, so that clients that set
-#: values without pause do not hide the mount. The position always goes first: both coordinates must be of one instant.
+#: values without pause do not hide the mount. A position goes before both: its two coordinates must be of one instant.
 AGING_TIMES: Mapping[int, float] = {POSITION: 0.25, READ: 0.6, SETTING: 2.0}
 #: After this many motion exchanges in a row an aged read goes first: a flood of arrow commands must not hide the mount.
 MAX_MOTIONS_IN_A_ROW = 1
@@ -152,8 +152,8 @@ class RequestQueue:
     def send_stops_while_busy(self, busy: bool, send: Callable[[Send], bool | None]) -> int:
         """During a long operation of the mount, send the stops that need no reply; return how many were sent.
 
-        ``send`` returns whether a stop was sent, or None if it needs a reply. Once the mount counts as ``busy``, all
-        other requests are refused.
+        ``send`` returns whether a stop was sent, or None if it needs a reply. If ``busy``, the operation lasts so long
+        that all other requests are refused.
         """
         sent, waiting = 0, sorted(self._waiting, key=lambda request: (request.priority, request.number))
         self._waiting = []

@@ -27,7 +27,7 @@ QUIET_TIME = 0.15
 #: Seconds after which draining gives up, even if the line is still not quiet.
 DRAIN_TIMEOUT = 5.0
 #: If a line duplicates a reply, the copy follows within COPY_GAP seconds. Until then the gateway sends no request to
-#: which the copy could be the reply, if that is an acknowledgement only or if stray bytes came within the last
+#: which the copy could be the reply, if the copy is an acknowledgement only or if stray bytes came within the last
 #: UNRULY_TIME seconds.
 COPY_GAP, UNRULY_TIME = 0.05, 300.0
 #: Seconds after a request from which arriving bytes are no reply to it: the gateway no longer waits for them to end.
@@ -49,7 +49,7 @@ LATE_REPLY_TIME = 2.5
 #: The timeout of a position read is POSITION_FACTOR times the typical reply time, at least SHORTEST_TIMEOUT seconds.
 #: The protocol's timeout applies until MIN_REPLY_COUNT replies have come.
 POSITION_FACTOR, SHORTEST_TIMEOUT, MIN_REPLY_COUNT = 8.0, 1.2, 20
-#: A late reply raises the timeouts to LATE_FACTOR times its seconds, unless it took over MAX_COUNTED_LATE.
+#: A late reply raises the timeouts to LATE_FACTOR times its time, unless it took over MAX_COUNTED_LATE seconds.
 LATE_FACTOR, MAX_COUNTED_LATE = 1.5, 6.0
 #: The first reply sets the typical time, up to this many seconds.
 MAX_FIRST_REPLY_TIME = 1.0
@@ -210,7 +210,7 @@ class Transaction:
         self._queue.wake()
 
     def wake(self, stop: bool) -> None:
-        """Wake the exchange under way: to give way to a ``stop``, or to examine new requests in a long operation."""
+        """Wake the exchange under way: to give way to a ``stop``, or to see new requests in a long operation."""
         self._stop_is_waiting |= stop
         if stop:
             self._stop_due_at = min(self._stop_due_at, self._clock())
@@ -263,7 +263,7 @@ class Transaction:
         return left
 
     async def carry_out(self, command: Send, is_stop: bool) -> Answer:
-        """Carry out an exchange. If the pause before it was cut short, pause in full after it and send a stop twice."""
+        """Carry out an exchange. If the pause before it was cut short, a stop is sent twice: the first may be lost."""
         hurried, self._pause_cut_short = self._pause_cut_short, False
         if not is_stop:
             self.written.clear()
@@ -283,8 +283,8 @@ class Transaction:
 
     async def exchange(self, command: Send, firm: bool = False, is_resync: bool = False, stop: bool = False) -> Answer:
         """Send a request and return the fields of its reply, or the Fault that came instead. ``firm``: a stop
-        does not cut short the pause after it. ``is_resync``: the reply gets the protocol's full timeout. ``stop``: the
-        request does not wait until the line is quiet.
+        does not cut short the pause after the exchange. ``is_resync``: the reply gets the protocol's full timeout.
+        ``stop``: the request is a stop, and does not wait until the line is quiet.
         """
         try:
             request = self.reply_rules.encode(command)

@@ -217,7 +217,7 @@ def _apply_halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Want
 
 
 def _apply_end(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """Queue a halt before all orders, but behind a goto that it may end, and last if a client keeps repeating it."""
+    """Queue a halt: before all other orders, but behind a pending goto, and last if a client keeps repeating it."""
     assert isinstance(order, Halt)
     axis = halted_axis(order.operation)
     wanted = without_superseded(

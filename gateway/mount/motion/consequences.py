@@ -18,8 +18,8 @@ MIN_LOGGED_EXCESS = 0.1
 
 
 class Consequences:
-    """Updates the cache and the watches. ``on_acknowledged`` is called before an acknowledged operation enters
-    ``Wanted``, ``on_ack`` after that.
+    """Updates the cache of readings and the watches of motion when the mount has acknowledged an operation.
+    ``on_acknowledged`` is called before that operation enters ``Wanted``, ``on_ack`` afterwards.
     """
 
     def __init__(
@@ -82,8 +82,8 @@ class Consequences:
             self._cache.correct(op.GetStatus, replace(status, tracking=op.Tracking.OFF))
 
     def log_pulse_excess(self, axis: int, ordered_at: float, sent_at: float) -> None:
-        """Log by how much a guide pulse was too long, if that matters. ``ordered_at``: the loop time at which the
-        reconciler took up the order to end it; ``sent_at``: that at which the command to end it was sent.
+        """Log by how much a guide pulse was too long, if that matters. ``ordered_at`` is the loop time at which the
+        reconciler took up the order to end the pulse, ``sent_at`` the loop time at which it sent the command.
         """
         pulse = next((sent for sent in self._context.wanted.value.pulses if sent.axis == axis), None)
         late = 0.0 if pulse is None else sent_at - pulse.ends_at

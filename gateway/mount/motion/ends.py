@@ -61,9 +61,7 @@ class MotionEnd(Struct, frozen=True):
 
 
 class EndStep(Enum):
-    """What to do next so that a motion ends: nothing more, read the position again, send the command that ends it once
-    more, or send that and warn the user.
-    """
+    """What to do next to end a motion: nothing, a position read, the end command again, or that and a warning."""
 
     DONE = auto()
     READ_POSITION = auto()
@@ -118,7 +116,7 @@ class EndWatch:
 
     @property
     def ending(self) -> MotionEnd | None:
-        """The motion whose end positions have not shown yet, without the axes that were set moving again since."""
+        """The motion that no positions show as ended yet, without axes that have begun to move again; None if none."""
         ending, begun = self._ending, self._wanted.value.motions_begun
         if ending is not None and ending.motions_begun != begun:
             axes = frozenset(axis for axis in ending.axes if ending.motions_begun[axis - 1] == begun[axis - 1])

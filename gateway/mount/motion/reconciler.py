@@ -46,8 +46,8 @@ class Reconciler:
     """``announcers`` are awaited in their order before any command that sets the mount moving, so that the watchdog and
     the marker on disk know of the motion if this process is killed.
 
-    Signals: ``acknowledged`` with an operation that the mount has acknowledged, ``needs_client`` if that is a motion to
-    end when its client falls silent; ``stop_acknowledged``; ``saved_state_changed`` if the state file may be outdated.
+    Signals: ``acknowledged`` with an operation that the mount has acknowledged; ``needs_client`` if that began a motion
+    which needs an active client; ``stop_acknowledged``; ``saved_state_changed`` if the state file may be outdated.
     """
 
     def __init__(
@@ -107,8 +107,8 @@ class Reconciler:
         max_delay: float = inf,
         arrived_at: float | None = None,
     ) -> Outcome:
-        """Take a motion order and return its outcome. It arrived at this loop time, after ``stop_count`` stops. Its
-        client waits for the outcome for ``max_delay`` seconds: a goto is not begun after that.
+        """Take a motion order and return its outcome. ``arrived_at`` is the loop time of its arrival, ``stop_count``
+        the number of stops before it. Its client waits ``max_delay`` seconds for the outcome; later no goto is begun.
         """
         now, wanted = self._loop.time(), self.wanted
         if self.closed or changes.stopped_since(wanted, operation, stop_count):

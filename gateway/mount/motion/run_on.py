@@ -40,8 +40,8 @@ class TimedPosition(Struct, frozen=True):
 
 
 class RunOn(Struct, frozen=True):
-    """The time after the end of a motion: ``goto`` (also park or home), or by hand. ``positions`` are those that
-    can show rest; ``last_position_at`` is when the mount last reported any position.
+    """The time after the end of a motion. ``goto``: it was a goto, park or home, else a motion by hand. ``positions``
+    are those that can show rest; ``last_position_at`` is when the mount last reported any position.
     """
 
     ended_at: float
@@ -81,7 +81,7 @@ class RunOnWatch:
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
-        #: Emitted with each command that may move the mount; how often that was when the mount was last seen at rest.
+        #: Emitted with each command that may move the mount; how often it was emitted until the mount was last at rest.
         self.sent: Signal[None] = Signal()
         self._commands_at_rest = 0
         #: When the mount was last seen at rest after the end of a motion.
@@ -136,7 +136,7 @@ class RunOnWatch:
         self.changed.emit(now + MAX_PULSE_WAIT)
 
     def forget(self) -> None:
-        """End the run-on, because a motion has begun or the mount hibernates. Pulses wait as before."""
+        """End the run-on: a motion has begun, or the mount hibernates. This does not change how long pulses wait."""
         self.current = None
 
     def add_position(self, position: TimedPosition, equatorial: bool, resolution: float) -> None:

@@ -27,12 +27,12 @@ NEVER = -1e9
 
 
 class PositionSample(Struct, frozen=True):
-    """A position of the mount, its altitude and hour angle (None without a site), and its distances from the Sun: one
-    for each source of site and time.
+    """A position of the mount, with its altitude and hour angle (None without a site). Its distances from each possible
+    position of the Sun are ``suns``, degrees.
 
-    ``other_altitudes`` are those by other sources of site and time, and those that hold if the syncs were wrong. The
-    first ``own_altitude_count`` of all altitudes are by the mount's own site and clock. ``axis2_move!`` is the motion
-    by hand of the second axis at that time. Samples with equal ``comparison_key`` can be compared.
+    ``other_altitudes`` are the altitudes by other sources of site and time, and as if the syncs were wrong. The first
+    ``own_altitude_count`` of ``altitudes`` are by the mount's own site and clock. ``axis2_move`` is the motion by hand
+    of the second axis at that time. Samples with equal ``comparison_key`` can be compared.
     """
 
     time: float
@@ -59,7 +59,7 @@ class Rates(Struct, frozen=True):
 
 
 class ObservedMotion(Struct, frozen=True):
-    """The last two positions, the ``rates`` of change between them, and the ``prev_rates`` rates before these.
+    """The last two positions, the ``rates`` of change between them, and ``prev_rates``, the rates before these.
 
     ``began_at`` is when the last motion began, ``ordered_speed`` its speed if known, ``sky_speed`` the speed on the
     sky. ``farthest_from_suns``: for each possible position of the Sun, the greatest distance since the tube came near.

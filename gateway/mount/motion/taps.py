@@ -16,11 +16,11 @@ from gateway.core.motion_kinds import END_ORDERS, axis_moved
 from gateway.mount.motion.wanted import FIRST_RANK, Arrow, AxisMotion, Halt, HandMove, NoOrderedMove, Order, Tap, Wanted
 from gateway.mount.presence import HostActivity
 
-#: Seconds: a press that has waited for its turn longer than MAX_WAIT is dropped with its release; so is a press that
-#: waits and was held longer than MAX_TAP_TIME.
+#: Seconds: a press that has waited for its turn longer than MAX_WAIT is dropped together with its release; so is a
+#: press whose arrow was held longer than MAX_TAP_TIME before its turn came.
 MAX_WAIT, MAX_TAP_TIME = 1.5, 1.0
-#: A motion that has begun, a moment after the press, lasts this part of the time for which its arrow was held, if that
-#: was MAX_TAP_TIME at most, and all of it if it was no longer than SHORT_TAP_TIME.
+#: If a motion has begun when its arrow is released, at most MAX_TAP_TIME after the press, it lasts at least this part
+#: of the time for which the arrow was held; all of that time if that is no longer than SHORT_TAP_TIME.
 MIN_TAP_FRACTION, SHORT_TAP_TIME = 0.75, 0.3
 #: Seconds: an arrow pressed no longer ago still moves the mount if its program releases it by a full stop.
 RECENT_PRESS_AGE = 0.5
@@ -154,7 +154,7 @@ def after_stop_as_release(wanted: Wanted, activity: HostActivity, now: float) ->
 
 
 def end_tap(wanted: Wanted, end: Halt) -> Wanted:
-    """Add the halt that ends a tap. It cancels no later order, and is void once a goto being sent has begun."""
+    """Add the halt that ends a tap; it cancels no later order. If a goto is being sent, its start voids the halt."""
     goto = next((other.number for other in wanted.waiting_gotos if other.number == wanted.active), 0)
     end = replace(end, rank=FIRST_RANK, overtakes=True, order_count=wanted.order_count, void_by=goto)
     return replace(wanted, pending=(*wanted.pending, end))

@@ -55,9 +55,9 @@ class Arrow(Struct, frozen=True):
 class Order(Struct, frozen=True):
     """An operation that a client or the gateway has ordered and that is not done.
 
-    ``number`` is its sequence number, ``client`` the client's connection. Loop times: ``came_at`` of its arrival,
-    ``at`` from which it is due, ``deadline`` until which its client waits. A ``follow_up`` is the
-    gateway's own, ``urgent`` if it ends a motion, ``not_while_busy`` if it waits until the mount accepts commands.
+    ``number`` is its sequence number, ``client`` the client's connection. Loop times: it arrived at
+    ``came_at``, is due at ``at``, and its client waits until ``deadline``. A ``follow_up`` is the gateway's own
+    order; it is ``urgent`` if it ends a motion, and ``not_while_busy`` if it waits until the mount accepts commands.
     """
 
     number: int

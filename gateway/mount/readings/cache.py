@@ -79,9 +79,9 @@ class CachedAnswer(Struct):
     """An answer of the mount (or the Fault instead), the loop time at which it arrived, and for how many seconds it is
     fresh.
 
-    ``asked``: loop time of the request. ``order_count``: number of orders and settings sent before it. A position also
-    has its ``reading``, the entry before it (``prior``) and, once calculated, its extrapolation (``course``).
-    ``from_kind``: the kind from which it was calculated. ``forgotten``: returned only while the mount does not reply.
+    ``asked``: loop time of the request. ``order_count``: number of orders and settings sent before it. A position
+    also has its ``reading``, the entry before it (``prior``) and, once calculated, its extrapolation (``course``).
+    ``from_kind``: the kind from which it was calculated. A ``forgotten`` answer is used only if the mount is silent.
     """
 
     value: Any

@@ -117,7 +117,7 @@ class Poller:
         self._cache.due_events[op.GetStatus].set()
 
     def _pause(self, kind: Kind, now: float) -> float:
-        """Return the seconds until the next request, so that its reply arrives when the last reading becomes stale."""
+        """Return the seconds until the next request. Its reply should arrive when the last reading becomes stale."""
         if kind in SETTING_READS:
             return self._setting_pause(kind, now)
         if kind is op.Position and not self._is_needed(kind, now):
@@ -153,7 +153,7 @@ class Poller:
         return every - (now - self._requested_at[kind])
 
     async def renew(self, kind: Kind) -> None:
-        """Ask the mount for this reading; log a fault, and do not raise it."""
+        """Ask the mount for this reading; log a fault instead of raising it."""
         if kind is op.GetStatus:
             self._status_due_at = inf
         if kind is op.GetSite or kind is op.GetClock:

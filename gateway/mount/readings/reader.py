@@ -70,7 +70,7 @@ class Reader:
         self._commands_before_stop = 0
         #: Whether clients get the last known position because the mount has not replied in time.
         self.gives_last_position = False
-        #: By kind, the last position given to a client without extrapolation: loop times of its reading and the answer.
+        #: By kind, for the last position given without extrapolation: the loop times of its reading and of the answer.
         self._given_positions: dict[Kind, tuple[float, float]] = {}
         self.position: Signal[op.Equatorial] = Signal()
         self.axes: Signal[op.Horizontal] = Signal()
@@ -173,8 +173,8 @@ class Reader:
         return type(entry.value)(*predict(extrapolation_of(self._context, kind, entry), moment))
 
     def source_of(self, kind: Kind) -> Kind | None:
-        """Return the kind of position from which this kind is calculated; None if the mount reports it. While a mount
-        moves that needs two requests per position, only one kind is read.
+        """Return the kind of position from which this kind is calculated; None if this kind is read. A mount that
+        needs two requests per position is asked for only one kind while it moves.
         """
         if kind is op.HorizontalPosition and self._movement.any_motion and self._driver.position_reads > 1:
             return op.Position
@@ -415,8 +415,8 @@ class Reader:
         return CachedAnswer(self._astrometry.axes_of(position, on_wedge=not self._driver.german), from_kind=op.Position)
 
     async def _read_while_at_rest(self, operation: op.Operation) -> CachedAnswer:
-        """Return the answer; an empty entry if the mount begins to move meanwhile. In motion, the two requests of
-        this read would take too long.
+        """Return the answer to a read that takes two requests, which is too long while the mount moves. If a motion
+        begins meanwhile, return an empty entry.
         """
         reading = self._context.tasks.spawn(self._request(operation))
         try:
@@ -428,7 +428,7 @@ class Reader:
             reading.cancel()
 
     async def _finish_goto(self) -> None:
-        """Read the position after a goto has ended, and log a missed goal, before clients get the end reported."""
+        """Read the position after the end of a goto, and log a missed goal. Clients learn of the end afterwards."""
         before = self._wanted.value
         slew, ends = before.motion, self._wanted.is_ending
         self.goto_over.emit(None)

@@ -25,14 +25,14 @@ TIME_TO_REST = 8.0
 MIN_COMPARED_GAP, SAMPLE_GAP = 0.7, 0.2
 #: Degrees a second: the slowest motion that the check must notice.
 MIN_NOTICED_SPEED = 30.0 * ARCSECOND
-#: The speed of an azimuth axis that counts as tracking, degrees a second: at least the first number; near the zenith,
-#: ZENITH_SPEED_FACTOR times the rate at which tracking turns it there, but at most MAX_SPEED.
+#: Up to this speed, degrees a second, a turn of the azimuth axis counts as tracking: at least the first number. Near
+#: the zenith: the second number times the rate at which tracking turns that axis, but at most the third number.
 MIN_TRACKING_SPEED, ZENITH_SPEED_FACTOR, MAX_SPEED = 0.1, 3.0, 2.5
 
 
 class RestSample(NamedTuple):
-    """A position and its loop time. For an alt-azimuth mount also its azimuth, and the speed of that axis that counts
-    as tracking; degrees, degrees a second.
+    """A position and its loop time. For an alt-azimuth mount also its azimuth, degrees, and ``tracking_speed``: up to
+    this speed, degrees a second, a turn of the azimuth axis counts as tracking.
     """
 
     sampled_at: float

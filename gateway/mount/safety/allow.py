@@ -131,9 +131,9 @@ ALLOWED_VERDICT = Verdict()
 class CheckedPath(Struct):
     """What admission has found out about the path of a goto.
 
-    ``points`` are the readings of the axes along its possible paths within the limits: empty if it must be watched like
-    a motion by hand, None if they are not known. Below ``min_altitude``, degrees, it is astray and must stop.
-    ``allowed``: all its paths keep all limits.
+    ``points`` are the readings of the axes along its possible paths within the limits; None if they are not known. If
+    they are empty, the goto is watched like a motion by hand. Below ``min_altitude``, degrees, it is astray and must
+    stop. ``allowed``: all its paths keep all limits.
     """
 
     points: list[Pair] | None = None
@@ -232,8 +232,8 @@ class JudgedState(Struct, frozen=True):
 
 
 class Room(NamedTuple):
-    """The degrees that remain up to the limit named ``limit``, and at the position before; they may shrink by ``rate``
-    degrees a second. A motion that would go beyond the limit by more than ``tolerance`` must end, for this ``reason``.
+    """The degrees up to the limit named ``limit``, now and at the position before, which may shrink by ``rate`` degrees
+    a second. A motion that would go beyond the limit by more than ``tolerance`` must end, for this ``reason``.
     """
 
     remaining: float
@@ -297,9 +297,9 @@ def is_moving_out(limits: Limits, before: float, after: float) -> bool:
 def altitude_rooms(state: JudgedState) -> Iterator[Room]:
     """Yield the room up to the altitude limits, by the mount's coordinates and as if its syncs were wrong.
 
-    If the syncs were wrong, and by other sources of site and time (for motion by arrow keys of programs), only limits
-    that somebody has set count (`Limits.written`). A goto may pass below the horizon if nobody has set a limit, but
-    never below its ``min_altitude``.
+    Motion by arrow keys of programs is also judged by other sources of site and time. For these, and as if the syncs
+    were wrong, only limits that somebody has set count (`Limits.without_default_altitudes`). A goto may pass below the
+    horizon if nobody has set a limit, but never below its ``min_altitude``.
     """
     observed, before, last = state.observed, state.observed.previous, state.observed.last
     if before is None or last is None:

@@ -27,13 +27,13 @@ class SyncSum(Struct, frozen=True, omit_defaults=True):
     """The net offset by all syncs in degrees: east and north on the sky, and by how much the readings of each axis were
     turned (azimuth and altitude, or those that `Geometry` defines for an equatorial mount).
 
-    ``around`` is the second possible value of ``turned``, if the mount may believe since one of the syncs that it
-    points in the other of the two ways; else None.
+    After one of the syncs the mount may believe that it points in the other of the two ways. ``around`` is then the
+    second possible value of ``turned``; else None.
     """
 
     east: float = 0.0
     north: float = 0.0
-    #: Sum of the turns of both axes; and the other possible sum, if the mount may believe to point the other way.
+    #: Sum of the turns of both axes; and the other possible sum, if the mount may believe that it points the other way.
     turned: Pair = (0.0, 0.0)
     around: Pair | None = None
 

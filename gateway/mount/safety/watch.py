@@ -47,7 +47,7 @@ COASTING_TIME = 1.0
 #: Seconds for which a status "not aligned" or "not tracking" is trusted.
 MAX_STATUS_AGE = 5.0
 NOT_ALIGNED_MESSAGE = "not aligned: positions mean nothing yet, so no limit can be watched"
-#: Seconds: the age of the last position from which the mount is stopped, and the least time between two such stops.
+#: Seconds without a position after which motion by hand is stopped; at least as many pass between two such stops.
 MAX_BLIND_TIME = 1.0
 #: An axis counts as stalled if it was commanded to move at least this fast, degrees a second, for at least this many
 #: seconds, and has covered less than this fraction of the commanded distance.
@@ -437,7 +437,7 @@ class OthersWatch:
 class SkyChange:
     """Notices that site or clock was set: then equal positions before and after mean different altitudes.
 
-    Meanwhile the reported position may change although the mount rests. ``changed_at``: the last setting at rest.
+    For a while after that the reported position may change at rest. ``changed_at``: loop time of the last such setting.
     """
 
     def __init__(self, mount: Context) -> None:

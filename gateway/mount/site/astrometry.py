@@ -29,7 +29,7 @@ SUN_CACHE_TIME, SUNS_CACHE_TIME = 60.0, 5.0
 SAME_SUN_DEGREES, SUN_JUMP_DEGREES = 0.5, 0.1
 #: Degrees: from this altitude on the Sun counts as up, for refraction, its disk, and a horizon below eye level.
 SUN_UP_ALTITUDE = -1.0
-#: Degrees: a smaller pointing error of the tube is ignored, because alignment and refraction cause as much.
+#: Degrees: a smaller pointing error of the tube is ignored, because alignment and refraction cause such errors.
 OFF = 1.0
 
 
@@ -207,7 +207,7 @@ class SunAvoidance:
         self._suns_valid_until = float("-inf")
 
     def set_min_distance(self, min_distance: float) -> None:
-        """Set the smallest allowed distance, degrees. Start a new `era` of distances."""
+        """Set the smallest allowed distance, degrees. Distances are no longer compared with earlier ones."""
         self.limit = min_distance
         self.era += 1
 
@@ -250,7 +250,7 @@ class SunAvoidance:
         return [self.distance(position, sun) for sun in self.suns_to_avoid()]
 
     def calculate_suns(self, frame: PointingFrame, seconds_ahead: float = 0.0) -> list[Sun]:
-        """Return the Suns to avoid ``seconds_ahead`` seconds from now. Without a site they count as up."""
+        """Return the Suns to avoid ``seconds_ahead`` seconds from now. Without a site the Sun counts as up."""
         sky, sites = self._sky, self._sources.sites_for_sun()
         times = [time._replace(unix=time.unix + seconds_ahead) for time in self._sources.times()]
         places = [sky.sun(time.unix) for time in times]
@@ -270,7 +270,7 @@ class SunAvoidance:
         return _distinct(sorted(suns, key=lambda sun: not sun.confirmed))
 
     def _suns_up(self, sites: list[SourcedSite], time: SourcedTime, place: Pair) -> Iterator[_RisenSun]:
-        """Yield the Sun for each site where it is up at this time; ``place``: its right ascension and declination."""
+        """Yield the Sun for each site where it is up at this time. ``place``: its right ascension and declination."""
         for site in sites:
             over = self._sky.horizon(*place, site.place.latitude, site.place.longitude, time.unix)
             if over[1] >= SUN_UP_ALTITUDE:
@@ -287,8 +287,8 @@ class SunAvoidance:
 
 
 class _RisenSun(NamedTuple):
-    """A Sun above the horizon, calculated with one source of time and one of site: its right ascension and declination,
-    and its azimuth and altitude.
+    """The right ascension and declination (``equatorial``), and the azimuth and altitude (``horizontal``), of the Sun
+    above the horizon by one source of time and one source of site.
     """
 
     time: SourcedTime
@@ -298,7 +298,7 @@ class _RisenSun(NamedTuple):
 
 
 def _distinct(suns: list[Sun]) -> list[Sun]:
-    """Return the Suns without duplicates: those at the position of an earlier Sun in the list."""
+    """Return the Suns in this order, without any that is at the position of an earlier one."""
     distinct: list[Sun] = []
     for sun in suns:
         same = (other for other in distinct if other.sync_shift == sun.sync_shift)

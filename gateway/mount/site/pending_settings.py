@@ -89,7 +89,7 @@ class IncomingSettings:
         self.deadlines.pop(program, None)
 
     def goto_refusal(self, now: float, calculating: bool = False) -> Busy | None:
-        """Return the fault for a goto that has waited too long for a site or clock; None if none is pending."""
+        """Return the fault for a goto that waits for a site or clock; None if neither is pending or expected."""
         coming = [setting for (kind, _), setting in self.pending.items() if kind in SKY]
         self.deadlines = {program: until for program, until in self.deadlines.items() if until > now}
         if not (coming or self.deadlines):

@@ -27,7 +27,7 @@ def zenith_position(astrometry: SiteAstrometry, operation: op.Zenith) -> op.Equa
 
 
 def planet_position(astrometry: SiteAstrometry, operation: op.PlanetPlace) -> op.Equatorial:
-    """Return a planet's geocentric position: its parallax (at most 0.5', for Venus) is below the series' error."""
+    """Return a planet's geocentric position. Its parallax, at most 0.5' (Venus), is less than the series' error."""
     name = operation.name.capitalize()
     if name not in PARTS[1:]:
         raise Invalid(f"There is no planet {operation.name!r}; write {', '.join(PARTS[3:-1])} or {PARTS[-1]}.")

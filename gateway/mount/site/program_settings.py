@@ -17,7 +17,7 @@ from gateway.astro.spherical import wrap180
 from gateway.core.operations import Moment, Place, SetSite
 from gateway.mount.presence import ProgramId
 
-#: The largest number of programs whose settings are stored; the ones that set something last are kept.
+#: The largest number of programs whose settings are stored: those that have set something last.
 MAX_PROGRAMS = 200
 
 Clock = tuple[Moment, float]
@@ -64,9 +64,7 @@ NO_SETTINGS = SettingsOfProgram()
 
 
 class ProgramSettings:
-    """The settings of all programs. ``newest``: the last site that any program has set and the mount has not
-    accepted.
-    """
+    """The settings of all programs. ``newest``: the last site that a program has set and the mount has not accepted."""
 
     def __init__(self) -> None:
         self._by_program: dict[ProgramId, SettingsOfProgram] = {}
@@ -100,7 +98,7 @@ class ProgramSettings:
         self.newest = make_site_of_program(program, place, unix)
 
     def forget(self, kind: Literal["site", "clock"], program: ProgramId | None = None) -> None:
-        """Remove the site or clock of a program, or of all programs (None), so that they read the mount's."""
+        """Remove the site or clock of a program, or of all programs (None). Then they read the mount's own."""
         for program_, settings in list(self._by_program.items()):
             if program in (None, program_):
                 self.put(program_, replace(settings, site=None) if kind == "site" else replace(settings, clock=None))

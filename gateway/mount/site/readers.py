@@ -12,9 +12,7 @@ from gateway.mount.site.site_clock import SiteClock, SiteTimeSources
 
 
 class SiteView:
-    """Site and clock as one program reads and sets them. It reads back its own settings, whatever the mount
-    reports.
-    """
+    """Site and clock as one program reads and sets them: it reads back its own settings, whatever the mount reports."""
 
     def __init__(self, site_clock: SiteClock, program: ProgramId) -> None:
         self._site_clock, self._program = site_clock, program
@@ -79,7 +77,7 @@ class SiteView:
         return None not in (half.latitude, half.longitude)
 
     def take_completed_site(self) -> SetSite | None:
-        """Return the complete site to send, with a missing half from the site before; None if that is unknown."""
+        """Return the site to send; None if unknown. A latitude or longitude not set is that of the previous site."""
         place = self.site()
         if self.settings.half_site is None or place is None:
             return None

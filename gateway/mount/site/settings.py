@@ -1,4 +1,4 @@
-"""The operations that read and set site and clock. Reads return known values; settings return before they are sent.
+"""The operations that read and set site and clock. A read returns a known value; a setting is sent later.
 
 Setting site or time of an aligned hand control may cost the alignment, so by default only an unaligned hand control
 gets them. The gateway stores a value that it does not send, and the log says so once. ``settings_sync.py`` sends the
@@ -142,7 +142,7 @@ class SiteClockOperations:
         return self._site_clock.is_mount_site(site) or not self._site_clock.matches_any(other_sites)
 
     def send_site(self, program: ProgramId) -> None:
-        """Queue this program's site for the mount; a half that it has not set comes from the site before."""
+        """Queue this program's site for the mount. A missing latitude or longitude is that of its previous site."""
         whole = self._site_view(program).take_completed_site()
         if whole is not None and not self._context.closed:
             self._context.incoming.note_complete(program)
@@ -150,7 +150,7 @@ class SiteClockOperations:
             self.sync.queue(whole, by=program)
 
     async def _set_clock(self, operation: op.SetClock, program: ProgramId) -> None:
-        """Store the client's clock and queue it for the mount. Raises Invalid for an impossible year, Refused."""
+        """Store the clock and queue it. Raises Invalid for an impossible year, and Refused if the mount refuses it."""
         years = self._context.driver.clock_years
         try:
             year = datetime.fromtimestamp(operation.unix + operation.offset * 3600.0, UTC).year
@@ -171,7 +171,7 @@ class SiteClockOperations:
         self._site_view(program).store_zone(operation.offset)
 
     async def _wait_for_refusal(self, operation: op.SetClock) -> None:
-        """Wait a moment until this setting is no longer pending. Raises Refused if the mount refuses it."""
+        """Wait briefly until this setting is no longer pending. Raises Refused if the mount refuses it."""
         ours, why = self.sync.pending.get(kind_of(operation)), ""
 
         def refused(setting: tuple[Setting, str]) -> None:
@@ -189,7 +189,7 @@ class SiteClockOperations:
             raise Refused(f"The mount refused it: {why}")
 
     async def _set_clock_from_gps(self, operation: op.ClockFromGps, program: ProgramId) -> None:
-        """Set the mount's clock from its GPS, or if that is not allowed, this program's clock. Raises NoDevice."""
+        """Set the mount's clock from its GPS; if that is not allowed, set this program's clock. Raises NoDevice."""
         try:
             mount_too = await self.sync.may_set_site_clock()
         except Fault:
@@ -212,7 +212,7 @@ class SiteClockOperations:
         await self.sync.send_now_or_later(operation)
 
     async def _set_pec(self, operation: op.PeriodicError, _: ProgramId) -> None:
-        """Switch PEC on or off, repeated if the mount does not reply; a toggle is sent only once. Raises Fault."""
+        """Switch PEC on or off; repeat this if the mount does not reply. Send a toggle only once. Raises Fault."""
         if operation.on is None:
             await self._runner.perform(operation, SETTING)
         else:

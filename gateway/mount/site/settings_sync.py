@@ -39,7 +39,7 @@ def setting_name(operation: op.Operation) -> str:
 
 
 def note(mount: Context, operation: op.Operation, text: str) -> None:
-    """Log what has become of a setting."""
+    """Log a line about a setting of a program: for example why it is sent later."""
     mount.note(f"the {setting_name(operation)} that was set: {text}")
 
 
@@ -52,7 +52,7 @@ def note_not_sent(mount: Context, setting: Setting, why: str) -> None:
 
 
 def note_sent(mount: Context, setting: Setting, clock_advance: float | None = None) -> None:
-    """Log who has set the mount's site or clock (by ``clock_advance`` seconds), and which sources contradict it."""
+    """Log who has set the mount's site or clock, and the contradicting sources. ``clock_advance``: change, seconds."""
     by, value = setting.client_name or "the gateway", setting.value
     if isinstance(value, op.SetSite) and value.latitude is not None and value.longitude is not None:
         mount.note(
@@ -135,7 +135,7 @@ class SettingsSender:
         self._start()
 
     def take_reported_value(self, value: op.Place | op.Moment) -> bool:
-        """Store a reported site or clock. Return whether it was changed at the mount; then drop the pending one."""
+        """Store a reported site or clock. Return whether it was changed at the mount; if so, drop a pending one."""
         site_clock, clock = self._site_clock, isinstance(value, op.Moment)
         kind = kind_of(op.SetClock(0.0, 0.0) if clock else op.SetSite())
         unsent, sent = self.pending.get(kind), self._sent.get(kind, ())
@@ -173,7 +173,7 @@ class SettingsSender:
         return begins or self._context.movement.any_motion or self.moved_by_others()
 
     async def _run(self) -> None:
-        """Send pending settings until there are none or the line is down; then ``resume`` starts it again."""
+        """Send pending settings until there are none or the line is down. ``queue`` and ``resume`` start it again."""
         while self._is_ready and self._link.state not in ("down", "opening"):
             self._wake.clear()
             now = self._now()
@@ -272,7 +272,7 @@ class SettingsSender:
         return same or changed
 
     async def _note_acknowledged(self, setting: Setting) -> None:
-        """Note that the mount has acknowledged a setting. Read its clock back, because it counts whole seconds."""
+        """Note that the mount has acknowledged a setting. Read its clock back: it counts whole seconds."""
         running = setting.value_now(self._now())
         news = not self._is_set(running)
         if isinstance(running, op.SetSite):
@@ -297,7 +297,7 @@ class SettingsSender:
         self._drop_program_copies(setting)
 
     def _drop_program_copies(self, setting: Setting) -> None:
-        """Remove a setting that the mount now has from ``pending`` and, if no newer is pending, from all programs."""
+        """Forget a setting that the mount has now. Unless a newer one is pending, programs read the mount's value."""
         newest = self.pending.get(kind_of(setting.value)) is setting
         self.pending = pending_settings.without_setting(self.pending, setting)
         self._sent.pop(kind_of(setting.value), None)

@@ -115,7 +115,7 @@ class SiteClock:
         return self.program_settings.newest or (self.stored_site if self._site_requested else None)
 
     def site_to_store(self) -> SiteOfProgram | None:
-        """Return the site to store for a restart: a program's, if neither mount nor GPS reports a site."""
+        """Return the site to store for a restart: a program's. None if the mount or GPS reports a site."""
         known = self.mount_site is not None or self.gps_site is not None
         return None if known else self.program_settings.newest or self.stored_site
 
@@ -140,7 +140,7 @@ class SiteClock:
         return any(place is not None and earth_distance(site, place) <= CONFIRM_DISTANCE for place in others)
 
     def present_time(self, sample: tuple[Moment, float] | None) -> Moment | None:
-        """Return the present time by a clock that was read before; ``sample``: its time, and ``now`` at that moment."""
+        """Return the present time by a clock that was read before. ``sample``: its time, and ``now`` at that moment."""
         if sample is None:
             return None
         moment, at = sample
@@ -178,7 +178,9 @@ class SiteClock:
         return changed
 
     def take_mount_clock(self, moment: Moment, sent_by_gateway: bool = False, set_by: str | None = None) -> bool:
-        """Store the mount's clock. Arguments and result: see ``take_mount_site``; a change is more than 30 s."""
+        """Store the time that the mount reports. Return whether somebody has changed its clock by more than 30 s at the
+        mount; if so, forget the clocks of programs. Arguments: as for ``take_mount_site``.
+        """
         before = self.present_time(self.mount_clock)
         self.mount_clock = (moment, self.now())
         changed = not sent_by_gateway and before is not None and abs(before.unix - moment.unix) > CLOCK_TOLERANCE
@@ -218,7 +220,7 @@ class SiteClock:
         return _same_place(place, Place(operation.latitude, operation.longitude))
 
     def is_mount_clock(self, operation: SetClock, tolerance: float) -> bool:
-        """Whether the mount's clock has this time already, in the same zone and within ``tolerance``."""
+        """Whether the mount's clock has this time already, in the same zone and within ``tolerance`` seconds."""
         shown = self.present_time(self.mount_clock)
         return shown is not None and shown.offset == operation.offset and abs(shown.unix - operation.unix) <= tolerance
 
@@ -238,7 +240,7 @@ class SiteClock:
         )
 
     def forget(self, operation: Operation) -> None:
-        """Forget what all programs have set of the operation's kind, site or clock: they read the mount's again."""
+        """Forget the sites or clocks (whichever this operation sets) of all programs: they read the mount's again."""
         if isinstance(operation, SetClock | SetSite):
             self.program_settings.forget("clock" if isinstance(operation, SetClock) else "site")
         self.changed.emit(None)
@@ -272,9 +274,7 @@ class SiteTimeSources:
         return [SourcedSite(site.place, site.source)]
 
     def sites_for_sun(self) -> list[SourcedSite]:
-        """Return every site at which the Sun is avoided if it is up. This includes the former site, if a program has
-        moved the site far.
-        """
+        """Return every site at which the Sun is avoided if it is up: all known sites and the former site, if any."""
         former = self._site_clock.former_site()
         return [*self.sites(), *([SourcedSite(former, FORMER_SITE_SOURCE)] if former is not None else [])]
 

@@ -87,7 +87,7 @@ DEFAULT_CONDITIONS = MemberConditions()
 
 @cache
 def conditions_by_command() -> dict[str, MemberConditions]:
-    """Return, for each command in ``members.toml``, when a mount has its member. Raises MappingError."""
+    """Return command name -> the conditions of its member, from ``members.toml``. Raises MappingError."""
     protocol, rows = load("alpaca"), {}
     for name, row in protocol.extra_table("members.toml").items():
         if name not in protocol.commands:

@@ -1,11 +1,11 @@
 """Frames: the commands that a protocol's framer cuts out of a client's byte stream.
 
-A frame is ``bytes``, one whole command. Two subclasses carry more: ``Unterminated``, a command whose terminator was
-lost, which is never carried out because its argument may be incomplete, and ``Suspect``, a command that arrived
-together with an unterminated command, which is answered but may not begin a motion. A framer receives the time with the
-bytes, because a pause may be all that separates two commands. For commands of fixed lengths it drops half a command
-whose rest is late, and bytes that begin no command together with all that arrive with them. It buffers one command at
-most.
+A frame is ``bytes``, one whole command. It has two subclasses. ``Unterminated`` is a command whose terminator was lost:
+it is never carried out, because its argument may be incomplete. ``Suspect`` is a command that arrived together with an
+unterminated command: it is answered but may not begin a motion. A framer receives the time with the bytes, because a
+pause may be all that separates two commands. A framer for commands of known lengths drops an incomplete command whose
+rest is late. If bytes begin no command, it drops them and all bytes that arrive with them. A framer buffers one command
+at most.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ RESYNC_GAP = 0.1
 class Unterminated(bytes):
     """A command without its terminator, and all bytes up to the next terminator: refused as a whole.
 
-    ``names`` are the names of the commands found in it, in order, with "" for an unknown command. It is ``late`` if the
-    client has sent nothing for a while: it then no longer waits for a reply.
+    ``names`` are the names of the commands found in it, in order, with "" for an unknown command. ``late`` means that
+    the client has sent nothing for a while, and no longer waits for a reply.
     """
 
     names: tuple[str, ...]
@@ -76,7 +76,7 @@ class WholeCommandFramer:
 
     @property
     def holds_bytes(self) -> bool:
-        """Whether bytes are held back until the client has sent nothing for ``RESYNC_GAP``."""
+        """Whether bytes wait in the framer until the client has sent nothing for ``RESYNC_GAP`` seconds."""
         return False
 
     def end(self) -> list[Unterminated]:
@@ -133,7 +133,7 @@ class Framer(Protocol):
 
     @property
     def holds_bytes(self) -> bool:
-        """Whether bytes are held back. If none arrive for ``RESYNC_GAP``, the caller must ``feed`` empty bytes."""
+        """Whether bytes wait in the framer. If none follow for ``RESYNC_GAP``, the caller must ``feed`` empty bytes."""
 
     @property
     def idle(self) -> bool:

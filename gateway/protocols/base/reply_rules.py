@@ -15,7 +15,7 @@ from gateway.core.operations import Values
 from gateway.protocols.base.driver import Send
 from gateway.protocols.wireformat.command_set import CommandSet
 
-#: Seconds without another byte after which a reply is complete that could also be the beginning of a longer reply.
+#: A reply that could also begin a longer one is complete after so many seconds without another byte.
 REPLY_END_GAP = 0.3
 
 
@@ -54,7 +54,7 @@ class ReplyParser(Protocol):
         """The commands of the mount, in its dialect if that is known."""
 
     def parse_reply(self, request: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
-        """Return the values or the fault of the reply that the buffer begins with, and its length; None: incomplete."""
+        """Return the values or the fault of the reply that the buffer begins with, its length; None if incomplete."""
 
 
 class TableReplyParser:
@@ -101,7 +101,7 @@ class ReplyRules(ReplyParser, Protocol):
         """Whether the replies to two commands are so similar in form that they could be confused."""
 
     def resync_commands(self, check_number: int) -> Iterator[Send]:
-        """Yield the commands of resynchronisation check ``check_number``: do their replies match the requests again?"""
+        """Yield the commands of resynchronisation ``check_number``, to check that replies match requests again."""
 
     def is_resync_reply(self, request: Send, values: Values) -> bool:
         """Whether these values are the right reply to a command of ``resync_commands``."""

@@ -147,7 +147,7 @@ class Session:
             self.settings_holder.changed()
 
     def check_may_set(self) -> None:
-        """Check the permission to change settings. Raises ReadOnly. For commands whose setting takes effect later."""
+        """Raise ReadOnly unless the client may change settings; for commands whose setting takes effect later."""
         if self._on_denied_change is not None:
             self._on_denied_change()
             raise ReadOnly

@@ -233,7 +233,7 @@ class Surface:
         return kind(**fields)
 
     def reply(self, session: Session, command: Command, answer: object) -> bytes:
-        """Encode the answer in the first reply form for the client's format; bytes are already the reply."""
+        """Encode the answer in the first reply form for the client's format. Bytes are returned unchanged."""
         if isinstance(answer, bytes):
             return answer
         model = session.model

@@ -33,7 +33,7 @@ class Mechanics:
         self._drive_rate = SIDEREAL_RATE  # the rate of tracking, degrees a second
         self._axes = {1: Axis(axes[0], now), 2: Axis(axes[1], now)}
         self._target: Pair = (0.0, 0.0)  # right ascension and declination that are tracked, or the target of a goto
-        self._follows_target = False  # an alt-az mount tracks: both axes follow the aim
+        self._follows_target = False  # an alt-az mount tracks: both axes follow the target
         self._state_noted = False  # ``_note_state`` has run for the next order, ``_begin_ramps`` has not
         self.speedup = 1.0  # a factor for the speed of gotos
         #: When a motor was first ordered to do something other than tracking; None while no such order is in force.
@@ -76,7 +76,7 @@ class Mechanics:
         return wrap360(self.sky.lst(now) - hour_angle), dec
 
     def slewing(self, now: float, axis: int | None = None) -> bool:
-        """Whether a goto is under way, of this axis or of any."""
+        """Whether a goto of this axis, or of any if ``axis`` is None, is under way."""
         self.advance(now)
         if axis is None:
             return self._axes[1].goto is not None or self._axes[2].goto is not None
@@ -115,7 +115,7 @@ class Mechanics:
             self._track_or_rest(now)
 
     def resume_tracking(self, now: float) -> None:
-        """End all orders; track the position at which the mount believes to point, or rest if tracking is off."""
+        """End all orders; track the position where the mount believes it points, or rest if tracking is off."""
         self.advance(now)
         self._track_or_rest(now)
 
@@ -188,7 +188,7 @@ class Mechanics:
         self._axes[axis].pulse, self._axes[axis].pulse_ends_at = rate, now + seconds
 
     def sync(self, now: float, ra: float, dec: float) -> None:
-        """Correct the axes so that the mount believes to point at this position now."""
+        """Correct the axes so that the mount believes that it points at this position now."""
         first, second = self.axes(now)
         target = self.geometry.to_axes(wrap180(self.sky.lst(now) - ra), dec, self.flipped)
         self.correct(now, (wrap180(target[0] - first), wrap180(target[1] - second)))
@@ -338,7 +338,7 @@ class Mechanics:
         return wrap180(after[0] - before[0]) / _DIFFERENCE_STEP, wrap180(after[1] - before[1]) / _DIFFERENCE_STEP
 
     def _axes_on_target(self, now: float) -> Pair:
-        """Return the axis positions that point at the aim, with the mount's site, clock and correction."""
+        """Return the axis positions that point at the target, with the mount's site, clock and correction."""
         ra, dec = self._target
         if self._follows_target:
             ra += (SIDEREAL_RATE - self._drive_rate) * (now - self._axes[1].since)

@@ -29,7 +29,7 @@ STATUS_OK, STATUS_REFUSED, ENDED_SHORT = 0, -1, -2
 class StellariumFramer(LengthFramer):
     """Cuts a byte stream into messages by their lengths, whatever their type.
 
-    At an impossible length it drops all bytes that arrived together, after an incomplete message all until a pause.
+    After an impossible length, and when the rest of a message is late, it drops all bytes until a pause.
     """
 
     noise_reason = "no Stellarium message begins like this; bytes are accepted again after a pause of 0.1 s"

@@ -28,7 +28,7 @@ REUSE_DESCRIPTIONS: dict[ReplyReuse, str] = {
 #: runs, a state stays as it is until something is done, a stream is different every time.
 AnswerKind = Literal["position", "clock", "state", "stream"]
 #: What an urgent command, which is sent before queued commands, ends. stop: every motion, and it does nothing else;
-#: restart: every motion, and it does more; axis: that of one axis; part: something else, or a motion but only in turn.
+#: restart: every motion, and it does more; axis: that of one axis; part: something else, or a motion in its turn.
 UrgentKind = Literal["stop", "restart", "axis", "part"]
 #: What the gateway does with a command, for the generated tables.
 Outcome = Literal["translated", "derived", "kept", "synthesised", "refused", "silent"]
@@ -119,8 +119,8 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
 
 
 class OwnRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A row of ``own.toml``: whether the mount itself answers this command of programs that speak its protocol. This
-    counts unless a model to present is configured.
+    """A row of ``own.toml``: whether the mount itself answers this command of programs that speak its protocol. The
+    row applies unless the user has configured a model to present.
     """
 
     keep: ReplyReuse | None = None  # how often the mount is asked (``REUSE_DESCRIPTIONS``); None: the gateway answers
@@ -147,7 +147,7 @@ class Implementation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The TOML file of a dialect, which models name: how another maker's mounts differ from the protocol."""
 
-    has: list[str]  # the commands of ``commands.toml`` that these mounts have, whatever that file says of models
+    has: list[str]  # the commands of ``commands.toml`` that these mounts have, although it names other models
     commands: dict[str, CommandRow] = {}  # additional commands, and those with another form or meaning
     driver: dict[str, list[Implementation]] = {}  # operation -> implementations that replace those of ``driver.toml``
     facts: dict[str, Any] = {}  # constants of these mounts, for the driver's functions

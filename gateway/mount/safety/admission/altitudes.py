@@ -2,7 +2,7 @@
 
 An altitude by the mount's own site and clock is checked against all limits. But if the syncs since the alignment were
 wrong, the tube points elsewhere; and another source of site and time may be right although it contradicts the mount's.
-Altitudes by these are only checked against limits that somebody has set (`Limits.written`).
+Altitudes by these are only checked against limits that somebody has set (`Limits.without_default_altitudes`).
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Admission of motion by hand and of guide pulses: refuses them if they would soon lead beyond a limit.
 
-Only the first stretch of a motion is checked: up to where the next position can have shown it and a stop has ended it.
-All of the stretch is checked, because beyond the zenith or the Sun its end may be allowed again; and both directions of
-each axis, because the axes may point over the pole or the zenith without the gateway's knowledge. A guide pulse is
-checked in the same way.
+Only the first stretch of a motion is checked: as far as it gets before a stop at the next position ends it. Every point
+of the stretch must be allowed, because beyond the zenith or the Sun its end may be allowed again. Both directions of
+each axis are checked, because the axes may point over the pole or the zenith without the gateway's knowledge. A guide
+pulse is checked in the same way.
 """
 
 from __future__ import annotations
@@ -48,16 +48,12 @@ class StretchStart(NamedTuple):
     suns: tuple[Sun, ...] = ()
 
     def past(self, mount: Context, west_turn: float) -> float | None:
-        """Return how far the tube is past the meridian when the first axis has turned by ``west_turn`` degrees; None if
-        unknown.
-        """
+        """Return how far the tube is past the meridian after a ``west_turn`` of the first axis, degrees, or None."""
         return None if self.angle is None else past_meridian(self.angle + west_turn, mount.driver.german)
 
 
 def reaction_turn(mount: Context, operation: op.Move | op.MoveAxis) -> float:
-    """Return how far an axis turns from the last position until a stop at the next position has ended the motion,
-    degrees.
-    """
+    """Return the degrees that an axis turns after the last position until a stop at the next one ends the motion."""
     age = mount.cache.age(op.Position, mount.now()) if mount.wanted.by_hand else 0.0
     return operation.sense * mount.driver.speed(operation.rate) * (mount.stop_timing.reaction + MIN_POSITION_GAP + age)
 
@@ -208,10 +204,10 @@ async def beyond_pole_or_zenith(mount: Context, readings: Readings, watch: Limit
 async def pointings(mount: Context, readings: Readings, watch: LimitWatch) -> set[bool]:
     """Return in which of two ways the axes may point now: the usual (False), the other (True), or both if unknown.
 
-    The other way is the west side of the pier in the north, and beyond the pole or zenith on a fork. Both are returned
-    if a hand control was synced in the other way, which it may take for the usual one; if the pier side that it reports
-    (perhaps that of the last goto) contradicts its declination axis; and if a German mount that does not report axes
-    was driven over the pole.
+    The other way is the west side of the pier in the north, and beyond the pole or zenith on a fork. On a German mount
+    the way is unknown during a goto, or if no pier side is reported. A hand control that was synced in the other way
+    may take it for the usual one. The pier side, perhaps that of the last goto, may contradict the declination axis. A
+    mount that does not report axes may have been driven over the pole.
     """
     site = mount.astrometry.site_clock.site()
     if not mount.driver.german or site is None:

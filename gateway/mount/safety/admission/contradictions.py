@@ -100,7 +100,7 @@ def sun_refusal(sources: SiteTimeSources, sun: Sun, on_path: bool = False) -> Ne
 
 
 def summary(contradiction: Contradiction) -> str:
-    """Return at most 45 characters: ``the computer (2.5 hours from the mount)``."""
+    """Describe a contradiction in at most 45 characters, such as ``the computer (2.5 hours from the mount)``."""
     names = {COMPUTER: "the computer", CONFIGURED: "the config", GPS_SOURCE: "the GPS", PROGRAM: "a program"}
     best, other = (names.get(source, source) for source in contradiction.sources)
     return f"{other} ({contradiction.difference} from {best})"

@@ -75,7 +75,7 @@ def zenith_readings(mount: Context, equatorial: bool) -> list[Pair]:
 
 def contradicting_suns(mount: Context) -> Iterator[tuple[SiteAstrometry, Sun]]:
     """Yield the Sun, if it is up, by each source that contradicts the mount's site and clock, with that source's
-    astronomy: if it is right and the mount is aligned on stars, an alt-azimuth mount turns round that zenith.
+    astronomy. If the source is right, an alt-azimuth mount that was aligned on stars turns round the source's zenith.
     """
     sites, times, own = mount.sources.sites(), mount.sources.times(), mount.astrometry
     for time, site in product(times, sites):
@@ -202,9 +202,9 @@ def _first_part(turn: Pair, stretch: float) -> Pair:
 
 
 def check_paths(mount: Context, limits: Limits, journey: Journey, unsynced: Sequence[Journey] = ()) -> list[Path]:
-    """Like ``paths_within``. Raises WayBlocked if every path leaves the limits, or if one does before a stop could end
-    it, also if the syncs were wrong (``unsynced``). Its text suggests where to send the mount first, if there
-    is such a place, and has at most 60 characters, because LX200 programs show no more.
+    """Like ``paths_within``. Raises WayBlocked if every path leaves the limits, or if any leaves them before a stop can
+    end the goto, by the mount's coordinates or as if the syncs were wrong (``unsynced``). The message suggests where to
+    send the mount first, if possible. It has at most 60 characters, because LX200 programs show no more.
     """
     paths, stretch = paths_within(mount, limits, journey), mount.stop_timing.reaction * mount.driver.speed(FASTEST_RATE)
     if paths and all(all_paths_within(mount, limits, path, stretch) for path in (journey, *unsynced)):
@@ -223,7 +223,10 @@ def check_paths(mount: Context, limits: Limits, journey: Journey, unsynced: Sequ
 
 
 def _is_leg_clear(mount: Context, limits: Limits, leg: Journey) -> bool:
-    """Whether no possible path leads beyond the limits or too near to the Sun, or farther so than where it begins."""
+    """Whether every possible path keeps the limits and the distance from the Sun.
+
+    A path that begins beyond one of these must lead no farther beyond it.
+    """
     places = [axis_readings_at(mount.astrometry, sun, leg.equatorial) for sun in mount.suns.suns_to_avoid()]
     return all_paths_within(mount, limits, leg) and all(
         are_clear(paths_of(mount, leg), place, mount.suns.limit) for place in places

@@ -67,8 +67,8 @@ async def _comes_to_rest(mount: Context, readings: Readings, watch: LimitWatch) 
 async def _sync_turns(
     mount: Context, ask: Readings, watch: LimitWatch, position: op.Equatorial, target: op.Equatorial, equatorial: bool
 ) -> list[Pair]:
-    """Return by how many degrees a sync turns the readings of the two axes; a second pair if the mount may believe
-    afterwards that it points in the other of the two ways, as after an arrow over the pole.
+    """Return by how many degrees a sync turns the readings of the two axes. There is a second pair if the mount may
+    believe afterwards that it points in the other of the two ways, for example after motion by hand over the pole.
 
     In the other way (beyond the pole or the zenith, or on the other side of the pier) the second axis turns reversely.
     """

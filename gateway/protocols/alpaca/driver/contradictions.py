@@ -32,7 +32,7 @@ class CompareEquinox(op.Operation, frozen=True):
 
 
 def compare_equinox(mount: AlpacaDriver, _: CompareEquinox | None = None) -> Steps:
-    """Return the equinox that fits the server's altitude and azimuth; None if both do, or the data are insufficient."""
+    """Return the equinox that fits the server's altitude and azimuth; None if both or neither fit, or without data."""
     values = []
     for member in ("siderealtime", "rightascension", "declination", "altitude", "azimuth", "sitelatitude", "utcdate"):
         values.append((yield from read_member(mount, member)))

@@ -99,8 +99,8 @@ def _speed_ranges(axis_rates: Any) -> tuple[tuple[float, float], ...]:
 
 
 def read_status(mount: AlpacaDriver) -> Steps:
-    """Read whether the mount tracks and is parked. Reports during a motion may describe the motion and are discarded;
-    values that the server does not report stay as they were.
+    """Read whether the mount tracks and is parked. Reports of tracking during a motion may describe the motion, and are
+    discarded. Values that the server does not report remain unchanged.
     """
     state = (yield from read_state(mount)) if mount.lists_state else {}
     tracks, parked = state.get("Tracking"), state.get("AtPark")

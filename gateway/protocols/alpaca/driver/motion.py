@@ -63,7 +63,7 @@ def convert_sense(mount: AlpacaDriver, axis: int, sense: int, side: str) -> int:
 
 
 def move(mount: AlpacaDriver, operation: op.Move) -> Steps:
-    """Move in a direction on the sky. A move for a fixed time is a guide pulse, if the mount has these."""
+    """Move in a direction on the sky. If the mount supports guide pulses, a move for a fixed time is sent as one."""
     if operation.ms is not None and mount.times_pulses:
         return (yield from pulse(mount, op.Pulse(operation.direction, operation.ms, sky=True)))
     side = yield from tube_side(mount, operation.axis)
@@ -72,7 +72,7 @@ def move(mount: AlpacaDriver, operation: op.Move) -> Steps:
 
 
 def move_axis(mount: AlpacaDriver, operation: op.MoveAxis) -> Steps:
-    """Move an axis in a motor sense. The rate of a key is added to tracking; a variable rate replaces it."""
+    """Move an axis in its motor's sense. A named or key's rate is added to tracking; a variable rate replaces it."""
     side = yield from tube_side(mount, operation.axis)
     on_sky = operation.rate.key is not None or operation.rate.name is not None
     yield from _start_axis(mount, operation.axis, operation.sense, side, operation.rate, on_sky)
@@ -106,7 +106,7 @@ def _start_axis(mount: AlpacaDriver, axis: int, sense: int, side: str, rate: op.
 
 def _start_axis_slowly(mount: AlpacaDriver, axis: int, speed: float, side: str, adds_to_tracking: bool) -> Steps:
     """Turn tracking off and move an axis at a slow speed, degrees a second. With ``adds_to_tracking`` the speed of
-    tracking is added, and the other axis of an alt-az mount follows the sky. Raises Refused if the axis lacks it.
+    tracking is added, and the other axis of an alt-az mount follows the sky. Raises Refused if no rate is near the sum.
     """
     rates = (yield from _sky_following_speeds(mount, side)) if adds_to_tracking else {axis: 0.0}
     sent = {
@@ -174,7 +174,7 @@ def _send_rate(mount: AlpacaDriver, axis: int, rate: float) -> Steps:
 
 
 def stop_axis(mount: AlpacaDriver, operation: op.StopAxis) -> Steps:
-    """End the motion of an axis. If the other moves slowly with tracking off, this axis goes on following the sky."""
+    """End the motion of an axis. If the other axis moves slowly with tracking off, this one keeps following the sky."""
     axis = operation.axis
     if not mount.may_move(axis):
         return
@@ -232,8 +232,8 @@ def _stop_axis(axis: int) -> Send:
 
 
 def pulse(mount: AlpacaDriver, operation: op.Pulse) -> Steps:
-    """Send a guide pulse and return Pulsed. ASCOM's directions are those on the sky. Those of the declination motor are
-    the opposite with the tube on the west side of the pier.
+    """Send a guide pulse and return Pulsed. ASCOM's directions are those on the sky. So on a German mount with the tube
+    west of the pier, a declination pulse that is given in the motor's sense is sent in the opposite direction.
     """
     direction = operation.direction
     if direction.axis == 2 and not operation.sky and mount.german:
@@ -243,7 +243,7 @@ def pulse(mount: AlpacaDriver, operation: op.Pulse) -> Steps:
 
 
 def pulse_axis(mount: AlpacaDriver, operation: op.PulseAxis) -> Steps:
-    """Send a guide pulse in a motor sense. If its rate is not the mount's guide rate, its duration is adapted."""
+    """Send a guide pulse in a motor's sense. The server pulses at its guide rate: another rate changes the duration."""
     sense = convert_sense(mount, operation.axis, operation.sense, (yield from tube_side(mount, operation.axis)))
     directions = {(1, 1): "w", (1, -1): "e", (2, 1): "n", (2, -1): "s"}
     default = mount.rates[operation.axis - 1]

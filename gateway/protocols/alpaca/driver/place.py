@@ -22,7 +22,7 @@ def get_site(mount: AlpacaDriver, _: GetSite) -> Steps:
 
 
 def set_site(mount: AlpacaDriver, operation: SetSite) -> Steps:
-    """Set latitude and longitude. Raises Refused if the server keeps its former site, and Unsupported."""
+    """Set latitude and longitude. Raises Refused if the server keeps the old site, Unsupported if it sets none."""
     if operation.latitude is None or operation.longitude is None:
         raise Unsupported("A site has a latitude and a longitude.")
     longitude = wrap180(operation.longitude)
@@ -38,12 +38,12 @@ def set_site(mount: AlpacaDriver, operation: SetSite) -> Steps:
 
 
 def get_clock(mount: AlpacaDriver, _: GetClock) -> Steps:
-    """Return the Moment. Servers have no time zone, so its UTC offset is the one that was set last."""
+    """Return the mount's time as a Moment. Servers have no time zone: its UTC offset is the one that was set last."""
     return Moment((yield Send("utcdate"))["unix"], mount.utc_offset)
 
 
 def set_clock(mount: AlpacaDriver, operation: SetClock) -> Steps:
-    """Set UTC. Raises Refused if the server keeps its own time, and Unsupported."""
+    """Set UTC. Raises Refused if the server keeps its own time, Unsupported if it cannot set the time."""
     began, mount.utc_offset = mount.now(), operation.offset
     yield from send_order(mount, "set_utcdate", unix=operation.unix)
     for _look in range(MAX_CHECKS):

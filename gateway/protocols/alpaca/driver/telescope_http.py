@@ -1,6 +1,6 @@
 """Converts the driver's request lines to HTTP requests of Alpaca, and JSON answers to reply lines.
 
-Parameters have ASCOM's spelling and truth values that of .NET, because servers may refuse anything else. A line that
+Parameters have ASCOM's spelling, and truth values .NET's, because servers may refuse anything else. A line that
 reports an error has its number and the server's text. If HTTP itself refuses a member, the server does not have it.
 """
 

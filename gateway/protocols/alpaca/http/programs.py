@@ -49,7 +49,7 @@ class AlpacaClient:
         self._partial_line = b""
         self.asked_at = self._loop.time()
         self.is_closed = False
-        #: Whether it has ever sent a PUT. Those of web pages are refused, so it is then a program.
+        #: Whether it has ever sent a PUT. It is then no web page, because PUTs of web pages are refused.
         self.has_put = False
         self._handler = accept(NewConnection(name, host, self._receive, lambda last: self.close()))
 
@@ -115,7 +115,7 @@ class Programs:
         return AlpacaClient(self._accept, f"{_client_name(host, client_id)}-arrival", host)
 
     def _forget_idle(self) -> None:
-        """Forget closed and silent programs. If too many are left, forget an idle one, first those without a PUT."""
+        """Forget closed and silent programs. If too many are left, forget an idle one, first one without a PUT."""
         now = asyncio.get_running_loop().time()
         for key, program in list(self._clients.items()):
             if program.is_closed or (program.idle and now - program.asked_at > FORGET_AFTER):

@@ -210,7 +210,7 @@ class AlpacaTelescope(Simulated):
             raise AlpacaError(INVALID_OPERATION, f"The target is below the limit of {self.lowest:g} degrees")
 
     def slew_to_axes(self, axes: Pair, target: str = "") -> None:
-        """Slew to axis positions. ``target`` is ``park`` or ``home`` if they are that position; tracking then ends."""
+        """Slew to axis positions. If these are ``park`` or ``home``, ``target`` says so, and tracking ends."""
         self.end_moves()
         if target:
             self.track(False)

@@ -33,7 +33,7 @@ def equatorial_system(session: AlpacaSession) -> int:
 
 
 def side_of_pier() -> Handling:
-    """Return the side of the pier. East is ASCOM's normal pointing state: the tube is east of the pier, points west."""
+    """Return the pier side. East is ASCOM's normal pointing state: the tube is east of the pier and points west."""
     try:
         side = yield op.TubeSide()
     except Unsupported:

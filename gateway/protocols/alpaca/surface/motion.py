@@ -112,7 +112,7 @@ def _require_ability(operation: type[op.Operation], reason: str) -> Handling:
 
 def move_axis(values: Values) -> Handling:
     """Move an axis at a signed rate of ``AxisRates``, or at the next slower of these; rate 0 ends the motion. Raises
-    Unsupported, and Invalid for a rate outside ``AxisRates``.
+    Unsupported for a third axis, and Invalid for a rate outside ``AxisRates``.
     """
     number, rate = axis_number(values), decoded(values)["rate"]
     if number == 2:
