@@ -285,13 +285,13 @@ MUTATIONS = [
     ),
     Mutation(
         "who cancels a request ends another's motion",
-        r"if not self\._in_motion\(active\):\n            return Answer\(DONE, \"nothing",
+        r"if not self\._has_motion\(active\):\n            return Answer\(DONE, \"nothing",
         'if False:\n            return Answer(DONE, "nothing',
         "tests/unit/app/control/test_requests.py",
     ),
     Mutation(
         "the release of an arrow ends a newer arrow of another",
-        r"if active\.pressed is not None and self\._has_key\(active\):\n            by",
+        r"if active\.pressed is not None and self\._owns_arrow\(active\):\n            by",
         "if active.pressed is not None:\n            by",
         "tests/unit/console tests/unit/app/control",
     ),
@@ -401,7 +401,7 @@ MUTATIONS = [
     ),
     Mutation(
         "readings wait for settings without end",
-        r"self\._since_last_setting = 0 if first\.priority == SETTING else self\._since_last_setting \+ 1",
+        r"self\._setting_skips = 0 if request\.priority == SETTING else self\._setting_skips \+ 1",
         "pass",
         "tests/unit/mount/link/test_queue.py",
     ),

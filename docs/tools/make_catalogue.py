@@ -19,8 +19,8 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from gateway.astro.catalog.deepsky import _KIND_LETTERS, _REPLACEMENTS
-from gateway.astro.catalog.names import HIPPARCOS
+from gateway.astro.catalog.deepsky import _KIND_LETTERS, _REPLACED_MESSIER
+from gateway.astro.catalog.names import HIP_IDS
 from gateway.astro.catalog.objects import data_file
 from gateway.astro.catalog.stars import HipparcosRow, parse_hipparcos_row, with_proper_motion
 
@@ -119,7 +119,7 @@ def _deep_sky(row: tuple[Any, ...], also: dict[str, list[str]]) -> list[Any]:
     own, kind, ra, dec, visual, blue, length, width, messier, common = row
     messier = f"M{int(messier)}" if messier else ""
     numbers = [messier, _short(own), *(_short(other) for other in also[own] if not (messier and other == messier))]
-    numbers = [f"M{number}" for number, at in _REPLACEMENTS.items() if f"{at[0]}{at[1]}" == _short(own)] + numbers
+    numbers = [f"M{number}" for number, at in _REPLACED_MESSIER.items() if f"{at[0]}{at[1]}" == _short(own)] + numbers
     numbers = list(dict.fromkeys(filter(None, numbers)))
     called = [re.sub("^the ", "", name.strip()) for name in common.split(",") if name]
     called = [name for name in called if not any((number, name) in WRONG for number in numbers)]
@@ -177,7 +177,7 @@ def stars() -> list[list[Any]]:
         if star in STARS
     }
     rows = []
-    for star in sorted({*lettered, *HIPPARCOS.values()}):
+    for star in sorted({*lettered, *HIP_IDS.values()}):
         known = STARS[star]
         place = [round(known.ra, 6), round(known.dec, 6), round(known.pm_east, 1), round(known.pm_north, 1)]
         place.append(round(known.magnitude, 2) + 0.0)
@@ -187,7 +187,7 @@ def stars() -> list[list[Any]]:
 
 def doubles() -> list[list[Any]]:
     by_letter: dict[str, int] = {}
-    called = {star: name for name, star in HIPPARCOS.items()}
+    called = {star: name for name, star in HIP_IDS.items()}
     letters = {row[0]: row[1] for row in stars()}
     for star, names in sorted(letters.items(), key=lambda one: STARS[one[0]].magnitude):
         for name in names.split("|"):

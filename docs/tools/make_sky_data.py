@@ -14,7 +14,7 @@ from collections.abc import Container, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from gateway.astro.catalog.names import HIPPARCOS
+from gateway.astro.catalog.names import HIP_IDS
 from gateway.astro.catalog.objects import data_file
 from gateway.astro.catalog.stars import HipparcosRow, parse_hipparcos_row, with_proper_motion
 
@@ -67,7 +67,7 @@ def text() -> str:
     """Return the file: one row per line, the brightest star first, so that a chart can stop at its magnitude limit."""
     constellations = figures()
     wanted = {number for figure in constellations for chain in figure.lines for number in chain}
-    names = {number: name for name, number in HIPPARCOS.items()}
+    names = {number: name for name, number in HIP_IDS.items()}
     chosen = sorted(stars(besides=wanted), key=lambda star: (star.magnitude, star.number))
     index = {star.number: at for at, star in enumerate(chosen)}
     rows = [

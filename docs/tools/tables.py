@@ -19,7 +19,7 @@ sys.path.insert(0, str(ROOT))
 
 from docs.tools.checked import checked_table  # noqa: E402
 from docs.tools.mistakes import calls, mistakes, traits  # noqa: E402
-from gateway.app.config.describing import header, keys_of  # noqa: E402
+from gateway.app.config.describing import header_of, keys_of  # noqa: E402
 from gateway.app.config.showing import to_toml  # noqa: E402
 from gateway.core.errors import MappingError  # noqa: E402
 from gateway.core.wire_log import printable  # noqa: E402
@@ -273,7 +273,7 @@ def keys_table() -> str:
     """Return every key as a Markdown table."""
     lines = ["| table | key | what it says | it is | default |", "|---|---|---|---|---|"]
     for name in ("", "mount", "surface", "console", "mqtt"):
-        head = f"`{header(name)}`" if name else ""
+        head = f"`{header_of(name)}`" if name else ""
         for key in keys_of(name):
             default = "needed" if key.required else "" if key.default is None else f"`{to_toml(key.default)}`"
             lines.append(f"| {head} | `{key.name}` | {key.description} | {key.allowed} | {default} |")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import msgspec
 
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
-from gateway.app.config.programs import as_fields, first_bytes, hold, programs, stops_arrows, unmet_needs, with_needs
+from gateway.app.config.programs import as_fields, delay, first_bytes, programs, stops_arrows, unmet_needs, with_needs
 from gateway.app.config.tables import ConsoleConfig
 from gateway.app.watchdog.client import Watchdog, WatchedMount
 from gateway.astro.ephemeris.sky import Sky
@@ -93,7 +93,7 @@ def make_surface(
     return SurfaceBinding(
         spec.title,
         made.surface,
-        spec.framing,
+        spec.new_framer,
         spec.opening_pattern,
         made.model,
         msgspec.structs.replace(made.settings, guides_by_sky=directions == "sky"),
@@ -184,7 +184,7 @@ class AcceptorFactory:
             equinox=self._converter if (surface.equinox or binding.default_equinox) == "j2000" else None,
             model_equinox=None if surface.equinox else self._converter,
             profiles=tuple(profiles_of(endpoint.protocol, surface, self._converter)),
-            hold_time=hold(surface, endpoint.protocol, surface.client),
+            hold_time=delay(surface, endpoint.protocol, surface.client),
         )
         self.bindings.append((endpoint.protocol, binding))
         return binding
@@ -197,8 +197,8 @@ def framer_and_parser(protocol: str, model: str | None = None) -> tuple[MakeFram
     """
     spec = PROTOCOLS[protocol]
     if spec.reply_rules is None:
-        return spec.framing, TableReplyParser(spec.commands)
-    return spec.framing, spec.reply_rules(model) if model in spec.commands.dialect_by_model else spec.reply_rules()
+        return spec.new_framer, TableReplyParser(spec.commands)
+    return spec.new_framer, spec.reply_rules(model) if model in spec.commands.dialect_by_model else spec.reply_rules()
 
 
 def policy_of(config: MountConfig) -> Policy:
@@ -206,9 +206,9 @@ def policy_of(config: MountConfig) -> Policy:
     return Policy(**_fields_from_config(config, Policy) | {"own_park": config.park is not None})
 
 
-def _fields_from_config(config: MountConfig, settings: type[msgspec.Struct]) -> dict[str, Any]:
-    """Return the configured values for those fields of ``settings`` that have the name of a key."""
-    return {name: getattr(config, name) for name in settings.__struct_fields__ if hasattr(config, name)}
+def _fields_from_config(config: MountConfig, struct: type[msgspec.Struct]) -> dict[str, Any]:
+    """Return the configured values for those fields of ``struct`` that have the name of a key."""
+    return {name: getattr(config, name) for name in struct.__struct_fields__ if hasattr(config, name)}
 
 
 def access_rules(surface: SurfaceConfig, config: MountConfig) -> AccessRules:
@@ -254,7 +254,7 @@ def profiles_of(protocol: str, surface: SurfaceConfig, converter: EquinoxConvert
         needs = as_fields(unmet_needs(surface, program))
         equinox = converter if needs.pop("equinox", None) == "j2000" else None
         row = programs(protocol)[program]
-        yield ClientProfile(first, row.name, needs, equinox, hold(surface, protocol, program), row.stops_arrows)
+        yield ClientProfile(first, row.name, needs, equinox, delay(surface, protocol, program), row.stops_arrows)
 
 
 def add_watch(

@@ -143,7 +143,7 @@ class Gateway:
         if self.store is not None:
             self.store.attach(self.controller)
         if self.watchdog_mount is not None:
-            self.controller.changed.connect(self.watchdog_mount.renew)
+            self.controller.save_due.connect(self.watchdog_mount.renew)
         factory = AcceptorFactory(
             self.controller, self.mount, config, shared, self.clock, self.sky, self.warn, self.web
         )
@@ -254,7 +254,7 @@ class Gateway:
         return why and (self.mount_taken_message or f"{self.title}: {why}")
 
     @property
-    def busy(self) -> bool:
+    def moving(self) -> bool:
         """Whether the mount moves or is about to move by an order of this gateway."""
         return self.is_prepared and self.controller.reconciler.busy
 

@@ -99,7 +99,7 @@ class MountState(Struct, frozen=True, dict=True):
         if not self.sites:
             return ""
         doubts = "".join(f"; {doubt.short_text}: {doubt.remedy}" for doubt in self.site_contradictions)
-        return f"{site_text(self.sites[0].place)}, from {self.sites[0].who.rstrip(',')}{doubts}"
+        return f"{site_text(self.sites[0].place)}, from {self.sites[0].origin.rstrip(',')}{doubts}"
 
     @property
     def time(self) -> str:
@@ -135,7 +135,7 @@ class MountState(Struct, frozen=True, dict=True):
             yield (f"a goto to {self.goal_text}" if self.goal else home) + origin(motion.client, motion.began_at)
         elif self.look.slewing:
             yield "it slews, but not for this gateway: perhaps by its hand control"
-        yield from filter(None, (wanted.failure, self.sun_warning, self.sync_warning))
+        yield from filter(None, (wanted.goto_failure, self.sun_warning, self.sync_warning))
         for axis, moving in motion if isinstance(motion, HandMove) else ():
             tube = self.look.status is not None and not self.look.status.equatorial
             yield _arrow_text(moving.operation, axis, tube) + origin(moving.client, moving.began_at)
@@ -196,7 +196,7 @@ def mount_state(
         wanted=wanted.value,
         goal=_goal_of(controller),
         sun_warning=controller.sun_approach_watch.warning,
-        sync_warning=controller.synced.resync_reason,
+        sync_warning=controller.syncs.resync_reason,
         policy=controller.policy,
         sites=sites,
         times=times,

@@ -189,11 +189,11 @@ class Pages:
 
 
 def make_app(
-    hosts: Sequence[str] = (), logs: Sequence[WireLog] = (), ports: Mapping[int, AccessRules] = MappingProxyType({})
+    hosts: Sequence[str] = (), logs: Sequence[WireLog] = (), rules: Mapping[int, AccessRules] = MappingProxyType({})
 ) -> web.Application:
     """Return an application that refuses requests with a foreign Host header; ``logs`` record those refusals.
 
-    ``hosts`` are further host names by which clients may call it; ``ports`` are the access rules by port.
+    ``hosts`` are further host names by which clients may call it; ``rules`` are the access rules by port.
     """
 
     @web.middleware
@@ -211,7 +211,7 @@ def make_app(
         return response
 
     app = web.Application(middlewares=[admit], client_max_size=MAX_BODY)
-    app[_PORT_RULES] = ports
+    app[_PORT_RULES] = rules
     app[READ_ONLY_KEY] = lambda request: rules_of(request).is_read_only(request.remote or "")
     return app
 

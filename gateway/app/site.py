@@ -67,12 +67,12 @@ def _load_web_server(gateways: Sequence[Gateway], load_page: LoadPage | None) ->
                 spec.web().load_modules()
         for acceptor in [offered for gateway in gateways for offered in gateway.acceptors]:
             getattr(acceptor, "binding", None)  # makes what is presented to programs that speak HTTP
-        return _add_no_page if load_page is None else load_page()
+        return _add_not_found if load_page is None else load_page()
     finally:
         sys.setswitchinterval(usual)
 
 
-def _add_no_page(app: web.Application) -> None:
+def _add_not_found(app: web.Application) -> None:
     from aiohttp import web
 
     async def answer_not_found(request: web.Request) -> web.StreamResponse:

@@ -47,19 +47,19 @@ class Geometry(NamedTuple):
     latitude: float
 
     @property
-    def ns_sign(self) -> int:
+    def pole_sign(self) -> int:
         """+1 if the north pole is above the horizon, -1 if the south pole is."""
         return 1 if self.latitude >= 0 else -1
 
     @property
     def _meridian_reading(self) -> float:
-        return 180.0 if self.build is Build.WEDGE and self.ns_sign > 0 else 0.0
+        return 180.0 if self.build is Build.WEDGE and self.pole_sign > 0 else 0.0
 
     def ha_dec_of_axes(self, axis1: float, axis2: float) -> Pair:
         """Return the hour angle and declination (within the poles) that these axes point at."""
         if self.build is Build.ALTAZ:
             return horizon_to_hour_angle(axis1, axis2, self.latitude)
-        hour_angle, dec = fold_declination(self.ns_sign * (axis1 - self._meridian_reading), self.ns_sign * axis2)
+        hour_angle, dec = fold_declination(self.pole_sign * (axis1 - self._meridian_reading), self.pole_sign * axis2)
         return wrap180(hour_angle), dec
 
     def unfolded_ha_dec(self, axis1: float, axis2: float, flipped: bool) -> Pair:
@@ -68,30 +68,30 @@ class Geometry(NamedTuple):
             return self.ha_dec_of_axes(axis1, axis2)
         if flipped:
             axis1, axis2 = axis1 + 180.0, 180.0 - axis2
-        return wrap180(self.ns_sign * (axis1 - self._meridian_reading)), wrap180(self.ns_sign * axis2)
+        return wrap180(self.pole_sign * (axis1 - self._meridian_reading)), wrap180(self.pole_sign * axis2)
 
     def to_axes(self, hour_angle: float, dec: float, flipped: bool) -> Pair:
         """Return the axis positions for a direction, on either side of the pier (``flipped``)."""
         if self.build is Build.ALTAZ:
             first, second = hour_angle_to_horizon(hour_angle, dec, self.latitude)
         else:
-            first, second = self.ns_sign * hour_angle + self._meridian_reading, self.ns_sign * dec
+            first, second = self.pole_sign * hour_angle + self._meridian_reading, self.pole_sign * dec
         return (first + 180.0, 180.0 - second) if flipped else (first, second)
 
-    def axis_readings(self, position: Pair, current: Pair, goal: Pair) -> Pair:
+    def axis_readings(self, ha_dec: Pair, readings: Pair, goal: Pair) -> Pair:
         """Return what the axes will read at ``goal``, on the side of the pier where the counterweight is low.
 
-        ``goal`` and ``position`` are hour angle and declination. The mount's readings have an unknown offset: it is
-        calculated from the ``current`` readings at the present ``position``."""
-        ways = [self.to_axes(*position, flipped) for flipped in (False, True)]
-        offsets = [(wrap180(current[0] - first), wrap180(current[1] - second)) for first, second in ways]
+        ``goal`` and ``ha_dec`` are hour angle and declination. The mount's readings have an unknown offset: it is
+        calculated from the ``readings`` readings at the present ``ha_dec``."""
+        ways = [self.to_axes(*ha_dec, flipped) for flipped in (False, True)]
+        offsets = [(wrap180(readings[0] - first), wrap180(readings[1] - second)) for first, second in ways]
         offset = min(offsets, key=lambda pair: abs(pair[0]) + abs(pair[1]))
         first, second = self.to_axes(*goal, self.is_flipped(goal[0]))
         return first + offset[0], second + offset[1]
 
     def is_flipped(self, hour_angle: float) -> bool:
         """Whether a German mount is ``flipped`` at this hour angle, so that its counterweight stays low."""
-        return self.build is Build.GERMAN and wrap180(self.ns_sign * hour_angle) < 0.0
+        return self.build is Build.GERMAN and wrap180(self.pole_sign * hour_angle) < 0.0
 
     def axis_travel(self, axis: int, start: float, end: float) -> float:
         """Return the degrees by which an axis turns from ``start`` to ``end``: by the shorter way, except that the

@@ -77,13 +77,13 @@ def transpose(matrix: Matrix) -> Matrix:
     return (a[0], b[0], c[0]), (a[1], b[1], c[1]), (a[2], b[2], c[2])
 
 
-def about_x(angle: float) -> Matrix:
+def rotation_x(angle: float) -> Matrix:
     """Return the rotation by an angle about x, from y towards z."""
     c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
     return (1.0, 0.0, 0.0), (0.0, c, -s), (0.0, s, c)
 
 
-def about_z(angle: float) -> Matrix:
+def rotation_z(angle: float) -> Matrix:
     """Return the rotation by an angle about z, from x towards y."""
     c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
     return (c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)
@@ -130,14 +130,14 @@ def horizon_to_hour_angle(az: float, alt: float, lat: float) -> tuple[float, flo
     return wrap180(hour_angle), dec
 
 
-def hour_angle_rates(az: float, alt: float, lat: float) -> tuple[float, float]:
+def az_alt_rates_by_ha(az: float, alt: float, lat: float) -> tuple[float, float]:
     """Return by how many degrees (azimuth, altitude) change per degree of hour angle; limited near the zenith."""
     a, h, phi = math.radians(az), math.radians(alt), math.radians(lat)
     up = max(math.cos(h), _MIN_ZENITH_COSINE)
     return math.sin(phi) - math.cos(phi) * math.cos(a) * math.sin(h) / up, math.cos(phi) * math.sin(a)
 
 
-def declination_rates(az: float, alt: float, lat: float) -> tuple[float, float]:
+def az_alt_rates_by_dec(az: float, alt: float, lat: float) -> tuple[float, float]:
     """Return by how many degrees (azimuth, altitude) change per degree of declination (by the parallactic angle).
 
     Limited near the zenith and the poles.

@@ -49,7 +49,7 @@ def completion_script(shell: str) -> str:
         raise UserError("completion: the package shtab is missing; pip install shtab") from None
     from gateway.app.config.describing import keys_of
     from gateway.app.control.objects import BODIES
-    from gateway.astro.catalog.names import HIPPARCOS
+    from gateway.astro.catalog.names import HIP_IDS
     from gateway.diagnostics.command_outcomes import model_versions
     from gateway.protocols.registry import PROTOCOLS, usual_ports
     from gateway.protocols.wireformat.command_set import load
@@ -65,7 +65,7 @@ def completion_script(shell: str) -> str:
         elif "--surface" in action.option_strings:
             action.choices = [f"{name}@tcp://127.0.0.1:{port}" for name, port in usual_ports().items()]
         elif action.dest == "place":
-            action.choices = [name for name in (*BODIES, *HIPPARCOS) if name.isalpha()]
+            action.choices = [name for name in (*BODIES, *HIP_IDS) if name.isalpha()]
         elif action.dest == "mount" and not action.option_strings:
             action.choices = [
                 f"{name}/{version}" if version else name

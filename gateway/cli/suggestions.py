@@ -124,8 +124,8 @@ def _flags_of(parser: argparse.ArgumentParser) -> set[str]:
 
 def _key_hint(flag: str) -> str:
     """Return the hint that a mistyped flag is a key of gateway.toml; empty if there is no such key."""
-    from gateway.app.config.describing import find_key, header
+    from gateway.app.config.describing import find_key, header_of
 
     table = next((table for table in ("mount", "surface", "console") if find_key(table, flag[2:])), "")
-    where = f"{flag[2:]} is written in gateway.toml, under {header(table)}; mount-gateway config --example shows how"
+    where = f"{flag[2:]} is written in gateway.toml, under {header_of(table)}; mount-gateway config --example shows how"
     return where if table else ""

@@ -29,7 +29,7 @@ class EquinoxConverter:
     def to_equinox_of_date(self, operation: op.Operation) -> op.Operation:
         """Return an operation with its coordinates converted to the equinox of date."""
         if isinstance(operation, op.Goto | op.Sync | op.ToJ2000 | op.Choose):
-            ra, dec = self._sky.to_of_date(operation.ra, operation.dec, self._unix_time())
+            ra, dec = self._sky.from_j2000(operation.ra, operation.dec, self._unix_time())
             return replace(operation, ra=ra, dec=dec)
         return operation
 

@@ -40,7 +40,7 @@ class MountKind(NamedTuple):
     on_wedge: bool = False  # a fork on a wedge
 
 
-def outcome(row: SurfaceRow | None, mount: CommandSet, kind: MountKind, face: frozenset[str] | None = None) -> str:
+def outcome(row: SurfaceRow | None, mount: CommandSet, kind: MountKind, presented: frozenset[str] | None = None) -> str:
     """Return the outcome of a command for a kind of mount and the traits of the presented model (None: any model).
 
     If the command's row says *translated*, return the outcome that the implementation of its first operation has.
@@ -48,7 +48,7 @@ def outcome(row: SurfaceRow | None, mount: CommandSet, kind: MountKind, face: fr
     if row is None:
         return MISSING_OUTCOME
     ways = choose(row, mount, kind)
-    word = next(word for traits, word in row.outcomes.items() if _all_hold(traits, mount, kind, not ways, face))
+    word = next(word for traits, word in row.outcomes.items() if _all_hold(traits, mount, kind, not ways, presented))
     if word != "translated":
         return word
     return ways[0].outcome if ways else MISSING_OUTCOME

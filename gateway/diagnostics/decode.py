@@ -21,7 +21,7 @@ from gateway.diagnostics.log.printing import describe_event
 #: How many bytes are read from a file at once; so many bytes of client data suffice to recognise the protocol.
 CHUNK_BYTES = 16_384
 _SPY = re.compile(rb"(\d+\.\d+) (TX|RX)\s+[0-9A-F]{4}  ([0-9A-F]{2}(?: {1,2}[0-9A-F]{2}){0,15})")
-_SOCAT = re.compile(rb"([<>]) (\d+/\d+/\d+) (\d+):(\d+):(\d+\.\d+)\s+length=\d+")
+_SOCAT_HEADER = re.compile(rb"([<>]) (\d+/\d+/\d+) (\d+):(\d+):(\d+\.\d+)\s+length=\d+")
 _SOCAT_BYTES = re.compile(rb"((?: [0-9a-f]{2})+)")
 
 
@@ -66,7 +66,11 @@ def _lines(path: Path) -> Iterator[bytes]:
 def _format_of(path: Path) -> str:
     """Return which tool wrote the capture, ``spy`` or ``socat``; empty if no line looks like either."""
     return next(
-        ("spy" if _SPY.search(line) else "socat" for line in _lines(path) if _SPY.search(line) or _SOCAT.match(line)),
+        (
+            "spy" if _SPY.search(line) else "socat"
+            for line in _lines(path)
+            if _SPY.search(line) or _SOCAT_HEADER.match(line)
+        ),
         "",
     )
 
@@ -83,7 +87,7 @@ def _read_socat_log(path: Path) -> Iterator[Event]:
     event: Event | None = None
     data = bytearray()
     for line in chain(_lines(path), (b"> 0/0/0 0:0:0.0 length=0",)):
-        head = _SOCAT.match(line)
+        head = _SOCAT_HEADER.match(line)
         if (head or len(data) > LONGEST_LINE) and event is not None:
             yield event._replace(data=bytes(data))
             data.clear()

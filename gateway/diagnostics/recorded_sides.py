@@ -30,7 +30,7 @@ class RecordedSides:
         self.protocols[side] = surface_protocols(self.protocols_of_surfaces[number - 1])[0]
         return number
 
-    def after_recognition(self, lines: Iterable[Event]) -> Iterator[Event]:
+    def protocol_lines_first(self, lines: Iterable[Event]) -> Iterator[Event]:
         """Yield all lines, but move a client's first bytes behind the line that names the protocol recognised by them:
         so the protocol is known when they are decoded."""
         held: dict[str, list[Event]] = {}
@@ -62,9 +62,9 @@ class RecordedSides:
         """Return a connection's protocol. If the recording lacks its beginning, return the mount's protocol."""
         return self.protocols.get(side, self.protocols[MOUNT_SIDE])
 
-    def decoder(self, name: str) -> ConnectionDecoder:
+    def decoder(self, side: str) -> ConnectionDecoder:
         """Return a decoder for a connection."""
-        return ConnectionDecoder(self.protocol(name))
+        return ConnectionDecoder(self.protocol(side))
 
 
 def protocol_of(settings: dict[str, Any]) -> str:

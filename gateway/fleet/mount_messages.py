@@ -59,7 +59,7 @@ def published_state(gateway: Gateway) -> dict[str, Any]:
         "azimuth_degrees": None if horizontal is None else round(horizontal.az, 2),
         "tracking": None if status is None else status.tracking is not op.Tracking.OFF,
         "moving": look.moves,
-        "goto_ended_short": now.wanted.failure or None,
+        "goto_ended_short": now.wanted.goto_failure or None,
         "aligned": None if status is None else status.aligned,
         "asleep": look.asleep,
         "held": look.held,

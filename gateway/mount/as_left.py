@@ -22,7 +22,7 @@ from gateway.mount.link.queue import READ
 from gateway.mount.safety.sync_sum import NO_SYNC
 
 #: A mount counts as unchanged within these limits: seconds since the record, seconds of clock, degrees of position.
-MAX_ABSENCE, CLOCK, PLACE = 3600.0, 30.0, 0.5
+MAX_ABSENCE, MAX_SKEW, PLACE = 3600.0, 30.0, 0.5
 #: Seconds between two records of the mount's position that are written to disk.
 RECORD_PERIOD = 60.0
 
@@ -47,19 +47,19 @@ class SameMountCheck:
         self.snapshot: MountSnapshot | None = None
         self._last_record_at, self._checked = 0.0, False
         context.link.came_up.connect(self._require_check)
-        self.lasting: Signal[None] = Signal()
+        self.save_due: Signal[None] = Signal()
 
     def _require_check(self, _: None) -> None:
         self._checked = False
 
     @property
-    def _has_state(self) -> bool:
-        driver, synced = self._context.driver, self._context.synced.value
-        return bool(driver.emulated) or ((synced != NO_SYNC or any(driver.sync_offset)) and driver.emulates_sync)
+    def _stores_values(self) -> bool:
+        driver, synced = self._context.driver, self._context.syncs.value
+        return bool(driver.stale_note) or ((synced != NO_SYNC or any(driver.sync_offset)) and driver.emulates_sync)
 
     def record_position(self, _: op.Equatorial) -> None:
         """Record the mount's state if the gateway stores values that become wrong when the mount is switched off."""
-        if not (self._checked and self._has_state):
+        if not (self._checked and self._stores_values):
             return
         context = self._context
         place, status = context.driver.last_position, context.cache.value(op.GetStatus)
@@ -70,21 +70,21 @@ class SameMountCheck:
         self.snapshot = MountSnapshot(host, place.ra, place.dec, tracked, clock.unix - host)
         if abs(host - self._last_record_at) > RECORD_PERIOD:
             self._last_record_at = host
-            self.lasting.emit(None)
+            self.save_due.emit(None)
 
     async def check(self) -> None:
         """Compare the mount with its last record; discard the stored values if anything differs or is unknown."""
-        keeps, context = not self._has_state or await self._is_unchanged(), self._context
+        keeps, context = not self._stores_values or await self._is_unchanged(), self._context
         self._checked = True
         if keeps:
             return
-        emulated, synced = context.driver.emulated, context.driver.emulates_sync and context.synced.value != NO_SYNC
+        emulated, synced = context.driver.stale_note, context.driver.emulates_sync and context.syncs.value != NO_SYNC
         with contextlib.suppress(Fault):
             await self._runner.drive(context.driver.forget_emulated(), READ)
         if context.driver.emulates_sync:
-            context.synced.reset("sync again: the mount may have been switched off, and earlier syncs no longer count")
+            context.syncs.reset("sync again: the mount may have been switched off, and earlier syncs no longer count")
         also = f"; {emulated}" if emulated else ""
-        context.note(f"{context.synced.resync_reason if synced else 'the mount may have been switched off'}{also}")
+        context.note(f"{context.syncs.resync_reason if synced else 'the mount may have been switched off'}{also}")
 
     async def _is_unchanged(self) -> bool:
         left, host = self.snapshot, self._context.site_clock.computer_time()
@@ -98,4 +98,6 @@ class SameMountCheck:
         except Fault:
             return False
         turned = 0.0 if left.tracked else SIDEREAL_RATE * (host - left.at)
-        return abs(clock - left.ahead) < CLOCK and separation(left.ra + turned, left.dec, place.ra, place.dec) < PLACE
+        return (
+            abs(clock - left.ahead) < MAX_SKEW and separation(left.ra + turned, left.dec, place.ra, place.dec) < PLACE
+        )

@@ -51,8 +51,8 @@ class Context:
         #: The best known site and time; the limits and horizon coordinates use them.
         self.sources = SiteTimeSources(site_clock)
         self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox or "jnow")
-        self.hold, self.synced = Hold(), SyncTotal()
-        self.frame = TubeFrame(self.cache, driver, self.synced, self.sources)
+        self.hold, self.syncs = Hold(), SyncTotal()
+        self.frame = TubeFrame(self.cache, driver, self.syncs, self.sources)
         self.suns = SunAvoidance(
             policy.limits.sun, self.astrometry, self.sources, self.now, self.frame, self.site_read, self.note_once
         )

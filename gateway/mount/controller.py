@@ -71,12 +71,12 @@ class MountController:
         reader = self.reader = Reader(context, runner)
         self.read, self.read_now = reader.read, reader.read_now
         self.touch, self.fresh_until, self.certain_fault = cache.note_polled, reader.fresh_until, context.certain_fault
-        context.run_on.sent = runner.may_move
+        context.run_on.may_move = runner.may_move
         sync = SettingsSender(context, runner, reader)
         self.settings = SiteClockOperations(context, runner, sync)
         # Limits and motion.
         self.owners_limits = context.policy.limits
-        self.hold, self.synced, self.end_watch = context.hold, context.synced, EndWatch(self.now, context.note, wanted)
+        self.hold, self.syncs, self.end_watch = context.hold, context.syncs, EndWatch(self.now, context.note, wanted)
         watch = self.watch = LimitWatch(context, reader, self.end_watch)
         sync.moved_by_others = lambda: watch.moved_by_others
         self.admission = MotionAdmission(context, reader, watch)
@@ -90,11 +90,11 @@ class MountController:
         consequences = Consequences(context, gate, reader, watch, self.end_watch)
         reconciler = self.reconciler = Reconciler(context, follow_ups, runner, self.admission, consequences, announcers)
         #: Emitted when the state that the gateway saves to disk may have changed.
-        self.changed = reconciler.saved_state_changed
+        self.save_due = reconciler.saved_state_changed
         #: Guide pulses wait for a mount that runs on.
         context.run_on.changed.connect(lambda until: reconciler.update(replace(reconciler.wanted, at_rest_by=until)))
         watch.must_stop.connect(reconciler.begin_stop)
-        self.end_watch.resend_needed.connect(reconciler.resend_end)
+        self.end_watch.resend_needed.connect(reconciler.stop_again)
         reader.goto_over.connect(lambda _: reconciler.update(after_goto_end(reconciler.wanted)))
         reader.goto_missed.connect(lambda reason: reconciler.update(after_goto_failure(reconciler.wanted, reason)))
         reader.goto_over.connect(lambda _: context.run_on.begin(after_goto=True, latest=reader.latest_position()))
@@ -117,7 +117,7 @@ class MountController:
     def _on_status(self, status: op.Status) -> None:
         """Reset the sum of syncs if the mount reports that it is not aligned."""
         if not status.aligned:
-            self.synced.reset()
+            self.syncs.reset()
 
     def _on_identified(self, _: None) -> None:
         """Set the equinox of the mount's coordinates: the owner's choice, else what its identity implies."""
@@ -245,7 +245,7 @@ class MountController:
             return POSITION_FUNCTIONS[type(operation)](self.context.astrometry_for(program), operation)
         if (setting := self.settings.handlers.get(type(operation))) is not None:
             answer = await setting(operation, program)
-            self.changed.emit(None)
+            self.save_due.emit(None)
             return answer
         if isinstance(operation, op.GetActivity):
             heard = self.cache.age(op.Position, self.now())
@@ -258,10 +258,10 @@ class MountController:
                 raise Unsupported("Only a German mount has two sides of the pier.")
             if (side := self.driver.tube_side(reported)) is not None:
                 return side
-            return reported if self.astrometry.place().latitude >= 0.0 else {"E": "W", "W": "E"}[reported]
+            return reported if self.astrometry.site().latitude >= 0.0 else {"E": "W", "W": "E"}[reported]
         answer = await self._runner.perform(operation, SETTING)
         if not isinstance(operation, op.Read):
-            self.changed.emit(None)
+            self.save_due.emit(None)
         return answer
 
     def begin(

@@ -56,12 +56,12 @@ class Identification:
         settings_sender: SettingsSender,
         reconciler: Reconciler,
         end_watch: EndWatch,
-        check: Callable[[], Awaitable[None]],
+        check_mount: Callable[[], Awaitable[None]],
     ) -> None:
         self._context, self._driver = context, context.driver
         self._link, self._cache, self._runner, self._gate = context.link, context.cache, runner, gate
-        self._reader, self._sync, self._reconciler, self._end_watch = reader, settings_sender, reconciler, end_watch
-        self._check_same_mount = check
+        self._reader, self._sender, self._reconciler, self._end_watch = reader, settings_sender, reconciler, end_watch
+        self._check_same_mount = check_mount
         self._identify_task: asyncio.Task[Any] | None = None
         self.identified: Signal[None] = Signal()
         #: Whether the mount moved when the port was lost; the loop time of the loss; that motion (None: unclear).
@@ -74,10 +74,10 @@ class Identification:
         self._link.port_lost.connect(self._on_lost)
 
     def _on_lost(self, _: None) -> None:
-        if self._motion_interrupted or not (self._reconciler.busy or self._end_watch.pending):
+        if self._motion_interrupted or not (self._reconciler.busy or self._end_watch.is_watching):
             return
         self._motion_interrupted, self._lost_at = True, self._context.now()
-        self._leftover_motion = None if self._end_watch.pending else self.leftover_motion()
+        self._leftover_motion = None if self._end_watch.is_watching else self.leftover_motion()
         self._status_when_lost = self._cache.value(op.GetStatus)
 
     def leftover_motion(self) -> Leftover | None:
@@ -107,16 +107,16 @@ class Identification:
         wanted = self._reconciler.wanted
         active = wanted.active_order
         begins = active is not None and isinstance(active.operation, MOVERS)
-        if (wanted.stop_owed or (self._end_watch.pending and not begins)) and self._context.identified.is_set():
+        if (wanted.stop_owed or (self._end_watch.is_watching and not begins)) and self._context.identified.is_set():
             commands += stop_commands(self._driver, self._link.reply_rules, without_restores=True)
 
     def _on_up(self, _: None) -> None:
         self._cache.clear()
-        self._driver.line_was_lost()
+        self._driver.on_lost_line()
         if self._driver.goto is not None and self._driver.goto.unconfirmed:  # poll it until the mount reports its end
             self._cache.put(op.Slewing, True, self._context.now())
         self._gate.allow_next_read()
-        self._sync.pause()
+        self._sender.pause()
         if self._identify_task is not None:
             self._identify_task.cancel()
         self._identify_task = self._context.tasks.spawn(self._identify())
@@ -155,7 +155,7 @@ class Identification:
         if self._has_wrong_hemisphere():
             await self.read_once(op.GetStatus())
         await self.read_once(op.GetClock())
-        self._sync.resume()
+        self._sender.resume()
         self._context.site_read.set()
         log_contradictions(self._context)
 
@@ -187,7 +187,7 @@ class Identification:
                 if slewing != motion.goto:  # a goto has ended, or has replaced an arrow
                     self._leave_alone()
                     return
-                rates = (0.0, 0.0) if slewing else await self._axis_speeds()
+                rates = (0.0, 0.0) if slewing else await self._measure_speed()
             axes = frozenset((1, 2)) if slewing else axes_still_moving(motion, rates)
             if not axes and not is_at_rest(rates):
                 self._leave_alone()
@@ -215,7 +215,7 @@ class Identification:
         while self._driver.tracking_suspended and self._reconciler.wanted.order_count == order_count and not resting:
             await asyncio.sleep(CLOSE_WATCH_TIME)
             with contextlib.suppress(Fault):
-                resting = is_at_rest(await self._axis_speeds()) and not await self._reports_goto()
+                resting = is_at_rest(await self._measure_speed()) and not await self._reports_goto()
         if resting and self._driver.tracking_suspended and self._reconciler.wanted.order_count == order_count:
             self._reconciler.begin_stop()
 
@@ -224,7 +224,7 @@ class Identification:
         self._driver.moved_by_others = True
         return bool(await self._runner.perform(op.Slewing(), READ))
 
-    async def _axis_speeds(self) -> Pair:
+    async def _measure_speed(self) -> Pair:
         """Return the speeds of both axes, degrees a second, measured from two positions. Raises Fault."""
         before = await self._read_axes()
         await asyncio.sleep(max(0.0, before.time + SAMPLE_GAP - self._context.now()))
@@ -253,6 +253,6 @@ class Identification:
             self._context.note(str(fault))
             return
         if isinstance(value, op.Place | op.Moment):
-            self._sync.take_reported_value(value)
+            self._sender.take_reported_value(value)
         else:
             self._cache.put(type(operation), value, self._context.now())

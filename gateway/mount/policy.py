@@ -84,7 +84,7 @@ class Limits(Struct, frozen=True):
         if altitude > self.highest + LIMIT_TOLERANCE:
             raise TooHigh("Object Above Higher Limit.")
 
-    def for_keys(self) -> Limits:
+    def for_keypad(self) -> Limits:
         """Return these limits for motion by the hand control's keys."""
         return replace(self, lowest=min(self.lowest, self.key_limits[0]), highest=max(self.highest, self.key_limits[1]))
 

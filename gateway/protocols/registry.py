@@ -55,9 +55,9 @@ def protocol_pairs() -> list[tuple[str, str]]:
     return sorted(found, key=lambda pair: PROTOCOLS[pair[1]].make_http_dialect is not None)
 
 
-def other_surface(mount: str) -> str:
+def other_surface(protocol: str) -> str:
     """Return the first protocol with a surface that is not the mount's: most clients of such a mount speak it."""
-    return next((name for name in surfaces() if name != mount), mount)
+    return next((name for name in surfaces() if name != protocol), protocol)
 
 
 def guess_protocol(sent: bytes) -> str | None:

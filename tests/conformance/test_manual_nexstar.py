@@ -58,6 +58,6 @@ def test_nexstar_number_is_coded_as_the_manual_writes(
 @each("command", NEXSTAR.commands.values())
 def test_nexstar_commands_with_the_same_first_byte_have_the_same_length(command: object) -> None:
     name = command.request.prefix[:1]  # type: ignore[attr-defined]
-    lengths = {c.request.width for c in NEXSTAR.commands.values() if c.request.prefix[:1] == name}
+    lengths = {c.request.length for c in NEXSTAR.commands.values() if c.request.prefix[:1] == name}
     assert len(lengths) == 1
     assert None not in lengths

@@ -197,7 +197,7 @@ def test_nexstar_surface_answers_every_row_in_its_form(model: str, version: str)
             reply = talk.send(frame)
             form = command.reply_form(talk.binding.model.get("dialect"))
             assert form is not None
-            width = form.width
+            width = form.length
             if (name, version) == ("t", "starsense-1.20"):
                 assert reply[1:] == b"\x01\x14#"  # it tells its version as well
                 continue

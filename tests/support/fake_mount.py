@@ -90,7 +90,7 @@ class Mount:
         if isinstance(operation, op.SiderealTime):
             return self.sky.sidereal_time(self.clock.unix, self.site.longitude)
         if isinstance(operation, op.Goto):
-            _, altitude = self.sky.horizon(
+            _, altitude = self.sky.az_alt(
                 operation.ra, operation.dec, self.site.latitude, self.site.longitude, self.clock.unix
             )
             self.limits.narrowed(operation.lowest, operation.highest).check_altitude(altitude)

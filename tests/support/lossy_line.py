@@ -20,7 +20,7 @@ BYTE, NO_DEVICE = 10.0 / 9600.0, 3.5
 class KeepsHalf(NexStarFramer):
     """The input of a hand control that waits for the other half of a command without end."""
 
-    def _drop_half(self) -> None:
+    def _drop_partial(self) -> None:
         pass
 
 

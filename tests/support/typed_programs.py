@@ -201,7 +201,7 @@ class Stellarium(Face):
     sync = stop = arrow = pulse = tracking = set_site = site = set_clock = clock = None  # type: ignore[assignment]
 
     def _of_date(self, ra: float, dec: float) -> tuple[float, float]:
-        return Sky().to_of_date(ra, dec, self.bridge.clock())
+        return Sky().from_j2000(ra, dec, self.bridge.clock())
 
     async def place(self) -> tuple[float, float]:
         self.client.received = b""

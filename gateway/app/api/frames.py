@@ -111,7 +111,7 @@ class Splitter:
     """
 
     def __init__(self, protocol: str, now: Callable[[], float] = time.monotonic) -> None:
-        self._framer, self._clock = PROTOCOLS[_checked_protocol(protocol)].framing(), now
+        self._framer, self._clock = PROTOCOLS[_checked_protocol(protocol)].new_framer(), now
 
     def feed(self, data: bytes) -> list[bytes]:
         """Take received bytes and return the commands that are now complete, in order, each ready for ``decode``."""

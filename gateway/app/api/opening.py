@@ -19,7 +19,7 @@ from gateway.app.api.mount import Mount
 from gateway.app.config import Source, make_config, parse_endpoint
 from gateway.app.control.exchange import ControlEndpoint
 from gateway.app.control.reach import ANSWER_TIMEOUT, request, running_gateways
-from gateway.app.watchdog.client import Watchdog, available
+from gateway.app.watchdog.client import Watchdog, is_available
 from gateway.astro.ephemeris.keeper import AlmanacKeeper
 from gateway.astro.ephemeris.sky import Sky
 from gateway.core import requests
@@ -74,11 +74,11 @@ async def open_gateway(
     if watch is not None:
         wire_log.sinks.append(watch)
     real = parse_endpoint(mount).where != "sim"
-    guard = Watchdog(warn or (lambda text: None)) if watchdog and real and available() else None
+    guard = Watchdog(warn or (lambda text: None)) if watchdog and real and is_available() else None
     opened = Gateway(config.mount[0], config.surface, wire_log, sky, warn=warn, watchdog=guard)
     opened.web = WebServer(lambda: load_web_application([opened]))
 
-    almanac = AlmanacKeeper(sky, opened.warn, is_quiet=lambda: not opened.busy)
+    almanac = AlmanacKeeper(sky, opened.warn, is_quiet=lambda: not opened.moving)
     almanac.open()
     keeping: asyncio.Task[None] | None = None
     try:

@@ -33,7 +33,7 @@ class Mistake(NamedTuple):
     message: str
 
 
-def mistakes(config: Config, must_serve: bool = True, has_file: bool = False) -> Iterator[Mistake]:
+def mistakes_in(config: Config, must_serve: bool = True, has_file: bool = False) -> Iterator[Mistake]:
     """Yield the mistakes of a configuration whose values all have the right types, the most important first.
 
     ``must_serve``: at least one surface is required. ``has_file``: the configuration is a file, not only flags.

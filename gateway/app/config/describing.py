@@ -47,7 +47,7 @@ def keys_of(table: str) -> tuple[Key, ...]:
     return tuple(_key(field, hints[field.name]) for field in msgspec.structs.fields(struct) if _meta(hints[field.name]))
 
 
-def header(table: str) -> str:
+def header_of(table: str) -> str:
     """Return the header of a table as the file writes it."""
     return {"surface": "[[surface]]", "": "the first lines of the file"}.get(table, f"[{table}]")
 

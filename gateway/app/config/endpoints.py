@@ -265,16 +265,16 @@ def _parse_map_coordinates(text: str, parts: Sequence[str]) -> tuple[float, floa
     return values[0] or 0.0, values[1] or 0.0
 
 
-def _to_angle(text: str, sides: str) -> float | None:
-    """Parse an angle as on maps; return degrees, None if invalid. ``sides``: the letters for + and -, like ``NS``."""
+def _to_angle(text: str, letters: str) -> float | None:
+    """Parse an angle as on maps; return degrees, None if invalid. ``letters``: the letters for + and -, like ``NS``."""
     match = _MAP_COORDINATE.fullmatch(text)
-    if match is None or match[5] not in ("", *sides) or (match[1] == "-" and match[5]):
+    if match is None or match[5] not in ("", *letters) or (match[1] == "-" and match[5]):
         return None
     degrees, minutes, seconds = (float(match[number] or 0.0) for number in (2, 3, 4))
     if max(minutes, seconds) >= 60.0:
         return None
     value = degrees + minutes / 60.0 + seconds / 3600.0
-    return -value if match[1] == "-" or match[5] == sides[1] else value
+    return -value if match[1] == "-" or match[5] == letters[1] else value
 
 
 def site_mistake(latitude: float, longitude: float) -> str:

@@ -93,7 +93,7 @@ def as_fields(needs: list[NeededSetting]) -> dict[str, object]:
     return {need.key.replace("-", "_"): need.value for need in needs}
 
 
-def hold(surface: SurfaceConfig, protocol: str, program: str) -> float:
+def delay(surface: SurfaceConfig, protocol: str, program: str) -> float:
     """Return the seconds for which the text of a refusal is delayed: infinite if the program never reads it."""
     if not surface.hold_text:
         return 0.0

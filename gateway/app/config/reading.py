@@ -13,8 +13,8 @@ from typing import Any
 import msgspec
 import tomli
 
-from gateway.app.config.checks import Mistake, mistakes
-from gateway.app.config.describing import Key, find_key, header, keys_of
+from gateway.app.config.checks import Mistake, mistakes_in
+from gateway.app.config.describing import Key, find_key, header_of, keys_of
 from gateway.app.config.endpoints import parse_site, site_mistake, suggest
 from gateway.app.config.source import Place, Source
 from gateway.app.config.tables import TABLES, Config
@@ -120,7 +120,7 @@ def make_config(tables: dict[str, object], source: Source, must_serve: bool = Tr
         config = msgspec.convert(tables, Config)
     except msgspec.ValidationError as error:
         raise _msgspec_error(tables, source, *_parse_msgspec_error(str(error))) from None
-    for mistake in mistakes(config, must_serve, source.is_file):
+    for mistake in mistakes_in(config, must_serve, source.is_file):
         raise _to_error(source, mistake)
     return config
 
@@ -142,7 +142,7 @@ def _msgspec_error(tables: dict[str, object], source: Source, path: Place, field
     if kind == "unknown":
         home = next((name for name in TABLES if name != table and find_key(name, field)), None)
         known = [key.name for key in keys_of(table)] + ([] if table else ["mount", "surface"])
-        hint = suggest(field, known) if home is None else f"it belongs under {header(home)}"
+        hint = suggest(field, known) if home is None else f"it belongs under {header_of(home)}"
         return _to_error(source, Mistake((*path, field), f"there is no such key; {hint}"))
     key = find_key(table, field)
     if (key is None or (table == "mount" and not source.text)) and source.is_file:
@@ -163,7 +163,7 @@ def _value_error(tables: dict[str, object], source: Source, table: str, key_path
     whole = _cut_after_key(key_path)
     key = find_key(table, str(whole[-1]))
     if key is None:
-        return _to_error(source, Mistake(key_path, f"write {header(table)} and KEY = VALUE under it"))
+        return _to_error(source, Mistake(key_path, f"write {header_of(table)} and KEY = VALUE under it"))
     value = _value_at(tables, whole)
     example = f", for example {key.name} = {_example_value(key, value)}" if key.allowed.startswith("[") else ""
     if "a word of" in key.allowed and isinstance(value, str) and (plain := re.sub(r"[^\w.-]+", "_", value, flags=re.A)):
@@ -209,7 +209,7 @@ def _to_error(source: Source, mistake: Mistake) -> UserError:
         return UserError(
             f"{where} {mistake.message}" if mistake.message[:1] in "'0123456789-" else f"{where}: {mistake.message}"
         )
-    head = f"{header(str(table))} " if table in TABLES else ""
+    head = f"{header_of(str(table))} " if table in TABLES else ""
     name = key if isinstance(key, str) and (len(mistake.key_path) > 1 or key not in TABLES) else ""
     return UserError(f"{where}: {f'{head}{name}'.strip()}: {mistake.message}")
 

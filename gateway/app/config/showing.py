@@ -16,7 +16,7 @@ from gateway.app.config.tables import Config
 def effective_toml(config: Config, source: Source) -> str:
     """Return the configuration that ``run`` would use, as ``gateway.toml``, with the origin of changed values."""
     lines = ["# The configuration in effect. Values that are not defaults say where they come from.", ""]
-    lines += [_line_for(key, getattr(config, key.name), source.origin((key.name,))) for key in keys_of("")]
+    lines += [_line_for(key, getattr(config, key.name), source.origin_of((key.name,))) for key in keys_of("")]
     lines += ["", "[console]", *_table_lines("console", config.console, source, ("console",))]
     if config.mqtt is not None:
         lines += ["", "[mqtt]", *_table_lines("mqtt", config.mqtt, source, ("mqtt",))]
@@ -36,9 +36,9 @@ def _table_lines(table: str, struct: Any, source: Source, key_path: Place) -> It
         struct = with_needs(struct)
     for key in keys_of(table):
         value = getattr(struct, key.name.replace("-", "_"))
-        origin = source.origin((*key_path, key.name))
+        origin = source.origin_of((*key_path, key.name))
         if key.name == "at" and origin is None:
-            origin = source.origin(key_path)
+            origin = source.origin_of(key_path)
         if origin is None and key.name in by_program:
             origin = f"client {struct.client}: {by_program[key.name]}"
         yield _line_for(key, value, origin)

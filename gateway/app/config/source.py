@@ -35,7 +35,7 @@ class Source(msgspec.Struct):
                 return f"{self.name}:{line}"
         return self.name
 
-    def origin(self, key_path: Place) -> str | None:
+    def origin_of(self, key_path: Place) -> str | None:
         """Return the flag or the line that sets exactly this key; None if it was not set."""
         if key_path in self.flags:
             return self.flags[key_path]

@@ -119,9 +119,9 @@ def _find_by_number(catalogue: str, number: int) -> tuple[str, CatalogObject]:
             entry, also=", ".join(other for other in (entry.name, *entry.also.split(", ")) if other != name)
         )
     if called == "HIP" and number in supplied.stars():
-        entry = names.entry_of_star(number, _year())
+        entry = names.entry_of_star(number, _year_now())
     elif called == "HIP":
-        entry = _from_library(name, lambda: stars.hipparcos_star(number, _year()))
+        entry = _from_library(name, lambda: stars.hipparcos_star(number, _year_now()))
     else:
         entry = _from_library(name, lambda: deepsky.look_up(called, number))
     if entry is None:
@@ -130,7 +130,7 @@ def _find_by_number(catalogue: str, number: int) -> tuple[str, CatalogObject]:
 
 
 def _find_by_name(text: str) -> tuple[str, CatalogObject]:
-    entry = _from_library(text, lambda: names.look_up(text, _year()))
+    entry = _from_library(text, lambda: names.look_up(text, _year_now()))
     if entry is None:
         close = names.suggestions(text, BODIES)
         raise UserError(
@@ -153,5 +153,5 @@ def _from_library(name: str, look_up: Callable[[], CatalogObject | None]) -> Cat
         raise UserError(f"{name}: {fault}") from None
 
 
-def _year() -> float:
+def _year_now() -> float:
     return 1970.0 + time.time() / _YEAR_SECONDS

@@ -155,7 +155,7 @@ def explain_no_answer(pid: int) -> str:
     return f"the gateway (process {pid}) does not answer: {resume}{ended}"
 
 
-async def ask(endpoint: ControlEndpoint, request: Request, seconds: float) -> Answer | None:
+async def ask(endpoint: ControlEndpoint, request: Request, timeout: float) -> Answer | None:
     """Send a request and return the answer; None if no gateway has this endpoint any more."""
     number, parts, heard = new_request_number(), exchange.AnswerParts(), False
     asked, loop = exchange.sign(endpoint.secret, number, f"ask {encode(request)}"), asyncio.get_running_loop()
@@ -166,7 +166,7 @@ async def ask(endpoint: ControlEndpoint, request: Request, seconds: float) -> An
         except (OSError, OverflowError) as error:
             return _no_answer(f"the gateway (process {endpoint.pid}) cannot be reached: {error}")
         try:
-            async with asyncio.timeout(seconds):
+            async with asyncio.timeout(timeout):
                 silence = loop.time() + RECEIPT_TIMEOUT
                 while heard or loop.time() <= silence:
                     await loop.sock_sendall(port, asked)
@@ -202,9 +202,9 @@ async def request(endpoint: ControlEndpoint, request: Request, seconds: float = 
     return await ask(endpoint, request, seconds) or _no_answer("the gateway has ended")
 
 
-async def ask_state(endpoint: ControlEndpoint, fresh: bool = True, seconds: float = ANSWER_TIMEOUT) -> State | Answer:
+async def ask_state(endpoint: ControlEndpoint, fresh: bool = True, timeout: float = ANSWER_TIMEOUT) -> State | Answer:
     """Return the state of a gateway's mount, or the answer that explains why the gateway does not report it."""
-    answer = await request(endpoint, StateRequest(fresh), seconds)
+    answer = await request(endpoint, StateRequest(fresh), timeout)
     try:
         return msgspec.json.decode(answer.text, type=State)
     except msgspec.MsgspecError:

@@ -150,7 +150,7 @@ class RequestHandler:
                 return await self._cancel(request.number)
         assert isinstance(request, requests.ChangeRequest)
         what, wire_log = title_of(request), self._controller.wire_log
-        active = self._remember(request.number, request.who or f"mount-gateway {what.lower()}")
+        active = self._add_active(request.number, request.who or f"mount-gateway {what.lower()}")
         kept_alive = isinstance(request, requests.PressKeyRequest) and active.pressed is not None
         asks = issubclass(_operation_of(request) or op.Operation, op.Read)
         try:
@@ -170,12 +170,12 @@ class RequestHandler:
             wire_log.put(active.activity.host, "*", note=f"{what}{answer}")
         return Answer(DONE, message)
 
-    def _remember(self, number: str, client: str) -> ActiveRequest:
+    def _add_active(self, number: str, client: str) -> ActiveRequest:
         active, presence = self._active.get(number), self._controller.presence
         if active is None:
             active = self._active[number] = ActiveRequest(presence.add_connection(client), self._controller.stops)
             if len(self._active) > MAX_REMEMBERED_REQUESTS:
-                oldest = next((begun for begun, known in self._active.items() if not self._has_key(known)), number)
+                oldest = next((begun for begun, known in self._active.items() if not self._owns_arrow(known)), number)
                 presence.mark_closed(self._active.pop(oldest).activity)
         return active
 
@@ -201,14 +201,14 @@ class RequestHandler:
             case requests.PressKeyRequest():
                 return await self._press(request, active)
             case requests.ReleaseKeyRequest():
-                return await self._let_go(request, active)
+                return await self._release(request, active)
             case requests.TrackRequest():
                 return await self._track(request, active)
             case requests.SetClockRequest():
                 await self._controller.perform(op.SetClock(request.unix, request.offset), None, active.activity)
                 return "the time is set"
             case requests.SetSiteRequest():
-                holds = self._controller.settings.site_scope()
+                holds = self._controller.settings.site_users()
                 self._controller.site_clock.confirmed_site = op.Place(request.latitude, request.longitude)
                 await self._controller.perform(op.SetSite(request.latitude, request.longitude), None, active.activity)
                 return f"the site is set; it holds for {holds}" if holds else "the site is set"
@@ -265,7 +265,7 @@ class RequestHandler:
                     await active.cancelled.wait()
             lasted, stopped = controller.now() - since, active.stop_count != controller.stops
         finally:
-            if self._in_motion(active):
+            if self._has_motion(active):
                 await controller.perform(op.StopAxis(operation.axis), None, active.activity)
         if stopped:
             raise Stopped
@@ -281,7 +281,7 @@ class RequestHandler:
             raise Stopped
         if active.pressed == (request.direction, request.key):
             return f"it is moved {request.direction.label}"
-        if active.pressed is not None and not self._has_key(active):  # another rate, after something else ended it
+        if active.pressed is not None and not self._owns_arrow(active):  # another rate, after something else ended it
             raise Stopped
         active.pressed = request.direction, request.key
         try:
@@ -291,15 +291,15 @@ class RequestHandler:
                 raise
         return f"it is moved {request.direction.label}"
 
-    async def _let_go(self, request: requests.ReleaseKeyRequest, active: ActiveRequest) -> str:
+    async def _release(self, request: requests.ReleaseKeyRequest, active: ActiveRequest) -> str:
         """End the motion that a ``PressKeyRequest`` began, unless another arrow has replaced it. Raises Fault."""
         active.cancelled.set()
-        if active.pressed is not None and self._has_key(active):
+        if active.pressed is not None and self._owns_arrow(active):
             by = None if request.lost else active.activity
             await self._controller.perform(op.StopAxis(active.pressed[0].axis), None, by)
         return "let go"
 
-    def _has_key(self, active: ActiveRequest) -> bool:
+    def _owns_arrow(self, active: ActiveRequest) -> bool:
         """Whether this request has pressed the newest arrow of its axis."""
         return (
             active.pressed is not None
@@ -315,7 +315,7 @@ class RequestHandler:
 
     # --- how it goes ------------------------------------------------------------------------------------------------
 
-    def _in_motion(self, active: ActiveRequest) -> bool:
+    def _has_motion(self, active: ActiveRequest) -> bool:
         """Whether a motion that this request has begun is in progress or waits to begin."""
         wanted = self._controller.wanted.value
         moving = [wanted.motion.client] if isinstance(wanted.motion, Slew) else []
@@ -332,11 +332,11 @@ class RequestHandler:
         follows = active.is_park and any(
             order.follow_up for order in controller.wanted.value.pending
         )  # after parking, its tracking is still to be turned off
-        if self._in_motion(active) or follows:
+        if self._has_motion(active) or follows:
             return Answer(UNDER_WAY, format_position(look.position) if look.position else "")
         at = f", at {format_position(look.position)}" if look.position else ""
-        if controller.wanted.value.failure:
-            return Answer(FAILED, f"{controller.wanted.value.failure}{at}", "Stopped")
+        if controller.wanted.value.goto_failure:
+            return Answer(FAILED, f"{controller.wanted.value.goto_failure}{at}", "Stopped")
         if controller.stops != active.stop_count:
             by = controller.wanted.stopped_by
             return Answer(FAILED, f"it was stopped on the way{f' by {by}' if by else ''}{at}", "Stopped")
@@ -349,9 +349,9 @@ class RequestHandler:
         return Answer(DONE, f"it is there{': ' + format_position(look.position) if look.position else ''}")
 
     async def _cancel(self, request_number: str) -> Answer:
-        controller, active = self._controller, self._remember(request_number, "mount-gateway stop")
+        controller, active = self._controller, self._add_active(request_number, "mount-gateway stop")
         active.cancelled.set()  # if the request arrives later than its cancellation, it is not begun
-        if not self._in_motion(active):
+        if not self._has_motion(active):
             return Answer(DONE, "nothing that was started here is under way")
         wanted = controller.wanted.value
         halts: list[op.Operation] = (

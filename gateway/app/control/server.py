@@ -86,7 +86,7 @@ class ControlServer(asyncio.DatagramProtocol):
         number, line = opened[0], opened[1].removeprefix("ask ")
         task = self._tasks.get(number)
         if task is None:
-            if len(self._tasks) >= MAX_REMEMBERED_REQUESTS and not self._forget():
+            if len(self._tasks) >= MAX_REMEMBERED_REQUESTS and not self._drop_done():
                 return
             task = self._tasks[number] = asyncio.get_running_loop().create_task(self._answer_request(line))
         elif not task.done():
@@ -98,7 +98,7 @@ class ControlServer(asyncio.DatagramProtocol):
     def error_received(self, exc: Exception) -> None:
         """Do nothing: the caller has ended."""
 
-    def _forget(self) -> bool:
+    def _drop_done(self) -> bool:
         """Forget the oldest request that is done; return False if none is done."""
         old = next((number for number, task in self._tasks.items() if task.done()), None)
         if old is None:

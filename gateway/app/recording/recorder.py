@@ -91,7 +91,7 @@ class Recorder:
 
     async def _write_entries(self, entries: list[Entry]) -> None:
         ahead, until = self._clock() - self._loop_time(), self._loop_time() - self._start_time
-        work = asyncio.ensure_future(run_in_thread(self._write_out, entries, ahead + self._start_time, until))
+        work = asyncio.ensure_future(run_in_thread(self._write_file, entries, ahead + self._start_time, until))
         while not (await asyncio.wait((work,), timeout=DISK_CHECK_PERIOD))[0]:
             if len(self._unwritten) == MAX_UNWRITTEN_LINES:
                 work.add_done_callback(mark_exception_retrieved)
@@ -125,7 +125,7 @@ class Recorder:
 
     # --- on a thread --------------------------------------------------------------------------------------------------
 
-    def _write_out(self, entries: list[Entry], start_time: float, end_time: float) -> bool:
+    def _write_file(self, entries: list[Entry], start_time: float, end_time: float) -> bool:
         """Write entries; return whether the oldest file was deleted for the first time.
 
         ``start_time`` is the Unix time at which the recording began, ``end_time`` the seconds since then. If the clock

@@ -146,7 +146,7 @@ def release_folder(folder: Path) -> bool:
 # --- between the file and the settings that clients share -------------------------------------------------------
 
 
-def to_shared(state: SavedState) -> MountSettings:
+def to_settings(state: SavedState) -> MountSettings:
     """Return the shared settings with which all clients of a mount begin."""
     return MountSettings(
         sites={int(index): site for index, site in state.sites.items()},
@@ -157,7 +157,7 @@ def to_shared(state: SavedState) -> MountSettings:
     )
 
 
-def from_shared(
+def to_saved(
     shared: MountSettings,
     driver_state: Values,
     sync_sum: SyncSum = SyncSum(),

@@ -93,9 +93,9 @@ class MotionMarker:
 
     def _watch(self) -> None:
         if self._watch_task is None or self._watch_task.done():
-            self._watch_task = asyncio.get_running_loop().create_task(self._delete_when_quiet())
+            self._watch_task = asyncio.get_running_loop().create_task(self._delete_at_rest())
 
-    async def _delete_when_quiet(self) -> None:
+    async def _delete_at_rest(self) -> None:
         """Delete the marker after ``REST_DELAY`` seconds at rest, so not between two guide pulses."""
         self._quiet_time = 0.0
         while self._quiet_time < REST_DELAY:

@@ -42,7 +42,7 @@ class PreviousRun(Struct, frozen=True):
 def restore(controller: MountController, previous_run: PreviousRun) -> None:
     """Restore the state of the previous run. Stop a mount left moving; if that is long ago, only if it still moves."""
     controller.driver.restore_state(previous_run.saved.mount, moving=False)
-    controller.synced.value = previous_run.saved.synced
+    controller.syncs.value = previous_run.saved.synced
     controller.same_mount.snapshot = previous_run.saved.left
     controller.site_clock.stored_site = previous_run.saved.site_of_program
     if previous_run.marker is not None:
@@ -83,7 +83,7 @@ class StateStore:
         self._lock = PidLock(self.lock_path)
         self._take_lock()
         saved = self._read()
-        self.shared = SharedSettings(file.to_shared(saved), self.save_soon)
+        self.shared = SharedSettings(file.to_settings(saved), self.save_soon)
         self._uses_marker = self.has_lock and not self._simulated
         self.previous_run = PreviousRun(saved, file.read_marker(self._marker_path) if self._uses_marker else None)
         self._written_bytes = file.encode(saved)
@@ -148,13 +148,13 @@ class StateStore:
     def attach(self, controller: MountController) -> None:
         """Restore the previous state in the controller, and follow its motions and changes from now on."""
         self._get_driver_memory = controller.driver.saved_state
-        self._get_sync_sum = lambda: controller.synced.value
+        self._get_sync_sum = lambda: controller.syncs.value
         restore(controller, self.previous_run)
         self._get_motion = controller.identification.leftover_motion
         self._get_time = controller.site_clock.computer_time
         self._get_site = controller.site_clock.site_to_store
         self._get_snapshot = lambda: controller.same_mount.snapshot
-        for lasting in (controller.changed, controller.site_clock.lasting, controller.same_mount.lasting):
+        for lasting in (controller.save_due, controller.site_clock.save_due, controller.same_mount.save_due):
             lasting.connect(lambda _: self.save_soon())
         controller.hold.is_on = file.is_held(self.directory)
         if controller.hold.is_on:
@@ -213,7 +213,7 @@ class StateStore:
     async def _write(self) -> bool:
         """Write the state if it differs from the file; return whether it did."""
         values = self._get_driver_memory(False), self._get_sync_sum(), self._get_site(), self._get_snapshot()
-        data = file.encode(file.from_shared(self.shared.settings, *values))
+        data = file.encode(file.to_saved(self.shared.settings, *values))
         if data == self._written_bytes:
             return False
         self._written_bytes = data

@@ -37,7 +37,7 @@ SOCKET_DESCRIPTOR = 3
 REST_STATE: tuple[str, tuple[bytes, ...]] = ("rest", ())
 
 
-def available() -> bool:
+def is_available() -> bool:
     """Whether this system can pass the descriptor of a line to another process."""
     return hasattr(os, "posix_spawn") and hasattr(socket, "send_fds")
 

@@ -149,26 +149,26 @@ class Watch:
             asked = time.monotonic()
             left = max(0.0, self.last_heard + self._timeout - asked) if moving else None
             if select.select([self.connection], [], [], left)[0]:
-                if not self.listen():
+                if not self.receive():
                     self.stop_for_ended_gateway(moving)
                     return
             elif left is not None and self._timeout == MAX_SILENCE and time.monotonic() - asked > left + FREEZE_TIME:
-                self.restart_silence()  # the whole computer was suspended or overloaded
-            elif all(mount.path_is_clear for mount in moving) and self.starved():
+                self.reset_silence()  # the whole computer was suspended or overloaded
+            elif all(mount.path_is_clear for mount in moving) and self.is_starved():
                 self._timeout = min(MAX_STARVED_SILENCE, time.monotonic() - self.last_heard + WAITING_CHECK_PERIOD)
             else:
                 self.stop_for_silent_gateway(moving)
 
-    def restart_silence(self) -> None:
+    def reset_silence(self) -> None:
         """Measure the gateway's silence from now on, because the gateway has just sent something."""
         self.last_heard, self._cpu_wait, self._timeout = time.monotonic(), cpu_wait(self.gw_pid), MAX_SILENCE
 
-    def starved(self) -> bool:
+    def is_starved(self) -> bool:
         """Whether the gateway may be silent for longer, because it has been waiting for a processor."""
         silence = time.monotonic() - self.last_heard
         return silence < MAX_STARVED_SILENCE and cpu_wait(self.gw_pid) - self._cpu_wait >= MIN_WAITING_TIME * silence
 
-    def listen(self) -> bool:
+    def receive(self) -> bool:
         """Read the gateway's messages; return whether it still runs."""
         try:
             data, ancillary, _, _ = self.connection.recvmsg(65536, _socket.CMSG_SPACE(64))
@@ -180,7 +180,7 @@ class Watch:
             if kind == _socket.SCM_RIGHTS
             for at in range(0, len(content), 4)
         ]
-        self.restart_silence()
+        self.reset_silence()
         *lines, self._partial_line = (self._partial_line + data).split(b"\n")
         for line in lines:
             self.handle(line.decode("ascii").split(" "), descriptors)
@@ -234,7 +234,7 @@ class Watch:
             if attempt == 0:
                 self.report_stops(mounts)
             if select.select([self.connection], [], [], max(0.0, began + STOP_PERIOD - time.monotonic()))[0]:
-                self.restart_silence()
+                self.reset_silence()
                 return
         for mount in mounts:
             mount.stop_commands = []

@@ -32,7 +32,7 @@ _COLUMNS = "name, type, ra, dec, coalesce(vmag, bmag), majax, minax, messier"
 _CANDIDATE_COLUMNS = f"id, ra * {math.degrees(1.0)!r} AS right, dec * {math.degrees(1.0)!r} AS up"
 _IDENTIFIER_FORMATS = {"NGC": "NGC%04d", "IC": "IC%04d", "C": "C%03d", "UGC": "UGC%05d"}
 #: OpenNGC regards M102 as a duplicate of M101; hand controls, also Meade's, go to NGC 5866 in Draco.
-_REPLACEMENTS = {102: ("NGC", 5866)}
+_REPLACED_MESSIER = {102: ("NGC", 5866)}
 
 
 #: An object in a search: database row, right ascension, declination. A plain tuple, because there are twelve thousand.
@@ -46,7 +46,7 @@ def look_up(catalog: str, number: int) -> CatalogObject | None:
     """Return the object of ``M``, ``NGC``, ``IC``, ``C`` or ``UGC`` with this number, or None. Raises NotInstalled."""
     called = f"{catalog}{number}"
     if catalog == "M":
-        catalog, number = _REPLACEMENTS.get(number, (catalog, number))
+        catalog, number = _REPLACED_MESSIER.get(number, (catalog, number))
     if catalog == "M":
         rows = _select("messier = ? AND type != 'Dup' OR name = ?", f"{number:03d}", f"M{number:03d}")
     else:

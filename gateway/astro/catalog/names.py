@@ -17,7 +17,7 @@ from gateway.core.tables import read_table
 
 _STAR_TABLE = read_table("stars.toml")
 #: Name -> Hipparcos number.
-HIPPARCOS: dict[str, int] = _STAR_TABLE["numbers"]
+HIP_IDS: dict[str, int] = _STAR_TABLE["numbers"]
 #: Other name or spelling -> name.
 OTHER_NAMES: dict[str, str] = _STAR_TABLE["also"]
 #: The least similarity (0 to 1) of a suggested name, and the greatest number of suggestions.
@@ -25,7 +25,7 @@ MIN_SIMILARITY, MAX_SUGGESTIONS = 0.72, 3
 #: The magnitude by which objects without a magnitude are sorted: after all others.
 _NO_MAGNITUDE = 99.0
 
-_NUMBER_BY_SPELLING = {normalized(name): HIPPARCOS[OTHER_NAMES.get(name, name)] for name in (*HIPPARCOS, *OTHER_NAMES)}
+_NUMBER_BY_SPELLING = {normalized(name): HIP_IDS[OTHER_NAMES.get(name, name)] for name in (*HIP_IDS, *OTHER_NAMES)}
 
 
 def star_number(name: str) -> int | None:
@@ -43,7 +43,7 @@ def look_up(name: str, year: float) -> CatalogObject | None:
 def entry_of_star(number: int, year: float) -> CatalogObject:
     """Return the catalogue entry of a star with this Hipparcos number, which ``supplied.stars`` must contain."""
     known = supplied.stars()[number]
-    called = next((name for name, at in HIPPARCOS.items() if at == number), "")
+    called = next((name for name, at in HIP_IDS.items() if at == number), "")
     first, *others = filter(None, (called, *known.designations.split("|")))
     return CatalogObject(first, "*", *known.position_at(year), known.magnitude, also=", ".join(others))
 
@@ -62,7 +62,7 @@ def names_beginning_with(text: str, max_count: int) -> list[str]:
 
 
 def _sort_key(name: str) -> tuple[bool, float, int]:
-    number = HIPPARCOS.get(name)
+    number = HIP_IDS.get(name)
     return name in OTHER_NAMES, _NO_MAGNITUDE if number is None else supplied.stars()[number].magnitude, len(name)
 
 
@@ -81,4 +81,4 @@ def suggestions(name: str, more_names: tuple[str, ...] = ()) -> list[str]:
 def _name_by_spelling() -> dict[str, str]:
     """Return the names by normalized spelling, without catalogue numbers; stars win if two are spelled alike."""
     names = [name for name in supplied.deep_sky() if not name[-1].isdecimal() or " " in name]
-    return {normalized(name): name for name in (*names, *supplied.double_numbers_by_name(), *OTHER_NAMES, *HIPPARCOS)}
+    return {normalized(name): name for name in (*names, *supplied.double_numbers_by_name(), *OTHER_NAMES, *HIP_IDS)}

@@ -56,19 +56,19 @@ def normalized(name: str) -> str:
     return letters.removeprefix("the") if name.casefold().startswith("the ") else letters
 
 
-def sky_file(name: str) -> Path:
-    return mappings_folder() / "sky" / name
+def sky_file(file_name: str) -> Path:
+    return mappings_folder() / "sky" / file_name
 
 
-def _read(name: str) -> dict[str, Any]:
-    content: dict[str, Any] = msgspec.json.decode(sky_file(name).read_bytes())
+def _read_json(file_name: str) -> dict[str, Any]:
+    content: dict[str, Any] = msgspec.json.decode(sky_file(file_name).read_bytes())
     return content
 
 
 @cache
 def deep_sky() -> dict[str, CatalogObject]:
     """Return nebulae, clusters and galaxies by each of their catalogue numbers and names, spelled as in the file."""
-    rows: list[Any] = _read("deepsky.json")["rows"]
+    rows: list[Any] = _read_json("deepsky.json")["rows"]
     objects: dict[str, CatalogObject] = {}
     for names, *row in reversed(rows):  # if several have had the same name, it means the first
         first, *others = names.split("|")
@@ -100,7 +100,7 @@ def look_up(name: str) -> CatalogObject | None:
 @cache
 def stars() -> dict[int, Star]:
     """Return the stars by their Hipparcos numbers."""
-    return {star.number: star for star in msgspec.convert(_read("stars.json")["rows"], list[Star])}
+    return {star.number: star for star in msgspec.convert(_read_json("stars.json")["rows"], list[Star])}
 
 
 @cache
@@ -116,7 +116,7 @@ def _letter_tables() -> tuple[dict[str, int], dict[str, str]]:
             numbers.setdefault(letter + constellation, star.number)
             if not letter.isdecimal():
                 numbers.setdefault(letter[0] + constellation, star.number)
-    names: dict[str, list[str]] = _read("stars.json")["constellations"]
+    names: dict[str, list[str]] = _read_json("stars.json")["constellations"]
     spelled = {normalized(spelling): short for short, both in names.items() for spelling in (short, *both)}
     return numbers, spelled
 
@@ -142,11 +142,11 @@ def double_star_texts() -> dict[int, str]:
     """Return texts with the magnitudes and separation of the double stars, by Hipparcos number."""
     return {
         row[1]: f"magnitudes {row[4]:.1f} and {row[5]:.1f}, {row[6]:g}″ apart: {row[7]}"
-        for row in _read("doubles.json")["rows"]
+        for row in _read_json("doubles.json")["rows"]
     }
 
 
 @cache
 def double_numbers_by_name() -> dict[str, int]:
     """Return the Hipparcos numbers of the double stars by their names: Double Double, Albireo."""
-    return {row[0].split("|")[0]: row[1] for row in _read("doubles.json")["rows"]}
+    return {row[0].split("|")[0]: row[1] for row in _read_json("doubles.json")["rows"]}

@@ -16,10 +16,10 @@ from gateway.astro.spherical import (
     UNIX_AT_J2000,
     Matrix,
     Vector,
-    about_x,
-    about_z,
     product,
     rotate,
+    rotation_x,
+    rotation_z,
     to_vector,
     wrap180,
     wrap360,
@@ -131,7 +131,7 @@ def _from_ecliptic(t: float, longitude: float, latitude: float, distance: float)
     """Convert from the mean ecliptic and equinox of date to the true equator and equinox of date."""
     in_longitude, in_obliquity = nutation(t)
     on_ecliptic = to_vector(wrap360(longitude + in_longitude), latitude)
-    x, y, z = rotate(about_x(obliquity(t) + in_obliquity), on_ecliptic)
+    x, y, z = rotate(rotation_x(obliquity(t) + in_obliquity), on_ecliptic)
     return distance * x, distance * y, distance * z
 
 
@@ -141,8 +141,8 @@ def _j2000_to_date_rotation(t: float) -> Matrix:
     tilt = 84381.406 + t * (-46.811015 + t * (0.0511269 + t * 0.00053289))
     along = t * (5038.481507 + t * (1.5584176 - t * 0.00018522))
     in_longitude, in_obliquity = nutation(t)
-    to_equator, to_equinox = about_x(obliquity(t) + in_obliquity), about_z(along / 3600.0 + in_longitude)
-    return product(to_equator, to_equinox, about_x(-tilt / 3600.0), about_z(-node / 3600.0))
+    to_equator, to_equinox = rotation_x(obliquity(t) + in_obliquity), rotation_z(along / 3600.0 + in_longitude)
+    return product(to_equator, to_equinox, rotation_x(-tilt / 3600.0), rotation_z(-node / 3600.0))
 
 
 def moon_orientation(unix: float) -> Matrix:
@@ -156,14 +156,14 @@ def moon_orientation(unix: float) -> Matrix:
     node = 125.0445479 + t * (-1934.1362891 + 0.0020754 * t)
     in_longitude, in_obliquity = nutation(t)
     # The lunar equator's descending node lies where the orbit ascends, and the prime meridian faces the Earth there.
-    to_node = about_z(180.0 + math.degrees(delaunay_arguments(t)[3]))
-    tilted = about_x(-_MOON_INCLINATION)
-    to_equinox = about_z(node + in_longitude)
-    to_equator = about_x(obliquity(t) + in_obliquity)
+    to_node = rotation_z(180.0 + math.degrees(delaunay_arguments(t)[3]))
+    tilted = rotation_x(-_MOON_INCLINATION)
+    to_equinox = rotation_z(node + in_longitude)
+    to_equator = rotation_x(obliquity(t) + in_obliquity)
     return product(to_equator, to_equinox, tilted, to_node)
 
 
-def place_on_moon(moon: Vector, unix: float, latitude: float, longitude: float) -> Vector:
+def point_on_moon(moon: Vector, unix: float, latitude: float, longitude: float) -> Vector:
     """Return the vector to a selenographic position, of date, in km. ``moon`` is the Moon's own vector from the same
     origin (the Earth's centre or a site). Latitude is positive north, longitude EAST (towards Mare Crisium), degrees.
     """

@@ -30,7 +30,7 @@ TIMEOUT, CHECK_PERIOD, RETRY_PERIOD = 120.0, 60.0, 3600.0
 #: The environment of the calculating process: a single thread, and no imports from its current folder.
 PROCESS_ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "PYTHONSAFEPATH": "1"}
 #: On Windows: lowest priority, and no console window.
-OS_FLAGS = getattr(subprocess, "IDLE_PRIORITY_CLASS", 0) | getattr(subprocess, "CREATE_NO_WINDOW", 0)
+POPEN_FLAGS = getattr(subprocess, "IDLE_PRIORITY_CLASS", 0) | getattr(subprocess, "CREATE_NO_WINDOW", 0)
 
 
 def renew_almanac(days: Iterable[int]) -> tuple[Almanac, str]:
@@ -67,7 +67,7 @@ def calculate_in_process(days: Collection[int]) -> Almanac:
     its_input, held = os.pipe()
     try:
         done = subprocess.run(
-            argv, stdin=its_input, capture_output=True, timeout=TIMEOUT, env=environment, creationflags=OS_FLAGS
+            argv, stdin=its_input, capture_output=True, timeout=TIMEOUT, env=environment, creationflags=POPEN_FLAGS
         )
     except subprocess.TimeoutExpired:
         raise ValueError(f"it took more than {TIMEOUT:.0f} s") from None

@@ -81,7 +81,7 @@ class Sky:
         minute, (greenwich, _) = self._frame_at_minute(unix)
         return greenwich + SIDEREAL_RATE * (unix - minute) + longitude_east % 360.0
 
-    def horizon(self, ra: float, dec: float, site_lat: float, site_lon_east: float, unix: float) -> tuple[float, float]:
+    def az_alt(self, ra: float, dec: float, site_lat: float, site_lon_east: float, unix: float) -> tuple[float, float]:
         """Return (azimuth in [0, 360), altitude in [-90, 90]) of a position of date."""
         hour_angle = self._unwrapped_sidereal_time(unix, site_lon_east) - ra % 360.0
         return hour_angle_to_horizon(hour_angle, dec, site_lat)
@@ -93,7 +93,7 @@ class Sky:
         hour_angle, dec = horizon_to_hour_angle(az, alt, site_lat)
         return wrap360(self.sidereal_time(unix, site_lon_east) - hour_angle), dec
 
-    def to_of_date(self, ra: float, dec: float, unix: float) -> tuple[float, float]:
+    def from_j2000(self, ra: float, dec: float, unix: float) -> tuple[float, float]:
         """Return (ra, dec) of date of a J2000 position: precession and nutation."""
         _, (_, matrix) = self._frame_at_minute(unix)
         return from_vector(rotate(matrix, to_vector(ra, dec)))
@@ -118,12 +118,12 @@ class Sky:
         moon = self._moon_from_site(unix, lat, lon_east)
         return *from_vector(moon), math.hypot(*moon)
 
-    def on_moon(
+    def moon_spot(
         self, unix: float, lat: float, lon_east: float, moon_lat: float, moon_lon_east: float
     ) -> tuple[float, float]:
         """Return the apparent (ra, dec) of date of a place on the Moon, as seen from a site, with libration."""
         moon = self._moon_from_site(unix, lat, lon_east)
-        return from_vector(closed_forms.place_on_moon(moon, unix, moon_lat, moon_lon_east))
+        return from_vector(closed_forms.point_on_moon(moon, unix, moon_lat, moon_lon_east))
 
     def planet(self, name: str, unix: float) -> tuple[float, float] | None:
         """Return the geocentric (ra, dec) of date of a planet, corrected for light time; None without a table.

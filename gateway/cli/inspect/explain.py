@@ -28,4 +28,4 @@ def _run_explain(arguments: argparse.Namespace) -> int:
 
     explanation = explain(arguments.client, arguments.mount, arguments.command)
     print(explanation.text)
-    return 0 if explanation.is_valid else 1
+    return 0 if explanation.is_possible else 1

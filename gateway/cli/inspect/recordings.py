@@ -40,7 +40,7 @@ def _run_decode(arguments: argparse.Namespace) -> int:
     recording = capture.recording
     if recording is not None:
         sides = RecordedSides(recording)
-        lines = decode(sides.after_recognition(capture), sides.decoder, recording.settings["began"])
+        lines = decode(sides.protocol_lines_first(capture), sides.decoder, recording.settings["began"])
     else:
         protocol = arguments.protocol or _guess_protocol(capture, path)
         lines = decode(capture, lambda side: ConnectionDecoder(protocol), 0.0)

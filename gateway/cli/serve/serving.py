@@ -73,10 +73,10 @@ def run_on_loop(uses_uvloop: bool, serve: Callable[[], Coroutine[object, object,
 
 def make_watchdog(config: Config) -> Watchdog | None:
     """Return the watchdog, whose process is not started yet; None if it is turned off, not needed or not possible."""
-    from gateway.app.watchdog.client import Watchdog, available
+    from gateway.app.watchdog.client import Watchdog, is_available
 
     real = any(parse_endpoint(mount.at).where != "sim" for mount in config.mount)
-    return Watchdog() if config.watchdog and real and available() else None
+    return Watchdog() if config.watchdog and real and is_available() else None
 
 
 async def serve_mounts(
@@ -139,7 +139,7 @@ async def serve_mounts(
             recorders.append(record(Path(mount.record), gateways[-1]))
     call_before_suspension(lambda: _stop_before_suspension(gateways, screen))
 
-    almanac = AlmanacKeeper(sky, screen.warn, lambda: not any(gateway.busy for gateway in gateways))
+    almanac = AlmanacKeeper(sky, screen.warn, lambda: not any(gateway.moving for gateway in gateways))
     try:
         almanac.open(config.almanac)
         for gateway in gateways:
@@ -194,7 +194,7 @@ async def serve_mounts(
         screen.clear()
         for each in gateways:
             await each.web.close()
-        moved = [gateway.busy for gateway in gateways]
+        moved = [gateway.moving for gateway in gateways]
         discovery.close()
         await asyncio.gather(*(gateway.close() for gateway in gateways))
         if broker is not None:
@@ -255,7 +255,7 @@ def _log_sink(config: Config, mount: MountConfig) -> Sink:
 
 async def _stop_before_suspension(gateways: Sequence[Gateway], screen: Screen) -> None:
     """Stop all moving mounts before this process is suspended, and print what was done."""
-    moving = [gateway for gateway in gateways if gateway.busy]
+    moving = [gateway for gateway in gateways if gateway.moving]
     try:
         async with asyncio.timeout(SUSPEND_TIMEOUT):
             await asyncio.gather(*(gateway.controller.stop() for gateway in moving))

@@ -60,7 +60,7 @@ class ConversationView:
         while self._entries:
             entry = self._entries.popleft()
             pair, surface = self._command_number(entry), protocol_and_model(self._surface(entry))
-            for row in self._builder.take(entry):
+            for row in self._builder.process(entry):
                 yield {  # bytes as printable text, which the page shows as text, never as markup
                     "mount": self._index, "time": round(row.time, 3), "side": printable(row.side.encode()),
                     "arrow": row.arrow, "data": printable(row.data), "words": row.text, "kind": row.kind, "pair": pair,

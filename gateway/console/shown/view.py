@@ -15,7 +15,7 @@ from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.mount.controller import MountController
 from gateway.mount.motion.wanted import Slew
-from gateway.mount.safety.admission.contradictions import site_text, time_unknown
+from gateway.mount.safety.admission.contradictions import is_time_unknown, site_text
 
 #: Decimal places of degrees: 0.04 arcseconds for positions, 0.001 degrees for azimuth and altitude; the rest is noise.
 FINE_DECIMALS, COARSE_DECIMALS = 5, 3
@@ -47,7 +47,7 @@ def state(gateway: Gateway, index: int) -> dict[str, Any]:
         "surfaces": gateway.names(),
         "limits": {key: getattr(limits, key) for key in ("lowest", "highest", "sun", "hour_angle", "by_page")},
         "own_limits": str(controller.owners_limits), "position": position and {**position, "age": round(look.age, 1)},
-        "site_holds": controller.settings.site_scope(),
+        "site_holds": controller.settings.site_users(),
         **_sidereal_and_hour_angle(controller, state), **_site_and_clock(state), **_goto_target(controller, state),
     }  # fmt: skip
 
@@ -153,6 +153,6 @@ def _site_and_clock(state: MountState) -> dict[str, Any]:
         "clock": {"ahead": round(time.unix - state.unix_time, 1), "source": time.source},
         "site_doubt": next((doubt.warning_line for doubt in state.site_contradictions), ""),
         "clock_doubt": "no source reports the time, and this computer's clock is wrong"
-        if time_unknown(time)
+        if is_time_unknown(time)
         else next((doubt.warning_line for doubt in state.clock_contradictions), ""),
     }

@@ -100,7 +100,7 @@ def _mount_lines(finding: PortFinding) -> list[str]:
         *hints(mount),
         *_start_lines(finding),
         f"details: {motors}{baud}a reply takes {mount.latency * 1000:.0f} ms; "
-        f"equinox {EQUINOX_TEXTS[_by_model(mount) or mount.equinox].format(by=PROTOCOLS[mount.protocol].j2000_source)}",
+        f"equinox {EQUINOX_TEXTS[_text_key(mount) or mount.equinox].format(by=PROTOCOLS[mount.protocol].j2000_source)}",
         f"  replies: {'; '.join(f'{name} ({text})' for name, text in mount.answered_commands.items() if text)}",
         *([f"  no reply: {', '.join(mute)}"] if mute else []),
     ]
@@ -116,7 +116,7 @@ def _start_lines(finding: PortFinding) -> list[str]:
     ]
 
 
-def _by_model(mount: FoundMount) -> str:
+def _text_key(mount: FoundMount) -> str:
     """Return "always", a key of ``EQUINOX_TEXTS``, if all versions of a model report J2000 coordinates; else ""."""
     return "always" if PROTOCOLS[mount.protocol].commands.models.get(mount.model, {}).get("equinox") else ""
 
@@ -166,7 +166,7 @@ def as_toml(finding: PortFinding, network: bool = False) -> str:
     rows = [who, "[mount]", f"at = {json.dumps(endpoint_of(finding))}"]
     if finding.baud:
         rows.append(f"baud = {finding.baud}")
-    if mount.equinox == "j2000" and not _by_model(mount):
+    if mount.equinox == "j2000" and not _text_key(mount):
         rows.append(f'# equinox = "auto"  # j2000 for this version, by {PROTOCOLS[mount.protocol].j2000_source}')
     if not mount.reports_site:
         rows += ["# site = [48.1, 11.6]  # latitude north, longitude east positive", '# mode = "alt-az"']

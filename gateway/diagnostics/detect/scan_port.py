@@ -70,7 +70,7 @@ def probes_for(protocol: str | None) -> list[Probe]:
     goto. A user who names a protocol may be wrong: the queries before that protocol's are sent as well.
     """
     every = sorted(
-        ((spec.name, question) for spec in PROTOCOLS.values() for question in spec.questions),
+        ((spec.name, question) for spec in PROTOCOLS.values() for question in spec.probes),
         key=lambda candidate: candidate[1].rank,
     )
     last = max((question.rank for name, question in every if name == protocol), default=None)
@@ -118,7 +118,7 @@ def judge(received: bytes, quiet_seconds: float, query: Probe) -> str | None:
 
     ``quiet_seconds`` is the time since the last byte. Late answers to earlier queries are recognised, too.
     """
-    before = [asked for spec in PROTOCOLS.values() for asked in spec.questions if asked.rank < query.rank]
+    before = [asked for spec in PROTOCOLS.values() for asked in spec.probes if asked.rank < query.rank]
     if received.startswith((query.request, *(asked.request for asked in before if asked.slow))):
         return PortVerdict.ECHO
     for asked in (*(asked for asked in before if asked.slow), query):
@@ -144,12 +144,12 @@ async def _wait_for_silence(listener: PortListener, times: ProbeTimes) -> bool:
     return True
 
 
-async def _listen(listener: PortListener, seconds: float, condition: Callable[[], str | None]) -> str | None:
+async def _listen(listener: PortListener, seconds: float, get_verdict: Callable[[], str | None]) -> str | None:
     """Wait for a verdict; return None on timeout."""
     end = listener.now() + seconds
     while listener.now() < end:
         await listener.wait_briefly()
-        verdict = condition()
+        verdict = get_verdict()
         if verdict is not None:
             return verdict
     return None
@@ -202,7 +202,7 @@ async def ask_servers(urls: Sequence[str] | None) -> list[PortFinding]:
             )  # fmt: skip
             gateway = PortFinding(place, OFFERED, reason=answer.product)
             mounts.append(
-                gateway if answer.gateway else PortFinding(place, spec.name, mount=mount, seconds=answer.seconds)
+                gateway if answer.is_gateway else PortFinding(place, spec.name, mount=mount, seconds=answer.seconds)
             )
     return mounts
 

@@ -51,7 +51,7 @@ def check_python(facts: Facts) -> Iterator[Said]:
 
 def check_packages(facts: Facts) -> Iterator[Said]:
     """Check that every required package is installed in a suitable version."""
-    needed = [package for package in facts.packages if not (facts.without_astropy and package.name in ASTROPY_PACKAGES)]
+    needed = [package for package in facts.packages if not (facts.lacks_astropy and package.name in ASTROPY_PACKAGES)]
     wrong = [package for package in needed if not package.fits]
     for package in wrong:
         state = f"version {package.version} is installed" if package.version else "is not installed"
@@ -106,7 +106,7 @@ def check_clock(facts: Facts) -> Iterator[Said]:
 
 def check_astronomy(facts: Facts) -> Iterator[Said]:
     """Check that positions in the sky can be calculated: by astropy, or from an almanac of another computer."""
-    yield _check_almanac(facts) if facts.without_astropy else (GOOD, "the sky is calculated by astropy", "")
+    yield _check_almanac(facts) if facts.lacks_astropy else (GOOD, "the sky is calculated by astropy", "")
 
 
 def _check_almanac(facts: Facts) -> Said:
@@ -231,8 +231,8 @@ def check_gateways(facts: Facts) -> Iterator[Said]:
         yield GOOD, "no gateway runs now", ""
 
 
-def _date(unix: float, form: str = "%Y-%m-%d") -> str:
-    return datetime.fromtimestamp(unix, UTC).strftime(form)
+def _date(unix: float, date_format: str = "%Y-%m-%d") -> str:
+    return datetime.fromtimestamp(unix, UTC).strftime(date_format)
 
 
 #: The checks by name, in the order of the report.

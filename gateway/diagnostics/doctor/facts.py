@@ -48,7 +48,7 @@ class Port(Struct, frozen=True):
     modem_manager_ignores: bool = False
 
 
-class Running(Struct, frozen=True):
+class GatewayRun(Struct, frozen=True):
     """A running gateway: process id, mount (empty if the gateway does not answer this user), user, whether that is
     another user, the addresses where clients connect now, and its state folder."""
 
@@ -85,11 +85,11 @@ class Facts(Struct, frozen=True):
     meddlers: dict[str, int]
     state_folder: str
     state_problem: str  # why the state folder cannot be written to, or empty
-    gateways: list[Running]
+    gateways: list[GatewayRun]
     #: The pip command of this environment, for the user to type.
     pip: str = "pip"
 
     @property
-    def without_astropy(self) -> bool:
+    def lacks_astropy(self) -> bool:
         """Whether astropy is not installed; an almanac from another computer can replace it."""
         return any(package.name == "astropy" and not package.version for package in self.packages)

@@ -28,7 +28,7 @@ from gateway.app.status import State
 from gateway.astro.ephemeris.almanac import DAY, load_stored
 from gateway.core.about import full_version
 from gateway.diagnostics.detect.ports import is_not_built_in, local_ports, port_holder
-from gateway.diagnostics.doctor.facts import Facts, Package, Port, Running
+from gateway.diagnostics.doctor.facts import Facts, GatewayRun, Package, Port
 from gateway.system.computer_clock import is_clock_synchronised
 from gateway.system.files import state_folder
 from gateway.system.own_commands import pip_command
@@ -156,13 +156,13 @@ def why_unwritable(folder: Path) -> str:
     return "the disk is full" if shutil.disk_usage(existing).free == 0 else ""
 
 
-def running_gateways(scope: Scope) -> Iterator[Running]:
+def running_gateways(scope: Scope) -> Iterator[GatewayRun]:
     """Yield the gateways that can be queried, then those of which only the process is visible."""
     endpoints = [endpoint for _, endpoint in search(scope).gateways if is_listening(endpoint)]
     for endpoint, (places, sky) in zip(endpoints, asyncio.run(_query_gateways(endpoints)), strict=True):
-        yield Running(endpoint.pid, endpoint.title, addresses=places, state_folder=endpoint.state, sky_source=sky)
+        yield GatewayRun(endpoint.pid, endpoint.title, addresses=places, state_folder=endpoint.state, sky_source=sky)
     for process in unreachable_gateways(scope):
-        yield Running(process.pid, user=user_name(process.user_id), is_other_users=not may_reach(process))
+        yield GatewayRun(process.pid, user=user_name(process.user_id), is_other_users=not may_reach(process))
 
 
 async def _query_gateways(endpoints: Sequence[ControlEndpoint]) -> list[tuple[tuple[str, ...], str]]:
@@ -171,7 +171,7 @@ async def _query_gateways(endpoints: Sequence[ControlEndpoint]) -> list[tuple[tu
 
 async def _addresses_and_sky(endpoint: ControlEndpoint) -> tuple[tuple[str, ...], str]:
     """Return where clients connect to a gateway, and how it calculates the sky; both empty if it does not answer."""
-    state = await ask_state(endpoint, fresh=False, seconds=ANSWER_TIMEOUT)
+    state = await ask_state(endpoint, fresh=False, timeout=ANSWER_TIMEOUT)
     return (tuple(map(str, state.served)), state.sky) if isinstance(state, State) else ((), "")
 
 

@@ -36,9 +36,9 @@ EVENT_KINDS = {
 DIRECTIONS = {">": "to mount", "<": "from mount"}
 
 
-def is_json(log: bool | str) -> bool:
-    """Whether a value of the setting ``log`` selects the JSON format."""
-    return isinstance(log, str) and log.partition("-")[0] == JSON_FORMAT
+def is_json(log_setting: bool | str) -> bool:
+    """Whether a value of the setting ``log_setting`` selects the JSON format."""
+    return isinstance(log_setting, str) and log_setting.partition("-")[0] == JSON_FORMAT
 
 
 def filter_of(log: bool | str) -> str:
@@ -48,10 +48,10 @@ def filter_of(log: bool | str) -> str:
     return (log.removeprefix(JSON_FORMAT).removeprefix("-") if isinstance(log, str) else "") or "all"
 
 
-def format_row(row: Row, mount: str) -> str:
-    """Format a row as one line. ``mount`` is the mount's name, or its endpoint if it has no name."""
+def format_row(row: Row, mount_name: str) -> str:
+    """Format a row as one line. ``mount_name`` is the mount's name, or its endpoint if it has no name."""
     return _format_line(
-        row.time, mount, row.side, EVENT_KINDS.get(row.arrow, row.arrow), row.text,
+        row.time, mount_name, row.side, EVENT_KINDS.get(row.arrow, row.arrow), row.text,
         direction=DIRECTIONS.get(row.arrow), refused=row.kind == "no", data=row.data,
     )  # fmt: skip
 
@@ -81,13 +81,13 @@ def _format_line(
     return json.dumps(fields)
 
 
-def json_printer(rows: RowBuilder, stream: TextIO, mount: str) -> Callable[[Entry], None]:
+def json_printer(rows: RowBuilder, stream: TextIO, mount_name: str) -> Callable[[Entry], None]:
     """Return a sink for wire log entries, which writes them as JSON lines to a stream."""
     notice, info = (streams.prefix(number, stream) for number in (streams.NOTICE, streams.INFO))
 
-    def put(entry: Entry) -> None:
-        for row in rows.take(entry):
-            stream.write(f"{notice if row.arrow == '!' else info}{format_row(row, mount)}\n")
+    def write(entry: Entry) -> None:
+        for row in rows.process(entry):
+            stream.write(f"{notice if row.arrow == '!' else info}{format_row(row, mount_name)}\n")
         stream.flush()
 
-    return put
+    return write

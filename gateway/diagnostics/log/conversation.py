@@ -52,7 +52,7 @@ class ConnectionDecoder:
     def __init__(self, protocol: str, model: str | None = None) -> None:
         framing, self._reply_rules = framer_and_parser(protocol, model)
         self.protocol, self._framer = protocol, framing()
-        self._due: deque[Send] = deque(maxlen=MAX_UNANSWERED)
+        self._sent: deque[Send] = deque(maxlen=MAX_UNANSWERED)
         self._partial_reply = b""
         #: The messages of this protocol that are sent without a request.
         self._pushed = [Send(name) for name, command in load(protocol).commands.items() if command.pushed is not None]
@@ -67,7 +67,7 @@ class ConnectionDecoder:
     def describe_command(self, frame: bytes) -> DecodedMessage:
         """Describe a complete command; the next matching reply is its answer."""
         if isinstance(frame, Unterminated):
-            self._due += [Send(name) for name in frame.names[:1] if name and not frame.late]
+            self._sent += [Send(name) for name in frame.names[:1] if name and not frame.late]
             return DecodedMessage(
                 frame, "its end (#) is missing: refused", frame.names[0] if frame.names else "", fails=True
             )
@@ -79,10 +79,10 @@ class ConnectionDecoder:
             values = picture.decode(frame)
         except ValueError as error:
             if command.replies:
-                self._due.append(Send(command.name))
+                self._sent.append(Send(command.name))
             return DecodedMessage(frame, f"{command.help}; not valid: {error}", command.name, fails=True)
         if command.replies:
-            self._due.append(Send(command.name, values))
+            self._sent.append(Send(command.name, values))
         fields = format_fields(self.protocol, command.name, values)
         text = f"{_short_meaning(command.help)}: {fields}" if fields else _short_meaning(command.help)
         return DecodedMessage(frame, text, command.name, command.is_query)
@@ -104,15 +104,15 @@ class ConnectionDecoder:
 
     def _match_reply(self) -> tuple[DecodedMessage, int] | None:
         """Match the received bytes to the oldest command that they can answer; forget commands before it."""
-        for skipped, ask in enumerate(self._due):
+        for skipped, ask in enumerate(self._sent):
             taken = self._parse_reply(ask, self._partial_reply)
             if taken is not None and taken[1]:
                 for _ in range(skipped + 1):
-                    self._due.popleft()
+                    self._sent.popleft()
                 return self._describe(ask, *taken)
         if (message := self._match_pushed(self._partial_reply)) is not None:
             return message
-        if self._due or self._pushed:
+        if self._sent or self._pushed:
             return None
         return DecodedMessage(b"", "nobody asked", fails=True), len(self._partial_reply)
 
@@ -123,8 +123,8 @@ class ConnectionDecoder:
         """
         if (message := self._match_pushed(data)) is not None:
             return message[0]._replace(data=data)
-        ask = self._due[-1] if self._due else None
-        self._due.clear()
+        ask = self._sent[-1] if self._sent else None
+        self._sent.clear()
         taken = self._parse_reply(ask, data) if ask is not None else None
         if ask is None or taken is None:
             return DecodedMessage(data, "")

@@ -58,7 +58,7 @@ class _LoggedConnection:
     """The filter's state for a connection. If its host reconnects soon, the new connection uses the same state."""
 
     def __init__(self) -> None:
-        self.runs: dict[bytes, _RepeatedQuery] = {}
+        self.polls: dict[bytes, _RepeatedQuery] = {}
         self.held_rows: list[Row] = []
         self.closed_at = -1e9
 
@@ -75,7 +75,7 @@ class LogFilter:
         self._open_connections: dict[str, _LoggedConnection] = {}
         self._closed_connections: dict[str, _LoggedConnection] = {}
 
-    def take(self, line: LogLine) -> list[Row]:
+    def process(self, line: LogLine) -> list[Row]:
         """Process the next line and return the rows to show now."""
         match line.row.arrow:
             case "+":
@@ -85,9 +85,9 @@ class LogFilter:
             case "-":
                 return self._connection_closed(line)
             case ">":
-                return self._take_request(line)
+                return self._on_request(line)
             case "<":
-                return self._take_reply(line)
+                return self._on_reply(line)
         return self._show_line(self._connection_of(line), line)
 
     def _connection_of(self, line: LogLine) -> _LoggedConnection:
@@ -101,7 +101,7 @@ class LogFilter:
         if party is None or has_party or line.row.time - party.closed_at > RECONNECT_WINDOW:
             party = _LoggedConnection()
         self._open_connections[line.row.side] = party
-        if not party.runs and self._filter != "refusals":
+        if not party.polls and self._filter != "refusals":
             return [line.row]
         party.held_rows = [line.row]
         return []
@@ -129,7 +129,7 @@ class LogFilter:
 
     # --- commands and replies -----------------------------------------------------------------------------------------
 
-    def _take_request(self, line: LogLine) -> list[Row]:
+    def _on_request(self, line: LogLine) -> list[Row]:
         party = self._connection_of(line)
         rows = self._show_unanswered(party)
         if line.message.fails:
@@ -139,13 +139,13 @@ class LogFilter:
                 party.held_rows.append(line.row)
                 return rows
             return [*rows, *self._show_line(party, line)]
-        if line.row.data in party.runs or self._filter in ("changes", "refusals"):
+        if line.row.data in party.polls or self._filter in ("changes", "refusals"):
             party.held_rows.append(line.row)
             return rows
-        party.runs[line.row.data] = _RepeatedQuery(line.row.time)
+        party.polls[line.row.data] = _RepeatedQuery(line.row.time)
         return [*rows, *self._show_held(party), line.row]
 
-    def _take_reply(self, line: LogLine) -> list[Row]:
+    def _on_reply(self, line: LogLine) -> list[Row]:
         party = self._connection_of(line)
         if line.message.fails:
             return self._show_line(party, line)
@@ -154,9 +154,9 @@ class LogFilter:
             return []
         asked: Row | None = line.row
         if line.message.pushed:
-            key, run = UNPROMPTED_KEY, party.runs.setdefault(UNPROMPTED_KEY, _RepeatedQuery(line.row.time))
+            key, run = UNPROMPTED_KEY, party.polls.setdefault(UNPROMPTED_KEY, _RepeatedQuery(line.row.time))
         else:
-            key, repeated = line.query, party.runs.get(line.query) if line.message.is_query else None
+            key, repeated = line.query, party.polls.get(line.query) if line.message.is_query else None
             if repeated is None:
                 return self._show_line(party, line)
             run, asked = repeated, next((row for row in party.held_rows if row.arrow == ">"), None)
@@ -182,7 +182,7 @@ class LogFilter:
     def _show_line(self, connection: _LoggedConnection, line: LogLine) -> list[Row]:
         """Return a line to show, after the counts of repeated queries and the held lines; restart the counts."""
         rows = [*self._repeat_counts_row(connection, line.row), *self._show_held(connection), line.row]
-        connection.runs.clear()
+        connection.polls.clear()
         return rows
 
     def _show_held(self, connection: _LoggedConnection) -> list[Row]:
@@ -191,8 +191,8 @@ class LogFilter:
 
     def _repeat_counts_row(self, connection: _LoggedConnection, row: Row) -> list[Row]:
         """Return a row with the counts of all repeated queries that were not shown yet; an empty list without any."""
-        counts = {printable(asked) or "line unasked": run.count for asked, run in connection.runs.items() if run.count}
-        for run in connection.runs.values():
+        counts = {printable(asked) or "line unasked": run.count for asked, run in connection.polls.items() if run.count}
+        for run in connection.polls.values():
             run.count, run.shown_at = 0, row.time
         if not counts or self._filter == "normal":
             return []
@@ -221,14 +221,14 @@ EVENT_WORDS = {"+": "connected", "-": "gone", "~": "speaks", "^": "port opened",
 class RowBuilder:
     """Turns wire log entries into rows. ``surfaces`` are the surfaces' endpoints (or protocols) in their order."""
 
-    def __init__(self, mount: str, surfaces: Sequence[str], filter_name: str = "all", name: str = "") -> None:
-        self._mount, self._surfaces, self._mount_name = mount, surfaces, name
+    def __init__(self, mount: str, surfaces: Sequence[str], filter_name: str = "all", mount_name: str = "") -> None:
+        self._mount, self._surfaces, self._mount_name = mount, surfaces, mount_name
         self._filter_name = filter_name
         self._log_filter = LogFilter(filter_name)
         self._decoder_by_side: dict[str, ConnectionDecoder] = {}
         self._last_queries: dict[str, bytes] = {}
 
-    def take(self, entry: Entry) -> Iterable[Row]:
+    def process(self, entry: Entry) -> Iterable[Row]:
         """Process an entry and return the rows to show now."""
         ours = entry.side == MOUNT_SIDE
         if entry.arrow in HIDDEN_ENTRIES or self._filter_name == (MOUNT_SIDE if not ours else "program"):
@@ -251,7 +251,7 @@ class RowBuilder:
         elif entry.arrow == "-":
             self._decoder_by_side.pop(entry.side, None)
             self._last_queries.pop(entry.side, None)
-        return self._log_filter.take(LogLine(row, host, heard, asked))
+        return self._log_filter.process(LogLine(row, host, heard, asked))
 
     def set_protocol(self, side: str, protocol: str) -> None:
         """Note the protocol of a connection that was open before this log began."""
@@ -309,11 +309,11 @@ def line_printer(rows: RowBuilder, stream: TextIO, night_colours: bool = False) 
     notice, info = (streams.prefix(number, stream) for number in (streams.NOTICE, streams.INFO))
     colours, columns = colours_of(stream, night_colours), columns_of(stream)
 
-    def put(entry: Entry) -> None:
-        for row in rows.take(entry):
+    def write(entry: Entry) -> None:
+        for row in rows.process(entry):
             level = notice if row.arrow == "!" else info
             for line in [as_one_line(row, with_time=False)] if level else wrapped(row, columns()):
                 stream.write(f"{level}{painted(line, row.kind, colours)}\n")
         stream.flush()
 
-    return put
+    return write

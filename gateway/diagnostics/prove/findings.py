@@ -64,9 +64,9 @@ def untried_rest_title(stage: str) -> str:
 
 
 class StageReporter(Protocol):
-    """Receives findings and progress of a stage. ``before``: the findings of an earlier session in the same stage."""
+    """Receives findings and progress of a stage. ``earlier``: the findings of an earlier session in the same stage."""
 
-    before: list[Finding]
+    earlier: list[Finding]
 
     def add(self, finding: Finding) -> None: ...
     def progress(self, done_count: int, total: int, title: str) -> None: ...

@@ -30,17 +30,17 @@ HOUR_ANGLES, LATITUDE_FACTOR = (30.0, -30.0, 50.0, -50.0, 10.0, -10.0), 0.5
 GOTO_COUNT = 4
 
 
-def why_no_room(telescope: CheckedMount, sky: op.Equatorial | None = None) -> str:
+def why_no_room(telescope: CheckedMount, position: op.Equatorial | None = None) -> str:
     """Return why there is no room for small motions at a position (by default the present one); empty if there is."""
-    if sky is None and telescope.position is not None:
-        sky = telescope.position.position
-    if sky is None:
+    if position is None and telescope.position is not None:
+        position = telescope.position.position
+    if position is None:
         return ""
-    altitude, hour_angle = telescope.controller.astrometry.alt_and_ha(sky)
+    altitude, hour_angle = telescope.controller.astrometry.alt_and_ha(position)
     limits, suns = telescope.controller.policy.limits, telescope.controller.suns
-    if abs(sky.dec) > MAX_DECLINATION:
+    if abs(position.dec) > MAX_DECLINATION:
         return "it points near the pole"
-    if (sun := min(suns.distances(sky), default=inf)) < suns.limit + SUN_MARGIN:
+    if (sun := min(suns.distances(position), default=inf)) < suns.min_dist + SUN_MARGIN:
         return f"it points {sun:.0f}° from the Sun"
     if altitude is not None and not limits.lowest + MARGIN <= altitude <= min(90.0, limits.highest) - MARGIN:
         return f"its altitude is {altitude:.0f}°"

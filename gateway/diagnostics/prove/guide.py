@@ -28,14 +28,14 @@ class Stage(NamedTuple):
     """A stage of ``prove``. ``announcement`` announces it in one sentence; ``moves_mount``: whether it moves the mount,
     which must then be aligned; ``needs_alignment``: whether it must be aligned although it is not moved.
 
-    ``run`` raises StageEnded. ``reason_needed`` returns why the stage is necessary; empty if it is not.
+    ``run`` raises StageEnded. ``why_needed`` returns why the stage is necessary; empty if it is not.
     """
 
     name: str
     announcement: str
     moves_mount: bool
     run: Callable[[CheckedMount, StageReporter], Awaitable[None]]
-    reason_needed: Callable[[CheckedMount], str] = lambda telescope: "it belongs to every check"
+    why_needed: Callable[[CheckedMount], str] = lambda telescope: "it belongs to every check"
     needs_alignment: bool = False
 
 
@@ -73,7 +73,7 @@ class GuidedCheck:
         self._telescope, self._person, self._findings, self._save = CheckedMount(gateway), person, findings, save
         self._stages = stages
         self._stage_findings: list[Finding] = []
-        self.before: list[Finding] = []
+        self.earlier: list[Finding] = []
 
     async def run(self) -> Findings:
         """Lead through all unfinished stages, as far as the person wants, and return the findings.
@@ -109,7 +109,7 @@ class GuidedCheck:
             if self._findings.is_complete(stage.name):
                 person.say(f"{title}: done before.")
                 continue
-            if not stage.reason_needed(telescope):
+            if not stage.why_needed(telescope):
                 person.say(f"{title}: not needed.")
                 continue
             key = ""
@@ -153,7 +153,7 @@ class GuidedCheck:
     async def _carry_out(self, stage: Stage) -> str:
         """Carry out a stage; return the key for the next step: y for the next stage, a for again, q to quit."""
         telescope, person = self._telescope, self._person
-        self._stage_findings, self.before = [], self._findings.stages.get(stage.name, [])
+        self._stage_findings, self.earlier = [], self._findings.stages.get(stage.name, [])
         telescope.begin_stage()
         try:
             await telescope.read_position()
@@ -182,7 +182,7 @@ class GuidedCheck:
                     self._save_findings(stage)
                 raise
             reason, theirs = "stopped by you" if stopped else str(ended), isinstance(ended, StoppedByOthers)
-            if telescope.moving and not (stopped or theirs or telescope.other_mover):
+            if telescope.is_moving and not (stopped or theirs or telescope.other_mover):
                 await telescope.stop()
             person.say(f"This stage ends: {reason}.")
             self._note_early_end(stage, reason)
@@ -199,7 +199,7 @@ class GuidedCheck:
     def _note_early_end(self, stage: Stage, reason: str) -> None:
         """Add the findings of an earlier run that this run has not replaced, and the reason why the rest is missing."""
         again = {untried_rest_title(stage.name), *(finding.what for finding in self._stage_findings)}
-        self._stage_findings += [finding for finding in self.before if finding.what not in again]
+        self._stage_findings += [finding for finding in self.earlier if finding.what not in again]
         self._stage_findings.append(Finding(untried_rest_title(stage.name), NOT_TRIED, reason))
 
     def _save_findings(self, stage: Stage) -> None:
@@ -242,7 +242,7 @@ class GuidedCheck:
 
     def add(self, finding: Finding) -> None:
         self._stage_findings.append(finding)
-        if any(earlier is finding for earlier in self.before):  # a rate that was measured before the stage was ended
+        if any(earlier is finding for earlier in self.earlier):  # a rate that was measured before the stage was ended
             return
         self._person.say(finding.as_line)
         if finding.verdict == DIFFERS and finding.means:

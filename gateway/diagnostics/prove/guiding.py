@@ -31,7 +31,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         reason = f"its line takes {exchange:.1f} s for an exchange, longer than a pulse"
         report.add(Finding("guiding", NOT_MEASURABLE, reason))
         return
-    telescope.moving = True
+    telescope.is_moving = True
     for axis, pair in enumerate(DIRECTION_PAIRS, 1):
         ways, late = list[float](), 0.0
         for direction in pair:

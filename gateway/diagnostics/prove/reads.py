@@ -32,13 +32,13 @@ USUAL_REPLY_TIME, BUSY_EXTRA_TIME = 0.3, 1.0
 MAX_EXCHANGES = 6.0
 
 
-async def ask_mount(telescope: CheckedMount, name: str) -> DecodedMessage:
+async def ask_mount(telescope: CheckedMount, query_name: str) -> DecodedMessage:
     """Send a query to the mount even if the gateway has the answer in its cache; decode the reply. Raises Fault."""
     driver = telescope.driver
     side = ConnectionDecoder(driver.protocol.name, driver.model)
-    side.describe_command(driver.protocol.commands[name].request.encode({}))
+    side.describe_command(driver.protocol.commands[query_name].request.encode({}))
     keep = "dialect" if driver.protocol.dialect else "moment"
-    return side.describe_reply(await telescope.controller.read(op.NativeRequest(name, (), keep)))
+    return side.describe_reply(await telescope.controller.read(op.NativeRequest(query_name, (), keep)))
 
 
 def _query_names(driver: Driver) -> Iterator[str]:

@@ -90,7 +90,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
     tried = [(speed, key, pair) for speed, key in sorted(speeds.items()) for pair in DIRECTION_PAIRS]
     if getattr(telescope.driver, "tracking", None) is None:  # its driver learns the mode from the first motion
         await telescope.move_by_key(Direction.WEST, 1, 1.0)
-    before = {item.what: item for item in report.before if item.rate is not None}
+    before = {item.what: item for item in report.earlier if item.rate is not None}
     findings = list[Finding]()
     for number, (speed, key, pair) in enumerate(tried):
         what = f"rate {key} {pair[0].label}/{pair[1].label}"

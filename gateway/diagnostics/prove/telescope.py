@@ -78,7 +78,7 @@ class CheckedMount:
         self.now, self.driver = self.controller.now, self.controller.driver
         self._stop_count, self._positions = self.controller.stops, list[TimedPosition]()
         #: Whether a motion of the check is under way.
-        self.moving = False
+        self.is_moving = False
         self._epoch: Pair | None = None
         #: Whether somebody else has turned tracking on or off, or set its rate, in this stage.
         self.others_set_tracking = False
@@ -113,16 +113,16 @@ class CheckedMount:
         controller = self.controller
         if controller.stops != self._stop_count:
             said = [entry.text for entry in controller.wire_log.recent_notices if entry.side != CLIENT]
-            reason = controller.wanted.value.failure or next(reversed(said), "")
+            reason = controller.wanted.value.goto_failure or next(reversed(said), "")
             by = controller.wanted.stopped_by
             raise StoppedByOthers(f"the mount was stopped{f' by {by}' if by else f' ({reason})' * bool(reason)}")
         if controller.line.state not in ("up", "busy"):
-            may_move = controller.wanted.stop_owed or self.moving
+            may_move = controller.wanted.stop_owed or self.is_moving
             still = "; it may still move, and is stopped as soon as it answers" if may_move else ""
             raise StageEnded(f"the mount does not answer ({controller.line.down_cause}){still}")
         if other := self.other_mover:
             raise StageEnded(f"another program moves the mount ({other})")
-        if controller.watch.moved_by_others and not self.moving and controller.context.run_on.current is None:
+        if controller.watch.moved_by_others and not self.is_moving and controller.context.run_on.current is None:
             raise StageEnded("the mount is moved at its keys, or by itself")
 
     @property
@@ -180,7 +180,7 @@ class CheckedMount:
 
         def is_at_rest() -> bool:
             ends = controller.wanted.is_ending or controller.context.run_on.current is not None
-            ends = ends or (self.moving and controller.watch.moved_by_others)  # what runs on longer looks like that
+            ends = ends or (self.is_moving and controller.watch.moved_by_others)  # what runs on longer looks like that
             return not (ends or controller.moving or controller.wanted.goto_pending)
 
         if not await self.wait_until(is_at_rest, REST_TIMEOUT):
@@ -190,7 +190,7 @@ class CheckedMount:
             await asyncio.sleep(POSITION_SPACING)
             before, present = present, await self.read_position()
             if self.drift(before, present) <= max(self.angle_steps) + 5.0 / 3600.0:
-                self.moving = False
+                self.is_moving = False
                 return present
         raise StageEnded("the mount does not come to rest")
 
@@ -199,7 +199,7 @@ class CheckedMount:
         before = await self.settle()
         speed, number = self.speed_of_key(key), requests.new_request_number()
         self._positions.clear()
-        self.moving = True
+        self.is_moving = True
         try:
             answer = await self.ask(requests.PressKeyRequest(direction=direction, key=key, number=number, who=CLIENT))
             if refused := self._refusal(answer):
@@ -233,7 +233,7 @@ class CheckedMount:
         """Go to a position; cancel the goto when time is up. Return why it was refused, or "". Raises StageEnded."""
         number = requests.new_request_number()
         where = requests.Spot(goal.ra % 360.0, goal.dec)
-        self.moving, controller, over = True, self.controller, False
+        self.is_moving, controller, over = True, self.controller, False
         try:
             answer = await self.ask(requests.GotoRequest(where=where, number=number, who=CLIENT))
             if refused := self._refusal(answer):
@@ -255,7 +255,7 @@ class CheckedMount:
         self.raise_if_stage_ends()
         if answer.fault == NoAnswer.__name__:
             raise StageEnded("the mount has not acknowledged an order")
-        self.moving = False
+        self.is_moving = False
         return answer.text
 
     def speed_of_key(self, key: int) -> float:
@@ -292,7 +292,7 @@ class CheckedMount:
         hour_angle = self._epoch[1] + SIDEREAL_RATE * (position.at - self._epoch[0]) - position.position.ra
         if self.status.equatorial or self.driver.moves_by_gotos:
             return hour_angle, position.position.dec
-        return hour_angle_to_horizon(hour_angle, position.position.dec, self.controller.astrometry.place().latitude)
+        return hour_angle_to_horizon(hour_angle, position.position.dec, self.controller.astrometry.site().latitude)
 
     def axis_turns(self, before: TimedPosition, after: TimedPosition) -> Pair:
         """Return how far both axes have turned relative to the ground."""

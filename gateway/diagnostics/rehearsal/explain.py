@@ -23,9 +23,9 @@ from gateway.diagnostics.command_outcomes import OUTCOME_MEANINGS, MountKind, ch
 from gateway.diagnostics.log.conversation import ConnectionDecoder
 from gateway.diagnostics.log.words import format_fields
 from gateway.diagnostics.rehearsal.play import (
-    Play,
-    Player,
     Prelude,
+    Trace,
+    Tracer,
     is_refused,
     may_change_mount,
     observation_time,
@@ -52,7 +52,7 @@ class Explanation(NamedTuple):
     """The explanation of a command as text, and whether the command can be carried out."""
 
     text: str
-    is_valid: bool
+    is_possible: bool
 
 
 def explain(surface: str, mount: str, typed_words: str) -> Explanation:
@@ -107,7 +107,7 @@ def explain(surface: str, mount: str, typed_words: str) -> Explanation:
         lines += [f"  {remark}" for remark in remarks(row, ways)]
     first = f"after {' '.join((*row.after, *row.during))}, " if row and (row.after or row.during) else ""
     lines.append(f"for example, {first}with the Crab nebula as the target and an aligned mount that tracks:")
-    return Explanation("\n".join([*lines, *format_play(play, face.protocol, at)]), valid)
+    return Explanation("\n".join([*lines, *format_trace(play, face.protocol, at)]), valid)
 
 
 @cache
@@ -150,7 +150,7 @@ def commands_before(surface: Endpoint, row: SurfaceRow) -> Prelude:
 
 def rehearse_command(
     face: Endpoint, mount: Endpoint, frame: bytes, *, aligned: bool = True, wedge: bool = False, missing: str = ""
-) -> tuple[Play, str, str]:
+) -> tuple[Trace, str, str]:
     """Send a frame through a new gateway, whose presented model fits the mount if none is named.
 
     Return the trace, the actual outcome and the tables' outcome; these differ after a refusal, or if nothing changes.
@@ -160,11 +160,11 @@ def rehearse_command(
     assert match is not None
     command, row = match[0], protocol.surface_rows.get(match[0].name)
 
-    async def play() -> tuple[Play, str, str]:
+    async def play() -> tuple[Trace, str, str]:
         async with set_up(face, mount, rehearsal_sky(), aligned=aligned, wedge=wedge, missing=missing) as whole_gateway:
             await whole_gateway.gateway.present_fitting_model()
             await asyncio.sleep(IDLE_TIME)  # readings in the cache expire, so that the mount is asked
-            played = await Player(whole_gateway).play(
+            played = await Tracer(whole_gateway).trace(
                 frame,
                 Prelude() if row is None else commands_before(face, row),
                 observation_time(command, aligned and bool(command.replies)),
@@ -181,7 +181,7 @@ def rehearse_command(
             )
             return played, NOTHING_TO_DO_OUTCOME if idle else said, said
 
-    result: tuple[Play, str, str] = run(play())
+    result: tuple[Trace, str, str] = run(play())
     return result
 
 
@@ -229,12 +229,12 @@ def _unknown_command_hint(client: str, mount: str, frame: bytes) -> str:
     return f"; {alike[0].help} is written like '{printable(example_request(alike[0]))}'" if alike else ""
 
 
-def format_play(play: Play, surface: str, mount: Endpoint) -> list[str]:
+def format_trace(trace: Trace, surface: str, mount: Endpoint) -> list[str]:
     """Format a trace: its meaning, all commands to the mount until the reply, and later ones that change the mount."""
     program, driven = ConnectionDecoder(surface), ConnectionDecoder(mount.protocol, mount.model)
     lines: list[str] = []
     answered, last, again = False, "", 0
-    for event in play.events:
+    for event in trace.events:
         line = ""
         if event.kind == "reply":
             answered = True
@@ -255,8 +255,8 @@ def format_play(play: Play, surface: str, mount: Endpoint) -> list[str]:
             line = f"  a serial port goes on at {event.text} baud"
         if line and line not in lines[-1:]:
             lines.append(line)
-    program.describe_command(play.frame)
-    meaning = program.describe_reply(play.reply).text.partition(": ")[2] if play.reply else ""
-    same = meaning.strip('"') == printable(play.reply).removesuffix("#")  # a name needs no explanation
+    program.describe_command(trace.frame)
+    meaning = program.describe_reply(trace.reply).text.partition(": ")[2] if trace.reply else ""
+    same = meaning.strip('"') == printable(trace.reply).removesuffix("#")  # a name needs no explanation
     about = "" if same or meaning in ("", "accepted") else f"  ({meaning})"
-    return [*lines, f"reply: {printable(play.reply) if play.reply else 'none'}{about}"]
+    return [*lines, f"reply: {printable(trace.reply) if trace.reply else 'none'}{about}"]

@@ -51,7 +51,7 @@ QUERY_OBSERVATION_TIME = 0.4
 _CHECK_PERIOD = 0.05
 
 
-class PlayedStep(NamedTuple):
+class TraceStep(NamedTuple):
     """A step of a trace. ``kind``: means (the operation), baud (a new rate), act (a command that changes the mount),
     look (a query to the mount), answer (the mount's), note (a log entry) or reply (to the client)."""
 
@@ -67,18 +67,18 @@ class Prelude(NamedTuple):
     in_progress: tuple[bytes, ...] = ()
 
 
-class Play(NamedTuple):
+class Trace(NamedTuple):
     """All events that a frame caused, in order; ``changing_commands`` are the commands that reached the mount and
     change it; ``refused``: whether the log has counted a refusal.
     """
 
     frame: bytes
-    events: tuple[PlayedStep, ...]
+    events: tuple[TraceStep, ...]
     reply: bytes
     changing_commands: tuple[bytes, ...]
     refused: bool = False
 
-    def steps_of_kind(self, kind: str) -> tuple[PlayedStep, ...]:
+    def steps_of_kind(self, kind: str) -> tuple[TraceStep, ...]:
         return tuple(event for event in self.events if event.kind == kind)
 
 
@@ -93,9 +93,9 @@ def may_change_mount(name: str) -> bool:
     return kind is not None and not issubclass(kind, Read)
 
 
-def is_refused(play: Play, command: Command, surface: Surface) -> bool:
+def is_refused(seen: Trace, command: Command, surface: Surface) -> bool:
     """Whether a command was refused: by its reply, or if that is empty or a mere acknowledgement, by the log."""
-    return is_refusal(command, play.reply, surface, play.frame) or (play.refused and play.reply in (b"", ACKNOWLEDGED))
+    return is_refusal(command, seen.reply, surface, seen.frame) or (seen.refused and seen.reply in (b"", ACKNOWLEDGED))
 
 
 def is_refusal(command: Command, reply: bytes, surface: Surface, frame: bytes) -> bool:
@@ -163,30 +163,30 @@ async def _wait_until(condition: Callable[[], bool], timeout: float) -> None:
         await asyncio.sleep(_CHECK_PERIOD)
 
 
-class Player:
+class Tracer:
     """Sends frames through one rehearsal gateway, each on a new connection, and returns their traces."""
 
     def __init__(self, stage: RehearsalGateway) -> None:
         self.stage = stage
         self.driver: Driver = stage.driver
         self.surface = surface = stage.binding.surface
-        self._events: list[PlayedStep] = []
+        self._events: list[TraceStep] = []
         self._client_count = 0
         handle = surface.handle
         surface.subscriptions = lambda session: ()  # so that all bytes received are the reply
         surface.handle = lambda session, frame: relay_requests(handle(session, frame), self._note_request)  # type: ignore[method-assign]
         stage.wire_log.sinks.append(self._note_entry)
 
-    async def play(self, frame: bytes, before: Prelude = Prelude(), duration: float = SETTING_OBSERVATION_TIME) -> Play:
-        """Send the commands of ``before``, then the frame; observe for some seconds after its reply."""
+    async def trace(self, frame: bytes, first: Prelude = Prelude(), seconds: float = SETTING_OBSERVATION_TIME) -> Trace:
+        """Send the commands of ``first``, then the frame; observe for some seconds after its reply."""
         self._client_count += 1
         visitor = self.stage.client(f"rehearsal{self._client_count}")
-        for said in before.completed:
+        for said in first.completed:
             visitor.send(said)
             await self._wait_for_replies(visitor, 0.0)
             await asyncio.sleep(BACKGROUND_TIMEOUT)
             await self._wait_for_rest()
-        for said in before.in_progress:
+        for said in first.in_progress:
             visitor.send(said)
             await self._wait_for_replies(visitor, BACKGROUND_TIMEOUT)
         self.on_play_begin()
@@ -196,11 +196,11 @@ class Player:
         visitor.send(frame)
         await self._wait_for_replies(visitor, 0.0)
         reply = visitor.received
-        self._events.append(PlayedStep("reply", "", reply))
-        await asyncio.sleep(duration)
+        self._events.append(TraceStep("reply", "", reply))
+        await asyncio.sleep(seconds)
         protocol = self.driver.protocol
         acts = tuple(data for data in self.stage.rx_data[wire:] if not is_query(protocol, data))
-        return Play(frame, tuple(self._events), reply, acts, refusals != self.stage.wire_log.refusal_count)
+        return Trace(frame, tuple(self._events), reply, acts, refusals != self.stage.wire_log.refusal_count)
 
     def on_play_begin(self) -> None:
         """Called when the trace begins, after the preceding commands; for subclasses."""
@@ -217,18 +217,18 @@ class Player:
     def _note_request(self, request: SurfaceStep) -> bool:
         """Record a request of the surface; return False, so that it is also carried out."""
         if isinstance(request, ChangeBaudRate):
-            self._events.append(PlayedStep("baud", str(request.baud)))
+            self._events.append(TraceStep("baud", str(request.baud)))
         elif not isinstance(request, Defer | CheckPossible | Note):
             operation = request.operation if isinstance(request, FireAndForget | ReuseLastReading) else request
-            self._events.append(PlayedStep("means", meaning(operation)))
+            self._events.append(TraceStep("means", meaning(operation)))
         return False
 
     def _note_entry(self, entry: Entry) -> None:
         """Record the wire log entries that belong to a trace: notes, and commands and replies of the mount."""
         if entry.arrow == "!":
-            self._events.append(PlayedStep("note", entry.note))
+            self._events.append(TraceStep("note", entry.note))
         elif entry.side == "mount" and entry.arrow == ">":
             kind = "look" if is_query(self.driver.protocol, entry.data) else "act"
-            self._events.append(PlayedStep(kind, "", entry.data))
+            self._events.append(TraceStep(kind, "", entry.data))
         elif entry.side == "mount" and entry.arrow == "<":
-            self._events.append(PlayedStep("answer", "", entry.data))
+            self._events.append(TraceStep("answer", "", entry.data))

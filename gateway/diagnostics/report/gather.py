@@ -32,8 +32,8 @@ MAX_REMARKS = 10_000
 def gather(recording: Recording) -> Night:
     """Collect the data of a whole recording. Raises UserError if the file is damaged or empty."""
     gathering = _NightCollector(recording)
-    for event in gathering.sides.after_recognition(recording):
-        gathering.take(event)
+    for event in gathering.sides.protocol_lines_first(recording):
+        gathering.process(event)
     night = gathering.night
     night.cut_reason = recording.incomplete_reason
     if not gathering.entry_count:
@@ -67,7 +67,7 @@ class _NightCollector:
         self._unanswered: deque[tuple[float, str]] = deque(maxlen=MAX_UNANSWERED)
         self._last_coordinates: dict[str, tuple[float, float]] = {}
 
-    def take(self, event: Event) -> None:
+    def process(self, event: Event) -> None:
         """Process a line of the recording."""
         time = self._start_time + event.time
         self.night.ended = max(self.night.ended, time)
@@ -75,13 +75,13 @@ class _NightCollector:
             return
         self.entry_count += 1
         if event.side == MOUNT_SIDE:
-            self._take_mount_event(event, time)
+            self._on_mount_event(event, time)
         else:
-            self._take_program_event(event, time)
+            self._on_program_event(event, time)
 
     # --- the mount's line -------------------------------------------------------------------------------------------
 
-    def _take_mount_event(self, event: Event, time: float) -> None:
+    def _on_mount_event(self, event: Event, time: float) -> None:
         if event.arrow in "!v^":
             text = event.data.decode("latin-1")
             if event.arrow == "v":
@@ -142,7 +142,7 @@ class _NightCollector:
 
     # --- programs ---------------------------------------------------------------------------------------------------
 
-    def _take_program_event(self, event: Event, time: float) -> None:
+    def _on_program_event(self, event: Event, time: float) -> None:
         if event.arrow == "+":
             self._connection_opened(event, time)
             return
@@ -178,7 +178,7 @@ class _NightCollector:
         self._programs[side] = program
         return program
 
-    def _decoder(self, name: str) -> ConnectionDecoder:
-        if name not in self._decoder_by_side:
-            self._decoder_by_side[name] = self.sides.decoder(name)
-        return self._decoder_by_side[name]
+    def _decoder(self, side: str) -> ConnectionDecoder:
+        if side not in self._decoder_by_side:
+            self._decoder_by_side[side] = self.sides.decoder(side)
+        return self._decoder_by_side[side]

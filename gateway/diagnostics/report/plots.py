@@ -126,8 +126,8 @@ def altaz_track(night: Night, sky: Sky) -> list[TrackPoint]:
     points: list[TrackPoint] = []
     for time, ra, dec in night.pointings:
         if night.equinox == "j2000":
-            ra, dec = sky.to_of_date(ra, dec, time)
-        az, alt = sky.horizon(ra, dec, latitude, longitude, time)
+            ra, dec = sky.from_j2000(ra, dec, time)
+        az, alt = sky.az_alt(ra, dec, latitude, longitude, time)
         joined = bool(points) and time - points[-1].time <= TRACK_GAP
         slewing = joined and separation(az, alt, points[-1].az, points[-1].alt) > SLEW_SPEED * (time - points[-1].time)
         points.append(TrackPoint(time, alt, az, slewing, joined))
@@ -173,7 +173,7 @@ def light_intervals(night: Night, sky: Sky) -> list[LightInterval]:
 
 def _light_kind(night: Night, sky: Sky, time: float) -> str:
     assert night.site is not None
-    _, alt = sky.horizon(*sky.sun(time), night.site.latitude, night.site.longitude, time)
+    _, alt = sky.az_alt(*sky.sun(time), night.site.latitude, night.site.longitude, time)
     return "day" if alt > SUNSET_ALTITUDE else "twilight" if alt > NIGHT_ALTITUDE else "dark"
 
 
@@ -231,7 +231,7 @@ def _draw_time_labels(points: Iterable[TrackPoint]) -> list[str]:
 def plot_altitude(points: list[TrackPoint], lights: list[LightInterval], night: Night) -> str:
     """Plot altitude over time, with day and twilight as background, the limits, and problems at the bottom."""
     frame = PlotFrame(night.began, night.ended, 0.0, 90.0)
-    drawn = [frame.band(part.began, part.ended, part.kind) for part in lights]
+    drawn = [frame.shade(part.began, part.ended, part.kind) for part in lights]
     drawn.append(frame.axes((value, f"{value}°") for value in (0, 30, 60, 90)))
     for limit in {night.lowest_alt, night.highest_alt} - {0.0, 90.0}:
         y = frame.y(limit)

@@ -72,7 +72,7 @@ class PlotFrame:
     def foot(self) -> float:
         return self.height - BOTTOM
 
-    def band(self, began: float, ended: float, class_: str) -> str:
+    def shade(self, began: float, ended: float, class_: str) -> str:
         """Shade an interval of time from top to bottom."""
         return tag(
             "rect", x=self.x(began), y=TOP, width=self.x(ended) - self.x(began), height=self.foot - TOP, class_=class_

@@ -27,15 +27,15 @@ from gateway.mount.link.transaction import COPY_GAP
 from gateway.protocols.base.driver import Remark, Schedule, Send, Step, Wait
 
 #: Degrees by which a position may differ from the last position and be accepted at once.
-NEAR_DEGREES = 0.05
+ACCEPTED_STEP = 0.05
 #: The highest speed of any mount in degrees a second: 8 on one axis, both axes combined.
 MAX_SPEED = 8.0 * math.sqrt(2.0)
 #: Degrees by which a latitude (such as the declination) grows at most between two replies in a row.
 MAX_LATITUDE_STEP = 2.0
 #: Seconds by which a clock may differ from its last reading: it has whole seconds, and replies take time.
 CLOCK_TOLERANCE = 1.6
-#: A reply after over SLOW_AFTER seconds on a usually quick line may be old: it is skipped up to SLOW_TRIES times.
-SLOW_AFTER, SLOW_TRIES = 0.5, 3
+#: A reply after over SLOW_SECONDS seconds on a usually quick line may be old: it is skipped up to SLOW_TRIES times.
+SLOW_SECONDS, SLOW_TRIES = 0.5, 3
 #: How often a request is sent at most to verify its reply, and how often if the reply was garbled.
 MAX_TRIES, GARBLED_TRIES = 9, 3
 #: How many replies in a row must agree on a position that no motor can have reached: on a line whose round trips take
@@ -106,7 +106,7 @@ class ReplyVerifier:
             if command.unverified_ok(reply.values) if callable(command.unverified_ok) else command.unverified_ok:
                 break
             took = reply.arrived_at - reply.requested_at
-            if slow < SLOW_TRIES and not mute and took > SLOW_AFTER and took > 2.5 * self._line.times.typical_rtt:
+            if slow < SLOW_TRIES and not mute and took > SLOW_SECONDS and took > 2.5 * self._line.times.typical_rtt:
                 slow += 1
                 continue
             if not (agreeing and self._agree(kind, agreeing[-1], reply)):
@@ -183,7 +183,7 @@ class ReplyVerifier:
         if previous.values.get("length") != reply.values.get("length"):  # the precision was switched
             return max(2, least)
         moved = self._distance(previous, reply)
-        if moved <= NEAR_DEGREES:
+        if moved <= ACCEPTED_STEP:
             return least
         if moved <= self._possible_motion(previous, reply):
             return max(2, least)
@@ -203,7 +203,7 @@ class ReplyVerifier:
     def _possible_motion(self, before: ReceivedReply, after: ReceivedReply) -> float:
         """Return the degrees that the mount can have moved between two replies and while the first one arrived."""
         took = min(before.arrived_at - before.requested_at, 2.5 * self._line.times.typical_rtt)
-        return NEAR_DEGREES + self._max_speed * (after.arrived_at - before.arrived_at + took)
+        return ACCEPTED_STEP + self._max_speed * (after.arrived_at - before.arrived_at + took)
 
     def _distance(self, before: ReceivedReply, after: ReceivedReply, latitude_growth: float = 0.0) -> float:
         """Return the degrees between two replies; infinite if they differ in form.
@@ -371,7 +371,7 @@ class DriverRunner:
 async def run_driver(
     steps: Generator[Step, Any, _T],
     exchange: Callable[[Send], Awaitable[Mapping[str, object]]],
-    plan: Callable[[Schedule], object],
+    on_schedule: Callable[[Schedule], object],
     on_remark: Callable[[Remark], object] = lambda said: None,
 ) -> _T:
     """Run a driver's generator and return its value. Faults of exchanges are thrown into it. Raises Fault."""
@@ -391,7 +391,7 @@ async def run_driver(
             elif isinstance(step, Remark):
                 on_remark(step)
             else:
-                plan(step)
+                on_schedule(step)
     except StopIteration as end:
         value: _T = end.value
         return value

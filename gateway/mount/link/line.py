@@ -23,7 +23,7 @@ from gateway.transport.wires import Transport
 #: Seconds of silence after half a command: a hand control takes whatever arrives sooner for the other half.
 HALF_COMMAND_SILENCE = 3.5
 #: Seconds between two commands of a stop that is written without waiting for replies, unless a reply comes sooner.
-BLIND_GAP = 0.2
+STOP_COMMAND_GAP = 0.2
 #: Seconds without a reply after which the port is closed and reopened.
 REOPEN_SILENCE = 20.0
 #: Seconds after which a reply is overdue: from then on the mount may not be listening at all.
@@ -100,7 +100,7 @@ class MountLink:
     @property
     def occupied(self) -> bool:
         """Whether the mount works on a long operation and accepts nothing but a stop."""
-        return self.state == "busy" or self.transaction.is_long
+        return self.state == "busy" or self.transaction.is_long_op
 
     @property
     def reply_is_overdue(self) -> bool:
@@ -109,9 +109,9 @@ class MountLink:
             return False
         return self._clock() - self._silent_since > max(OVERDUE_TIME, 2.5 * self.times.typical_rtt)
 
-    def was_busy_after(self, time: float) -> bool:
+    def was_busy_after(self, loop_time: float) -> bool:
         """Whether the mount has worked on a long operation since this loop time."""
-        return self.occupied or self.transaction.long_ended_at >= time
+        return self.occupied or self.transaction.long_ended_at >= loop_time
 
     async def close(self) -> None:
         """End the worker and close the wire; waiting and later requests fail with NoAnswer."""
@@ -146,11 +146,11 @@ class MountLink:
 
     def _hurry_stop(self, priority: int) -> None:
         """Wake the exchange under way: for a stop that is not written yet, in a long operation for any request."""
-        stop = priority == STOP and not (self.transaction.written and self.transaction.written.issuperset(self._stop()))
-        if stop or self.transaction.is_long:
+        stop = priority == STOP and not (self.transaction.stops and self.transaction.stops.issuperset(self._due_stop()))
+        if stop or self.transaction.is_long_op:
             self.transaction.wake(stop)
 
-    def _stop(self) -> list[bytes]:
+    def _due_stop(self) -> list[bytes]:
         """Return the commands of the stop that the mount has not acknowledged, else those of the queued stops."""
         commands: list[bytes] = []
         self.writing_stop.emit(commands)
@@ -188,21 +188,21 @@ class MountLink:
     async def _resync_reopened_line(self) -> None:
         """Bring a reopened line into step. If half a command was sent before, first wait until the mount drops it."""
         self.reopened.emit(None)
-        half, self.transaction.half = self.transaction.half, False
+        half, self.transaction.half_sent = self.transaction.half_sent, False
         stopped = await self._write_stop()
         if half and not stopped:
             await self.transaction.idle(self.transaction.written_at + HALF_COMMAND_SILENCE - self._clock())
         await self._recover()
 
     async def _write_stop(self) -> bool:
-        """Write the commands of `_stop` without waiting for replies; return whether there were any."""
-        commands, before = self._stop(), self.reply_rules.half_command_end
+        """Write the commands of `_due_stop` without waiting for replies; return whether there were any."""
+        commands, before = self._due_stop(), self.reply_rules.half_command_end
         self.transaction.note_stop_written(commands)
         for command in commands:
             if not self.transaction.send(before + command):
                 break
             before = b""
-            await self.transaction.wait_for_any_byte(BLIND_GAP)
+            await self.transaction.wait_for_any_byte(STOP_COMMAND_GAP)
         return bool(commands)
 
     async def _serve_requests(self) -> None:

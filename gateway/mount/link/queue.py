@@ -31,7 +31,7 @@ AGING_TIMES: Mapping[int, float] = {POSITION: 0.25, READ: 0.6, SETTING: 2.0}
 #: After this many motion exchanges in a row an aged read goes first: a flood of arrow commands must not hide the mount.
 MAX_MOTIONS_IN_A_ROW = 1
 #: After this many exchanges an aged setting goes first: a slow or hibernating mount always has reads waiting.
-SETTING_PASSES = 4
+MAX_SETTING_SKIPS = 4
 #: Reads wait for an urgent request due within URGENT_FACTOR times the reply time, until URGENT_GRACE seconds after it.
 URGENT_FACTOR, URGENT_GRACE = 1.5, 0.05
 #: Event loop iterations in which a client that got a reply may queue its next request. Then the second half of a
@@ -64,7 +64,7 @@ class RequestQueue:
         self._numbers = count()
         self._waiting: list[QueuedCommand] = []
         self._urgent_times: list[float] = []
-        self._motions_in_a_row = self._since_last_setting = 0
+        self._motions_in_a_row = self._setting_skips = 0
         self._wake_event = TimedEvent()
 
     def __len__(self) -> int:
@@ -81,9 +81,9 @@ class RequestQueue:
         """Wake the worker, because the state of the line has changed."""
         self._wake_event.set()
 
-    def expect_urgent(self, time: float) -> None:
+    def expect_urgent(self, urgent_at: float) -> None:
         """Hold back reads that would delay an urgent request that is expected at this loop time."""
-        heapq.heappush(self._urgent_times, time)
+        heapq.heappush(self._urgent_times, urgent_at)
 
     @property
     def stop_waits(self) -> bool:
@@ -134,12 +134,12 @@ class RequestQueue:
         return first
 
     def sorted_by_turn(self) -> list[QueuedCommand]:
-        return sort_queue(self._waiting, self._loop.time(), self._motions_in_a_row, self._since_last_setting)
+        return sort_queue(self._waiting, self._loop.time(), self._motions_in_a_row, self._setting_skips)
 
-    def dequeue(self, first: QueuedCommand) -> None:
-        self._waiting.remove(first)
-        self._motions_in_a_row = self._motions_in_a_row + 1 if first.priority == MOTION else 0
-        self._since_last_setting = 0 if first.priority == SETTING else self._since_last_setting + 1
+    def dequeue(self, request: QueuedCommand) -> None:
+        self._waiting.remove(request)
+        self._motions_in_a_row = self._motions_in_a_row + 1 if request.priority == MOTION else 0
+        self._setting_skips = 0 if request.priority == SETTING else self._setting_skips + 1
 
     @types.coroutine
     def _let_clients_follow_up(self) -> Iterator[None]:
@@ -149,11 +149,11 @@ class RequestQueue:
                 return
             yield  # one event loop iteration, cheaper than asyncio.sleep(0)
 
-    def send_stops_while_busy(self, busy: bool, send: Callable[[Send], bool | None]) -> int:
+    def send_stops_while_busy(self, refuse_others: bool, send: Callable[[Send], bool | None]) -> int:
         """During a long operation of the mount, send the stops that need no reply; return how many were sent.
 
-        ``send`` returns whether a stop was sent, or None if it needs a reply. If ``busy``, the operation lasts so long
-        that all other requests are refused.
+        ``send`` returns whether a stop was sent, or None if it needs a reply. If ``refuse_others``, the operation lasts
+        so long that all other requests are refused.
         """
         sent, waiting = 0, sorted(self._waiting, key=lambda request: (request.priority, request.number))
         self._waiting = []
@@ -163,7 +163,7 @@ class RequestQueue:
             if request.priority == STOP and (pending := send(request.command)) is not None:
                 sent += pending
                 request.future.set_result(({}, 0.0))
-            elif busy:
+            elif refuse_others:
                 request.fail(Busy())
             else:
                 self._waiting.append(request)
@@ -186,15 +186,15 @@ class RequestQueue:
         return request.future.done()
 
 
-def sort_queue(waiting: Iterable[QueuedCommand], now: float, n_motions: int, passed_over: int) -> list[QueuedCommand]:
+def sort_queue(waiting: Iterable[QueuedCommand], now: float, n_motions: int, setting_skips: int) -> list[QueuedCommand]:
     """Return the waiting requests in the order in which they will be sent.
 
-    ``n_motions``: how many of the last exchanges were motions; ``passed_over``: how many exchanges there
+    ``n_motions``: how many of the last exchanges were motions; ``setting_skips``: how many exchanges there
     were since the last setting.
     """
     before_all = STOP + 0.5
     waited = before_all if n_motions >= MAX_MOTIONS_IN_A_ROW else AGED_READ
-    risen = {POSITION: waited, READ: waited, SETTING: before_all if passed_over >= SETTING_PASSES else SETTING}
+    risen = {POSITION: waited, READ: waited, SETTING: before_all if setting_skips >= MAX_SETTING_SKIPS else SETTING}
 
     def sort_key(queued: QueuedCommand) -> tuple[float, int, int]:
         aged = now - queued.queued_at > AGING_TIMES.get(queued.priority, 1e9)

@@ -46,9 +46,9 @@ AFTER_STOP_GRACE = 1.0
 BUSY_DELAY = 1.0
 #: Seconds after its timeout within which the reply to a request may still arrive.
 LATE_REPLY_TIME = 2.5
-#: The timeout of a position read is POSITION_FACTOR times the typical reply time, at least SHORTEST_TIMEOUT seconds.
+#: The timeout of a position read is TIMEOUT_FACTOR times the typical reply time, at least SHORTEST_TIMEOUT seconds.
 #: The protocol's timeout applies until MIN_REPLY_COUNT replies have come.
-POSITION_FACTOR, SHORTEST_TIMEOUT, MIN_REPLY_COUNT = 8.0, 1.2, 20
+TIMEOUT_FACTOR, SHORTEST_TIMEOUT, MIN_REPLY_COUNT = 8.0, 1.2, 20
 #: A late reply raises the timeouts to LATE_FACTOR times its time, unless it took over MAX_COUNTED_LATE seconds.
 LATE_FACTOR, MAX_COUNTED_LATE = 1.5, 6.0
 #: The first reply sets the typical time, up to this many seconds.
@@ -95,7 +95,7 @@ class ReplyTimes:
         protocol_timeout = max(protocol_timeout, LATE_FACTOR * self._last_late_time)
         if not is_position or self.reply_count < MIN_REPLY_COUNT:
             return protocol_timeout
-        return min(protocol_timeout, max(SHORTEST_TIMEOUT, POSITION_FACTOR * self.typical_rtt))
+        return min(protocol_timeout, max(SHORTEST_TIMEOUT, TIMEOUT_FACTOR * self.typical_rtt))
 
 
 class LateReplies:
@@ -145,11 +145,11 @@ class Transaction:
         self.lost = False
         self.wire_lost: Signal[None] = Signal()
         #: Whether the line was lost during an exchange, so that the mount may have received half a command.
-        self.half = False
+        self.half_sent = False
         self.last_request = b""
         #: Whether a long operation is under way, whether it takes so long that other requests are refused, and the loop
         #: time at which the last one ended.
-        self.is_long, self.busy, self.long_ended_at = False, False, -1e9
+        self.is_long_op, self.busy, self.long_ended_at = False, False, -1e9
         #: Loop time of the last write; long ago if there was none.
         self.written_at = -1e9
         self.times = ReplyTimes()
@@ -167,14 +167,14 @@ class Transaction:
         self._unanswered_since: float | None = None
         self._awaiting_more_bytes = self._stop_is_waiting = self._pause_cut_short = False
         #: A stop that has no reply was written, and the mount has not replied to anything since.
-        self._stop_unheard = False
+        self._stop_unanswered = False
         #: Loop time from which the exchange under way is cut off for a stop that is due.
         self._gives_way_at = math.inf
         #: Loop time at which a stop is to be written, whatever else happens on the line.
         self._stop_due_at = math.inf
         #: The stop commands that were written without waiting for replies, cleared by the next exchange (not by checks
         #: of the line); and the loop time at which the newest of them was first written.
-        self.written: set[bytes] = set()
+        self.stops: set[bytes] = set()
         self._stop_first_written_at = -1e9
         self._opening_count = 0
 
@@ -209,12 +209,12 @@ class Transaction:
         self._bytes_event.set()
         self._queue.wake()
 
-    def wake(self, stop: bool) -> None:
-        """Wake the exchange under way: to give way to a ``stop``, or to see new requests in a long operation."""
-        self._stop_is_waiting |= stop
-        if stop:
+    def wake(self, for_stop: bool) -> None:
+        """Wake the exchange under way: to give way to a ``for_stop``, or to see new requests in a long operation."""
+        self._stop_is_waiting |= for_stop
+        if for_stop:
             self._stop_due_at = min(self._stop_due_at, self._clock())
-        if self.is_long or stop:
+        if self.is_long_op or for_stop:
             self._bytes_event.set()
 
     @property
@@ -225,9 +225,9 @@ class Transaction:
     def note_stop_written(self, commands: Collection[bytes]) -> None:
         """Note that these commands of the due stop were written, and calculate when they must be written again."""
         now, self._stop_due_at = self._clock(), math.inf
-        if not self.written.issuperset(commands):
+        if not self.stops.issuperset(commands):
             self._stop_first_written_at = now
-        self.written.update(commands)
+        self.stops.update(commands)
         if commands:
             again = (self._stop_first_written_at + after for after in STOP_RETRY_DELAYS)
             self._stop_due_at = next((at for at in again if at > now), math.inf)
@@ -266,13 +266,13 @@ class Transaction:
         """Carry out an exchange. If the pause before it was cut short, a stop is sent twice: the first may be lost."""
         hurried, self._pause_cut_short = self._pause_cut_short, False
         if not is_stop:
-            self.written.clear()
+            self.stops.clear()
         # A stop is cut off, too, so that all of it is written; but not when it is sent again after that.
-        self._stop_due_at = self._clock() if is_stop and not self.written else math.inf
+        self._stop_due_at = self._clock() if is_stop and not self.stops else math.inf
         try:
             outcome = await self.exchange(command, firm=hurried, stop=is_stop)
             if not isinstance(outcome, NoAnswer):
-                self.written.clear()
+                self.stops.clear()
             if hurried and is_stop and self.reply_rules.expected_reply(command).delay_after:
                 outcome = await self.exchange(
                     command, stop=True
@@ -298,13 +298,13 @@ class Transaction:
         self._bytes_event.clear()
         self._last_command = command
         began = self.written_at = self._clock()
-        self.is_long, self._stops_sent, self._stop_is_waiting = command.long, 0, False
+        self.is_long_op, self._stops_sent, self._stop_is_waiting = command.long, 0, False
         overtakes = getattr(self.wire, "newest_only", False)
         waits = expected.max_stop_wait if overtakes else self.times.typical_rtt + STOP_WAIT
         self._gives_way_at = math.inf if command.long or (overtakes and stop) else began + waits
         taken = await self._await_reply(command, expected, began, settle, is_resync) if self.send(request) else None
-        self._stop_unheard = stop and expected.silent
-        self.is_long, self.long_ended_at = False, self._clock() if command.long else self.long_ended_at
+        self._stop_unanswered = stop and expected.silent
+        self.is_long_op, self.long_ended_at = False, self._clock() if command.long else self.long_ended_at
         if taken is None:
             gave_way = overtakes and self._must_give_way
             return GaveWayToStop() if gave_way else self._silent_fault(command, expected, began)
@@ -346,7 +346,7 @@ class Transaction:
         """
         position = expected.answer_kind == "position" and not is_resync
         longest = command.timeout or self.times.timeout(expected.timeout, position)
-        if self._stop_unheard and command.timeout is None:
+        if self._stop_unanswered and command.timeout is None:
             longest = min(longest, self.times.typical_rtt + AFTER_STOP_GRACE)
         deadline, busy_at = started_at + longest, started_at + BUSY_DELAY
         while not self.lost:
@@ -380,7 +380,7 @@ class Transaction:
     def _silent_fault(self, command: Send, expected: ExpectedReply, started_at: float) -> Fault:
         self.times.last_rtt = self._clock() - started_at
         if self.lost:
-            self.half = True
+            self.half_sent = True
         elif command.timeout is not None and not command.long and not self._unknown_bytes and not self._must_give_way:
             return Silence()
         self._expect_late_reply(command, expected, started_at)

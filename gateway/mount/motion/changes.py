@@ -51,8 +51,8 @@ MAX_WAITING_PULSES = 8
 
 def apply_order(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """Return the new ``Wanted`` after an order. ``slewing``: the mount reports a goto under way. Raises Refused."""
-    if wanted.failure and order.client is not None:  # of a client
-        wanted = replace(wanted, failure="")
+    if wanted.goto_failure and order.client is not None:  # of a client
+        wanted = replace(wanted, goto_failure="")
     return _APPLY_BY_OPERATION.get(type(order.operation), _append_order)(wanted, order, now, slewing)
 
 
@@ -67,10 +67,10 @@ def after_stop(wanted: Wanted, reason: str | None = None) -> Wanted:
         if survives_abort(order.operation) or (order.urgent and order.number == wanted.active)
     )
     ends_goto = bool(reason) and isinstance(wanted.motion, Slew)
-    failure = f"the goto ended before its goal: {reason}" if ends_goto else wanted.failure
+    failure = f"the goto ended before its goal: {reason}" if ends_goto else wanted.goto_failure
     return replace(
         wanted, pending=pending, pulses=(), arrows=(), taps=(), stop_owed=True, n_stops=wanted.n_stops + 1,
-        failure="" if reason == "" else failure,
+        goto_failure="" if reason == "" else failure,
     )  # fmt: skip
 
 
@@ -83,20 +83,20 @@ def equal_pending_halt(wanted: Wanted, operation: op.Operation) -> Halt | None:
         return None
     overtakes = not wanted.waiting_gotos
     for other in wanted.pending:
-        if not isinstance(other, Halt) or other.operation != operation or other.void_by:
+        if not isinstance(other, Halt) or other.operation != operation or other.voided_by:
             continue
         if other.overtakes is overtakes and (overtakes or other.order_count == wanted.order_count):
             return other
     return None
 
 
-def add_follow_up(wanted: Wanted, schedule: Schedule, number: int, now: float) -> Wanted:
-    """Add a follow-up of the driver as order ``number``; it replaces an equal pending follow-up."""
+def add_follow_up(wanted: Wanted, schedule: Schedule, order_number: int, now: float) -> Wanted:
+    """Add a follow-up of the driver as order ``order_number``; it replaces an equal pending follow-up."""
     order = Order(
-        number,
+        order_number,
         schedule.operation,
         rank=FIRST_RANK if schedule.urgent else USUAL_RANK,
-        at=now + schedule.seconds,
+        due_from=now + schedule.seconds,
         follow_up=True,
         urgent=schedule.urgent,
         not_while_busy=schedule.not_while_busy,
@@ -180,7 +180,7 @@ def _apply_goto(wanted: Wanted, order: Order, now: float, slewing: bool) -> Want
 
 def _is_postponed(order: Order) -> bool:
     """Whether the order is a goto that waits until the mount accepts commands, or for a site or clock."""
-    return isinstance(order.operation, GOTOS) and not order.follow_up and order.at > 0.0
+    return isinstance(order.operation, GOTOS) and not order.follow_up and order.due_from > 0.0
 
 
 def _replaced_by_goto(order: Order) -> bool:
@@ -210,13 +210,13 @@ def _apply_halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Want
     wanted = replace(wanted, arrows=tuple(arrow for arrow in others if order.client is not None or arrow.axis != axis))
     gotos = wanted.waiting_gotos
     if not gotos and (wanted.by_hand or not slewing):  # motion by hand means that the goto has ended
-        return _apply_end(wanted, order, now, slewing)
+        return _queue_halt(wanted, order, now, slewing)
     if press is None or press.gotos_before >= wanted.n_gotos:
         return after_stop(wanted)
-    return replace(wanted, pending=(*wanted.pending, replace(order, void_by=gotos[-1].number))) if gotos else wanted
+    return replace(wanted, pending=(*wanted.pending, replace(order, voided_by=gotos[-1].number))) if gotos else wanted
 
 
-def _apply_end(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
+def _queue_halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """Queue a halt: before all other orders, but behind a pending goto, and last if a client keeps repeating it."""
     assert isinstance(order, Halt)
     axis = halted_axis(order.operation)
@@ -264,7 +264,7 @@ _APPLY_BY_OPERATION: dict[type[op.Operation], Callable[[Wanted, Order, float, bo
     op.Pulse: _apply_pulse,
     op.PulseAxis: _apply_pulse,
     op.StopAxis: _apply_halt,
-    op.AbortSlew: _apply_end,
+    op.AbortSlew: _queue_halt,
     op.Focus: _apply_focus,
     op.Hibernate: _apply_hibernate,
 }
@@ -294,7 +294,7 @@ def after_failure(wanted: Wanted, order: Order) -> Wanted:
     if isinstance(order.operation, END_ORDERS):
         wanted = replace(wanted, halts=tuple(halt for halt in wanted.halts if halt.operation != order.operation))
     pending = tuple(
-        replace(other, void_by=0, rank=FIRST_RANK) if _is_void_after(other, order) else other
+        replace(other, voided_by=0, rank=FIRST_RANK) if _is_void_after(other, order) else other
         for other in wanted.pending
         if not _is_void_after(other, order) or getattr(other.operation, "axis", 0) in wanted.by_hand
     )
@@ -303,7 +303,7 @@ def after_failure(wanted: Wanted, order: Order) -> Wanted:
 
 def _is_void_after(halt: Order, goto: Order) -> bool:
     """Whether this is a halt that becomes void once the goto has begun."""
-    return isinstance(halt, Halt) and halt.void_by == goto.number
+    return isinstance(halt, Halt) and halt.voided_by == goto.number
 
 
 def may_have_begun(order: Order, error: BaseException) -> bool:
@@ -325,10 +325,10 @@ def after_ack(
             pending = tuple(other for other in wanted.pending if other.number not in void)
             slew, homed = Slew(operation, order.client, now), isinstance(operation, op.Home)
             moved = replace(wanted, motion=slew, homed=homed, gotos_begun=wanted.gotos_begun + 1, pulses=(), taps=())
-            return replace(moved, pending=pending, motions_begun=_count_begun(wanted, 1, 2))
+            return replace(moved, pending=pending, motions_begun=_add_motions(wanted, 1, 2))
         case op.Move() | op.MoveAxis():
             wanted = replace(
-                _without_pulses(wanted, operation.axis), homed=False, motions_begun=_count_begun(wanted, operation.axis)
+                _without_pulses(wanted, operation.axis), homed=False, motions_begun=_add_motions(wanted, operation.axis)
             )
             motion = AxisMotion(operation, order.client, now, speed, order.came_at, max(sent_at, order.came_at))
             moved = _with_axis_motion(wanted, operation.axis, motion)
@@ -364,11 +364,11 @@ def after_goto_end(wanted: Wanted) -> Wanted:
 
 def after_goto_failure(wanted: Wanted, reason: str) -> Wanted:
     """Note that the mount ended a goto elsewhere than at its goal; not if a stop has ended it."""
-    return wanted if wanted.stop_owed or wanted.failure else replace(wanted, failure=reason)
+    return wanted if wanted.stop_owed or wanted.goto_failure else replace(wanted, goto_failure=reason)
 
 
-def after_pulse_start(wanted: Wanted, order: Order, pulse: op.Pulsed, number: int, now: float) -> Wanted:
-    """Note a guide pulse that began, and add order ``number`` for its end or its remainder."""
+def after_pulse_start(wanted: Wanted, order: Order, pulse: op.Pulsed, order_number: int, now: float) -> Wanted:
+    """Note a guide pulse that began, and add order ``order_number`` for its end or its remainder."""
     if isinstance(order.operation, op.Move):  # a tap at guide rate
         order = replace(order, operation=op.Pulse(order.operation.direction, order.operation.ms or 0))
     axis, until = order.pulse_axis, (now if pulse.since is None else pulse.since) + pulse.seconds
@@ -376,16 +376,16 @@ def after_pulse_start(wanted: Wanted, order: Order, pulse: op.Pulsed, number: in
     others = tuple(other for other in wanted.pulses if other.axis != axis)
     wanted = replace(wanted, pulses=(*others, GuidePulse(axis, until, order.operation)))
     if not pulse.ends:
-        end = Order(number, op.StopAxis(axis), rank=FIRST_RANK, at=until, follow_up=True, urgent=True)
+        end = Order(order_number, op.StopAxis(axis), rank=FIRST_RANK, due_from=until, follow_up=True, urgent=True)
         return replace(wanted, pending=(*wanted.pending, end))
     if pulse.left:
         operation = replace(order.operation, ms=pulse.left)
-        rest = replace(order, number=number, operation=operation, at=until, follow_up=True)
+        rest = replace(order, number=order_number, operation=operation, due_from=until, follow_up=True)
         return replace(wanted, pending=(*wanted.pending, rest))
     return wanted
 
 
-def _count_begun(wanted: Wanted, *axes: int) -> tuple[int, int]:
+def _add_motions(wanted: Wanted, *axes: int) -> tuple[int, int]:
     """Return ``motions_begun``, increased by one motion of each of these axes."""
     first, second = wanted.motions_begun
     return first + (1 in axes), second + (2 in axes)

@@ -111,7 +111,7 @@ class Consequences:
 
     def _on_sync(self) -> None:
         """Add the sync to the sum of all syncs, and forget the cached positions, which a sync changes."""
-        self._context.synced.note_acknowledged()
+        self._context.syncs.note_acknowledged()
         status = self._cache.value(op.GetStatus)
         aligns = (op.GetStatus,) if status is not None and not status.aligned else ()
         self._cache.forget(op.Position, op.HorizontalPosition, op.AxisPosition, *aligns)

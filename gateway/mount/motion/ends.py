@@ -28,7 +28,7 @@ MAX_SAMPLES = 6
 #: After this many attempts the gateway gives up: perhaps a person moves the mount. The limits still apply.
 MAX_TRIES = TRIES_BEFORE_WARNING + 3
 #: A speed is measured over at least this many units of the position's resolution.
-MIN_UNITS = 3
+MIN_STEP_UNITS = 3
 #: The fraction of the ordered speed that still counts as motion: some mounts reach only half of the ordered speed.
 MIN_RATIO = 0.4
 #: Degrees a second below which positions cannot distinguish motion by hand from tracking.
@@ -39,7 +39,7 @@ class AxisSample(Struct, frozen=True):
     """The readings of both axes at a time: right ascension and declination, or azimuth and altitude, degrees."""
 
     time: float
-    axes: tuple[float, float]
+    angles: tuple[float, float]
     resolution: float = 1.0 / 3600.0
 
 
@@ -82,8 +82,8 @@ def speed_since_end(ending: MotionEnd, samples: Sequence[AxisSample]) -> float |
     since = [sample for sample in samples if sample.time >= ending.sent_at[-1]]
     for before, after in reversed(list(pairwise(since))):
         elapsed = after.time - before.time
-        if elapsed * ending.speed / 2.0 >= MIN_UNITS * max(before.resolution, after.resolution):
-            turned = (abs(wrap180(after.axes[axis - 1] - before.axes[axis - 1])) for axis in ending.axes)
+        if elapsed * ending.speed / 2.0 >= MIN_STEP_UNITS * max(before.resolution, after.resolution):
+            turned = (abs(wrap180(after.angles[axis - 1] - before.angles[axis - 1])) for axis in ending.axes)
             return max(turned, default=0.0) / elapsed
     return None
 
@@ -124,7 +124,7 @@ class EndWatch:
         return self._ending
 
     @property
-    def pending(self) -> bool:
+    def is_watching(self) -> bool:
         """Whether positions are needed, because they have not shown yet that a motion has ended."""
         return self.ending is not None
 

@@ -23,7 +23,7 @@ MAX_MARK_AGE = 10.0
 #: Seconds between the two positions that are compared, and within which both must arrive.
 SAMPLE_GAP, SAMPLES_TIMEOUT = 0.7, 1.5
 #: How many times faster than recorded an axis may turn and still be taken for the recorded motion.
-TOO_FAST = 2.5
+MAX_SPEEDUP = 2.5
 
 
 class Leftover(Struct, frozen=True, omit_defaults=True):
@@ -63,13 +63,13 @@ def find_leftover(wanted: Wanted, speed_of: Callable[[op.Rate], float], samples:
 def axis_speeds(before: AxisSample, after: AxisSample) -> Pair:
     """Return the speeds of both axes between two samples, degrees a second."""
     elapsed = max(after.time - before.time, 1e-6)
-    return wrap180(after.axes[0] - before.axes[0]) / elapsed, wrap180(after.axes[1] - before.axes[1]) / elapsed
+    return wrap180(after.angles[0] - before.angles[0]) / elapsed, wrap180(after.angles[1] - before.angles[1]) / elapsed
 
 
 def axes_still_moving(left: Leftover, speeds: Pair) -> frozenset[int]:
     """Return the axes that still turn as recorded. ``speeds``: the present speeds, degrees a second."""
     axes = {
-        axis for axis, speed in left.speeds.items() if MIN_RATIO * speed <= abs(speeds[axis - 1]) <= TOO_FAST * speed
+        axis for axis, speed in left.speeds.items() if MIN_RATIO * speed <= abs(speeds[axis - 1]) <= MAX_SPEEDUP * speed
     }
     return frozenset(axes - ({1} if speeds[0] * left.direction < 0.0 else set()))
 

@@ -128,7 +128,7 @@ class Reconciler:
             operation,
             activity,
             rank=FIRST_RANK if wakes else USUAL_RANK,
-            at=now + exchange if guides else 0.0,
+            due_from=now + exchange if guides else 0.0,
             arrow=Arrow(min_time=exchange / taps.MAX_TAP_FACTOR if guides and not self._driver.times_pulses else 0.0),
             came_at=now if arrived_at is None else arrived_at,
             deadline=now + max_delay if isinstance(operation, (*GOTOS, op.Sync)) else inf,
@@ -199,7 +199,7 @@ class Reconciler:
         """End every motion, and wait until the mount has acknowledged it. Raises Fault."""
         await result_of(self.begin_stop(reason))
 
-    def resend_end(self, axes: frozenset[int]) -> None:
+    def stop_again(self, axes: frozenset[int]) -> None:
         """Stop these axes once more, because positions show that they still move. Other orders continue."""
         if len(axes) > 1:
             self._stopping.send(None)
@@ -322,7 +322,7 @@ class Reconciler:
         if order.follow_up:
             return order.operation, await self._carry_out_follow_up(order)
         arrow = isinstance(order.operation, op.Move | op.MoveAxis) and order.rank == USUAL_RANK
-        self._check_tap(order.number, taps.MAX_WAIT)
+        self._check_tap(order.number, taps.MAX_TAP_WAIT)
         try:
             async with asyncio.timeout_at(order.deadline if order.deadline < inf else None):
                 operation = await self._admission.admit(order.operation, order.client)

@@ -21,7 +21,7 @@ from gateway.mount.motion.wanted import HandMove, Slew, Wanted
 
 ARCSECOND = 1.0 / 3600.0
 #: Degrees a second: the motion of the sky, and the greatest difference between the sidereal and other tracking rates.
-SKY, RATE_DIFF = 15.041 * ARCSECOND, 3.0 * ARCSECOND
+SKY, MAX_RATE_DIFF = 15.041 * ARCSECOND, 3.0 * ARCSECOND
 #: Seconds: the least time between two positions that are compared; the age up to which a position from before the end
 #: of a goto counts; and the time without a position after which the motion is unknown.
 MIN_POSITION_GAP, MAX_EARLY_POSITION_AGE, MAX_SILENCE = 0.25, 1.5, 3.0
@@ -58,7 +58,7 @@ def unexplained_motion(before: op.Equatorial, after: op.Equatorial, elapsed: flo
     distance = separation(before.ra, before.dec, after.ra, after.dec)
     passed = separation(before.ra + SKY * elapsed, before.dec, after.ra, after.dec)
     turned = wrap180(after.ra - before.ra) * equatorial
-    return max(min(distance, passed), min(abs(turned), abs(turned - SKY * elapsed))) - RATE_DIFF * elapsed
+    return max(min(distance, passed), min(abs(turned), abs(turned - SKY * elapsed))) - MAX_RATE_DIFF * elapsed
 
 
 def after_position(run_on: RunOn, position: TimedPosition, equatorial: bool, resolution: float) -> RunOn | None:
@@ -82,7 +82,7 @@ class RunOnWatch:
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
         #: Emitted with each command that may move the mount; how often it was emitted until the mount was last at rest.
-        self.sent: Signal[None] = Signal()
+        self.may_move: Signal[None] = Signal()
         self._commands_at_rest = 0
         #: When the mount was last seen at rest after the end of a motion.
         self.rested_at = -inf
@@ -116,7 +116,7 @@ class RunOnWatch:
             or any(isinstance(order.operation, op.Pulse | op.PulseAxis) for order in wanted.pending),
             parked=parked,
             homed=wanted.homed and not slews,
-            short=wanted.failure,
+            short=wanted.goto_failure,
         )
 
     def note_may_move(self) -> None:
@@ -128,7 +128,7 @@ class RunOnWatch:
         position may already show rest. It changes nothing if the mount was at rest, unless somebody else moved it.
         """
         now = self._clock()
-        if self.current is not None or not (self.sent.count != self._commands_at_rest or moved_by_others):
+        if self.current is not None or not (self.may_move.count != self._commands_at_rest or moved_by_others):
             self.current = None if self.current is None else replace(self.current, goto=after_goto or self.current.goto)
             return
         counts = latest is not None and now - latest.asked_at < MAX_EARLY_POSITION_AGE
@@ -144,5 +144,5 @@ class RunOnWatch:
         if self.current is not None:
             self.current = after_position(self.current, position, equatorial, resolution)
             if self.current is None:
-                self._commands_at_rest, self.rested_at = self.sent.count, position.at
+                self._commands_at_rest, self.rested_at = self.may_move.count, position.at
                 self.changed.emit(0.0)

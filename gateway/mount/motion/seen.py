@@ -22,13 +22,13 @@ POSITION_RESOLUTION, COARSE_RESOLUTION = 0.006, 0.025
 MIN_DIRECTION_STEP, NEAR_POLE = 0.2, 85.0
 #: When the tube passes the pole or the zenith, the first axis seems to turn by half a circle: the degrees that count as
 #: such, and the declination or altitude above which they do.
-POLE_PASSAGE_TURN, POLE_LAT = 90.0, 60.0
+POLE_PASSAGE_TURN, PASSAGE_LAT = 90.0, 60.0
 NEVER = -1e9
 
 
 class PositionSample(Struct, frozen=True):
     """A position of the mount, with its altitude and hour angle (None without a site). Its distances from each possible
-    position of the Sun are ``suns``, degrees.
+    position of the Sun are ``sun_distances``, degrees.
 
     ``other_altitudes`` are the altitudes by other sources of site and time, and as if the syncs were wrong. The first
     ``own_altitude_count`` of ``altitudes`` are by the mount's own site and clock. ``axis2_move`` is the motion by hand
@@ -39,7 +39,7 @@ class PositionSample(Struct, frozen=True):
     position: op.Equatorial
     altitude: float | None = None
     hour_angle: float | None = None
-    suns: tuple[float, ...] = ()
+    sun_distances: tuple[float, ...] = ()
     axis2_move: op.Move | op.MoveAxis | None = None
     comparison_key: object = 0
     other_altitudes: tuple[float, ...] = ()
@@ -91,7 +91,7 @@ def begin_motion(observed: ObservedMotion, now: float, ordered_speed: float, at_
 
 def add_first_position(observed: ObservedMotion, sample: PositionSample) -> ObservedMotion:
     """Add a position that cannot be compared with the last position."""
-    return replace(observed, previous=None, last=sample, farthest_from_suns=sample.suns)
+    return replace(observed, previous=None, last=sample, farthest_from_suns=sample.sun_distances)
 
 
 def add_position(observed: ObservedMotion, sample: PositionSample) -> ObservedMotion:
@@ -102,7 +102,7 @@ def add_position(observed: ObservedMotion, sample: PositionSample) -> ObservedMo
     across = separation(before.position.ra, before.position.dec, sample.position.ra, sample.position.dec) / elapsed
     changes = Rates(
         tuple(abs(now - then) / elapsed for then, now in zip(before.altitudes, sample.altitudes, strict=False)),
-        tuple(abs(now - then) / elapsed for then, now in zip(before.suns, sample.suns, strict=True)),
+        tuple(abs(now - then) / elapsed for then, now in zip(before.sun_distances, sample.sun_distances, strict=True)),
     )
     return replace(observed, previous=before, last=sample, rates=changes, prev_rates=observed.rates, sky_speed=across)
 
@@ -134,8 +134,8 @@ def update_upright_by_passage(
     """Update ``upright`` if the tube has passed the pole or the zenith between two positions, except by a goto."""
     if last is None or status is None:
         return observed
-    before, after = (axis_sample(astrometry, status, False, each.time, each.position).axes for each in (last, sample))
-    passes = abs(wrap180(after[0] - before[0])) > POLE_PASSAGE_TURN and min(abs(before[1]), abs(after[1])) > POLE_LAT
+    before, after = (axis_sample(astrometry, status, False, each.time, each.position).angles for each in (last, sample))
+    passes = abs(wrap180(after[0] - before[0])) > POLE_PASSAGE_TURN and min(abs(before[1]), abs(after[1])) > PASSAGE_LAT
     return replace(observed, upright=not observed.upright) if passes else observed
 
 

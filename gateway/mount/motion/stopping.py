@@ -48,7 +48,7 @@ class StopSender:
         """Send a stop when the cancelled task has ended. If a stop is being sent already, no other is needed."""
         if self.task is None or self.task.done():
             self.task = self._loop.create_task(self._send(cancelled_task))
-            self.task.add_done_callback(self._attempt_ended)
+            self.task.add_done_callback(self._on_attempt_ended)
         return self.task
 
     async def _send(self, cancelled_task: asyncio.Task[Any] | None) -> None:
@@ -72,7 +72,7 @@ class StopSender:
         with contextlib.suppress(Fault):  # it is retried if the next position shows that the axis still moves
             await self._runner.perform(StopAxis(axis), STOP)
 
-    def _attempt_ended(self, task: asyncio.Task[None]) -> None:
+    def _on_attempt_ended(self, task: asyncio.Task[None]) -> None:
         mark_exception_retrieved(task)
         if self.task is task:
             self.task = None

@@ -16,9 +16,9 @@ from gateway.core.motion_kinds import END_ORDERS, axis_moved
 from gateway.mount.motion.wanted import FIRST_RANK, Arrow, AxisMotion, Halt, HandMove, NoOrderedMove, Order, Tap, Wanted
 from gateway.mount.presence import HostActivity
 
-#: Seconds: a press that has waited for its turn longer than MAX_WAIT is dropped together with its release; so is a
+#: Seconds: a press that has waited for its turn longer than MAX_TAP_WAIT is dropped together with its release; so is a
 #: press whose arrow was held longer than MAX_TAP_TIME before its turn came.
-MAX_WAIT, MAX_TAP_TIME = 1.5, 1.0
+MAX_TAP_WAIT, MAX_TAP_TIME = 1.5, 1.0
 #: If a motion has begun when its arrow is released, at most MAX_TAP_TIME after the press, it lasts at least this part
 #: of the time for which the arrow was held; all of that time if that is no longer than SHORT_TAP_TIME.
 MIN_TAP_FRACTION, SHORT_TAP_TIME = 0.75, 0.3
@@ -79,7 +79,7 @@ def _tap_to_pulse(wanted: Wanted, tap: Order) -> Wanted:
     """Turn a tap at guide rate into a guide pulse; if it is too short for the mount, add its time to the next tap."""
     before = sum(other.held or 0.0 for other in wanted.short_taps if other.operation == tap.operation)
     others_kept = tuple(other for other in wanted.short_taps if axis_of(other) != axis_of(tap))
-    tap = replace(_with_holding_time(tap, before + (tap.held or 0.0)), at=0.0)
+    tap = replace(_with_holding_time(tap, before + (tap.held or 0.0)), due_from=0.0)
     others = tuple(other for other in wanted.pending if other.number != tap.number)
     if (tap.held or 0.0) < tap.arrow.min_time:
         return replace(wanted, pending=others, short_taps=(*others_kept, tap))
@@ -103,7 +103,7 @@ def _join_taps(wanted: Wanted, tap: Order) -> Wanted:
             joined = replace(_with_holding_time(before, held), came_at=tap.came_at)
             return replace(wanted, pending=tuple(joined if other is before else other for other in others))
     elif (
-        begun is not None and begun.operation == tap.operation and waits_for(wanted, axis) and not _halted(wanted, axis)
+        begun is not None and begun.operation == tap.operation and is_tap_on(wanted, axis) and not _halted(wanted, axis)
     ):
         longer = [replace(other, until=other.until + (tap.held or 0.0)) for other in wanted.taps if other.axis == axis]
         if _same_host(begun.client, tap.client) and longer[0].until - begun.sent_at <= MAX_TAP_TIME:
@@ -122,7 +122,7 @@ def was_fulfilled_otherwise(order: Order, wanted: Wanted) -> bool:
         return True
     axis = axis_moved(order.operation)
     begun = motion_of(wanted, axis or 0)
-    joined = waits_for(wanted, axis) and begun is not None and _same_host(begun.client, order.client)
+    joined = is_tap_on(wanted, axis) and begun is not None and _same_host(begun.client, order.client)
     return axis is not None and (
         joined or any(_same_arrow(order, waiting_order) for waiting_order in (*wanted.pending, *wanted.short_taps))
     )
@@ -156,7 +156,7 @@ def after_stop_as_release(wanted: Wanted, activity: HostActivity, now: float) ->
 def end_tap(wanted: Wanted, end: Halt) -> Wanted:
     """Add the halt that ends a tap; it cancels no later order. If a goto is being sent, its start voids the halt."""
     goto = next((other.number for other in wanted.waiting_gotos if other.number == wanted.active), 0)
-    end = replace(end, rank=FIRST_RANK, overtakes=True, order_count=wanted.order_count, void_by=goto)
+    end = replace(end, rank=FIRST_RANK, overtakes=True, order_count=wanted.order_count, voided_by=goto)
     return replace(wanted, pending=(*wanted.pending, end))
 
 
@@ -201,14 +201,14 @@ def arrow_holder(wanted: Wanted, axis: int) -> HostActivity | None:
 
 def is_free_or_ending(wanted: Wanted, axis: int) -> bool:
     """Whether no motion by hand turns the axis, or that motion is ending: it is a tap, or a halt is pending."""
-    return motion_of(wanted, axis) is None or _halted(wanted, axis) or wanted.stop_owed or waits_for(wanted, axis)
+    return motion_of(wanted, axis) is None or _halted(wanted, axis) or wanted.stop_owed or is_tap_on(wanted, axis)
 
 
 def _halted(wanted: Wanted, axis: int) -> bool:
     return any(isinstance(order, Halt) and order.operation == op.StopAxis(axis) for order in wanted.pending)
 
 
-def waits_for(wanted: Wanted, axis: int | None) -> bool:
+def is_tap_on(wanted: Wanted, axis: int | None) -> bool:
     """Whether a tap on this axis has begun and not ended: the next motion by hand waits for its end."""
     return any(tap.axis == axis for tap in wanted.taps)
 

@@ -65,7 +65,7 @@ class Order(Struct, frozen=True):
     client: HostActivity | None = None
     rank: int = USUAL_RANK
     came_at: float = 0.0
-    at: float = 0.0
+    due_from: float = 0.0
     deadline: float = inf
     follow_up: bool = False
     urgent: bool = False
@@ -139,7 +139,7 @@ class Halt(Order, frozen=True):
     repeat_number: int = 0
     order_count: int = 0
     ends_tap: bool = False
-    void_by: int = 0
+    voided_by: int = 0
 
     @property
     def keeps_repeating(self) -> bool:
@@ -250,7 +250,7 @@ class Wanted(Struct, frozen=True):
     gotos_begun: int = 0
     motions_begun: tuple[int, int] = (0, 0)
     order_count: int = 0
-    failure: str = ""
+    goto_failure: str = ""
 
     @property
     def by_hand(self) -> dict[int, op.Move | op.MoveAxis]:
@@ -295,12 +295,13 @@ class Wanted(Struct, frozen=True):
             return inf
         axis = None if order.follow_up else order.pulse_axis
         if axis is None:
-            return order.at
-        return max((order.at, self.at_rest_by, *(pulse.ends_at for pulse in self.pulses if pulse.axis == axis)))
+            return order.due_from
+        return max((order.due_from, self.at_rest_by, *(pulse.ends_at for pulse in self.pulses if pulse.axis == axis)))
 
     def postpone(self, order: Order, now: float) -> Wanted:
         pending = tuple(
-            replace(other, at=now + RECHECK_PERIOD) if other.number == order.number else other for other in self.pending
+            replace(other, due_from=now + RECHECK_PERIOD) if other.number == order.number else other
+            for other in self.pending
         )
         return replace(self, pending=pending, active=0 if self.active == order.number else self.active)
 

@@ -37,7 +37,7 @@ MAX_AGE: dict[Kind, float] = {
     op.GetIdentity: 1e9, op.PierSide: 5.0,
 }  # fmt: skip
 #: The age in seconds up to which a reply in the mount's own protocol is fresh, by ``keep`` of its `op.NativeRequest`.
-OWN_AGE = {"fixed": inf, "state": 1.0, "site": 1.0}
+NATIVE_AGE = {"fixed": inf, "state": 1.0, "site": 1.0}
 #: The largest number of cached replies in the mount's own protocol: clients may ask for any number of devices.
 MAX_NATIVE_REPLIES = 200
 #: The seconds between two reads of a kind while clients poll it.
@@ -55,7 +55,7 @@ POLLING_INTEREST_TIME = 3.0
 #: A reading is fresh for at least this many times the mount's typical reply time.
 FRESH_FACTOR = 2.5
 #: The age in seconds up to which clients get the last position if the line is down or the mount does not reply.
-LAST_POSITION = 10.0
+MAX_STALE_AGE = 10.0
 
 
 class Reading(Struct, frozen=True):
@@ -79,19 +79,19 @@ class CachedAnswer(Struct):
     """An answer of the mount (or the Fault instead), the loop time at which it arrived, and for how many seconds it is
     fresh.
 
-    ``asked``: loop time of the request. ``order_count``: number of orders and settings sent before it. A position
-    also has its ``reading``, the entry before it (``prior``) and, once calculated, its extrapolation (``course``).
+    ``asked_at``: loop time of the request. ``order_count``: number of orders and settings sent before it. A position
+    also has its ``reading``, the entry before it (``prev``) and, once calculated, its extrapolation (``forecast``).
     ``from_kind``: the kind from which it was calculated. A ``forgotten`` answer is used only if the mount is silent.
     """
 
     value: Any
     arrived_at: float = 0.0
     fresh_for: float = 0.0
-    asked: float = 0.0
+    asked_at: float = 0.0
     order_count: int = 0
     reading: Reading | None = None
-    prior: CachedAnswer | None = None
-    course: Any = None
+    prev: CachedAnswer | None = None
+    forecast: Any = None
     from_kind: Kind | None = None
     forgotten: bool = False
 
@@ -171,9 +171,9 @@ class ReadingsCache:
         if entry is None or entry.forgotten:
             return NOT_CACHED
         age, link = now - entry.arrived_at, self._link
-        if age <= min(entry.fresh_for, LAST_POSITION):  # whatever the line
+        if age <= min(entry.fresh_for, MAX_STALE_AGE):  # whatever the line
             return entry.value
-        fresh_for = max(entry.fresh_for, FRESH_FACTOR * link.times.typical_rtt) if link.state == "up" else LAST_POSITION
+        fresh_for = max(entry.fresh_for, FRESH_FACTOR * link.times.typical_rtt) if link.state == "up" else MAX_STALE_AGE
         return entry.value if age <= fresh_for else NOT_CACHED
 
     def last_or_forgotten(self, kind: Kind) -> Any:

@@ -66,7 +66,7 @@ def extrapolate(
     duration = MAX_EXTRAPOLATION
     if on_sphere:
         to_pole = POLE_LATITUDE - last.angles[1] if rates[1] > 0.0 else POLE_LATITUDE + last.angles[1]
-        ends = last.times[0] + _time_to(rates[0], MAX_TURN), last.times[1] + _time_to(rates[1], to_pole)
+        ends = last.times[0] + _turn_time(rates[0], MAX_TURN), last.times[1] + _turn_time(rates[1], to_pole)
         duration = min(duration, min(ends) - last.completed_at)
         if duration < 0.0:
             return Extrapolation(last)
@@ -86,7 +86,7 @@ def predict(extrapolation: Extrapolation, now: float) -> Pair:
     return wrap360(begins.angles[0] + first), wrap180(begins.angles[1] + second)
 
 
-def _time_to(rate: float, degrees: float) -> float:
+def _turn_time(rate: float, degrees: float) -> float:
     return degrees / abs(rate) if rate else inf
 
 
@@ -120,10 +120,10 @@ def _max_change(previous: Reading, last: Reading, goal: Pair, angle_index: int) 
 
 def extrapolation_of(context: Context, kind: Kind, entry: CachedAnswer) -> Extrapolation:
     """Return the extrapolation from a cached position; it is calculated once for each entry."""
-    if entry.course is None:
+    if entry.forecast is None:
         assert entry.reading is not None
-        before = entry.prior if entry.prior is not None and entry.prior.asked >= context.cache.outdated_before else None
-        entry.course = extrapolate(
+        before = entry.prev if entry.prev is not None and entry.prev.asked_at >= context.cache.outdated_before else None
+        entry.forecast = extrapolate(
             None if before is None else before.reading,
             entry.reading,
             max_speed=MAX_SPEED * context.driver.speed_factor,
@@ -131,7 +131,7 @@ def extrapolation_of(context: Context, kind: Kind, entry: CachedAnswer) -> Extra
             goal=_goal_angles(context, kind),
             on_sphere=kind is not op.AxisPosition,
         )
-    result: Extrapolation = entry.course
+    result: Extrapolation = entry.forecast
     return result
 
 

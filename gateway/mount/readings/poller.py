@@ -89,10 +89,10 @@ class Poller:
             if self._link.state != "up" or self._gate.refuses_reads:
                 await asyncio.sleep(0.2)
                 continue
-            pause = self._pause(kind, self._context.now())
+            pause = self._due_in(kind, self._context.now())
             if pause <= TIMER_ERROR:
                 await self.renew(kind)
-                pause = self._pause(kind, self._context.now())
+                pause = self._due_in(kind, self._context.now())
             self._cache.due_events[kind].clear()
             await self._cache.due_events[kind].wait_within(max(0.005, pause))
 
@@ -110,13 +110,13 @@ class Poller:
     def _is_moving(self) -> bool:
         """Whether the mount moves for any reason; then other reads leave the line to positions."""
         runs_on = self._context.run_on.current is not None
-        return self._context.movement.any_motion or self._watch.moved_by_others or self._ends.pending or runs_on
+        return self._context.movement.any_motion or self._watch.moved_by_others or self._ends.is_watching or runs_on
 
     def _on_goto_ended(self, _: None) -> None:
         self._status_due_at = self._context.now() + STATUS_DELAY_AFTER_MOTION
         self._cache.due_events[op.GetStatus].set()
 
-    def _pause(self, kind: Kind, now: float) -> float:
+    def _due_in(self, kind: Kind, now: float) -> float:
         """Return the seconds until the next request. Its reply should arrive when the last reading becomes stale."""
         if kind in SETTING_READS:
             return self._setting_pause(kind, now)
@@ -148,7 +148,7 @@ class Poller:
         if busy or (known.mount_site if kind is op.GetSite else known.mount_clock) is None:
             return RETRY_DELAY
         every = SETTING_PERIOD if self._is_needed(op.Position, now) else SETTING_PERIOD_ALONE
-        if kind is op.GetSite and not self._context.driver.takes_site_aligned:
+        if kind is op.GetSite and not self._context.driver.can_set_site_aligned:
             every = SITE_PERIOD
         return every - (now - self._requested_at[kind])
 

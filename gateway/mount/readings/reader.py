@@ -25,7 +25,7 @@ from gateway.mount.link.queue import POSITION, READ
 from gateway.mount.motion.run_on import TimedPosition
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.presence import ProgramId
-from gateway.mount.readings.cache import LAST_POSITION, NOT_CACHED, OWN_AGE, CachedAnswer, Kind, Reading, angles_of
+from gateway.mount.readings.cache import MAX_STALE_AGE, NATIVE_AGE, NOT_CACHED, CachedAnswer, Kind, Reading, angles_of
 from gateway.mount.readings.extrapolation import MAX_BACKWARD_TIME, MIN_GAP, extrapolation_of, is_equatorial, predict
 from gateway.mount.site.readers import SiteView
 
@@ -84,7 +84,7 @@ class Reader:
         last = self._cache.entries.get(op.Position)
         if last is None or last.reading is None:
             return None
-        return TimedPosition(last.reading.completed_at, last.asked, last.value)
+        return TimedPosition(last.reading.completed_at, last.asked_at, last.value)
 
     # --- answers from the cache -------------------------------------------------------------------------------------
 
@@ -101,12 +101,12 @@ class Reader:
         if kind not in POSITION_READS:
             return value
         if (source := self.source_of(kind)) is not None:
-            return self._calculate(kind, self.peek(source))
+            return self._convert_to(kind, self.peek(source))
         return NOT_CACHED if value is NOT_CACHED else self._position_for_client(kind, self._cache.entries[kind])
 
     def _position_for_client(self, kind: Kind, entry: CachedAnswer) -> object:
         """Return a reported position, extrapolated if the mount moves; NOT_CACHED if the mount must be asked."""
-        if entry.reading is None or entry.forgotten or entry.asked < self._cache.outdated_before:
+        if entry.reading is None or entry.forgotten or entry.asked_at < self._cache.outdated_before:
             return NOT_CACHED
         if not self._is_moving:
             return entry.value
@@ -139,13 +139,13 @@ class Reader:
         entry = self._cache.entries.get(kind)
         source = self.source_of(kind) or (op.Position if kind is op.HorizontalPosition else None)
         if entry is None or entry.reading is None:
-            return NOT_CACHED if source is None else self._calculate(kind, self.last_answer(source))
-        if entry.asked < self._cache.outdated_before or self._clock() - entry.reading.completed_at > LAST_POSITION:
+            return NOT_CACHED if source is None else self._convert_to(kind, self.last_answer(source))
+        if entry.asked_at < self._cache.outdated_before or self._clock() - entry.reading.completed_at > MAX_STALE_AGE:
             return NOT_CACHED
         if not self.gives_last_position:
             self.gives_last_position = True
             self._context.note(
-                f"the mount has not replied in time: programs get its last position, up to {LAST_POSITION:.0f} s old"
+                f"the mount has not replied in time: programs get its last position, up to {MAX_STALE_AGE:.0f} s old"
             )
         return self._position_at(kind, entry, self._clock()) if self._is_moving else entry.value
 
@@ -181,7 +181,7 @@ class Reader:
         entry = self._cache.entries.get(kind)
         return None if entry is None else entry.from_kind
 
-    def _calculate(self, kind: Kind, position: object) -> object:
+    def _convert_to(self, kind: Kind, position: object) -> object:
         """Convert an equatorial position to this kind by the present site and time; NOT_CACHED without a site."""
         if not isinstance(position, op.Equatorial):
             return position
@@ -251,7 +251,7 @@ class Reader:
         for _ in range(MAX_READ_TRIES):
             if (source := self.source_of(kind)) is not None:
                 known = self.peek(source)
-                value = self._calculate(kind, await self.answer(source()) if known is NOT_CACHED else known)
+                value = self._convert_to(kind, await self.answer(source()) if known is NOT_CACHED else known)
                 if value is not NOT_CACHED:
                     return value
             answer = await self._shared_answer(operation)
@@ -323,7 +323,7 @@ class Reader:
 
     async def _ask_native(self, operation: op.NativeRequest) -> bytes:
         await self._context.identified.wait()
-        orders, fresh_for = self._cache.order_count, OWN_AGE.get(operation.keep, 0.0)
+        orders, fresh_for = self._cache.order_count, NATIVE_AGE.get(operation.keep, 0.0)
         try:
             answer: bytes = await self._runner.perform(operation, READ)
         except (NoDevice, Silence) as fault:
@@ -378,7 +378,7 @@ class Reader:
         half = self._link.times.typical_rtt / 2.0
         first, second = self._driver.read_at or (self._clock(), self._clock())
         reading = Reading(angles_of(value), (first - half, second - half))
-        return CachedAnswer(value, asked=self._runner.requested_at, reading=reading)
+        return CachedAnswer(value, asked_at=self._runner.requested_at, reading=reading)
 
     def take_reading(self, operation: op.Operation, value: object) -> None:
         """Store and publish a reading that another part of the gateway has received from the mount."""
@@ -401,11 +401,11 @@ class Reader:
         context, last = self._context, self._cache.entries.get(kind)
         assert entry.reading is not None
         if kind is op.Position and context.run_on.current is not None:
-            present = TimedPosition(self._clock(), entry.asked, entry.value)
+            present = TimedPosition(self._clock(), entry.asked_at, entry.value)
             context.run_on.add_position(present, is_equatorial(context), self._driver.resolution)
         if last is not None and last.reading is not None:
             near = min(entry.reading.times) - min(last.reading.times) < MIN_GAP
-            entry.prior, last.prior = last.prior if near else last, None
+            entry.prev, last.prev = last.prev if near else last, None
 
     async def _axes_from_position(self) -> CachedAnswer:
         """Calculate the axis readings for a mount that does not report them."""

@@ -27,7 +27,7 @@ MIN_COMPARED_GAP, SAMPLE_GAP = 0.7, 0.2
 MIN_NOTICED_SPEED = 30.0 * ARCSECOND
 #: Up to this speed, degrees a second, a turn of the azimuth axis counts as tracking: at least the first number. Near
 #: the zenith: the second number times the rate at which tracking turns that axis, but at most the third number.
-MIN_TRACKING_SPEED, ZENITH_SPEED_FACTOR, MAX_SPEED = 0.1, 3.0, 2.5
+MIN_TRACKING_SPEED, ZENITH_SPEED_FACTOR, MAX_AZ_SPEED = 0.1, 3.0, 2.5
 
 
 class RestSample(NamedTuple):
@@ -47,7 +47,7 @@ async def wait_for_rest(context: Context, reader: Reader, timeout: float = TIME_
     A mount that hibernates is at rest and is not asked.
     """
     samples: deque[RestSample] = deque()
-    rate, trouble, begun = None, Fault("the mount has not reported its position"), _motions_begun(context)
+    rate, trouble, begun = None, Fault("the mount has not reported its position"), _count_motions(context)
     apart = max(MIN_COMPARED_GAP, context.driver.resolution / MIN_NOTICED_SPEED)
     try:
         async with asyncio.timeout(timeout):
@@ -67,14 +67,14 @@ async def wait_for_rest(context: Context, reader: Reader, timeout: float = TIME_
                 await asyncio.sleep(SAMPLE_GAP)
     except TimeoutError:
         pass
-    if context.movement.any_motion or _motions_begun(context) != begun:
+    if context.movement.any_motion or _count_motions(context) != begun:
         raise Fault("a program has set the mount moving again; prevent that with: mount-gateway stop --hold")
     if rate is None:
         raise Fault(f"the stop was sent, but the gateway cannot see whether the mount is at rest: {trouble}")
     raise Fault(f"the stop was acknowledged, but the mount still moves after {timeout:.0f} s: {rate:.3f} degrees/s")
 
 
-def _motions_begun(context: Context) -> tuple[int, tuple[int, int]]:
+def _count_motions(context: Context) -> tuple[int, tuple[int, int]]:
     """Return how many gotos, and how many other motions of each axis, the mount has begun so far."""
     return context.wanted.value.gotos_begun, context.wanted.value.motions_begun
 
@@ -90,7 +90,7 @@ async def _take_sample(context: Context, reader: Reader) -> RestSample:
     tracking_speed = MIN_TRACKING_SPEED
     if status.tracking is not op.Tracking.OFF:
         tracking_speed = min(
-            MAX_SPEED, max(MIN_TRACKING_SPEED, ZENITH_SPEED_FACTOR * SKY / max(abs(cos(radians(reading.alt))), 1e-6))
+            MAX_AZ_SPEED, max(MIN_TRACKING_SPEED, ZENITH_SPEED_FACTOR * SKY / max(abs(cos(radians(reading.alt))), 1e-6))
         )
     return RestSample(at, position, reading.az, tracking_speed)
 

@@ -31,7 +31,7 @@ STOP_EXCHANGES = 3
 #: second's way. Mounts do not report how they slow down; owners see about a second from full speed, and less below it.
 RUN_ON = 0.5
 #: Exchanges between the stops of the two axes: meanwhile the second axis moves the tube alone.
-AXIS_STOP_GAP = 2.0
+GAP_EXCHANGES = 2.0
 #: Seconds until motors have reached their speed; the rate that is measured earlier is too low.
 RUN_UP_SECONDS = 1.0
 #: The part of the commanded speed above which a rate shows an approach; a slower change means moving along the limit.
@@ -84,14 +84,14 @@ class StopTiming(Struct, frozen=True):
         return max(self.reaction, elapsed + STOP_EXCHANGES * self.round_trip + self.run_on)
 
 
-def max_rate(rate: float, earlier_rate: float | None, commanded_speed: float, first: float, last: float) -> float:
+def max_rate(rate: float, earlier_rate: float | None, commanded_speed: float, first_at: float, last_at: float) -> float:
     """Return how fast the mount may approach a limit from now on, degrees a second.
 
-    ``rate`` was measured between the last two positions, ``earlier_rate`` before them in the same motion. ``first``
-    and ``last`` are the seconds from the start of the motion to these positions. ``commanded_speed``: 0 if unknown.
+    ``rate`` was measured between the last two positions, ``earlier_rate`` before them in the same motion. ``first_at``
+    and ``last_at`` are the seconds from the start of the motion to these positions. ``commanded_speed``: 0 if unknown.
     """
     grown = max(0.0, rate - earlier_rate) if earlier_rate is not None else 0.0
-    if first < RUN_UP_SECONDS and rate > MIN_APPROACH_PART * commanded_speed * _mean_speed(first, last):
+    if first_at < RUN_UP_SECONDS and rate > MIN_APPROACH_PART * commanded_speed * _mean_speed(first_at, last_at):
         return max(rate + grown, commanded_speed)
     return rate + grown
 
@@ -185,7 +185,7 @@ class JudgedState(Struct, frozen=True):
     @property
     def _second_axis_run_on(self) -> float:
         """How far the second axis moves the tube after the first was stopped, degrees; 0 unless both move by hand."""
-        seconds = AXIS_STOP_GAP * self.timing.round_trip if len(self.moving.by_hand) > 1 else 0.0
+        seconds = GAP_EXCHANGES * self.timing.round_trip if len(self.moving.by_hand) > 1 else 0.0
         return self.observed.sky_speed * seconds
 
     def max_rate(self, rate: float, earlier_rate: float | None) -> float:
@@ -209,10 +209,10 @@ class JudgedState(Struct, frozen=True):
             return 0.0
         return rate * self.timing.reaction_time_after(self.observed.elapsed) + self._second_axis_run_on
 
-    def approach_rates(self, last_rates: tuple[float, ...], earlier: tuple[float, ...]) -> list[float]:
+    def approach_rates(self, last_rates: tuple[float, ...], earlier_rates: tuple[float, ...]) -> list[float]:
         """Return how fast the mount may approach each limit from now on, by its last two rates of approach."""
-        known = len(earlier) == len(last_rates)
-        return [self.max_rate(rate, earlier[number] if known else None) for number, rate in enumerate(last_rates)]
+        known = len(earlier_rates) == len(last_rates)
+        return [self.max_rate(rate, earlier_rates[number] if known else None) for number, rate in enumerate(last_rates)]
 
     def judge(self, room: Room) -> Verdict:
         """Forbid a motion that a stop at the next position could not end before the limit; or allow it for a while.
@@ -274,7 +274,7 @@ def first_position_deadline(state: JudgedState, now: float, speed: float) -> Ver
 def degrees_to_limits(last: PositionSample, limits: Limits, sun_limit: float) -> list[float]:
     """Return the degrees from a position to each altitude limit, and to the allowed distance from the Sun."""
     rooms = [room for altitude in last.altitudes for room in degrees_inside(limits, altitude)]
-    return [180.0, *rooms, *(distance - sun_limit for distance in last.suns)]
+    return [180.0, *rooms, *(distance - sun_limit for distance in last.sun_distances)]
 
 
 def degrees_inside(limits: Limits, altitude: float) -> Pair:
@@ -331,7 +331,7 @@ def sun_rooms(state: JudgedState) -> Iterator[Room]:
         return
     count = None if state.moving.by_hand else state.own_sun_count
     rates = state.approach_rates(observed.rates.sun_distances, observed.prev_rates.sun_distances)[:count]
-    for now, far, rate in zip(last.suns, observed.farthest_from_suns, rates, strict=False):
+    for now, far, rate in zip(last.sun_distances, observed.farthest_from_suns, rates, strict=False):
         reason = f"the Sun ({now:.0f} degrees from it)"
         yield Room(now - state.sun_limit, far - SUN_JITTER_DEGREES - state.sun_limit, rate, reason, "the Sun")
 
@@ -346,7 +346,7 @@ def farthest_from_suns(view: JudgedState) -> tuple[float, ...]:
     rates = view.approach_rates(observed.rates.sun_distances, observed.prev_rates.sun_distances)
     return tuple(
         now if now >= view.sun_limit + view.stop_margin(rate) or now < before - SUN_JITTER_DEGREES else max(now, before)
-        for now, before, rate in zip(observed.last.suns, observed.farthest_from_suns, rates, strict=True)
+        for now, before, rate in zip(observed.last.sun_distances, observed.farthest_from_suns, rates, strict=True)
     )
 
 

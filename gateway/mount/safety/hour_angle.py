@@ -55,7 +55,7 @@ def angle_from_axes(mount: Context, axes: op.Horizontal | op.GotoAxes) -> float 
     if site is None:
         return None
     geometry = Geometry(Build.WEDGE, site.latitude)
-    return geometry.ns_sign * wrap180(axes.az - geometry.to_axes(0.0, 0.0, False)[0])
+    return geometry.pole_sign * wrap180(axes.az - geometry.to_axes(0.0, 0.0, False)[0])
 
 
 def angle_from_pier_side(hour_angle: float, side: str | None) -> float:
@@ -83,8 +83,8 @@ def check_past_meridian(limits: Limits, axis_angle: float, german: bool | None) 
 class HourAngleWatch:
     """Follows the first axis of a mount, as long as the owner has set a limit for it."""
 
-    def __init__(self, mount: Context, tube_side: Callable[[], Coroutine[None, None, str | None]]) -> None:
-        self._mount, self._read_side = mount, tube_side
+    def __init__(self, mount: Context, read_side: Callable[[], Coroutine[None, None, str | None]]) -> None:
+        self._mount, self._read_side = mount, read_side
         #: The last three samples since the last goto: the loop time, and how far the tube was past the meridian.
         self._past_samples: tuple[Pair, ...] = ()
         #: How far the axis was turned at the last position of a mount that does not report its axes; None if unknown.
@@ -145,8 +145,8 @@ class HourAngleWatch:
             if self._axis_angle is not None:
                 self._add_sample(last.time, self._axis_angle)
 
-    def _add_sample(self, at: float, axis_angle: float) -> None:
-        self._past_samples = (*self._past_samples[-2:], (at, past_meridian(axis_angle, self._mount.driver.german)))
+    def _add_sample(self, read_at: float, axis_angle: float) -> None:
+        self._past_samples = (*self._past_samples[-2:], (read_at, past_meridian(axis_angle, self._mount.driver.german)))
 
     def _pier_side(self) -> str | None:
         """Return the last reported pier side of a German mount, and start a new read if the report is old."""

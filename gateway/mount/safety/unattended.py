@@ -196,7 +196,7 @@ class SunApproachWatch:
     def check(self, position: op.Equatorial) -> None:
         """Examine a position of the mount, at most twice a minute."""
         mount, now = self._mount, self._mount.now()
-        if now < self._next_check or not mount.suns.limit:
+        if now < self._next_check or not mount.suns.min_dist:
             return
         self._next_check = now + RECHECK_PERIOD
         before, self.warning = self.warning, ""
@@ -217,7 +217,7 @@ class SunApproachWatch:
         for minute in range(round(LOOK_AHEAD_TIME / LOOK_AHEAD_STEP) + 1):
             for sun in suns.calculate_suns(self._mount.frame(), minute * LOOK_AHEAD_STEP):
                 distance = self._distance(position, sun, 0.0 if tracks else minute * LOOK_AHEAD_STEP)
-                if distance < suns.limit:
+                if distance < suns.min_dist:
                     return self._warning_for(sun, distance, minute, (sun.sync_shift, sun.confirmed) not in up, tracks)
         return ""
 
@@ -232,5 +232,5 @@ class SunApproachWatch:
         tube = f"the {'tracking' if tracks else 'resting'} tube"
         when = "" if minute == 0 else f" in {minute} minute{'s' * (minute != 1)}"
         if minute and not rises:
-            return f"the Sun{by} comes within {self._mount.suns.limit:g} degrees of {tube}{when}: {WAY_OUT_ADVICE}"
+            return f"the Sun{by} comes within {self._mount.suns.min_dist:g} degrees of {tube}{when}: {WAY_OUT_ADVICE}"
         return f"the Sun{by} {'rises' if rises else 'is'} {distance:.0f} degrees from {tube}{when}: {WAY_OUT_ADVICE}"

@@ -20,7 +20,7 @@ from gateway.core.motion_kinds import GOTOS, MOVERS
 from gateway.core.signals import Signal
 from gateway.mount.context import FASTEST_RATE, Context
 from gateway.mount.motion import seen as fold
-from gateway.mount.motion.ends import MIN_UNITS, AxisSample, EndWatch
+from gateway.mount.motion.ends import MIN_STEP_UNITS, AxisSample, EndWatch
 from gateway.mount.motion.seen import NEVER, ObservedMotion, PositionSample
 from gateway.mount.motion.wanted import MotionState, Slew
 from gateway.mount.readings.reader import Reader
@@ -38,7 +38,7 @@ from gateway.mount.safety.allow import (
     judge_motion,
 )
 from gateway.mount.safety.hour_angle import HourAngleWatch
-from gateway.mount.site.pending_settings import SKY
+from gateway.mount.site.pending_settings import AT_REST
 
 #: If the position changes this many times faster than the mount can move, it was aligned anew at the hand control.
 REALIGNED_FACTOR = 3.0
@@ -59,13 +59,13 @@ ASTRAY_DEGREES = 3.0 + POINT_SPACING / 2.0
 #: Degrees a second on the sky: guide pulses move the tube more slowly, even where right ascension changes fast.
 MAX_GUIDE_SPEED = 0.01
 #: The speed at which two axes together move the tube, as a multiple of that of one.
-AXES_FACTOR = 1.42
+TWO_AXES_FACTOR = 1.42
 #: Seconds after a goto in which the mount may still settle.
 SETTLE_TIME = 2.0
 #: Seconds: if the clock is set by more than this, positions before and after cannot be compared.
 CLOCK_JUMP = 30.0
 #: Seconds after site or clock was set during which a resting mount may still report positions by the old setting.
-NEW_SKY_TIME = 3.0
+NEW_SITE_TIME = 3.0
 
 
 class LimitWatch:
@@ -119,10 +119,10 @@ class LimitWatch:
         if self.observed.sky_speed < MAX_GUIDE_SPEED:
             return False
         then, at_then = (self._axis_sample(sample.time, sample.position) for sample in (before, last))
-        least = max(MAX_TRACKING_SPEED * self.observed.elapsed, MIN_UNITS * at_then.resolution)
+        least = max(MAX_TRACKING_SPEED * self.observed.elapsed, MIN_STEP_UNITS * at_then.resolution)
         status = mount.cache.value(op.GetStatus)
         axes = (axis,) if status is None or status.equatorial else (1, 2)
-        turned = [abs(wrap180(at_then.axes[sample - 1] - then.axes[sample - 1])) for sample in axes]
+        turned = [abs(wrap180(at_then.angles[sample - 1] - then.angles[sample - 1])) for sample in axes]
         return any(min(way, 180.0 - way) > least for way in turned)  # a pulse over the pole is no half turn
 
     @property
@@ -138,8 +138,8 @@ class LimitWatch:
         mount, last = self._mount, self.observed.last
         if last is None or self.hour_angle.has_limit:
             return 0.0
-        nearest = min(degrees_to_limits(last, mount.policy.limits.for_keys(), mount.suns.limit))
-        return nearest / (AXES_FACTOR * mount.driver.speed(FASTEST_RATE)) - mount.stop_timing.reaction
+        nearest = min(degrees_to_limits(last, mount.policy.limits.for_keypad(), mount.suns.min_dist))
+        return nearest / (TWO_AXES_FACTOR * mount.driver.speed(FASTEST_RATE)) - mount.stop_timing.reaction
 
     @property
     def max_commanded_speed(self) -> float:
@@ -228,7 +228,7 @@ class LimitWatch:
             last = self._sample(last.time, last.position)
             self.observed = fold.add_first_position(self.observed, last)
         sample, status = self._sample(now, position, last), self._mount.cache.value(op.GetStatus)
-        near = max(abs(position.dec), sample.altitude or 0.0) > fold.POLE_LAT
+        near = max(abs(position.dec), sample.altitude or 0.0) > fold.PASSAGE_LAT
         if near and not (self._mount.movement.slewing or self.moved_by_others):
             self.observed = fold.update_upright_by_passage(self.observed, last, sample, self._mount.astrometry, status)
         if last is None or now < self._coasts_until or last.comparison_key != sample.comparison_key:
@@ -256,7 +256,7 @@ class LimitWatch:
         others = () if altitude is None else (*shifted, *contradicting_sources(mount, self._limits))
         further = tuple(source.altitude(position) for source in others)
         suns, lifting = tuple(mount.suns.distances(position)), mount.wanted.by_hand.get(2)
-        era = (mount.suns.era, frame, altitude is None, len(further))
+        era = (mount.suns.resets, frame, altitude is None, len(further))
         return PositionSample(now, reported, altitude, hour_angle, suns, lifting, era, further, 1 + len(shifted))
 
     def _update_state(self, now: float, status: op.Status | None, moving: MotionState) -> None:
@@ -269,7 +269,7 @@ class LimitWatch:
         if self.others_watch.just_began and mount.driver.moved_by_others:
             mount.cache.mark_changed(op.Slewing)  # no new answer, but the mount must be asked whether it slews
         if self.observed.sky_speed > REALIGNED_FACTOR * mount.driver.speed(FASTEST_RATE):
-            mount.synced.reset()
+            mount.syncs.reset()
         if status is not None and last is not None and last.axis2_move is not None:
             self.observed = fold.set_upright(self.observed, status.equatorial, mount.driver.speed(last.axis2_move.rate))
         if not moving.ordered_by_client and (not self._at_own_park or self._has_left_park(status)):
@@ -299,14 +299,14 @@ class LimitWatch:
         mount, limits = self._mount, self._limits
         past = None if mount.policy.limits.hour_angle is None else self.hour_angle.past_meridian_now(self.observed)
         if self.moved_by_others and not moving.ordered_by_client:
-            limits = limits.for_keys()
+            limits = limits.for_keypad()
             if now - mount.cache.age(op.Slewing, now) < self.others_watch.began_at:
                 moving = replace(moving, slewing=True)  # perhaps: the mount will say so in the next exchange
         status = mount.cache.value(op.GetStatus)
         suns = mount.suns
         return JudgedState(
-            self.observed, limits, mount.stop_timing, moving, suns.limit, status, past, self._goto_is_astray,
-            suns.confirmed, self._current_path.min_altitude,
+            self.observed, limits, mount.stop_timing, moving, suns.min_dist, status, past, self._goto_is_astray,
+            suns.n_confirmed, self._current_path.min_altitude,
         )  # fmt: skip
 
     def _check_axes(self, now: float, position: op.Equatorial) -> None:
@@ -372,14 +372,14 @@ class AxisCourse(Struct, frozen=True):
     """The motion of an axis: commanded speed, time of its first sample, last sample, and degrees moved in between."""
 
     speed: float
-    began: float
+    began_at: float
     last: AxisSample
     distance: float = 0.0
 
     def updated(self, axis: int, sample: AxisSample) -> AxisCourse:
         """Add a position. The distance is summed step by step, because the reading turns back over a pole."""
-        step = abs(wrap180(sample.axes[axis - 1] - self.last.axes[axis - 1]))
-        return AxisCourse(self.speed, self.began, sample, self.distance + step)
+        step = abs(wrap180(sample.angles[axis - 1] - self.last.angles[axis - 1]))
+        return AxisCourse(self.speed, self.began_at, sample, self.distance + step)
 
 
 class StallWatch:
@@ -407,7 +407,7 @@ class StallWatch:
             courses[axis] = before.updated(axis, sample) if before and same else AxisCourse(speed, sample.time, sample)
         self._courses = courses
         for axis, course in courses.items():
-            elapsed = sample.time - course.began
+            elapsed = sample.time - course.began_at
             is_slow = course.distance < STALL_MIN_PART * course.speed * elapsed
             if elapsed >= max(STALL_TIME, 3.0 * round_trip) and is_slow:
                 return axis
@@ -452,8 +452,8 @@ class SkyChange:
         site_clock = mount.astrometry.site_clock
         self._last_sky = site_clock.site(), site_clock.unix() - now
         changed = place is not None and (place != self._last_sky[0] or abs(ahead - self._last_sky[1]) > CLOCK_JUMP)
-        if changed or any(kind in SKY for kind, _ in mount.incoming.pending):
-            self._settles_until = now + NEW_SKY_TIME
+        if changed or any(kind in AT_REST for kind, _ in mount.incoming.pending):
+            self._settles_until = now + NEW_SITE_TIME
         if now >= self._settles_until or mount.movement.any_motion:
             return changed
         if changed:

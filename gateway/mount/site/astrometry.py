@@ -30,7 +30,7 @@ SAME_SUN_DEGREES, SUN_JUMP_DEGREES = 0.5, 0.1
 #: Degrees: from this altitude on the Sun counts as up, for refraction, its disk, and a horizon below eye level.
 SUN_UP_ALTITUDE = -1.0
 #: Degrees: a smaller pointing error of the tube is ignored, because alignment and refraction cause such errors.
-OFF = 1.0
+NOISE = 1.0
 
 
 class FixedSiteTime(NamedTuple):
@@ -53,7 +53,7 @@ class SiteAstrometry:
     def __init__(self, sky: Sky, site_clock: SiteTimeSources | SiteView | FixedSiteTime, equinox: str) -> None:
         self.sky, self.site_clock, self.equinox = sky, site_clock, equinox
 
-    def place(self) -> op.Place:
+    def site(self) -> op.Place:
         """Return the site that the calculations use. Raises Unsupported if it is unknown."""
         place = self.site_clock.site()
         if place is None:
@@ -62,7 +62,7 @@ class SiteAstrometry:
 
     def sidereal_time(self) -> float:
         """Local apparent sidereal time, degrees."""
-        return self.sky.sidereal_time(self.site_clock.unix(), self.place().longitude)
+        return self.sky.sidereal_time(self.site_clock.unix(), self.site().longitude)
 
     def alt_and_ha(self, position: op.Equatorial) -> tuple[float, float] | tuple[None, None]:
         """Return the altitude and the hour angle of a position now, degrees; None for both if the site is unknown."""
@@ -70,17 +70,17 @@ class SiteAstrometry:
         if place is None:
             return None, None
         unix = self.site_clock.unix()
-        altitude = self.sky.horizon(position.ra, position.dec, place.latitude, place.longitude, unix)[1]
+        altitude = self.sky.az_alt(position.ra, position.dec, place.latitude, place.longitude, unix)[1]
         return altitude, self.sky.sidereal_time(unix, place.longitude) - position.ra
 
     def horizontal(self, position: op.Equatorial) -> op.Horizontal:
         """Return the azimuth and altitude of a position (equinox of date) now."""
-        place, unix = self.place(), self.site_clock.unix()
-        return op.Horizontal(*self.sky.horizon(position.ra, position.dec, place.latitude, place.longitude, unix))
+        place, unix = self.site(), self.site_clock.unix()
+        return op.Horizontal(*self.sky.az_alt(position.ra, position.dec, place.latitude, place.longitude, unix))
 
     def equatorial_of(self, position: op.Horizontal | op.GotoHorizontal | op.GotoAxes) -> op.Equatorial:
         """Return the position (equinox of date) that is at an azimuth and altitude now."""
-        place, unix = self.place(), self.site_clock.unix()
+        place, unix = self.site(), self.site_clock.unix()
         return op.Equatorial(*self.sky.to_ra_dec(position.az, position.alt, place.latitude, place.longitude, unix))
 
     def axes_of(self, position: op.Equatorial, on_wedge: bool = False) -> op.Horizontal:
@@ -88,14 +88,14 @@ class SiteAstrometry:
 
         The first axis of a German mount reads 0 at hour angle 0, that of a fork on a wedge reads 0 in the north.
         """
-        geometry = Geometry(Build.WEDGE if on_wedge else Build.GERMAN, self.place().latitude)
+        geometry = Geometry(Build.WEDGE if on_wedge else Build.GERMAN, self.site().latitude)
         first, second = geometry.to_axes(self.sidereal_time() - position.ra, position.dec, False)
         return op.Horizontal(wrap360(first), second)
 
     def from_axes(self, goto: op.GotoAxes, on_wedge: bool = False) -> op.Equatorial:
         """Return the position for axis readings of an equatorial mount: the inverse of `axes_of`."""
         build = Build.WEDGE if on_wedge else Build.GERMAN
-        hour_angle, dec = Geometry(build, self.place().latitude).ha_dec_of_axes(goto.az, goto.alt)
+        hour_angle, dec = Geometry(build, self.site().latitude).ha_dec_of_axes(goto.az, goto.alt)
         return op.Equatorial(wrap360(self.sidereal_time() - hour_angle), dec)
 
     def to_mount_equinox(self, operation: op.Goto | op.Sync | op.Choose) -> op.Goto | op.Sync | op.Choose:
@@ -109,7 +109,7 @@ class SiteAstrometry:
         """Convert a position from the mount's equinox to the equinox of date."""
         if self.equinox != "j2000":
             return position
-        return op.Equatorial(*self.sky.to_of_date(position.ra, position.dec, self.site_clock.unix()))
+        return op.Equatorial(*self.sky.from_j2000(position.ra, position.dec, self.site_clock.unix()))
 
 
 class SyncShift(NamedTuple):
@@ -155,7 +155,7 @@ class TubeFrame:
         sense = 1.0 if place is not None and place.latitude < 0.0 else -1.0
         candidates = [SyncShift(sense * first, sense * second, polar) for first, second in total.axis_turns]
         candidates += [shift._replace(second=-shift.second) for shift in candidates if shift.second]
-        shifts = tuple(dict.fromkeys(shift for shift in candidates if max(abs(shift.first), abs(shift.second)) > OFF))
+        shifts = tuple(dict.fromkeys(shift for shift in candidates if max(abs(shift.first), abs(shift.second)) > NOISE))
         return PointingFrame(self._polar, shifts) if shifts else plain
 
 
@@ -193,14 +193,14 @@ class SunAvoidance:
         site_read: asyncio.Event,
         note_once: Callable[[str], None],
     ) -> None:
-        self.limit, self._astrometry, self._sky, self._sources = min_distance, astrometry, astrometry.sky, sources
+        self.min_dist, self._astrometry, self._sky, self._sources = min_distance, astrometry, astrometry.sky, sources
         self._clock, self._get_frame, self._site_read, self._note_once = clock, get_frame, site_read, note_once
         self.frame, self._suns_valid_until = _ALTAZ, float("-inf")
         self._risen_suns: list[Sun] = []
         #: The number of ``confirmed`` Suns; these come first in the list.
-        self.confirmed = 0
+        self.n_confirmed = 0
         #: A number that grows when new distances cannot be compared with earlier ones: a clock jumped, or the Sun rose.
-        self.era = 0
+        self.resets = 0
         sources.changed.connect(self._on_sources_changed)
 
     def _on_sources_changed(self, _: None) -> None:
@@ -208,20 +208,20 @@ class SunAvoidance:
 
     def set_min_distance(self, min_distance: float) -> None:
         """Set the smallest allowed distance, degrees. Distances are no longer compared with earlier ones."""
-        self.limit = min_distance
-        self.era += 1
+        self.min_dist = min_distance
+        self.resets += 1
 
     def suns_to_avoid(self) -> list[Sun]:
         """Return the Suns to avoid now, from a cache if possible; none if the limit is off."""
-        if not self.limit:
+        if not self.min_dist:
             return []
         now, frame = self._clock(), self._get_frame()
         if now >= self._suns_valid_until or frame != self.frame:
             suns = self.calculate_suns(frame)
             self._suns_valid_until, self.frame = now + (SUN_CACHE_TIME if len(suns) < 2 else SUNS_CACHE_TIME), frame
             if not _are_comparable(self._risen_suns, suns):
-                self.era += 1
-            self._risen_suns, self.confirmed = suns, sum(sun.confirmed for sun in suns)
+                self.resets += 1
+            self._risen_suns, self.n_confirmed = suns, sum(sun.confirmed for sun in suns)
             # before the site is read, the mount may still report a date
             if self._site_read.is_set() and self._sources.best_time().source == COMPUTER:
                 self._note_once("WARNING: the mount has reported no date: this computer's is used to avoid the Sun")
@@ -269,21 +269,21 @@ class SunAvoidance:
                 suns.append(Sun(*direction, risen is known, risen.time, risen.site, shift))
         return _distinct(sorted(suns, key=lambda sun: not sun.confirmed))
 
-    def _suns_up(self, sites: list[SourcedSite], time: SourcedTime, place: Pair) -> Iterator[_RisenSun]:
-        """Yield the Sun for each site where it is up at this time. ``place``: its right ascension and declination."""
+    def _suns_up(self, sites: list[SourcedSite], time: SourcedTime, ra_dec: Pair) -> Iterator[_RisenSun]:
+        """Yield the Sun for each site where it is up at this time. ``ra_dec``: its right ascension and declination."""
         for site in sites:
-            over = self._sky.horizon(*place, site.place.latitude, site.place.longitude, time.unix)
+            over = self._sky.az_alt(*ra_dec, site.place.latitude, site.place.longitude, time.unix)
             if over[1] >= SUN_UP_ALTITUDE:
-                yield _RisenSun(time, site, place, over)
+                yield _RisenSun(time, site, ra_dec, over)
 
-    def _in_mount_coordinates(self, risen: _RisenSun, polar: bool, place: op.Place, unix: float) -> Pair:
+    def _in_mount_coordinates(self, risen: _RisenSun, polar: bool, site: op.Place, unix: float) -> Pair:
         """Return the position that the mount would report if its axes pointed at the azimuth and altitude of this Sun
-        (if ``polar``: hour angle and declination). ``place`` and ``unix``: the mount's site and time.
+        (if ``polar``: hour angle and declination). ``site`` and ``unix``: the mount's site and time.
         """
         if not polar:
-            return self._sky.to_ra_dec(*risen.horizontal, place.latitude, place.longitude, unix)
+            return self._sky.to_ra_dec(*risen.horizontal, site.latitude, site.longitude, unix)
         turned = self._sky.sidereal_time(risen.time.unix, risen.site.place.longitude)
-        return risen.equatorial[0] + self._sky.sidereal_time(unix, place.longitude) - turned, risen.equatorial[1]
+        return risen.equatorial[0] + self._sky.sidereal_time(unix, site.longitude) - turned, risen.equatorial[1]
 
 
 class _RisenSun(NamedTuple):

@@ -59,7 +59,7 @@ class Setting(Struct, frozen=True):
 
 Pending = Mapping[Kind, Setting]
 #: The settings that are never sent to a moving mount.
-SKY = (SetSite, SetClock)
+AT_REST = (SetSite, SetClock)
 
 
 def kind_of(operation: Operation) -> Kind:
@@ -90,7 +90,7 @@ class IncomingSettings:
 
     def goto_refusal(self, now: float, calculating: bool = False) -> Busy | None:
         """Return the fault for a goto that waits for a site or clock; None if neither is pending or expected."""
-        coming = [setting for (kind, _), setting in self.pending.items() if kind in SKY]
+        coming = [setting for (kind, _), setting in self.pending.items() if kind in AT_REST]
         self.deadlines = {program: until for program, until in self.deadlines.items() if until > now}
         if not (coming or self.deadlines):
             return None
@@ -110,9 +110,9 @@ def without_setting(pending: Pending, setting: Setting) -> Pending:
     return {kind: other for kind, other in pending.items() if other is not setting}
 
 
-def with_postponed(pending: Pending, setting: Setting, due: float) -> Pending:
+def with_postponed(pending: Pending, setting: Setting, due_at: float) -> Pending:
     """Return the pending settings with this one due later: the mount was busy or not reachable."""
-    return {kind: replace(other, due_at=due) if other is setting else other for kind, other in pending.items()}
+    return {kind: replace(other, due_at=due_at) if other is setting else other for kind, other in pending.items()}
 
 
 def after_attempt(pending: Pending, setting: Setting, now: float) -> Pending:

@@ -13,7 +13,7 @@ from gateway.mount.site.astrometry import SiteAstrometry
 
 def to_equinox_of_date(astrometry: SiteAstrometry, operation: op.ToEquinoxOfDate) -> op.Equatorial:
     """Convert a J2000 position to the equinox of date: precession and nutation."""
-    return op.Equatorial(*astrometry.sky.to_of_date(operation.ra, operation.dec, astrometry.site_clock.unix()))
+    return op.Equatorial(*astrometry.sky.from_j2000(operation.ra, operation.dec, astrometry.site_clock.unix()))
 
 
 def to_j2000(astrometry: SiteAstrometry, operation: op.ToJ2000) -> op.Equatorial:
@@ -23,7 +23,7 @@ def to_j2000(astrometry: SiteAstrometry, operation: op.ToJ2000) -> op.Equatorial
 
 def zenith_position(astrometry: SiteAstrometry, operation: op.Zenith) -> op.Equatorial:
     """Return the zenith as a J2000 position."""
-    return to_j2000(astrometry, op.ToJ2000(astrometry.sidereal_time(), astrometry.place().latitude))
+    return to_j2000(astrometry, op.ToJ2000(astrometry.sidereal_time(), astrometry.site().latitude))
 
 
 def planet_position(astrometry: SiteAstrometry, operation: op.PlanetPlace) -> op.Equatorial:
@@ -39,12 +39,12 @@ def planet_position(astrometry: SiteAstrometry, operation: op.PlanetPlace) -> op
 
 def moon_position(astrometry: SiteAstrometry, operation: op.MoonPlace) -> op.Equatorial:
     """Return the Moon, or a point on it. Raises BelowHorizon if the centre of the Moon is below the horizon."""
-    site, unix = astrometry.place(), astrometry.site_clock.unix()
+    site, unix = astrometry.site(), astrometry.site_clock.unix()
     ra, dec, _ = astrometry.sky.moon(unix, site.latitude, site.longitude)
-    if astrometry.sky.horizon(ra, dec, site.latitude, site.longitude, unix)[1] < 0.0:
+    if astrometry.sky.az_alt(ra, dec, site.latitude, site.longitude, unix)[1] < 0.0:
         raise BelowHorizon("The Moon is below the horizon.")
     if operation.latitude is not None and operation.longitude is not None:
-        ra, dec = astrometry.sky.on_moon(unix, site.latitude, site.longitude, operation.latitude, operation.longitude)
+        ra, dec = astrometry.sky.moon_spot(unix, site.latitude, site.longitude, operation.latitude, operation.longitude)
     return op.Equatorial(ra, dec)
 
 

@@ -44,9 +44,9 @@ class SiteOfProgram(Struct, frozen=True):
         return f"a program ({', '.join(word for word in (self.host, self.date) if word)})"
 
 
-def make_site_of_program(program: ProgramId, place: Place, unix: float) -> SiteOfProgram:
+def make_site_of_program(program: ProgramId, site: Place, unix: float) -> SiteOfProgram:
     """Return a record of this program's site; ``unix``: this computer's time, Unix seconds."""
-    return SiteOfProgram(place.latitude, place.longitude, program.host, f"{datetime.fromtimestamp(unix, UTC):%Y-%m-%d}")
+    return SiteOfProgram(site.latitude, site.longitude, program.host, f"{datetime.fromtimestamp(unix, UTC):%Y-%m-%d}")
 
 
 class SettingsOfProgram(Struct, frozen=True):
@@ -92,10 +92,10 @@ class ProgramSettings:
             default=None,
         )
 
-    def set_site(self, program: ProgramId, place: Place, unix: float) -> None:
+    def set_site(self, program: ProgramId, site: Place, unix: float) -> None:
         """Store a complete site of a program; ``unix``: this computer's time, Unix seconds."""
-        self.put(program, replace(self.settings_of(program), site=place, half_site=None))
-        self.newest = make_site_of_program(program, place, unix)
+        self.put(program, replace(self.settings_of(program), site=site, half_site=None))
+        self.newest = make_site_of_program(program, site, unix)
 
     def forget(self, kind: Literal["site", "clock"], program: ProgramId | None = None) -> None:
         """Remove the site or clock of a program, or of all programs (None). Then they read the mount's own."""

@@ -89,7 +89,7 @@ class SiteView:
         place = Place(operation.latitude, wrap180(operation.longitude))
         self._site_clock.program_settings.set_site(self._program, place, self._site_clock.computer_time())
         self._site_clock.changed.emit(None)
-        self._site_clock.lasting.emit(None)
+        self._site_clock.save_due.emit(None)
 
     def store_clock(self, operation: SetClock) -> None:
         moment = Moment(operation.unix, operation.offset, operation.dst)

@@ -35,7 +35,7 @@ class SiteClockOperations:
     """Carries out the operations that read and set site and clock, and some settings of the motors."""
 
     def __init__(self, context: Context, runner: DriverRunner, settings_sender: SettingsSender) -> None:
-        self._context, self._runner, self.sync = context, runner, settings_sender
+        self._context, self._runner, self.sender = context, runner, settings_sender
         self._site_clock = context.site_clock
         #: From the type of an operation to the method that carries it out for a program.
         self.handlers: dict[type[op.Operation], Callable[[Any, ProgramId], Any]] = {
@@ -69,7 +69,7 @@ class SiteClockOperations:
             await self._wait_for_first_reads()
         if self._site_view(program).site() is None:
             await self._ask_for_site()
-        return self._context.astrometry_for(program).place()
+        return self._context.astrometry_for(program).site()
 
     async def _ask_for_site(self) -> None:
         """Ask the mount again if it reported no site at the start: its GPS may have a fix by now."""
@@ -117,14 +117,14 @@ class SiteClockOperations:
             self._context.incoming.expect_rest(program, self._context.now() + HALF_SITE_WAIT)
         asyncio.get_running_loop().call_later(HALF_SITE_WAIT, self.send_site, program)
 
-    def site_scope(self) -> str:
+    def site_users(self) -> str:
         """Return, as text for the page, who will use a site that a person sets there now; empty if unknown."""
         context, sites = self._context, self._context.sources.sites()
         status: op.Status | None = context.cache.value(op.GetStatus)
         if status is None or not context.identified.is_set():
             return ""
         never = context.policy.site_time == "never" or context.driver.certain_fault(op.SetSite(0.0, 0.0)) is not None
-        if not never and self.sync.accepts_site_clock(status):
+        if not never and self.sender.accepts_site_clock(status):
             return "everyone: this mount takes it"
         if sites and sites[0].source in (MOUNT_SOURCE, GPS_SOURCE, CONFIGURED):
             why = "takes no site" if never else "is aligned and takes no site"
@@ -137,7 +137,7 @@ class SiteClockOperations:
             return True
         if self._context.link.state == "up" and not self._context.driver.asleep:
             await self.renew(op.GetSite)
-        if self._site_clock.mount_site is None or kind_of(site) in self.sync.pending:
+        if self._site_clock.mount_site is None or kind_of(site) in self.sender.pending:
             return False
         return self._site_clock.is_mount_site(site) or not self._site_clock.matches_any(other_sites)
 
@@ -147,7 +147,7 @@ class SiteClockOperations:
         if whole is not None and not self._context.closed:
             self._context.incoming.note_complete(program)
             self._site_view(program).store_site(whole)
-            self.sync.queue(whole, by=program)
+            self.sender.queue(whole, by=program)
 
     async def _set_clock(self, operation: op.SetClock, program: ProgramId) -> None:
         """Store the clock and queue it. Raises Invalid for an impossible year, and Refused if the mount refuses it."""
@@ -162,7 +162,7 @@ class SiteClockOperations:
             )
         self._context.incoming.note_complete(program)
         self._site_view(program).store_clock(operation)
-        self.sync.queue(operation, by=program)
+        self.sender.queue(operation, by=program)
         if operation.heard:
             await self._wait_for_refusal(operation)
 
@@ -172,26 +172,26 @@ class SiteClockOperations:
 
     async def _wait_for_refusal(self, operation: op.SetClock) -> None:
         """Wait briefly until this setting is no longer pending. Raises Refused if the mount refuses it."""
-        ours, why = self.sync.pending.get(kind_of(operation)), ""
+        ours, why = self.sender.pending.get(kind_of(operation)), ""
 
         def refused(setting: tuple[Setting, str]) -> None:
             nonlocal why
             why = setting[1] if setting[0] is ours else why
 
-        self.sync.refused.connect(refused)
+        self.sender.refused.connect(refused)
         try:
             until = self._context.now() + REFUSAL_WAIT
-            while self.sync.pending.get(kind_of(operation)) is ours is not None and self._context.now() < until:
+            while self.sender.pending.get(kind_of(operation)) is ours is not None and self._context.now() < until:
                 await asyncio.sleep(0.1)
         finally:
-            self.sync.refused.disconnect(refused)
+            self.sender.refused.disconnect(refused)
         if why:
             raise Refused(f"The mount refused it: {why}")
 
     async def _set_clock_from_gps(self, operation: op.ClockFromGps, program: ProgramId) -> None:
         """Set the mount's clock from its GPS; if that is not allowed, set this program's clock. Raises NoDevice."""
         try:
-            mount_too = await self.sync.may_set_site_clock()
+            mount_too = await self.sender.may_set_site_clock()
         except Fault:
             mount_too = False
         if mount_too:
@@ -209,14 +209,14 @@ class SiteClockOperations:
         self._context.note_once("the clock that was set by the GPS is stored in the gateway")
 
     async def _set_motor_parameter(self, operation: op.SetGuideRate | op.Backlash, _: ProgramId) -> None:
-        await self.sync.send_now_or_later(operation)
+        await self.sender.send_now_or_later(operation)
 
     async def _set_pec(self, operation: op.PeriodicError, _: ProgramId) -> None:
         """Switch PEC on or off; repeat this if the mount does not reply. Send a toggle only once. Raises Fault."""
         if operation.on is None:
             await self._runner.perform(operation, SETTING)
         else:
-            await self.sync.send_now_or_later(operation)
+            await self.sender.send_now_or_later(operation)
 
     async def renew(self, kind: type[op.GetSite | op.GetClock]) -> None:
         """Read the mount's site or clock again. If it was changed at the mount, the gateway uses the new value. The
@@ -226,4 +226,4 @@ class SiteClockOperations:
         with contextlib.suppress(Fault):
             value: op.Place | op.Moment = await self._runner.perform(kind(), READ)
             if sent == self._context.cache.order_count:
-                self.sync.take_reported_value(value)
+                self.sender.take_reported_value(value)

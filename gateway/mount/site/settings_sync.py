@@ -23,7 +23,7 @@ from gateway.mount.presence import NO_PROGRAM, ProgramId
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.contradictions import log_contradictions, site_text
 from gateway.mount.site import pending_settings
-from gateway.mount.site.pending_settings import BUSY_DELAY, CHECK_DELAY, SKY, TRIES, Kind, Pending, Setting, kind_of
+from gateway.mount.site.pending_settings import AT_REST, BUSY_DELAY, CHECK_DELAY, TRIES, Kind, Pending, Setting, kind_of
 
 _SETTING_NAMES: dict[type[op.Operation], str] = {
     op.SetSite: "site",
@@ -43,10 +43,10 @@ def note(mount: Context, operation: op.Operation, text: str) -> None:
     mount.note(f"the {setting_name(operation)} that was set: {text}")
 
 
-def note_not_sent(mount: Context, setting: Setting, why: str) -> None:
+def note_not_sent(mount: Context, setting: Setting, reason: str) -> None:
     """Log, once for each host, that its site or clock is not sent to the mount, and why."""
     mount.note_once(
-        f"{why}: the {setting_name(setting.value)} that was set is stored in the gateway, "
+        f"{reason}: the {setting_name(setting.value)} that was set is stored in the gateway, "
         f"for {setting.client_name or 'this computer'} alone; everyone else reads the mount's"
     )
 
@@ -177,7 +177,7 @@ class SettingsSender:
         while self._is_ready and self._link.state not in ("down", "opening"):
             self._wake.clear()
             now = self._now()
-            pending: Pending = {kind: setting for kind, setting in self.pending.items() if kind[0] not in SKY}
+            pending: Pending = {kind: setting for kind, setting in self.pending.items() if kind[0] not in AT_REST}
             held_back = len(pending) < len(self.pending) and self._is_in_motion()
             pending = pending if held_back else self.pending
             step = pending_settings.next_setting(pending, now)
@@ -236,7 +236,7 @@ class SettingsSender:
     def accepts_site_clock(self, status: op.Status) -> bool:
         """Whether this status of the mount allows sending a site and clock; the owner may still forbid it."""
         driver, policy = self._driver, self._context.policy.site_time
-        return not status.aligned or driver.takes_site_aligned or (policy == "always" and not driver.loses_alignment)
+        return not status.aligned or driver.can_set_site_aligned or (policy == "always" and not driver.loses_alignment)
 
     async def _should_send(self, setting: Setting) -> bool:
         """Whether to send this setting; log it if policy or alignment forbid that. Raises Fault."""
@@ -244,7 +244,7 @@ class SettingsSender:
             note_not_sent(self._context, setting, "site-time = never")
             return False
         status = await self._reader.read(op.GetStatus())
-        if not status.aligned or self._driver.takes_site_aligned:
+        if not status.aligned or self._driver.can_set_site_aligned:
             return True
         if self._is_set(setting.value_now(self._now())):
             return False

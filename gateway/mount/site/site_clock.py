@@ -46,7 +46,7 @@ class SourcedSite(NamedTuple):
     set_by: str = ""
 
     @property
-    def who(self) -> str:
+    def origin(self) -> str:
         """The source, and the program that has set it, as text."""
         return f"{self.source}, as {self.set_by} set it," if self.set_by else self.source
 
@@ -85,7 +85,7 @@ class SiteClock:
         kernel_doubts_clock: Callable[[], bool] | None = None,
     ) -> None:
         self.now, self.computer_time = now, computer_time
-        self._clock_trust, self._kernel = clock_trust, kernel_doubts_clock
+        self._clock_trust, self._kernel_doubts = clock_trust, kernel_doubts_clock
         self.configured_site = configured_site
         self.mount_site: Place | None = None
         self.mount_clock: tuple[Moment, float] | None = None
@@ -104,7 +104,7 @@ class SiteClock:
         self._gps: tuple[Gps, float] | None = None
         self.changed: Signal[None] = Signal()
         #: Emitted when the site that is saved for a restart may have changed.
-        self.lasting: Signal[None] = Signal()
+        self.save_due: Signal[None] = Signal()
 
     # --- site and clock in force ------------------------------------------------------------------------------------
 
@@ -150,27 +150,27 @@ class SiteClock:
         """Whether this computer's time ``computer_time``, Unix seconds, may be wrong."""
         if self._clock_trust != "auto":
             return self._clock_trust == "doubtful"
-        return computer_time < EARLIEST_VALID_TIME or (self._kernel is not None and self._kernel())
+        return computer_time < EARLIEST_VALID_TIME or (self._kernel_doubts is not None and self._kernel_doubts())
 
     # --- new values -------------------------------------------------------------------------------------------------
 
-    def take_mount_site(self, place: Place, sent_by_gateway: bool = False, set_by: str | None = None) -> bool:
+    def take_mount_site(self, site: Place, sent_by_gateway: bool = False, set_by: str | None = None) -> bool:
         """Store the site that the mount reports. Return whether somebody has changed it at the mount; if so, forget the
         sites of programs.
 
         ``sent_by_gateway``: the gateway itself has sent this site, for a program on the host ``set_by``.
         """
         before = self.mount_site
-        if before is None or not _same_place(before, place):  # some tell minutes of what was set to seconds
-            self.mount_site = place
+        if before is None or not _same_place(before, site):  # some tell minutes of what was set to seconds
+            self.mount_site = site
         if before is None:
             self.stored_site = None
-            self.lasting.emit(None)
-        changed = not sent_by_gateway and before is not None and not _same_place(before, place)
+            self.save_due.emit(None)
+        changed = not sent_by_gateway and before is not None and not _same_place(before, site)
         if changed:
             self.program_settings.forget("site")
             self._former_site = None
-        elif before is not None and not _same_place(before, place):
+        elif before is not None and not _same_place(before, site):
             counts = self._former_site is not None and self.now() - self._former_site[1] < FORMER_SITE_TIME
             self._former_site = self._former_site if counts and not self._is_confirmed(before) else (before, self.now())
         self.site_set_by = "" if changed else self.site_set_by if set_by is None else set_by
@@ -315,14 +315,14 @@ class SiteTimeSources:
         return self.best_time().unix
 
 
-def earth_distance(place: Place, other: Place) -> float:
+def earth_distance(site: Place, other: Place) -> float:
     """Return the distance between two sites, degrees on the Earth."""
-    return separation(place.longitude, place.latitude, other.longitude, other.latitude)
+    return separation(site.longitude, site.latitude, other.longitude, other.latitude)
 
 
-def _same_place(place: Place, other: Place) -> bool:
+def _same_place(site: Place, other: Place) -> bool:
     """Whether two sites are within an arcminute, the resolution of hand controls."""
     return (
-        abs(place.latitude - other.latitude) <= SITE_TOLERANCE
-        and abs(wrap180(place.longitude - other.longitude)) <= SITE_TOLERANCE
+        abs(site.latitude - other.latitude) <= SITE_TOLERANCE
+        and abs(wrap180(site.longitude - other.longitude)) <= SITE_TOLERANCE
     )

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from gateway.protocols.base.spec import DriverSettings, MadeDriver, MadeSurface, ProtocolSpec, SurfaceSettings, lazy
-from gateway.protocols.wireformat.command_set import functions, load, surface_functions
+from gateway.protocols.wireformat.command_set import functions_of, load, surface_functions
 
 if TYPE_CHECKING:
     from gateway.protocols.alpaca.simulator.server import SimulatedAlpaca
@@ -37,7 +37,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
     from gateway.protocols.alpaca.driver.reply_rules import AlpacaReplyRules
     from gateway.protocols.alpaca.driver.state import AlpacaDriver
 
-    handlers = functions(identify, motion, place, pointing)
+    handlers = functions_of(identify, motion, place, pointing)
     driver = AlpacaDriver(now, settings, handlers)
     follow_ups: FollowUps = {
         pointing.KeepTracking: pointing.keep_tracking,
@@ -65,7 +65,7 @@ SPEC = ProtocolSpec(
     default_model=DEFAULT_MODEL,
     usual_port=11111,
     guides_by="sky",
-    framing=lazy("alpaca.http.requests", "LineFramer"),
+    new_framer=lazy("alpaca.http.requests", "LineFramer"),
     opening_pattern=rb"(?:(?:get|put) [^\n]*\n)*",
     make_surface=_make_surface,
     make_simulator=_make_simulator,

@@ -21,7 +21,7 @@ from gateway.protocols.wireformat.rows import Implementation, Model, Version
 
 _T = TypeVar("_T")
 #: The values of ``outcome`` in driver rows that have no effect on the mount.
-WITHOUT_EFFECT = ("refused", "silent")
+NOOP_OUTCOMES = ("refused", "silent")
 #: Seconds before the driver checks again whether a goto has begun, after its acknowledgement was lost.
 RECHECK_DELAY = 0.5
 SLEWING_MESSAGE = "The mount is slewing: the guide pulse is dropped."
@@ -94,7 +94,7 @@ class GotoUnderWay(Struct):
 
     #: When it began, by the driver's clock; infinite until the mount acknowledges it: until then a mount at rest does
     #: not mean that the goto has ended.
-    since: float = math.inf
+    began: float = math.inf
     #: ``park`` or ``home`` if it leads to that position; None for a goto to a target.
     purpose: str | None = None
     #: Whether the acknowledgement was lost and no reading has shown yet whether the goto has begun.
@@ -110,7 +110,7 @@ class Driver:
     """
 
     #: Whether setting site and time on an aligned mount has no side effects; whether it ends the alignment.
-    takes_site_aligned = loses_alignment = False
+    can_set_site_aligned = loses_alignment = False
     #: How many commands it takes to read both coordinates of the position.
     position_reads = 1
     #: When the last command was sent, and when the next can be sent, by the event loop's clock.
@@ -178,15 +178,15 @@ class Driver:
         """The tracking mode of an equatorial mount in the hemisphere of the site."""
         return op.Tracking.EQ_SOUTH if self.southern else op.Tracking.EQ_NORTH
 
-    def supports(self, name: str) -> bool:
+    def supports(self, command: str) -> bool:
         """Whether this model and version have the command according to the manual; nothing is sent to find out."""
-        return (row := self.protocol.commands.get(name)) is not None and row.exists_on(self.model, self.version)
+        return (row := self.protocol.commands.get(command)) is not None and row.exists_on(self.model, self.version)
 
     def implementation(self, operation: type[op.Operation]) -> Implementation | None:
         """Return the first row of ``driver.toml`` for this operation whose commands the mount supports, or None."""
-        return next(filter(self._has, self.protocol.driver_rows.get(operation.__name__, ())), None)
+        return next(filter(self._usable, self.protocol.driver_rows.get(operation.__name__, ())), None)
 
-    def _has(self, row: Implementation) -> bool:
+    def _usable(self, row: Implementation) -> bool:
         return all(self.supports(name) for name in row.needs)
 
     @property
@@ -210,7 +210,7 @@ class Driver:
             name
             for name, rows in self.protocol.driver_rows.items()
             for row in rows
-            if row.outcome not in WITHOUT_EFFECT and (row.part is None or row.part in traits) and self._has(row)
+            if row.outcome not in NOOP_OUTCOMES and (row.part is None or row.part in traits) and self._usable(row)
         )
         keys = sorted({self.speed(op.Rate(key=key)) for key in range(1, 10)})
         return op.Abilities(frozenset(can), tuple((speed, speed) for speed in keys), german=self.german)
@@ -219,7 +219,7 @@ class Driver:
         """Return the axis readings at the end of Park or Home, or None if only the mount itself knows them."""
         return None
 
-    def home_refused(self) -> None:
+    def on_home_refusal(self) -> None:
         """Note that the mount has refused Park or Home; mounts that report no home state then count as not at home."""
 
     def tube_side(self, reported: str) -> str | None:
@@ -250,7 +250,7 @@ class Driver:
             self.give_up_goto()
             raise
         finally:
-            state.since = self.now()
+            state.began = self.now()
 
     def saved_state(self, moving: bool) -> SavedValues:
         """Return the values to store in the state file; if ``moving``, also those needed to stop the mount later."""
@@ -260,7 +260,7 @@ class Driver:
         """Restore what ``saved_state`` returned in an earlier run; invalid values are ignored."""
 
     @property
-    def emulated(self) -> str:
+    def stale_note(self) -> str:
         """A message about settings kept by the gateway that a power cycle of the mount makes wrong; empty if none."""
         return ""
 
@@ -268,7 +268,7 @@ class Driver:
         """Reset the settings that the gateway keeps for the mount, or send them again, after a possible power cycle."""
         yield from ()
 
-    def line_was_lost(self) -> None:
+    def on_lost_line(self) -> None:
         """React to a lost line: the mount may have been switched off and on meanwhile."""
 
     def probe(self) -> Steps:

@@ -93,7 +93,7 @@ class LengthFramer(WholeCommandFramer, ABC):
     #: Why bytes that begin no command are dropped, for the log.
     noise_reason: str
     #: Why an incomplete command is dropped when its rest is late, for the log.
-    half_reason: str
+    partial_reason: str
     #: Whether the bytes after a dropped incomplete command are dropped too, until a pause: they may be its rest.
     drops_after_half = False
 
@@ -110,14 +110,14 @@ class LengthFramer(WholeCommandFramer, ABC):
         if quiet >= RESYNC_GAP:
             self._dropping = False
         if quiet >= QUIET_GAP and self._pending:
-            self._drop_half()
+            self._drop_partial()
         if self._dropping:
             self.dropped.add(data, self.noise_reason)
             return []
         return self._cut_commands(data)
 
-    def _drop_half(self) -> None:
-        self.dropped.add(bytes(self._pending), self.half_reason)
+    def _drop_partial(self) -> None:
+        self.dropped.add(bytes(self._pending), self.partial_reason)
         self._pending.clear()
         self._dropping = self.drops_after_half
 

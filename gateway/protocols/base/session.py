@@ -73,9 +73,9 @@ class MountSettings(Struct, frozen=True):
         """Return a copy with a site replaced."""
         return replace(self, sites={**self.sites, index: site})
 
-    def with_motor(self, name: str, value: int) -> MountSettings:
+    def with_motor(self, setting: str, value: int) -> MountSettings:
         """Return a copy with a value of a motor replaced."""
-        return replace(self, motors={**self.motors, name: value})
+        return replace(self, motors={**self.motors, setting: value})
 
 
 class SharedSettings:

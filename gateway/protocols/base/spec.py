@@ -76,7 +76,7 @@ class MadeDriver(NamedTuple):
     """A driver, the handlers of its scheduled operations, and the rules of requests and replies on its line."""
 
     driver: Driver
-    follow_ups: FollowUps
+    scheduled_ops: FollowUps
     reply_rules: ReplyRules
 
 
@@ -98,12 +98,12 @@ class OfferedMount(Struct, frozen=True):
     where: str  # its URL, as an endpoint has it after the @
     product: str
     server: str  # the name that the server reports
-    gateway: bool  # the server is a mount-gateway
+    is_gateway: bool  # the server is a mount-gateway
     identifier: str  # the same in every network
     seconds: float  # how long the server took to answer
 
 
-class NightRows(Struct, frozen=True):
+class LogCommands(Struct, frozen=True):
     """The commands that ``report`` evaluates in the log of a night."""
 
     position_commands: frozenset[str] = frozenset()  # commands whose replies contain the position
@@ -152,7 +152,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
 
     # --- its parts; None if it has no such part ---
     #: Makes the framer of a connection.
-    framing: Callable[[], Framer]
+    new_framer: Callable[[], Framer]
     #: Regular expression for the bytes with which a program may begin a connection.
     opening_pattern: bytes
     #: Makes the rules of requests and replies, if mounts speak the protocol; takes the model if it is known.
@@ -192,12 +192,12 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     #: Regular expression for first commands that programs of other protocols send too: on a port for all protocols they
     #: are answered, and the protocol stays undecided.
     shared_openings: bytes | None = None
-    questions: tuple[Probe, ...] = ()
+    probes: tuple[Probe, ...] = ()
     #: State of a device other than a protocol, as ``Probe.judge`` returns it -> its description for ``detect``.
     detect_states: Mapping[str, str] = {}
     #: Returns the mounts that servers offer: those at these addresses, or all that answer in the network.
     find_mounts: Callable[[Sequence[str] | None], Awaitable[list[OfferedMount]]] | None = None
-    night: NightRows = NightRows()
+    night: LogCommands = LogCommands()
     cable: str = ""  # where to plug in the cable, in words
     #: A warning of ``detect`` about mounts that may not answer its questions; ``{port}`` stands for the port.
     detect_warning: str = ""

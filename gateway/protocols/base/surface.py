@@ -146,31 +146,31 @@ class Surface:
         command = self.protocol.commands.get(frame.names[0])
         return b"" if frame.late or command is None else _refusal(command, Invalid())
 
-    def _clear_value(self, session: Session, name: str) -> None:
+    def _clear_value(self, session: Session, command_name: str) -> None:
         """Clear the value that a command would have set: run its handler as for a value that cannot be decoded."""
-        row = self.protocol.surface_rows.get(name)
+        row = self.protocol.surface_rows.get(command_name)
         if row is None or row.call is None:
             return
-        steps = self.call(row.call, session, self.protocol.commands[name], {"fault": Invalid()})
+        steps = self.call(row.call, session, self.protocol.commands[command_name], {"fault": Invalid()})
         with suppress(Fault, StopIteration), closing(steps):  # it must not request anything of the mount
             next(steps)
 
-    def call(self, name: str, session: Session, command: Command | None, values: Values) -> Handling:
+    def call(self, handler: str, session: Session, command: Command | None, values: Values) -> Handling:
         """Run the handler of a row with ``call``; return the reply's values."""
-        outcome = self.handlers[name](session, command, values)
+        outcome = self.handlers[handler](session, command, values)
         return (yield from outcome) if isinstance(outcome, Generator) else outcome
 
-    def _native_reply(self, session: Session, command: Command, keep: str, values: Values) -> Handling:
+    def _native_reply(self, session: Session, command: Command, reuse: str, values: Values) -> Handling:
         """Return the mount's own reply. Raises Unsupported if the gateway has to answer instead, or another Fault."""
         if self.contradicts_client(session, command.name, values):
             raise Unsupported
-        if keep == "library":
+        if reuse == "library":
             answer = yield from self.call("objects.use_mount_library", session, command, values)
-        elif keep == "order":
+        elif reuse == "order":
             answer = yield PassThrough(command.name, tuple(values.items()))
         else:
             try:
-                answer = yield NativeRequest(command.name, tuple(values.items()), keep)
+                answer = yield NativeRequest(command.name, tuple(values.items()), reuse)
             except Silence:
                 answer = b""
         return self.reply(session, command, answer)

@@ -209,7 +209,7 @@ class Lx200ReplyRules:
             return refusal
         hashes = max(source.count("#") for source in _form_texts(self.protocol, request.command))
         if buffer.count(b"#") >= max(1, hashes) or len(buffer) > MAX_LENGTH or not hashes:
-            whole = hashes or len(buffer) >= max(template.width or 1 for _, template in replies)
+            whole = hashes or len(buffer) >= max(template.length or 1 for _, template in replies)
             return (Garbled(), len(buffer)) if whole else None
         return None
 

@@ -10,15 +10,15 @@ from gateway.core.errors import UserError
 from gateway.core.wire_log import printable
 from gateway.protocols.base.spec import (
     DriverSettings,
+    LogCommands,
     MadeDriver,
     MadeSurface,
-    NightRows,
     Probe,
     ProtocolSpec,
     SurfaceSettings,
     lazy,
 )
-from gateway.protocols.wireformat.command_set import functions, load, surface_functions
+from gateway.protocols.wireformat.command_set import functions_of, load, surface_functions
 
 if TYPE_CHECKING:
     from gateway.protocols.base.driver import FollowUps
@@ -64,7 +64,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
     from gateway.protocols.lx200.driver.state import Lx200Driver
     from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
 
-    handlers = functions(drive, home, identify, motion, place, pointing)
+    handlers = functions_of(drive, home, identify, motion, place, pointing)
     driver = Lx200Driver(now, settings, handlers)
     follow_ups: FollowUps = {
         home.CheckHomeSearch: home.check_home_search,
@@ -119,7 +119,7 @@ SPEC = ProtocolSpec(
     makers=("meade",),
     default_model=DEFAULT_MODEL,
     demo=("lx200:lx200gps", "LX200GPS"),
-    framing=lazy("lx200.framing", "Lx200Framer"),
+    new_framer=lazy("lx200.framing", "Lx200Framer"),
     opening_pattern=OPENING,
     reply_rules=lazy("lx200.reply_rules", "Lx200ReplyRules"),
     make_surface=_make_surface,
@@ -130,12 +130,12 @@ SPEC = ProtocolSpec(
         "tolerant": "accepts arguments in every notation that programs send, not only the manual's",
     },
     recognises=_lx200_confidence,
-    questions=(
+    probes=(
         Probe(2, HASH_ACK, _protocol_by_ack),
         Probe(3, POSITION, lambda heard, still: NAME if re.fullmatch(_POSITION, heard.strip()) else None, opt_in=True),
     ),
     detect_states={"downloader": "a Meade that waits for new firmware: switch it off and on to use it"},
-    night=NightRows(frozenset({"GR", "GD"}), frozenset({"Gt", "Gg"}), frozenset({"MS", "MA"}), lon_sign=-1),
+    night=LogCommands(frozenset({"GR", "GD"}), frozenset({"Gt", "Gg"}), frozenset({"MS", "MA"}), lon_sign=-1),
     cable="into the port marked RS-232 on the panel, or into the Autostar's own",
     detect_warning="an old classic LX200 may not answer these questions; try: mount-gateway detect lx200@{port}",
     parks_itself=True,

@@ -49,7 +49,7 @@ class Ramp(NamedTuple):
 
 
 #: No ramp: the motor has the ordered speed.
-SETTLED = Ramp(-math.inf, 0.0, 1.0)
+NO_RAMP = Ramp(-math.inf, 0.0, 1.0)
 
 
 class Phase(NamedTuple):
@@ -75,7 +75,7 @@ class AxisGoto:
     def set_run_on(self, run_on: float, ramp_ends: float) -> None:
         """Subtract the way that the motor still runs on from the distance, and calculate the phases."""
         self._goto_distance = self.distance - run_on
-        self._phases = _phases(abs(self._goto_distance), *self._rates, self.acceleration)
+        self._phases = _plan_goto(abs(self._goto_distance), *self._rates, self.acceleration)
         self.ends_at = max(ramp_ends, self.started_at + sum(phase.seconds for phase in self._phases))
 
     def remaining(self, now: float) -> float:
@@ -91,7 +91,7 @@ class AxisGoto:
         return math.copysign(max(0.0, left), self._goto_distance)
 
 
-def _phases(distance: float, fast: float, slow: float, acceleration: float) -> list[Phase]:
+def _plan_goto(distance: float, fast: float, slow: float, acceleration: float) -> list[Phase]:
     """Return the phases of a goto: accelerate, constant speed, brake, approach at the rate ``slow``, brake to rest."""
     near = min(distance, APPROACH_DISTANCE)
     far = distance - near
@@ -119,17 +119,17 @@ class Axis(Struct):
     added_rate: float = 0.0  # a slow hand rate on top of tracking
     pulse: float = 0.0  # the rate of a guide pulse on top of the others
     pulse_ends_at: float = -math.inf  # Unix seconds
-    overridden: bool = False  # ``rate`` overrides tracking
+    overrides: bool = False  # ``rate`` overrides tracking
     drive: bool = False  # a ``rate`` that overrides tracking is itself a tracking rate
     goto: AxisGoto | None = None  # the goto under way
     goal: float | None = None  # of a goto to a fixed position; None: the target is on the sky
     speed: float = 0.0  # the true speed at ``since``
     acceleration: float = math.inf  # how fast the speed can change, degrees a second squared
-    ramp: Ramp = SETTLED  # the change to the ordered speed
+    ramp: Ramp = NO_RAMP  # the change to the ordered speed
 
     def clear_orders(self) -> None:
         """Clear all orders except a guide pulse."""
-        self.overridden = self.drive = False
+        self.overrides = self.drive = False
         self.rate, self.added_rate, self.goto, self.goal = 0.0, 0.0, None, None
 
     def ramp_from(self, now: float, ordered_speed: float, max_speed: float) -> float:
@@ -139,7 +139,7 @@ class Axis(Struct):
         """
         change = max(-max_speed, min(max_speed, self.speed)) - max(-max_speed, min(max_speed, ordered_speed))
         settled = abs(change) <= INSTANT_SPEED_CHANGE or math.isinf(self.acceleration)
-        self.ramp = SETTLED if settled else Ramp(now, change, self.acceleration)
+        self.ramp = NO_RAMP if settled else Ramp(now, change, self.acceleration)
         run_on = self.ramp.remaining_run_on(now)
         self.position += run_on
         if self.goto is not None:
@@ -150,5 +150,5 @@ class Axis(Struct):
     def has_order(self) -> bool:
         """Whether it has an order other than tracking: a goto, hand motion, guiding."""
         return bool(
-            self.goto is not None or self.added_rate or self.pulse or (self.overridden and not self.drive and self.rate)
+            self.goto is not None or self.added_rate or self.pulse or (self.overrides and not self.drive and self.rate)
         )

@@ -90,11 +90,11 @@ class Mechanics:
     def tracking(self, now: float) -> bool:
         """Whether the mount follows the sky at this moment. While a polar mount tracks, its second motor rests."""
         first, second = self._axes[1], self._axes[2]
-        if self.slewing(now) or (second.overridden and (second.rate or self.build is Build.ALTAZ)):
+        if self.slewing(now) or (second.overrides and (second.rate or self.build is Build.ALTAZ)):
             return False
-        if first.overridden:
-            return first.drive and self.build is not Build.ALTAZ and first.rate * self.geometry.ns_sign > 0
-        return self._tracks and (self.build is Build.ALTAZ or self._tracking_sense == self.geometry.ns_sign)
+        if first.overrides:
+            return first.drive and self.build is not Build.ALTAZ and first.rate * self.geometry.pole_sign > 0
+        return self._tracks and (self.build is Build.ALTAZ or self._tracking_sense == self.geometry.pole_sign)
 
     def pulsing(self, now: float, axis: int) -> bool:
         self.advance(now)
@@ -111,7 +111,7 @@ class Mechanics:
         """Track at this rate instead of the sidereal rate, on every build; hand motion and gotos continue."""
         self._advance_and_note(now)
         self._drive_rate = rate
-        if not any(motor.overridden or motor.goto is not None for motor in self._axes.values()):
+        if not any(motor.overrides or motor.goto is not None for motor in self._axes.values()):
             self._track_or_rest(now)
 
     def resume_tracking(self, now: float) -> None:
@@ -122,7 +122,7 @@ class Mechanics:
     def resume_axis(self, now: float, axis: int) -> None:
         """End the hand motion of an axis. The first of a polar mount then tracks, even if the second still moves."""
         self.move(now, axis, 0.0)
-        if axis == 1 and self.build is not Build.ALTAZ and self._axes[1].overridden:
+        if axis == 1 and self.build is not Build.ALTAZ and self._axes[1].overrides:
             self._advance_and_note(now)
             self._axes[1].clear_orders()
             self._axes[1].rate = self._tracking_sense * self._drive_rate * self._tracks
@@ -163,18 +163,18 @@ class Mechanics:
         """
         self.advance(now)
         motor = self._axes[axis]
-        added = self.build is not Build.ALTAZ and (motor.drive if motor.overridden else self._tracks)
+        added = self.build is not Build.ALTAZ and (motor.drive if motor.overrides else self._tracks)
         if motor.goto is None and added and (additive or rate == 0.0):
             self._advance_and_note(now)
             motor.added_rate = rate
         elif rate != 0.0:
             self.set_rate(now, axis, rate)
-        elif motor.goto is not None and not motor.overridden:
+        elif motor.goto is not None and not motor.overrides:
             self._advance_and_note(now)
             motor.goto = None
             if all(other.goto is None for other in self._axes.values()):
                 self._end_goto(now)
-        elif motor.overridden and not motor.drive:
+        elif motor.overrides and not motor.drive:
             self.set_rate(now, axis, 0.0)
 
     def set_rate(self, now: float, axis: int, rate: float, drive: bool = False) -> None:
@@ -267,7 +267,7 @@ class Mechanics:
                 motor.rate = wrap180(q - p)
             self._follows_target = False
         self._axes[axis].clear_orders()
-        self._axes[axis].overridden = True
+        self._axes[axis].overrides = True
         if self.suspended_since is None:
             self.suspended_since = now
 
@@ -289,7 +289,7 @@ class Mechanics:
             motor.goto = motor.goal = None
         if self.build is Build.GERMAN:  # a goto that was cancelled half way may end on either side
             self.flipped = wrap180(self._axes[2].position + self.sync_correction[1] - 90.0) > 0.0
-        if not any(motor.overridden for motor in self._axes.values()):
+        if not any(motor.overrides for motor in self._axes.values()):
             self._track_or_rest(now)
 
     def _renew_target(self, now: float) -> None:

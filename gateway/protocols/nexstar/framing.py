@@ -146,7 +146,7 @@ def length_by_opcode() -> dict[int, int]:
     """Return the length of every request by its first byte. Raises MappingError if one first byte has two lengths."""
     widths = dict(UNANSWERED_LENGTHS)
     for command in load("nexstar").commands.values():
-        width = command.request.width
+        width = command.request.length
         if width is None:
             raise MappingError("mappings/nexstar/commands.toml", command.name, "the request must have a fixed length")
         first = command.request.prefix[0]
@@ -163,7 +163,7 @@ class NexStarFramer(LengthFramer):
     """
 
     noise_reason = "no NexStar command begins like this; bytes are ignored until the line has been quiet for 0.1 s"
-    half_reason = "incomplete command: the rest did not arrive within a second"
+    partial_reason = "incomplete command: the rest did not arrive within a second"
     cut_off_reason = "incomplete command: the rest did not arrive"
     late_reason = "the end of the incomplete command before it, which is not carried out"
 
@@ -197,7 +197,7 @@ class NexStarFramer(LengthFramer):
         self.dropped.clear()
         frames = []
         if self._pending:
-            self._drop_half()
+            self._drop_partial()
         if interrupted.burst and quiet >= RESYNC_GAP:
             frames = self._resolve_interrupted(interrupted)
         if now >= interrupted.expires_at and not interrupted.burst:

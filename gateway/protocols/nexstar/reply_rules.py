@@ -48,11 +48,11 @@ def _reply_form(command: str) -> _ReplyForm:
     row = PROTOCOL.commands[command]
     *others, template = [form for _, form in row.replies]
     other = others[0] if others else None
-    assert template.width is not None
+    assert template.length is not None
     passed_through = row.request.prefix.startswith(b"P")
-    longest = (other or template).width or 0
+    longest = (other or template).length or 0
     longest += 1 if passed_through else MAX_EXTRA.get(command, 0)
-    return _ReplyForm(template, template.width, longest, passed_through, other)
+    return _ReplyForm(template, template.length, longest, passed_through, other)
 
 
 class NexStarReplyRules(ReplyRules):

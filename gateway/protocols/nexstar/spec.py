@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 from gateway.core.errors import UserError
 from gateway.protocols.base.spec import (
     DriverSettings,
+    LogCommands,
     MadeDriver,
     MadeSurface,
-    NightRows,
     Probe,
     ProtocolSpec,
     SurfaceSettings,
@@ -21,7 +21,7 @@ from gateway.protocols.base.spec import (
 )
 from gateway.protocols.nexstar import versions
 from gateway.protocols.nexstar.versions import STARSENSE, is_starsense, parse
-from gateway.protocols.wireformat.command_set import functions, load, surface_functions
+from gateway.protocols.wireformat.command_set import functions_of, load, surface_functions
 from gateway.protocols.wireformat.rows import parse_version, show_version
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
     from gateway.protocols.nexstar.driver.state import NexStar
     from gateway.protocols.nexstar.reply_rules import NexStarReplyRules
 
-    handlers = functions(home, identify, motion, place, pointing, tracking)
+    handlers = functions_of(home, identify, motion, place, pointing, tracking)
     return MadeDriver(
         NexStar(now, settings, handlers),
         {
@@ -131,7 +131,7 @@ SPEC = ProtocolSpec(
     brands=("nexstar",),
     default_model=DEFAULT_MODEL,
     demo=("nexstar", "NexStar 6/8 SE"),
-    framing=lazy("nexstar.framing", "NexStarFramer"),
+    new_framer=lazy("nexstar.framing", "NexStarFramer"),
     opening_pattern=OPENING,
     reply_rules=lazy("nexstar.reply_rules", "NexStarReplyRules"),
     make_surface=_make_surface,
@@ -145,8 +145,8 @@ SPEC = ProtocolSpec(
     presented_version="4.21",
     recognises=lambda sent: NEXSTAR_CONFIDENCE,
     shared_openings=ANY_ECHO,
-    questions=(Probe(1, ECHO, lambda heard, still: NAME if heard.endswith(ECHO[1:] + b"#") else None, slow=True),),
-    night=NightRows(frozenset({"E", "e"}), frozenset({"w"}), frozenset({"R", "r", "B", "b"})),
+    probes=(Probe(1, ECHO, lambda heard, still: NAME if heard.endswith(ECHO[1:] + b"#") else None, slow=True),),
+    night=LogCommands(frozenset({"E", "e"}), frozenset({"w"}), frozenset({"R", "r", "B", "b"})),
     cable="plug the cable into the base of the hand control, not into the port marked PC on the mount",
     unsupported_at=dict.fromkeys(("2000", "1.2.3.4"), AUX_UNSUPPORTED),
     j2000_source="Celestron's own driver",

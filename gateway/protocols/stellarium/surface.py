@@ -21,7 +21,7 @@ from gateway.protocols.wireformat.command_set import load
 HEADER_BYTES, MAX_MESSAGE_BYTES = 4, 255
 #: Seconds from the beginning of a connection to the first position. A web browser sends its request in this time and is
 #: recognised; it would show a position as a broken answer.
-DELAY = 0.2
+FIRST_DELAY = 0.2
 #: The values of the field ``status``.
 STATUS_OK, STATUS_REFUSED, ENDED_SHORT = 0, -1, -2
 
@@ -33,7 +33,7 @@ class StellariumFramer(LengthFramer):
     """
 
     noise_reason = "no Stellarium message begins like this; bytes are accepted again after a pause of 0.1 s"
-    half_reason = "half a message, whose rest did not arrive within a second"
+    partial_reason = "half a message, whose rest did not arrive within a second"
     cut_off_reason = "half a message, whose rest did not arrive"
     drops_after_half = True
 
@@ -97,4 +97,4 @@ def subscriptions(session: Session) -> Sequence[Subscription]:
         return b""
 
     every = pushed.pushed
-    return [Subscription(GetActivity(), every, note), Subscription(Position(), every, message, first_delay=DELAY)]
+    return [Subscription(GetActivity(), every, note), Subscription(Position(), every, message, first_delay=FIRST_DELAY)]

@@ -20,7 +20,7 @@ from gateway.protocols.wireformat.rows import CommandRow, FrameSource, ReplyForm
 
 class FrameTemplate:
     """The template of a frame. ``fields``: name -> codec, in wire order; ``prefix``: the bytes before the first field;
-    ``width``: the length of the frame in bytes, None if that varies.
+    ``length``: the length of the frame in bytes, None if that varies.
     """
 
     def __init__(self, source: FrameSource) -> None:
@@ -30,8 +30,8 @@ class FrameTemplate:
             self._add_piece(piece)
         self.fields: dict[str, Codec] = {part[0]: part[1] for part in self.parts if isinstance(part, tuple)}
         self.prefix = self.parts[0] if self.parts and isinstance(self.parts[0], bytes) else b""
-        widths = [len(part) if isinstance(part, bytes) else part[1].width for part in self.parts]
-        self.width = None if None in widths else sum(width for width in widths if width is not None)
+        widths = [len(part) if isinstance(part, bytes) else part[1].length for part in self.parts]
+        self.length = None if None in widths else sum(width for width in widths if width is not None)
 
     def _add_piece(self, piece: str | int) -> None:
         """Add an element of the source, split into literals and fields. Raises ValueError for a malformed field."""

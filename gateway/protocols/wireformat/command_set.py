@@ -194,7 +194,7 @@ class CommandSet:
         return None
 
 
-def functions(*modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
+def functions_of(*modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
     """Return ``module.function`` -> function for the public functions of these modules, which driver rows may name."""
     return {
         f"{module.__name__.rpartition('.')[2]}.{name}": value
@@ -206,7 +206,7 @@ def functions(*modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
 
 def surface_functions(*modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
     """Return ``module.function`` -> function for surface rows; each accepts all of ``HANDLER_PARAMETERS``."""
-    return {name: _accepting_all(function) for name, function in functions(*modules).items()}
+    return {name: _accepting_all(function) for name, function in functions_of(*modules).items()}
 
 
 def parameter_names(function: Callable[..., Any]) -> tuple[str, ...]:

@@ -26,7 +26,7 @@ class Codec(NamedTuple):
     encode: Callable[[Any], bytes]
     decode: Callable[[bytes], object]
     pattern: bytes
-    width: int | None = None
+    length: int | None = None
 
 
 # --- text: sexagesimal ----------------------------------------------------------------------------------------
@@ -189,16 +189,16 @@ def _binary_turn(bits: int, signed: bool) -> Codec:
     return Codec(encode, lambda raw: _degrees(int.from_bytes(raw, "big"), bits, signed), b"(?s:.{%d})" % width, width)
 
 
-def _integer(width: int, signed: bool = False) -> Codec:
-    """Return the codec of a binary integer of ``width`` bytes, most significant byte first."""
+def _integer(length: int, signed: bool = False) -> Codec:
+    """Return the codec of a binary integer of ``length`` bytes, most significant byte first."""
 
     def encode(value: int) -> bytes:
         try:
-            return int(value).to_bytes(width, "big", signed=signed)
+            return int(value).to_bytes(length, "big", signed=signed)
         except OverflowError:
-            raise ValueError(f"{value!r} does not fit {width} byte(s)") from None
+            raise ValueError(f"{value!r} does not fit {length} byte(s)") from None
 
-    return Codec(encode, lambda raw: int.from_bytes(raw, "big", signed=signed), b"(?s:.{%d})" % width, width)
+    return Codec(encode, lambda raw: int.from_bytes(raw, "big", signed=signed), b"(?s:.{%d})" % length, length)
 
 
 def _little_endian(codec: Codec) -> Codec:

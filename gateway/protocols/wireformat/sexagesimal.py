@@ -126,7 +126,7 @@ def _ticks(value: float, per_unit: float) -> tuple[str, int]:
     return ("-" if value < 0 and ticks else "+"), ticks
 
 
-def _circular(form: str, per_degree: int, *bases: int) -> Callable[[float], str]:
+def _turn_writer(form: str, per_degree: int, *bases: int) -> Callable[[float], str]:
     """Return a function that writes degrees, wrapped to 0 to 360, in the format ``form``. ``per_degree``: ticks in a
     degree; ``bases``: the sizes of the parts after the first, such as 60 minutes and 60 seconds.
     """
@@ -151,9 +151,9 @@ def _signed_writer(form: str, per_degree: int, *bases: int) -> Callable[[float],
 
 #: Degrees -> ``HH:MM:SS``, ``HH:MM.T``, ``HH:MM:SS.SSSS``; ``DDD*MM:SS``, ``DDD*MM``; ``sDD*MM:SS``, ``sDD*MM``,
 #: ``sDD*MM:SS.SSS``.
-hours, hours_low = _circular("{:02d}:{:02d}:{:02d}", 240, 60, 60), _circular("{:02d}:{:02d}.{:d}", 40, 60, 10)
-hours_fine = _circular("{:02d}:{:02d}:{:02d}.{:04d}", 2400000, 60, 60, 10000)
-azimuth, azimuth_low = _circular("{:03d}*{:02d}:{:02d}", 3600, 60, 60), _circular("{:03d}*{:02d}", 60, 60)
+hours, hours_low = _turn_writer("{:02d}:{:02d}:{:02d}", 240, 60, 60), _turn_writer("{:02d}:{:02d}.{:d}", 40, 60, 10)
+hours_fine = _turn_writer("{:02d}:{:02d}:{:02d}.{:04d}", 2400000, 60, 60, 10000)
+azimuth, azimuth_low = _turn_writer("{:03d}*{:02d}:{:02d}", 3600, 60, 60), _turn_writer("{:03d}*{:02d}", 60, 60)
 signed, signed_angle_low = _signed_writer("{:02d}*{:02d}:{:02d}", 3600, 60, 60), _signed_writer("{:02d}*{:02d}", 60, 60)
 signed_angle_fine = _signed_writer("{:02d}*{:02d}:{:02d}.{:03d}", 3600000, 60, 60, 1000)
 

@@ -15,7 +15,7 @@ from gateway.app.bindings import framer_and_parser
 from gateway.core.errors import NoDevice
 from gateway.core.wire_log import printable
 from gateway.diagnostics.command_outcomes import MountKind, choose, outcome, remarks
-from gateway.diagnostics.rehearsal.play import Play, general_refusal, is_refusal, is_refused, may_change_mount
+from gateway.diagnostics.rehearsal.play import Trace, general_refusal, is_refusal, is_refused, may_change_mount
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.surface import ACKNOWLEDGED, Surface
 from gateway.protocols.wireformat.command import Command
@@ -134,7 +134,7 @@ def _idle(case: Case) -> bool:
     return not case.mount.aligned and all(way.aligned is None for way in choose(case.row, case.driven, case.mount))
 
 
-def _answers(play: Play) -> list[tuple[bytes, bytes]]:
+def _answers(play: Trace) -> list[tuple[bytes, bytes]]:
     """Return the commands that change the mount, each with the mount's reply if there is one."""
     waiting: bytes | None = None
     found = []
@@ -161,7 +161,7 @@ def _mount_says_no(case: Case, request: bytes, answer: bytes) -> bool:
     return taken is not None and isinstance(taken[0], NoDevice)
 
 
-def _notes(play: Play) -> list[str]:
+def _notes(play: Trace) -> list[str]:
     """Return the notes of the log that are about the command."""
     return [event.text for event in play.steps_of_kind("note") if not event.text.startswith(_ASIDE)]
 

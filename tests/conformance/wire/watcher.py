@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from gateway.core.motion_kinds import END_ORDERS
 from gateway.core.operations import Operation, Read, operation_class
-from gateway.diagnostics.rehearsal.play import SETTING_OBSERVATION_TIME, Play, Player, Prelude, may_change_mount
+from gateway.diagnostics.rehearsal.play import SETTING_OBSERVATION_TIME, Prelude, Trace, Tracer, may_change_mount
 from gateway.diagnostics.rehearsal.stage import RehearsalGateway
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.wants import CheckPossible, Handling, SurfaceStep, relay_requests
@@ -20,7 +20,7 @@ class Seen(NamedTuple):
     what is kept (``tells``).
     """
 
-    play: Play
+    play: Trace
     asked: tuple[str, ...] = ()
     kept: bool = False
     learnt: bool = False
@@ -33,7 +33,7 @@ class Seen(NamedTuple):
         return [name for name in self.asked if may_change_mount(name)] or [name for name in self.asked if name in can]
 
 
-class Watcher(Player):
+class Watcher(Tracer):
     def __init__(self, stage: RehearsalGateway) -> None:
         super().__init__(stage)
         self._session: Session | None = None
@@ -51,7 +51,7 @@ class Watcher(Player):
     async def watch(
         self, frame: bytes, before: Prelude = Prelude(), watching: float = SETTING_OBSERVATION_TIME
     ) -> Seen:
-        play = await self.play(frame, before, watching)
+        play = await self.trace(frame, before, watching)
         return Seen(play, tuple(self._asked), self._before != self._kept(), self._known != self._knows(), self._tells)
 
     def on_play_begin(self) -> None:

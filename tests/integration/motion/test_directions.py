@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from gateway.astro.spherical import declination_rates, hour_angle_rates, hour_angle_to_horizon, wrap180
+from gateway.astro.spherical import az_alt_rates_by_dec, az_alt_rates_by_ha, hour_angle_to_horizon, wrap180
 from gateway.protocols.mechanics.truth import truth_of
 from gateway.protocols.nexstar.driver.altaz import MAX_SLOW_SPEED
 from tests.support import sampling
@@ -39,7 +39,7 @@ def test_computed_axis_rates_match_the_slopes_of_the_coordinates(
 ) -> None:
     small = 1e-5
     az, alt = hour_angle_to_horizon(hour_angle, dec, latitude)
-    for rates, step in ((hour_angle_rates, (small, 0.0)), (declination_rates, (0.0, small))):
+    for rates, step in ((az_alt_rates_by_ha, (small, 0.0)), (az_alt_rates_by_dec, (0.0, small))):
         later = hour_angle_to_horizon(hour_angle + step[0], dec + step[1], latitude)
         slope = wrap180(later[0] - az) / small, (later[1] - alt) / small
         assert rates(az, alt, latitude) == pytest.approx(slope, rel=1e-4, abs=1e-4)
@@ -47,7 +47,9 @@ def test_computed_axis_rates_match_the_slopes_of_the_coordinates(
 
 @pytest.mark.parametrize("place", [(0.0, 90.0), (180.0, 90.0), (0.0, 45.0)])
 def test_computed_axis_rates_are_finite_at_the_zenith_and_the_pole(place: tuple[float, float]) -> None:
-    assert all(abs(rate) <= 100.0 for rates in (hour_angle_rates, declination_rates) for rate in rates(*place, 45.0))
+    assert all(
+        abs(rate) <= 100.0 for rates in (az_alt_rates_by_ha, az_alt_rates_by_dec) for rate in rates(*place, 45.0)
+    )
 
 
 # --- alt-az: on top of tracking -----------------------------------------------------------------------------------

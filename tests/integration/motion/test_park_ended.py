@@ -56,7 +56,7 @@ async def test_axis_goto_cancelled_at_the_keypad_is_reported_as_ended_short(
         if cancelled:
             Owner(bridge, driven).keys("cancel")
         await polled(bridge, 5 if cancelled else 90)
-        assert ("from its goal" in bridge.controller.wanted.value.failure) is cancelled
+        assert ("from its goal" in bridge.controller.wanted.value.goto_failure) is cancelled
 
 
 async def test_home_search_cancelled_at_the_keypad_is_not_reported_as_found() -> None:

@@ -146,9 +146,9 @@ async def test_refusal_of_a_low_target_gives_its_altitude_and_rising_time(lowest
         told = re.search(rf"\({height - 6.0:.0f}°\)\. It rises at (\d\d):(\d\d)", str(refused.value))
         assert told is not None and refused.value.brief.startswith("Object Below")
         minutes = (int(told[1]) * 60 + int(told[2]) - 22 * 60) % 1440
-        place = bridge.controller.astrometry.place()
+        place = bridge.controller.astrometry.site()
         then = bridge.clock() + minutes * 60.0
-        rises = sky.sky.horizon(goal.ra, goal.dec, place.latitude, place.longitude, then)[1]
+        rises = sky.sky.az_alt(goal.ra, goal.dec, place.latitude, place.longitude, then)[1]
         assert rises == pytest.approx(height, abs=0.3)
 
 

@@ -38,7 +38,7 @@ def standing(mount: str, version: str | None = None, latitude: float = 45.0, **g
 async def over(bridge: Bridge, degrees: float, rate: bytes = b":RM#") -> None:
     """A program's arrow carries the tube so far over the pole or the zenith."""
     client, mechanics = bridge.client(), bridge.sim.mechanics
-    arrow = b"n" if mechanics.geometry.ns_sign > 0 or mechanics.build is Build.ALTAZ else b"s"
+    arrow = b"n" if mechanics.geometry.pole_sign > 0 or mechanics.build is Build.ALTAZ else b"s"
     client.send(rate + b":M" + arrow + b"#")
     for _ in range(80):
         client.send(b":GR#" if mechanics.axes(bridge.clock())[1] < 90.0 + degrees else b":Q#:GR#")
@@ -65,7 +65,7 @@ def counted(bridge: Bridge, turned: tuple[float, float], within: float = 0.2) ->
     with either sign.
     """
     sums = [
-        (first, sign * second) for first, second in bridge.controller.synced.value.axis_turns for sign in (1.0, -1.0)
+        (first, sign * second) for first, second in bridge.controller.syncs.value.axis_turns for sign in (1.0, -1.0)
     ]
     return any(max(abs(wrap180(a - b)) for a, b in zip(one, turned, strict=True)) < within for one in sums)
 
@@ -107,7 +107,7 @@ async def test_goto_of_a_fork_synced_beyond_the_pole_is_judged_both_ways_round(
         why, turned = await synced(bridge, 4.0)
         assert not why
         assert counted(bridge, turned, 1.0)
-        assert len(bridge.controller.synced.value.axis_turns) == 2
+        assert len(bridge.controller.syncs.value.axis_turns) == 2
 
 
 @pytest.mark.parametrize("by", [b":RS#", b":RM#", b"guide pulse"])
@@ -172,11 +172,11 @@ async def test_sync_at_the_pole_is_accepted_and_gotos_are_judged_both_ways_round
         why, turned = await synced(bridge, 0.9)
         assert not why
         assert counted(bridge, turned)
-        assert len(bridge.controller.synced.value.axis_turns) == 2
+        assert len(bridge.controller.syncs.value.axis_turns) == 2
         why, again = await synced(bridge, 0.9)
         assert not why
         assert counted(bridge, (turned[0] + again[0], turned[1] + again[1]), 2.0)
-        assert len(bridge.controller.synced.value.axis_turns) == 2, "they do not become ever more"
+        assert len(bridge.controller.syncs.value.axis_turns) == 2, "they do not become ever more"
 
 
 @pytest.mark.parametrize("arrows", [b":Mw#:Ms#", b":Me#:Mn#", b":Ms#", b":Mn#"])

@@ -59,7 +59,7 @@ async def test_incomplete_nexstar_command_is_logged_with_the_reason() -> None:
         client.send(b"R34")
         client.close()
         await asyncio.sleep(0.5)
-        assert _dropped(bridge) == [(b"R34AB", NexStarFramer.half_reason), (b"R34", NexStarFramer.cut_off_reason)]
+        assert _dropped(bridge) == [(b"R34AB", NexStarFramer.partial_reason), (b"R34", NexStarFramer.cut_off_reason)]
 
 
 async def test_half_a_command_at_the_end_of_a_connection_is_logged() -> None:

@@ -91,7 +91,7 @@ async def test_motion_begun_by_the_owner_during_a_cable_fault_is_left_alone(
 async def _own(bridge: Bridge, owner: Owner, own: str) -> None:
     """Let the owner move the mount: an arrow, or a goto away from where the program's goto led."""
     await asyncio.sleep(2.0)
-    if own == "back" and bridge.sim.mechanics.build is Build.GERMAN and bridge.sim.mechanics.geometry.ns_sign < 0:
+    if own == "back" and bridge.sim.mechanics.build is Build.GERMAN and bridge.sim.mechanics.geometry.pole_sign < 0:
         own = "first on"  # the motors of a German mount turn the other way in the south
     if own == "goto":
         ra, dec = bridge.sim.true_position()

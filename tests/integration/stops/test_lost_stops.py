@@ -95,7 +95,7 @@ async def test_stop_that_the_mount_heard_is_not_sent_again(mount: str, motion: b
         await asyncio.sleep(10.0)
         stops = [sent for sent in bridge.sent_requests() if sent in (b":Q#", b"M")]
         assert len(stops) == (2 if mount in MEADES else 1), "a Meade acknowledges nothing, so it is told twice"
-        assert not bridge.controller.end_watch.pending
+        assert not bridge.controller.end_watch.is_watching
         assert not [entry for entry in bridge.entries if "not stopped" in entry.note]
 
 
@@ -110,7 +110,7 @@ async def test_mount_that_ignores_every_stop_is_reported() -> None:
         warned = [entry.note for entry in bridge.entries if entry.note.startswith("WARNING: the mount keeps moving")]
         assert 1 <= len(warned) <= 2
         await seconds_to_rest(bridge, 90.0)
-        assert not bridge.controller.end_watch.pending, "it is not fought for without end"
+        assert not bridge.controller.end_watch.is_watching, "it is not fought for without end"
         assert bridge.sent_requests().count(b":Q#") <= 9
 
 

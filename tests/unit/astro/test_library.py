@@ -71,9 +71,9 @@ def test_proper_motion_is_applied_to_stars() -> None:
     assert describe(sirius) == "HIP32349 STAR MAG-1.5"
 
 
-@each("name", names.HIPPARCOS)
+@each("name", names.HIP_IDS)
 def test_named_star_has_its_catalogue_position(name: str) -> None:
-    number = names.HIPPARCOS[name]
+    number = names.HIP_IDS[name]
     found, entry = names.entry_of_star(number, 2026.9), stars.hipparcos_star(number, 2026.9)
     assert names.star_number(name.upper()) == number
     assert entry is not None

@@ -89,7 +89,7 @@ def test_lunar_feature_is_where_an_orthographic_map_shows_it(sky: Sky, site: tup
         east = radius * (up * math.sin(angle) - across * math.cos(angle))
         dec = math.degrees(moon.dec) + north
         ra = math.degrees(moon.ra) + east / math.cos(math.radians(dec))
-        ours = sky.on_moon(unix, *site, math.degrees(place[0]), math.degrees(place[1]))
+        ours = sky.moon_spot(unix, *site, math.degrees(place[0]), math.degrees(place[1]))
         assert separation(*ours, ra, dec) < 30.0 / 3600.0
 
 
@@ -97,7 +97,7 @@ def test_lunar_feature_is_where_an_orthographic_map_shows_it(sky: Sky, site: tup
 def test_planet_positions_match_pyephem(sky: Sky, name: str) -> None:
     for unix in _moments(as_a_rule(4, whole=60)):
         body = getattr(ephem, name)(_ephem(unix), epoch="2000")
-        wanted = sky.to_of_date(math.degrees(body.a_ra), math.degrees(body.a_dec), unix)
+        wanted = sky.from_j2000(math.degrees(body.a_ra), math.degrees(body.a_dec), unix)
         place = sky.planet(name, unix)
         assert place is not None
         assert separation(*place, *wanted) < (45.0 if name in ("Mercury", "Venus", "Mars") else 90.0) / 3600.0

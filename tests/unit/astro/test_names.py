@@ -9,7 +9,7 @@ import pytest
 
 from gateway.app.control import objects
 from gateway.astro.catalog import names, stars
-from gateway.astro.catalog.names import HIPPARCOS, OTHER_NAMES
+from gateway.astro.catalog.names import HIP_IDS, OTHER_NAMES
 from gateway.astro.catalog.objects import NotInstalled
 from gateway.astro.spherical import separation
 from gateway.cli.completion import completion_script
@@ -57,14 +57,14 @@ def test_object_name_gives_its_position(name: str, hours: int, minutes: float, d
 
 
 def test_every_star_name_is_a_star_of_the_catalogue() -> None:
-    entries = {name: stars.hipparcos_star(number, 2000.0) for name, number in HIPPARCOS.items()}
+    entries = {name: stars.hipparcos_star(number, 2000.0) for name, number in HIP_IDS.items()}
     assert len(entries) >= 150
     for name, entry in entries.items():
         assert entry is not None and entry.magnitude is not None, name
         assert entry.magnitude < 5.5 or name in ("Barnard's Star", "Proxima Centauri"), name
-    assert set(OTHER_NAMES.values()) <= set(HIPPARCOS) and not set(OTHER_NAMES) & set(HIPPARCOS)
-    for name in (*HIPPARCOS, *OTHER_NAMES):  # no two of them are spelled alike
-        assert names.star_number(name) == HIPPARCOS[OTHER_NAMES.get(name, name)], name
+    assert set(OTHER_NAMES.values()) <= set(HIP_IDS) and not set(OTHER_NAMES) & set(HIP_IDS)
+    for name in (*HIP_IDS, *OTHER_NAMES):  # no two of them are spelled alike
+        assert names.star_number(name) == HIP_IDS[OTHER_NAMES.get(name, name)], name
 
 
 def test_star_names_mean_the_same_as_in_other_lists() -> None:
@@ -72,14 +72,14 @@ def test_star_names_mean_the_same_as_in_other_lists() -> None:
     from ephem.stars import stars as ephems
     from skyfield.named_stars import named_star_dict as skyfields
 
-    meant = {name: HIPPARCOS[OTHER_NAMES.get(name, name)] for name in (*HIPPARCOS, *OTHER_NAMES)}
+    meant = {name: HIP_IDS[OTHER_NAMES.get(name, name)] for name in (*HIP_IDS, *OTHER_NAMES)}
     compared = [name for name in meant if name in skyfields and name not in OTHERWISE]
     assert len(compared) > 90
     assert {name: meant[name] for name in compared} == {name: skyfields[name] for name in compared}
     checked = 0
-    for name in HIPPARCOS:
+    for name in HIP_IDS:
         if (body := ephems.get(name)) is not None:
-            entry = stars.hipparcos_star(HIPPARCOS[name], 2000.0)
+            entry = stars.hipparcos_star(HIP_IDS[name], 2000.0)
             assert entry is not None
             where: tuple[Any, Any] = body._ra, body._dec
             assert separation(entry.ra, entry.dec, *(math.degrees(angle) for angle in where)) < 0.02, name

@@ -55,7 +55,7 @@ def test_horizon_coordinates_match_meeus_example_13b(exact: Sky, closed: Sky) ->
     site = 38 + 55 / 60 + 17 / 3600, -(5 + 8 / 60 + 15.7 / 3600) * 15
     moment = unix(1987, 4, 10, 19, 21)
     for sky, ut1_utc in ((exact, UT1_UTC_1987), (closed, 0.0)):
-        az, alt = sky.horizon(ra, dec, *site, moment - ut1_utc)
+        az, alt = sky.az_alt(ra, dec, *site, moment - ut1_utc)
         assert (az, alt) == pytest.approx((248.0337, 15.1249), abs=1e-4)
         assert sky.to_ra_dec(az, alt, *site, moment - ut1_utc) == pytest.approx((ra, dec), abs=1e-9)
 
@@ -66,7 +66,7 @@ def test_equinox_of_date_matches_meeus_example_21b(exact: Sky, closed: Sky) -> N
     of_date = 41.547214 + 15.843 * ARCSECOND, 49.348483 + 6.218 * ARCSECOND
     moment = unix(2028, 11, 13) + 0.19 * 86400
     for sky, error in ((exact, 0.1), (closed, 0.5)):
-        assert separation(*sky.to_of_date(*j2000, moment), *of_date) < error * ARCSECOND
+        assert separation(*sky.from_j2000(*j2000, moment), *of_date) < error * ARCSECOND
         assert separation(*sky.to_j2000(*of_date, moment), *j2000) < error * ARCSECOND
 
 

@@ -99,9 +99,9 @@ def loaded() -> Sky:
 def test_no_date_and_no_site_makes_the_sky_fail(loaded: Sky, moment: float, lat: float, lon: float) -> None:
     for sky in (loaded, Sky()):
         places = [
-            sky.horizon(10.0, 90.0, lat, lon, moment),
+            sky.az_alt(10.0, 90.0, lat, lon, moment),
             sky.to_ra_dec(10.0, -90.0, lat, lon, moment),
-            sky.to_of_date(0.0, 90.0, moment),
+            sky.from_j2000(0.0, 90.0, moment),
             sky.to_j2000(0.0, -90.0, moment),
             sky.sun(moment),
             sky.moon(moment, lat, lon)[:2],
@@ -123,8 +123,8 @@ def test_sky_frame_is_calculated_once_a_minute_for_several_clocks(monkeypatch: p
     sky = Sky()
     for second in range(60):
         for clock in (unix(2026, 11, 21), unix(2001, 1, 1)):
-            sky.horizon(10.0, 20.0, 45.0, 10.0, clock + second)
-            sky.to_of_date(10.0, 20.0, clock + second)
+            sky.az_alt(10.0, 20.0, 45.0, 10.0, clock + second)
+            sky.from_j2000(10.0, 20.0, clock + second)
     assert sorted(made) == [unix(2001, 1, 1), unix(2026, 11, 21)]
 
 

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from gateway.app.bindings import profiles_of
 from gateway.app.config import SurfaceConfig
-from gateway.app.config.programs import hold
+from gateway.app.config.programs import delay
 from gateway.clients.commands.unread import HOLD_TIME
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon
@@ -31,7 +31,7 @@ class Line:
         self.gateway.acceptor.binding = replace(
             self.gateway.acceptor.binding,
             profiles=tuple(profiles_of("lx200", surface, known)),
-            hold_time=hold(surface, "lx200", client),
+            hold_time=delay(surface, "lx200", client),
         )
         self._heard = b""
         hang_up = (lambda last: None) if network else None

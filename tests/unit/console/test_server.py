@@ -313,7 +313,7 @@ async def test_page_narrows_limits_and_restores_them(tmp_path: Path) -> None:
         assert (await page.ask("narrow", sun=30.0, hour_angle=15.0))["words"] == (
             "allowed now: altitude 10° to 90°, no nearer to the Sun than 30°, no more than 1 h past the meridian"
         )
-        assert there.gateway.controller.suns.limit == 30.0
+        assert there.gateway.controller.suns.min_dist == 30.0
         assert (await page.ask("narrow"))["ok"] and (await page.ask("goto", **low))["ok"]
         await page.until(lambda: not page.mount["limits"]["by_page"])
 

@@ -19,9 +19,9 @@ from gateway.mount.context import Context
 from gateway.mount.policy import Limits
 from gateway.mount.safety.admission.contradictions import (
     Contradiction,
+    contradicting_skies,
     contradictions_of,
     full_text,
-    skies_by_others,
     summary,
 )
 from gateway.mount.site.astrometry import PointingFrame, SiteAstrometry, SyncShift
@@ -85,7 +85,7 @@ def contradicting_sources(mount: Context, limits: Limits) -> Iterator[AltitudeSo
     written = limits.without_default_altitudes()
     if written.lowest <= -90.0 and written.highest >= 90.0:
         return
-    for contradiction, sky in skies_by_others(mount):
+    for contradiction, sky in contradicting_skies(mount):
         yield AltitudeSource(mount, contradiction=contradiction, sky=sky)
 
 
@@ -119,7 +119,7 @@ def _violation_text(limits: Limits, altitude: float) -> str:
 
 def _rise_time_text(mount: Context, limits: Limits, goal: Equatorial) -> Iterator[str]:
     """Yield a sentence on when a goal rises above the lowest altitude, in the mount's local time if known."""
-    latitude, dec, height = (radians(angle) for angle in (mount.astrometry.place().latitude, goal.dec, limits.lowest))
+    latitude, dec, height = (radians(angle) for angle in (mount.astrometry.site().latitude, goal.dec, limits.lowest))
     hour_angle = mount.astrometry.sidereal_time() - goal.ra
     if mount.astrometry.horizontal(goal).alt > limits.lowest:
         return

@@ -36,7 +36,7 @@ MAX_POSITION_AGE = 6.0
 class StretchStart(NamedTuple):
     """The start of a stretch of motion.
 
-    ``alt_sources`` are the sources by which altitudes are calculated. ``angle`` is the angle of the first axis
+    ``alt_sources`` are the sources by which altitudes are calculated. ``axis_angle`` is the angle of the first axis
     west of its middle, degrees; None if it is unknown or the hour angle has no limit. ``suns`` are the possible
     positions of the Sun, by each source.
     """
@@ -44,12 +44,12 @@ class StretchStart(NamedTuple):
     position: op.Equatorial
     status: op.Status
     alt_sources: tuple[AltitudeSource, ...] = ()
-    angle: float | None = None
+    axis_angle: float | None = None
     suns: tuple[Sun, ...] = ()
 
-    def past(self, mount: Context, west_turn: float) -> float | None:
+    def past_meridian(self, mount: Context, west_turn: float) -> float | None:
         """Return how far the tube is past the meridian after a ``west_turn`` of the first axis, degrees, or None."""
-        return None if self.angle is None else past_meridian(self.angle + west_turn, mount.driver.german)
+        return None if self.axis_angle is None else past_meridian(self.axis_angle + west_turn, mount.driver.german)
 
 
 def reaction_turn(mount: Context, operation: op.Move | op.MoveAxis) -> float:
@@ -89,11 +89,11 @@ def check_turns(mount: Context, limits: Limits, start: StretchStart, turns: dict
                 source.check(limits, after)
         for sun in start.suns:
             distance = mount.suns.distance(soon, sun)
-            if distance < mount.suns.limit and distance < mount.suns.distance(position, sun):
+            if distance < mount.suns.min_dist and distance < mount.suns.distance(position, sun):
                 raise sun_refusal(mount.sources, sun)
         west = turns.get(1, 0.0) * step / steps
         if limits.hour_angle is not None:
-            now, then = start.past(mount, turned), start.past(mount, west)
+            now, then = start.past_meridian(mount, turned), start.past_meridian(mount, west)
             if now is not None and then is not None and then > limits.hour_angle + LIMIT_TOLERANCE and then > now:
                 raise PastMeridian
         position, turned = soon, west
@@ -182,18 +182,18 @@ class HandAdmission:
         mount, by_motor = self._mount, isinstance(operation, op.MoveAxis)
         if mount.driver.moves_by_gotos:
             return 1
-        pole = -1 if status.equatorial and mount.astrometry.place().latitude < 0 else 1
+        pole = -1 if status.equatorial and mount.astrometry.site().latitude < 0 else 1
         if operation.axis == 1:
             return pole if by_motor else 1
         told_directions = not mount.driver.implementation(op.AxisPosition)  # a Meade
         if status.equatorial and not by_motor and not told_directions:
             return 1  # the driver handles this
         return (1 if told_directions else pole) * (
-            -1 if await beyond_pole_or_zenith(mount, self._readings, self._watch) else 1
+            -1 if await is_beyond_pole_or_zenith(mount, self._readings, self._watch) else 1
         )
 
 
-async def beyond_pole_or_zenith(mount: Context, readings: Readings, watch: LimitWatch) -> bool:
+async def is_beyond_pole_or_zenith(mount: Context, readings: Readings, watch: LimitWatch) -> bool:
     """Whether the tube has been driven over the pole or the zenith, so that it points the other way round."""
     if not mount.driver.implementation(op.AxisPosition):
         return not watch.observed.upright
@@ -201,7 +201,7 @@ async def beyond_pole_or_zenith(mount: Context, readings: Readings, watch: Limit
     return abs(wrap180(axes.alt)) > 90.0
 
 
-async def pointings(mount: Context, readings: Readings, watch: LimitWatch) -> set[bool]:
+async def find_pointings(mount: Context, readings: Readings, watch: LimitWatch) -> set[bool]:
     """Return in which of two ways the axes may point now: the usual (False), the other (True), or both if unknown.
 
     The other way is the west side of the pier in the north, and beyond the pole or zenith on a fork. On a German mount
@@ -211,7 +211,7 @@ async def pointings(mount: Context, readings: Readings, watch: LimitWatch) -> se
     """
     site = mount.astrometry.site_clock.site()
     if not mount.driver.german or site is None:
-        return {False, not mount.driver.german and await beyond_pole_or_zenith(mount, readings, watch)}
+        return {False, not mount.driver.german and await is_beyond_pole_or_zenith(mount, readings, watch)}
     # during a goto the mount reports the pier side of the target
     under_way = mount.movement.slewing and await readings.read_now(op.Slewing())
     side = None if under_way else await readings.tube_side()

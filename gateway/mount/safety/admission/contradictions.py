@@ -61,7 +61,7 @@ class Contradiction(NamedTuple):
     ``short_text`` only describes the second source, for a sentence that has named the best source already.
     """
 
-    place: Place | None
+    site: Place | None
     unix_time: float
     text: str
     sources: tuple[str, str]
@@ -123,7 +123,7 @@ def contradictions(sites: Sequence[SourcedSite], times: Sequence[SourcedTime]) -
             if (apart := earth_distance(place, other.place)) > SITE_CONTRADICTION:
                 hint, far = likely_mistake(place, other.place), f"{apart * KM_PER_DEGREE:.0f} km"
                 other_site = f"{other.source} says {site_text(other.place)}, {far} away{': ' * bool(hint)}{hint}"
-                text = f"{sites[0].who} stands at {site_text(place)}, {other_site}"
+                text = f"{sites[0].origin} stands at {site_text(place)}, {other_site}"
                 sources = (sites[0].source, other.source)
                 yield Contradiction(other.place, unix, text, sources, far, SITE_REMEDY, other_site)
     for time in times[1:]:
@@ -139,30 +139,30 @@ def contradictions_of(mount: Context) -> Iterator[Contradiction]:
     return contradictions(mount.sources.sites(), mount.sources.times())
 
 
-def skies_by_others(mount: Context) -> Iterator[tuple[Contradiction, SiteAstrometry]]:
+def contradicting_skies(mount: Context) -> Iterator[tuple[Contradiction, SiteAstrometry]]:
     """Yield the contradictions, each with the astronomy by its site and time; nothing without a site."""
     own = mount.astrometry
     for contradiction in contradictions_of(mount):
-        if contradiction.place is not None:
-            known = FixedSiteTime(contradiction.place, contradiction.unix_time)
+        if contradiction.site is not None:
+            known = FixedSiteTime(contradiction.site, contradiction.unix_time)
             yield contradiction, SiteAstrometry(own.sky, known, own.equinox)
 
 
-def site_text(place: Place) -> str:
+def site_text(site: Place) -> str:
     """Return a site in the usual notation: ``45.0 N 10.0 E``."""
-    north, east = "NS"[place.latitude < 0], "EW"[place.longitude < 0]
-    return f"{abs(place.latitude):.1f} {north} {abs(place.longitude):.1f} {east}"
+    north, east = "NS"[site.latitude < 0], "EW"[site.longitude < 0]
+    return f"{abs(site.latitude):.1f} {north} {abs(site.longitude):.1f} {east}"
 
 
-def clock_text(unix: float) -> str:
+def clock_text(unix_time: float) -> str:
     """Return a time as date and minute; a mount may report any year."""
     try:
-        return f"{datetime.fromtimestamp(unix, UTC):%Y-%m-%d %H:%M}"
+        return f"{datetime.fromtimestamp(unix_time, UTC):%Y-%m-%d %H:%M}"
     except (OverflowError, OSError, ValueError):
         return "no date"
 
 
-def likely_mistake(site: Place, other: Place) -> str:
+def likely_mistake(site: Place, other_site: Place) -> str:
     """Return the likely mistake that turns one site into the other; empty if none fits."""
     written = {
         "the sign of a longitude looks wrong, east is positive": Place(site.latitude, -site.longitude),
@@ -171,7 +171,7 @@ def likely_mistake(site: Place, other: Place) -> str:
         "latitude and longitude look swapped, latitude comes first": Place(site.longitude, site.latitude),
     }
     for text, place in written.items():
-        if abs(place.latitude) <= 90.0 and earth_distance(place, other) <= SITE_CONTRADICTION:
+        if abs(place.latitude) <= 90.0 and earth_distance(place, other_site) <= SITE_CONTRADICTION:
             return text
     return ""
 
@@ -183,7 +183,7 @@ def _duration_text(seconds: float) -> str:
     return f"{minutes / 60:.1f} hours" if minutes < 2880 else f"{minutes / 1440:.0f} days"
 
 
-def time_unknown(best_time: SourcedTime) -> bool:
+def is_time_unknown(best_time: SourcedTime) -> bool:
     """Whether the time is unknown: this computer's clock is lost, and there is no other source."""
     return best_time.doubtful and best_time.unix < EARLIEST_VALID_TIME
 

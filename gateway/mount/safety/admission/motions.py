@@ -25,8 +25,8 @@ from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import LastReadings, NotRead, Readings
 from gateway.mount.safety.admission import slew_paths
 from gateway.mount.safety.admission.altitudes import check_goal
-from gateway.mount.safety.admission.by_hand import HandAdmission, pointings
-from gateway.mount.safety.admission.contradictions import NO_TIME_TEXT, contradictions_of, sun_refusal, time_unknown
+from gateway.mount.safety.admission.by_hand import HandAdmission, find_pointings
+from gateway.mount.safety.admission.contradictions import NO_TIME_TEXT, contradictions_of, is_time_unknown, sun_refusal
 from gateway.mount.safety.admission.slew_paths import Journey, all_paths_within, are_clear, check_paths, paths_of
 from gateway.mount.safety.admission.syncs import admit_sync
 from gateway.mount.safety.allow import LOST_GOTO_DEGREES, CheckedPath
@@ -94,7 +94,7 @@ class MotionAdmission:
             try:
                 await self._check_park_or_home(operation)
             except Fault:
-                self._mount.driver.home_refused()
+                self._mount.driver.on_home_refusal()
                 raise
         elif isinstance(operation, op.GotoHorizontal):
             return await self._admit_horizontal(operation)
@@ -168,7 +168,7 @@ class MotionAdmission:
             await self._admit_goto(goto)
             position: op.Equatorial = await self._readings.read_now(op.Position())
             reads: op.Horizontal = await self._readings.read_now(op.AxisPosition())
-            geometry = Geometry(Build.GERMAN if mount.driver.german else Build.WEDGE, mount.astrometry.place().latitude)
+            geometry = Geometry(Build.GERMAN if mount.driver.german else Build.WEDGE, mount.astrometry.site().latitude)
             sidereal = mount.astrometry.sidereal_time()
             first, second = geometry.axis_readings(
                 (sidereal - position.ra, position.dec), (reads.az, reads.alt), (sidereal - goto.ra, goto.dec)
@@ -213,7 +213,7 @@ class MotionAdmission:
             status = mount.cache.value(op.GetStatus) if limits.hour_angle is not None else None
             if status is not None and status.equatorial and mount.driver.german is False:  # others choose a side
                 check_past_meridian(limits, mount.astrometry.sidereal_time() - goal.ra, german=False)
-        if limits.sun > 0.0 and time_unknown(mount.sources.times()[0]):
+        if limits.sun > 0.0 and is_time_unknown(mount.sources.times()[0]):
             raise NearSun(NO_TIME_TEXT, "The time is unknown. Set the clock, or sun = 0 at night.")
         return altitude
 
@@ -246,7 +246,7 @@ class MotionAdmission:
         never comes nearer. Before the alignment the direction of the tube is unknown, so only the goal is checked.
         """
         mount, astrometry, written = self._mount, self._mount.astrometry, limits.without_default_altitudes()
-        limit, suns = mount.suns.limit, mount.suns.suns_to_avoid()
+        limit, suns = mount.suns.min_dist, mount.suns.suns_to_avoid()
         for sun in suns:
             if mount.suns.distance(goal, sun) < limit:
                 raise sun_refusal(mount.sources, sun)
@@ -262,7 +262,7 @@ class MotionAdmission:
                 self._path.min_altitude = min(0.0, begins - lost, altitude - lost)
                 self._path.allowed = limits.hour_angle is None
             return
-        others = await pointings(self._mount, self._readings, self._watch)
+        others = await find_pointings(self._mount, self._readings, self._watch)
         position: op.Equatorial = await self._readings.read(op.Position())
 
         def journey_of(shift: SyncShift | None) -> Journey:

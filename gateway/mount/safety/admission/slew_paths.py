@@ -22,7 +22,7 @@ from gateway.core import operations as op
 from gateway.core.errors import WayBlocked
 from gateway.mount.context import FASTEST_RATE, Context
 from gateway.mount.policy import LIMIT_TOLERANCE, Limits
-from gateway.mount.safety.admission.contradictions import contradictions, skies_by_others
+from gateway.mount.safety.admission.contradictions import contradicting_skies, contradictions
 from gateway.mount.site.astrometry import SUN_UP_ALTITUDE, FixedSiteTime, SiteAstrometry, Sun
 
 #: A path: the readings of both axes at its beginning, and by how many degrees each turns.
@@ -68,8 +68,8 @@ def axis_readings_at(astrometry: SiteAstrometry, direction: op.Equatorial | Sun,
 
 def zenith_readings(mount: Context, equatorial: bool) -> list[Pair]:
     """Return the axis readings of the zenith by the site and clock of this mount, and by each other source."""
-    skies = [mount.astrometry, *(sky for _, sky in skies_by_others(mount))]
-    overhead = (op.Equatorial(sky.sidereal_time(), sky.place().latitude) for sky in skies)
+    skies = [mount.astrometry, *(sky for _, sky in contradicting_skies(mount))]
+    overhead = (op.Equatorial(sky.sidereal_time(), sky.site().latitude) for sky in skies)
     return [axis_readings_at(mount.astrometry, place, equatorial) for place in overhead]
 
 
@@ -182,7 +182,7 @@ def paths_within(mount: Context, limits: Limits, journey: Journey, stretch: floa
     circles += [((top[0] + 180.0, -top[1]), 90.0 + limits.lowest) for top in tops]
 
     def is_within(path: Path) -> bool:
-        start, turn = path[0], _first_part(path[1], stretch)
+        start, turn = path[0], _limited_turn(path[1], stretch)
         return all(
             radius <= 0.0 or is_clear(start, turn, middle, min(radius, separation(*start, *middle)) - LIMIT_TOLERANCE)
             for middle, radius in circles
@@ -196,7 +196,7 @@ def all_paths_within(mount: Context, limits: Limits, journey: Journey, stretch: 
     return len(paths_within(mount, limits, journey, stretch)) == len(paths_of(mount, journey))
 
 
-def _first_part(turn: Pair, stretch: float) -> Pair:
+def _limited_turn(turn: Pair, stretch: float) -> Pair:
     """Limit the turn of each axis to its first ``stretch`` degrees."""
     return max(-stretch, min(stretch, turn[0])), max(-stretch, min(stretch, turn[1]))
 
@@ -229,5 +229,5 @@ def _is_leg_clear(mount: Context, limits: Limits, leg: Journey) -> bool:
     """
     places = [axis_readings_at(mount.astrometry, sun, leg.equatorial) for sun in mount.suns.suns_to_avoid()]
     return all_paths_within(mount, limits, leg) and all(
-        are_clear(paths_of(mount, leg), place, mount.suns.limit) for place in places
+        are_clear(paths_of(mount, leg), place, mount.suns.min_dist) for place in places
     )

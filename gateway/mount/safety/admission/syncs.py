@@ -17,7 +17,7 @@ from gateway.mount.context import Context
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import Readings
-from gateway.mount.safety.admission.by_hand import pointings
+from gateway.mount.safety.admission.by_hand import find_pointings
 from gateway.mount.safety.admission.slew_paths import axis_readings_at
 from gateway.mount.safety.sync_sum import SyncSum, check_sync
 from gateway.mount.safety.watch import LimitWatch
@@ -45,11 +45,11 @@ async def admit_sync(
     status: op.Status = await readings.read(op.GetStatus())
     if status.aligned:
         position: op.Equatorial = await readings.read(op.Position())
-        wanted, so_far = op.Equatorial(sync.ra, sync.dec), mount.synced.value
+        wanted, so_far = op.Equatorial(sync.ra, sync.dec), mount.syncs.value
         turns = await _sync_turns(mount, readings, watch, position, wanted, status.equatorial)
-        mount.synced.pending = check_sync(mount.policy.limits.sync, so_far, turns, position, wanted)
+        mount.syncs.pending = check_sync(mount.policy.limits.sync, so_far, turns, position, wanted)
     else:  # it aligns the mount
-        mount.synced.pending = SyncSum()
+        mount.syncs.pending = SyncSum()
     return mount.astrometry.to_mount_equinox(sync)
 
 
@@ -65,7 +65,7 @@ async def _comes_to_rest(mount: Context, readings: Readings, watch: LimitWatch) 
 
 
 async def _sync_turns(
-    mount: Context, ask: Readings, watch: LimitWatch, position: op.Equatorial, target: op.Equatorial, equatorial: bool
+    mount: Context, reads: Readings, watch: LimitWatch, position: op.Equatorial, target: op.Equatorial, equatorial: bool
 ) -> list[Pair]:
     """Return by how many degrees a sync turns the readings of the two axes. There is a second pair if the mount may
     believe afterwards that it points in the other of the two ways, for example after motion by hand over the pole.
@@ -76,7 +76,7 @@ async def _sync_turns(
     start, end = (axis_readings_at(mount.astrometry, place, equatorial or by_sky) for place in (position, target))
     tells_axes = driver.implementation(op.AxisPosition) is not None
     if not by_sky:  # else by an offset
-        others = await pointings(mount, ask, watch)
+        others = await find_pointings(mount, reads, watch)
     if driver.german and not tells_axes and watch.observed.upright and len(others) > 1:
         others = {wrap180(start[0]) < 0.0}  # one that does not tell its side has chosen it by the hour angle
     first, sense = wrap180(end[0] - start[0]), 1.0 if False in others else -1.0

@@ -40,7 +40,7 @@ def compare_equinox(mount: AlpacaDriver, _: CompareEquinox | None = None) -> Ste
         return None
     sidereal, ra, dec, altitude, azimuth, latitude, unix = values
     away = {}
-    for equinox, place in (("jnow", (ra, dec)), ("j2000", Sky().to_of_date(ra, dec, unix))):
+    for equinox, place in (("jnow", (ra, dec)), ("j2000", Sky().from_j2000(ra, dec, unix))):
         calculated = hour_angle_to_horizon(wrap180(sidereal - place[0]), place[1], latitude)
         away[equinox] = separation(*calculated, azimuth, altitude)
     fits = min(away, key=lambda equinox: away[equinox])

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 
-from gateway.astro.spherical import hour_angle_rates
+from gateway.astro.spherical import az_alt_rates_by_ha
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, Refused, Silence, Unsupported
 from gateway.protocols.alpaca.driver.contradictions import expect_direction
@@ -151,7 +151,7 @@ def _sky_following_speeds(mount: AlpacaDriver, side: str) -> Steps:
         place.append((yield from read_member(mount, member)))
     if None in place:
         raise Unsupported("Slow arrows on top of alt-az tracking need azimuth, altitude and latitude from the server.")
-    first, second = hour_angle_rates(*place)
+    first, second = az_alt_rates_by_ha(*place)
     return {1: first * SIDEREAL, 2: second * SIDEREAL}
 
 

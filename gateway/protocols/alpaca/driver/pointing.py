@@ -95,7 +95,7 @@ def slewing(mount: AlpacaDriver, _: op.Slewing) -> Steps:
     if slews:
         state.slew_reported, state.unconfirmed = True, False
         return True
-    if not state.slew_reported and mount.now() - state.since < START_GRACE:
+    if not state.slew_reported and mount.now() - state.began < START_GRACE:
         return True
     mount.goto = None
     if state.purpose == "park":

@@ -54,10 +54,10 @@ class AlpacaReplyRules(ReplyRules):
             return None
         answer, command = json.loads(line), self.protocol.commands[request.command]
         if isinstance(answer, dict) and "ErrorNumber" in answer:
-            return self._fault(command, int(answer["ErrorNumber"]), str(answer["ErrorMessage"])), len(line) + 1
+            return self._to_fault(command, int(answer["ErrorNumber"]), str(answer["ErrorMessage"])), len(line) + 1
         return _reply_values(command, answer), len(line) + 1
 
-    def _fault(self, command: Command, number: int, text: str) -> Fault:
+    def _to_fault(self, command: Command, number: int, text: str) -> Fault:
         if number in (GENERAL_ERROR, INVALID_VALUE) and command.is_query and not command.request.fields:
             return UnreadableMember(text)  # nothing was given that could be invalid
         kind = _fault_by_number().get(number, Refused)

@@ -86,9 +86,9 @@ class AlpacaDriver(Driver):
         self.moved_by_hand = False
         #: The axes whose MoveAxis counts the other way, as configured; None: observed motions decide.
         self.reversed = REVERSED_AXES.get(settings.reversed_axes or "")
-        self.line_was_lost()
+        self.on_lost_line()
 
-    def line_was_lost(self) -> None:
+    def on_lost_line(self) -> None:
         """Forget the reports of the server: another server may listen at this address now."""
         #: Members that the server lacks, and requests that the mount cannot carry out.
         self.absent_members: set[str] = set()
@@ -145,11 +145,11 @@ class AlpacaDriver(Driver):
         """Whether this axis may be in motion by hand, of any program, so that a stop must include it."""
         return axis in self.hand_rates or self.movable.get(axis, True)
 
-    def supports(self, name: str) -> bool:
+    def supports(self, command: str) -> bool:
         """Whether the mount can carry out a request, by what the server has reported."""
-        if name == "moveaxis" and self.ranges:
+        if command == "moveaxis" and self.ranges:
             return any(self.ranges.values())
-        return name not in self.absent_members and super().supports(name)
+        return command not in self.absent_members and super().supports(command)
 
     def perform(self, operation: op.Operation[Any]) -> Generator[Step, Any, Any]:
         """Carry out an operation. Raises Unsupported, with a text that says what the mount lacks, and other Faults."""

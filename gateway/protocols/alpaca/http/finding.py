@@ -109,7 +109,7 @@ async def _read_telescopes(session: ClientSession, host: str, port: int) -> list
             where=f"{server}/{device.get('DeviceNumber', 0)}",
             product=str(device.get("DeviceName") or "telescope"),
             server=name or "a server without a name",
-            gateway=about.get("ServerName") == SERVER_NAME,
+            is_gateway=about.get("ServerName") == SERVER_NAME,
             identifier=str(device.get("UniqueID") or ""),
             seconds=seconds,
         )

@@ -50,7 +50,7 @@ class AlpacaClient:
         self.asked_at = self._loop.time()
         self.is_closed = False
         #: Whether it has ever sent a PUT. It is then no web page, because PUTs of web pages are refused.
-        self.has_put = False
+        self.sent_put = False
         self._handler = accept(NewConnection(name, host, self._receive, lambda last: self.close()))
 
     @property
@@ -62,7 +62,7 @@ class AlpacaClient:
         if self.is_closed or (len(self._pending_replies) >= MAX_WAITING_REQUESTS and not stop):
             raise NoAnswerInTime("Too many requests of this program wait for an answer.")
         self.asked_at = self._loop.time()
-        self.has_put |= not line.startswith(READ_PREFIX)
+        self.sent_put |= not line.startswith(READ_PREFIX)
         answer: asyncio.Future[bytes] = self._loop.create_future()
         self._pending_replies.append(answer)
         self._handler.feed(line)
@@ -124,7 +124,7 @@ class Programs:
         if len(self._clients) >= MAX_PROGRAMS:
             idle = [key for key, program in self._clients.items() if program.idle]
             if idle:
-                oldest = min(idle, key=lambda key: (self._clients[key].has_put, self._clients[key].asked_at))
+                oldest = min(idle, key=lambda key: (self._clients[key].sent_put, self._clients[key].asked_at))
                 self._clients.pop(oldest).close()
 
     def close(self) -> None:
@@ -187,7 +187,7 @@ def _parse_reply(line: bytes) -> dict[str, Any]:
 _server_transaction_ids = count(1)
 
 
-def with_ids(reply: dict[str, Any], transaction: int) -> dict[str, Any]:
+def with_ids(reply: dict[str, Any], transaction_id: int) -> dict[str, Any]:
     """Add the transaction ids of the program and of the server to a reply."""
     server = next(_server_transaction_ids) % 2**32
-    return {**reply, "ClientTransactionID": transaction, "ServerTransactionID": server}
+    return {**reply, "ClientTransactionID": transaction_id, "ServerTransactionID": server}

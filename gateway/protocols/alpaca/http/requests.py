@@ -18,7 +18,7 @@ from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.numerals import quoted
 
 #: The greatest ClientID and ClientTransactionID.
-MAX_NUMBER = 2**32 - 1
+MAX_ID = 2**32 - 1
 #: Bytes of the longest line.
 MAX_LINE_BYTES = 4096
 #: Why the bytes of a long line are dropped, for the log.
@@ -80,10 +80,10 @@ def parse_request(method: str, member: str, pairs: ParameterPairs) -> AlpacaRequ
         match.command.request.decode(line)
     except (ValueError, OverflowError) as error:
         raise BadRequest(f"{member}: {error}") from None
-    return AlpacaRequest(line, match.command, *client_and_transaction(pairs, any_case=verb == "get"))
+    return AlpacaRequest(line, match.command, *parse_request_ids(pairs, any_case=verb == "get"))
 
 
-def client_and_transaction(pairs: ParameterPairs, *, any_case: bool) -> tuple[int, int]:
+def parse_request_ids(pairs: ParameterPairs, *, any_case: bool) -> tuple[int, int]:
     """Return ClientID and ClientTransactionID. Raises BadRequest if either is not a valid number."""
     given = _Parameters(pairs, any_case)
     return given.number("ClientID"), given.number("ClientTransactionID")
@@ -104,8 +104,8 @@ class _Parameters:
 
     def number(self, name: str) -> int:
         text = self._values.get(self._fold_case(name), "0")
-        if not _PLAIN_NUMBER.fullmatch(text) or int(text) > MAX_NUMBER:
-            raise BadRequest(f"{name} is {text!r}; it must be a whole number from 0 to {MAX_NUMBER}")
+        if not _PLAIN_NUMBER.fullmatch(text) or int(text) > MAX_ID:
+            raise BadRequest(f"{name} is {text!r}; it must be a whole number from 0 to {MAX_ID}")
         return int(text)
 
 

@@ -21,7 +21,7 @@ from gateway.core.about import full_version, version
 from gateway.core.errors import ReadOnly
 from gateway.protocols.alpaca.http.chain import SERVER_NAME, TOKENS_MEMBER, tokens
 from gateway.protocols.alpaca.http.programs import AlpacaDevice, with_ids
-from gateway.protocols.alpaca.http.requests import BadRequest, ParameterPairs, client_and_transaction, parse_request
+from gateway.protocols.alpaca.http.requests import BadRequest, ParameterPairs, parse_request, parse_request_ids
 from gateway.protocols.alpaca.tables import conditions_of, empty_value, error_members
 from gateway.transport.handler import ConnectionRefused
 from gateway.transport.http_requests import READ_ONLY_KEY, Handler, local_address
@@ -41,7 +41,7 @@ class AlpacaServer:
         """Add the routes that ASCOM defines."""
         serve = self._checked_handler
         app.add_routes([
-            web.get("/management/{about:apiversions|v1/description|v1/configureddevices}", serve(self._management)),
+            web.get("/management/{about:apiversions|v1/description|v1/configureddevices}", serve(self._serve_info)),
             web.get("/setup", serve(self._serve_setup)),
             web.get("/setup/v1/{kind}/{number}/setup", serve(self._serve_setup)),
             web.route("*", "/api/v1/{kind}/{number}/{member}", serve(self._serve_member)),
@@ -106,7 +106,7 @@ class AlpacaServer:
 
     # --- management -------------------------------------------------------------------------------------------------
 
-    async def _management(self, request: web.Request) -> web.StreamResponse:
+    async def _serve_info(self, request: web.Request) -> web.StreamResponse:
         server = {
             "ServerName": SERVER_NAME, "Manufacturer": "the mount-gateway developers",
             "ManufacturerVersion": version(), "Location": "", TOKENS_MEMBER: tokens(),
@@ -117,7 +117,7 @@ class AlpacaServer:
             for number, device in enumerate(self._devices_at_port(request))
         ]  # fmt: skip
         values = {"apiversions": [1], "v1/description": server, "v1/configureddevices": devices}
-        _, transaction = client_and_transaction(list(request.query.items()), any_case=True)
+        _, transaction = parse_request_ids(list(request.query.items()), any_case=True)
         value = values[request.match_info["about"]]
         return web.json_response(with_ids({"Value": value, "ErrorNumber": 0, "ErrorMessage": ""}, transaction))
 

@@ -192,17 +192,17 @@ def _parse_parameter(name: str, text: str, kind: str) -> Any:
 DRIVE_RATES = (SIDEREAL_RATE, LUNAR_RATE, SOLAR_RATE)
 
 
-def read_member(sim: AlpacaTelescope, name: str, *values: Any) -> Any:
+def read_member(sim: AlpacaTelescope, member: str, *values: Any) -> Any:
     """Return the value of a member: the value forced by a test, else its real value. Raises AlpacaError."""
-    if name in sim.answers:
-        return sim.answers[name]
-    if name in members()["able"]:
-        return not sim.lacks & {members()["able"][name], members()["able"][name].removesuffix("_put")}
-    return members()["values"][name] if name in members()["values"] else READER_BY_MEMBER[name](sim, *values)
+    if member in sim.answers:
+        return sim.answers[member]
+    if member in members()["able"]:
+        return not sim.lacks & {members()["able"][member], members()["able"][member].removesuffix("_put")}
+    return members()["values"][member] if member in members()["values"] else READER_BY_MEMBER[member](sim, *values)
 
 
-def is_readable(name: str) -> bool:
-    return name in READER_BY_MEMBER or name in members()["able"] or name in members()["values"]
+def is_readable(member: str) -> bool:
+    return member in READER_BY_MEMBER or member in members()["able"] or member in members()["values"]
 
 
 def _iso_time(unix: float) -> str:
@@ -228,7 +228,7 @@ def _pier_side(sim: AlpacaTelescope, flipped: bool) -> int:
 
 
 def _destination_side(sim: AlpacaTelescope, ra_hours: float, dec: float) -> int:
-    ra, _ = sim.to_of_date(ra_hours * 15.0, dec)
+    ra, _ = sim.to_jnow(ra_hours * 15.0, dec)
     return _pier_side(sim, sim.mechanics.geometry.is_flipped(wrap180(sim.sky.lst(sim.now) - ra)))
 
 
@@ -281,7 +281,7 @@ def _slew(sim: AlpacaTelescope, *coordinates: float) -> None:
 
 
 def _sync(sim: AlpacaTelescope, *coordinates: float) -> None:
-    sim.mechanics.sync(sim.now, *sim.to_of_date(*_resolved_target(sim, *coordinates)))
+    sim.mechanics.sync(sim.now, *sim.to_jnow(*_resolved_target(sim, *coordinates)))
 
 
 def _set_drive_rate(sim: AlpacaTelescope, rate: int) -> None:

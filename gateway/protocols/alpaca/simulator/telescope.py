@@ -179,17 +179,17 @@ class AlpacaTelescope(Simulated):
     def track(self, on: bool) -> None:
         self.tracks = on
         self.follows.clear()
-        self.mechanics.track(self.now, on, self.mechanics.geometry.ns_sign)
+        self.mechanics.track(self.now, on, self.mechanics.geometry.pole_sign)
 
-    def to_of_date(self, ra: float, dec: float) -> Pair:
+    def to_jnow(self, ra: float, dec: float) -> Pair:
         """Convert coordinates of a program to the equinox of date."""
-        return self._ephemeris.to_of_date(ra, dec, self.utc()) if self.sends_j2000 else (ra, dec)
+        return self._ephemeris.from_j2000(ra, dec, self.utc()) if self.sends_j2000 else (ra, dec)
 
     def slew(self, ra: float, dec: float) -> None:
         """Slew to a position in degrees. Raises AlpacaError while not tracking, and below the lowest altitude."""
         if not self.tracks:
             raise AlpacaError(INVALID_OPERATION, "SlewToCoordinates is not allowed when tracking is False")
-        ra, dec = self.to_of_date(ra, dec)
+        ra, dec = self.to_jnow(ra, dec)
         self._check_alt(hour_angle_to_horizon(wrap180(self.sky.lst(self.now) - ra), dec, self.sky.latitude)[1])
         self.end_moves()
         self.mechanics.goto_sky(self.now, ra, dec)
@@ -269,7 +269,7 @@ class AlpacaTelescope(Simulated):
     def pulse(self, direction: int, seconds: float) -> None:
         """Send a guide pulse in an ASCOM direction: 0 raises the declination, 1 lowers it, 2 is east, 3 west."""
         axis = 2 if direction < 2 else 1
-        sense = self.mechanics.geometry.ns_sign * (1.0 if direction in (0, 3) else -1.0)
+        sense = self.mechanics.geometry.pole_sign * (1.0 if direction in (0, 3) else -1.0)
         if axis == 2 and self.mechanics.flipped:
             sense = -sense
         self.mechanics.pulse(self.now, axis, sense * self.guides[axis - 1], seconds)

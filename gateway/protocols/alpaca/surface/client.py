@@ -27,7 +27,7 @@ class AlpacaClientState(ClientState):
     ra: float | None = None  # of the target, degrees; None if it was not set
     dec: float | None = None  # of the target, degrees; None if it was not set
     elevation: float = 0.0  # of the site, metres
-    no_tracking: bool = False  # the program's last order to turn tracking on had no effect
+    track_failed: bool = False  # the program's last order to turn tracking on had no effect
 
 
 class AlpacaSession(Session):
@@ -65,7 +65,7 @@ def _check_conditions(session: Session, command: Command) -> Handling:
         if not needs.tracking and SetTracking.__name__ not in (yield GetAbilities()).can:
             raise Unsupported("This mount cannot stop tracking, which a goto over the horizon needs.")
         tracks = (yield GetStatus()).tracking is not Tracking.OFF
-        if tracks is not needs.tracking and not (needs.tracking and client.no_tracking):
+        if tracks is not needs.tracking and not (needs.tracking and client.track_failed):
             raise Refused(
                 "The mount tracks: set Tracking to false first." if tracks
                 else "The mount does not track: set Tracking to true first."

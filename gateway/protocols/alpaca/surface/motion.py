@@ -150,9 +150,9 @@ def set_tracking(session: AlpacaSession, values: Values) -> Handling:
     on = decoded(values)["on"]
     if on and (yield op.GetActivity()).parked:
         raise Parked
-    session.client.no_tracking = on  # unless it succeeds: a mount that cannot be made to track may go to a target then
+    session.client.track_failed = on  # unless it succeeds: a mount that cannot be made to track may go to a target then
     yield op.SetTracking(on, heard=True)
-    session.client.no_tracking = False
+    session.client.track_failed = False
 
 
 def tracking_rate() -> Handling:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from gateway.astro.spherical import declination_rates, hour_angle_rates
+from gateway.astro.spherical import az_alt_rates_by_dec, az_alt_rates_by_ha
 from gateway.core import operations as op
 from gateway.core.errors import Refused, Unsupported
 from gateway.protocols.base.driver import BY_HAND_MESSAGE, SLEWING_MESSAGE, Remark, Steps
@@ -206,7 +206,7 @@ def _pulse_both_axes(mount: Lx200Driver, direction: op.Direction, ms: int) -> St
         raise Unsupported(
             "Guiding in right ascension and declination needs the latitude and, of an alt-az Meade, :GZ#, :GA# and :Mg."
         )
-    ratios = hour_angle_rates if direction.axis == 1 else declination_rates
+    ratios = az_alt_rates_by_ha if direction.axis == 1 else az_alt_rates_by_dec
     shares = ratios(horizon.az, horizon.alt, mount.site.latitude)
     piece, now = min(ms, int(MAX_PULSE_MS / max(1.0, *map(abs, shares)))), mount.now()
     for axis, share in enumerate(shares, 1):

@@ -106,8 +106,8 @@ def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
     if moves and not _stands_still(mount, state):
         state.replies_without_bars = 0
         return True
-    state.replies_without_bars += mount.now() >= state.since
-    if mount.now() - state.since < START_GRACE or state.replies_without_bars < REPLIES_WITHOUT_BARS:
+    state.replies_without_bars += mount.now() >= state.began
+    if mount.now() - state.began < START_GRACE or state.replies_without_bars < REPLIES_WITHOUT_BARS:
         return True
     mount.goto = None
     mount.parked = state.purpose == "park"

@@ -63,7 +63,7 @@ class ControllerReport(Struct, frozen=True):
 class Lx200Driver(Driver):
     """The driver's state of a Meade, or of another maker's mount by its dialect. ``now`` is monotonic seconds."""
 
-    takes_site_aligned = True
+    can_set_site_aligned = True
     silence_timeout = KNOWN_COMMAND_TIMEOUT
     #: The year has two digits on the wire; from 51 on they mean the 20th century.
     clock_years = range(1951, 2051)
@@ -159,9 +159,9 @@ class Lx200Driver(Driver):
         #: The axes whose periodic error is corrected, as was requested.
         self.pec_axes: frozenset[int] = frozenset()
 
-    def supports(self, name: str) -> bool:
+    def supports(self, command: str) -> bool:
         """Whether the telescope has a command, according to the manual or because it has answered it."""
-        return name in self.extra_commands or super().supports(name)
+        return command in self.extra_commands or super().supports(command)
 
     def assume_model(self, model: str | None) -> None:
         """Assume that the telescope is of this model, and speak the model's dialect."""
@@ -273,7 +273,7 @@ class Lx200Driver(Driver):
             self.pec_axes = frozenset({1, 2}.intersection(corrects))
 
     @property
-    def emulated(self) -> str:
+    def stale_note(self) -> str:
         """Text on the PEC state, which is wrong after a power cycle if :$Q only toggles it; empty if it can be set."""
         known = not self.pec_axes or self.supports("$QZ+")
         return "" if known else "its periodic error counts as not corrected"

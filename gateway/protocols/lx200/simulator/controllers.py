@@ -175,7 +175,7 @@ class ControllerMotion(SimulatedLx200):
     @property
     def is_tube_west(self) -> bool:
         """Whether the tube is on the west side of the pier."""
-        return self.mechanics.flipped is (self.mechanics.geometry.ns_sign > 0)
+        return self.mechanics.flipped is (self.mechanics.geometry.pole_sign > 0)
 
     def status_letters(self) -> bytes:
         """:GU - the state in letters."""

@@ -40,7 +40,7 @@ _SKY = Sky()
 
 
 def _set_target(sim: MeadeTelescope, ra: float, dec: float, name: str) -> None:
-    sim.stored_values["ra"], sim.stored_values["dec"] = _SKY.to_of_date(ra, dec, sim.utc())
+    sim.stored_values["ra"], sim.stored_values["dec"] = _SKY.from_j2000(ra, dec, sim.utc())
     sim.stored_values["object"] = name
 
 
@@ -63,7 +63,7 @@ def step_object(sim: MeadeTelescope, name: str, _: Values) -> None:
     """:LF :LN :LB - the first, next or previous object above the horizon; only on a classic."""
     if not sim.classic:
         return
-    up = [thing for thing in _OBJECTS if altitude(sim, *_SKY.to_of_date(thing.ra, thing.dec, sim.utc())) > 0]
+    up = [thing for thing in _OBJECTS if altitude(sim, *_SKY.from_j2000(thing.ra, thing.dec, sim.utc())) > 0]
     if up:
         index = (sim.stored_values.get("step", 0) + _STEPS[name]) % len(up) if _STEPS[name] else 0
         sim.stored_values["step"] = index

@@ -128,7 +128,7 @@ def axis_of(sim: MeadeTelescope, letter: str) -> tuple[int, float]:
     """Return the motor and its sense for a direction: north increases declination, west follows the stars."""
     axis, sense = (2 if letter in "ns" else 1), (1.0 if letter in "nw" else -1.0)
     if sim.mechanics.build is not Build.ALTAZ:
-        sense *= sim.mechanics.geometry.ns_sign
+        sense *= sim.mechanics.geometry.pole_sign
     if axis == 2 and sim.mechanics.build is Build.GERMAN and sim.mechanics.flipped:
         sense = -sense
     return axis, sense

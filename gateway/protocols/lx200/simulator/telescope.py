@@ -123,7 +123,7 @@ class MeadeTelescope(Simulated):
 
     def track(self, on: bool) -> None:
         """Turn tracking on or off; asleep it stays off."""
-        self.mechanics.track(self.now, on and not self.asleep, self.mechanics.geometry.ns_sign)
+        self.mechanics.track(self.now, on and not self.asleep, self.mechanics.geometry.pole_sign)
 
     def lose_alignment(self) -> None:
         """Lose the alignment: the telescope assumes that the tube is at its power-on position."""

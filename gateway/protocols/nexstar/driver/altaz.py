@@ -8,7 +8,7 @@ altitude and the latitude: below 80 degrees of altitude they change by less than
 
 from __future__ import annotations
 
-from gateway.astro.spherical import declination_rates, hour_angle_rates
+from gateway.astro.spherical import az_alt_rates_by_dec, az_alt_rates_by_ha
 from gateway.core.errors import Busy, Refused, Unsupported
 from gateway.core.operations import Direction, Move, Pulse, Pulsed, Tracking
 from gateway.protocols.base.driver import BY_HAND_MESSAGE, SLEWING_MESSAGE, Send, Steps
@@ -121,7 +121,7 @@ def _read_az_alt(mount: NexStar) -> Steps:
     answer = yield axis_command(mount)
     where = answer["az"], answer["alt"]
     assert mount.site is not None
-    first, second = hour_angle_rates(*where, mount.site.latitude)
+    first, second = az_alt_rates_by_ha(*where, mount.site.latitude)
     mount.tracking_rates = first * SIDEREAL, second * SIDEREAL
     return where
 
@@ -129,7 +129,7 @@ def _read_az_alt(mount: NexStar) -> Steps:
 def _motor_ratios(direction: Direction, az_alt: Pair, mount: NexStar) -> Pair:
     """Return how far both axes turn for a degree of hour angle, or of declination."""
     assert mount.site is not None
-    return (hour_angle_rates if direction.axis == 1 else declination_rates)(*az_alt, mount.site.latitude)
+    return (az_alt_rates_by_ha if direction.axis == 1 else az_alt_rates_by_dec)(*az_alt, mount.site.latitude)
 
 
 def _rates_for_axis(axis: int, rate: float) -> Pair:

@@ -50,7 +50,7 @@ def _seek_home_switches(mount: NexStar) -> Steps:
     yield from stop_current_motion(mount)
     yield from tracking.suspend(mount)
     mount.parked, mount.home_state = False, 2
-    mount.goto = NexStarGotoState(since=mount.now(), purpose="home", seeks_switches=True)
+    mount.goto = NexStarGotoState(began=mount.now(), purpose="home", seeks_switches=True)
     for device in MOTOR_DEVICES:
         yield Send("level_start", {"device": device})
 

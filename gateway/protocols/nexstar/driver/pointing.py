@@ -195,7 +195,7 @@ def slewing(mount: NexStar, _: op.Slewing) -> Steps:
     if moving:
         state.slew_reported, state.unconfirmed = True, False
         return True
-    if not state.slew_reported and mount.now() - state.since < START_GRACE and not (yield from _arrived(mount, state)):
+    if not state.slew_reported and mount.now() - state.began < START_GRACE and not (yield from _arrived(mount, state)):
         return True
     if mount.goto is not state:
         return mount.goto is not None
@@ -227,12 +227,12 @@ class AfterGoto(op.Operation, frozen=True):
 
 def _arrived(mount: NexStar, state: NexStarGotoState) -> Steps:
     """Return whether a short goto ended before ``L`` was first asked: two positions in a row are equal."""
-    if mount.now() - state.since < 1.0:
+    if mount.now() - state.began < 1.0:
         return False
     before = yield Send("E")
     yield Wait(0.3)
     after = yield Send("E")
-    return before == after and mount.now() - state.since > 1.5
+    return before == after and mount.now() - state.began > 1.5
 
 
 def _distance_from(mount: NexStar, goal_name: str) -> Steps:

@@ -192,7 +192,7 @@ class NexStar(Driver):
                 self.native_mode = None if held.tracking is op.Tracking.OFF else held.tracking
 
     @property
-    def emulated(self) -> str:
+    def stale_note(self) -> str:
         return "" if self.rate.name == "sidereal" else "its drive rate is the sidereal one again"
 
     @property
@@ -210,7 +210,7 @@ class NexStar(Driver):
         if special and self.aligned:
             yield from self.perform(self.rate)
 
-    def line_was_lost(self) -> None:
+    def on_lost_line(self) -> None:
         """After a reconnect, resume suspended tracking only if the mount is still aligned."""
         self.resume_needs_alignment = self.suspended_mode is not None
 
@@ -303,7 +303,7 @@ class NexStar(Driver):
             return op.GotoAxes(self.home_axes.az, self.home_axes.alt)
         return None
 
-    def home_refused(self) -> None:
+    def on_home_refusal(self) -> None:
         """Record that homing was refused: ``:h?#`` then returns 0."""
         self.home_state = 0
 

@@ -54,7 +54,7 @@ def position(sim: SimulatedMount, _: Values) -> Values:
 def _goal_of_date(sim: SimulatedMount, values: Values) -> Pair:
     """Return right ascension and declination of a command, of date."""
     ra, dec = values["ra"], values["dec"]
-    return SKY.to_of_date(ra, dec, sim.utc()) if sim.row.get("equinox") == "j2000" else (ra, dec)
+    return SKY.from_j2000(ra, dec, sim.utc()) if sim.row.get("equinox") == "j2000" else (ra, dec)
 
 
 def axes(sim: SimulatedMount, _: Values) -> Values:
@@ -137,7 +137,7 @@ def mode(sim: SimulatedMount, _: Values) -> Values:
 def pier_side(sim: SimulatedMount, _: Values) -> Values:
     """``p``: the pier side, by the hour angle of the last goto; a fork is always E."""
     west = sim.german and sim.mechanics.flipped
-    if sim.german and sim.mechanics.geometry.ns_sign < 0 and not letters_swapped(sim.row, sim.version):
+    if sim.german and sim.mechanics.geometry.pole_sign < 0 and not letters_swapped(sim.row, sim.version):
         west = not west
     return {"side": "W" if west else "E"}
 

@@ -201,9 +201,9 @@ def test_flags_override_the_config_file(tmp_path: Path) -> None:
     add_setting_flags(parser)
     config, source = load_config(parser.parse_args(["--config", str(path), "--lowest", "7", "--no-wait"]))
     assert (config.mount[0].lowest, config.mount[0].highest, config.wait) == (7.0, 70.0, False)
-    assert source.origin(("mount", 0, "lowest")) == "--lowest"
-    assert source.origin(("mount", 0, "highest")) == f"{path}:5"
-    assert source.origin(("mount", 0, "speed")) is None
+    assert source.origin_of(("mount", 0, "lowest")) == "--lowest"
+    assert source.origin_of(("mount", 0, "highest")) == f"{path}:5"
+    assert source.origin_of(("mount", 0, "speed")) is None
 
 
 def test_surface_from_a_flag_inherits_nothing_from_the_file(tmp_path: Path) -> None:
@@ -213,8 +213,8 @@ def test_surface_from_a_flag_inherits_nothing_from_the_file(tmp_path: Path) -> N
     add_setting_flags(parser)
     config, source = load_config(parser.parse_args(["--config", str(path), "--surface", "nexstar@tcp://:0"]))
     assert [(surface.at, surface.client) for surface in config.surface] == [("nexstar@tcp://:0", "auto")]
-    assert source.origin(("surface", 0)) == "--surface"
-    assert source.origin(("surface", 0, "client")) is None
+    assert source.origin_of(("surface", 0)) == "--surface"
+    assert source.origin_of(("surface", 0, "client")) is None
 
 
 def test_flag_for_one_of_several_mounts_is_refused(tmp_path: Path) -> None:

@@ -109,7 +109,7 @@ async def test_only_stellarium_mobile_gets_j2000_coordinates() -> None:
     assert await mobile.ask(b"#:Sd+22:00:52#") == b"1"
     assert await mobile.ask(b"#:MS#") == b"0"
     target = built.mount.asked[-1]
-    sky = built.mount.sky.to_of_date(15 * (5 + 34 / 60 + 32 / 3600), 22 + 52 / 3600, built.controller.clock())
+    sky = built.mount.sky.from_j2000(15 * (5 + 34 / 60 + 32 / 3600), 22 + 52 / 3600, built.controller.clock())
     assert (target.ra, target.dec) == pytest.approx(sky, abs=1e-6)  # type: ignore[attr-defined]
 
 

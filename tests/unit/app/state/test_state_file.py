@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from gateway.app.state import file as state
 from gateway.app.state import store
-from gateway.app.state.file import FORMAT_VERSION, SavedState, from_shared, read_state, to_shared
+from gateway.app.state.file import FORMAT_VERSION, SavedState, read_state, to_saved, to_settings
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.session import MountSettings, NamedSite
 from gateway.system import files
@@ -55,7 +55,7 @@ def test_saved_state_is_restored(
     sites: dict[Any, NamedSite], site: int | None, pec: bool | None, motors: dict[str, int]
 ) -> None:
     kept = SavedState(FORMAT_VERSION, sites=sites, site=site, pec=pec, motors=motors)
-    assert from_shared(to_shared(kept), {}) == kept
+    assert to_saved(to_settings(kept), {}) == kept
     assert state.msgspec.json.decode(state.encode(kept), type=SavedState) == kept
 
 
@@ -208,7 +208,7 @@ async def test_state_is_saved_again_after_a_full_disk(tmp_path: Path, monkeypatc
         assert "No space left" in bridge.warned[0]
         full = False
         await client.ask(b":SNthree#")
-    sites = to_shared(read_state(tmp_path / "nexstar@bridge.json")).sites
+    sites = to_settings(read_state(tmp_path / "nexstar@bridge.json")).sites
     assert sites == {0: NamedSite("two"), 1: NamedSite("three")}
 
 

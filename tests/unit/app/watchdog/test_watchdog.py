@@ -22,7 +22,7 @@ import pytest
 
 from gateway.app.config import MountConfig
 from gateway.app.gateway import Gateway
-from gateway.app.watchdog.client import MIN_LIFETIME, PROCESS_SCRIPT, Watchdog, WatchedMount, available
+from gateway.app.watchdog.client import MIN_LIFETIME, PROCESS_SCRIPT, Watchdog, WatchedMount, is_available
 from gateway.app.watchdog.process import GuardedMount, ServedMount, Watch, cpu_wait
 from gateway.mount.shutdown import stop_commands
 from gateway.transport.wires import bytes_on_wire
@@ -30,7 +30,7 @@ from tests.support.in_process_gateway import Bridge
 from tests.support.process import PATIENCE, Running
 from tests.support.watchdog import Watched
 
-pytestmark = pytest.mark.skipif(not available(), reason="this system cannot hand a line to another process")
+pytestmark = pytest.mark.skipif(not is_available(), reason="this system cannot hand a line to another process")
 
 #: Seconds from the gateway's end to the mount's rest, on a computer that has much else to do.
 AT_REST = 20.0
@@ -337,7 +337,7 @@ def test_watchdog_waits_longer_for_a_starved_gateway_on_a_clear_path(
     for number, one in enumerate(clear):
         watch.mounts[str(number)] = GuardedMount("pier", "", -1)
         watch.handle([f"{'clear' if one else 'moving'}", str(number), "4d"], [])
-    watch.restart_silence()
+    watch.reset_silence()
     with here, there, pytest.raises(InterruptedError):
         watch.run()
     assert stopped == pytest.approx([100.0 + until])
@@ -361,7 +361,7 @@ def test_watchdog_stops_a_starved_gateway_that_then_hangs(monkeypatch: pytest.Mo
     monkeypatch.setattr(watch, "stop_for_silent_gateway", stop)
     watch.mounts["0"] = GuardedMount("pier", "", -1)
     watch.handle(["clear", "0", "4d"], [])
-    watch.restart_silence()
+    watch.reset_silence()
     with here, there, pytest.raises(InterruptedError):
         watch.run()
     assert clock[0] < 102.3

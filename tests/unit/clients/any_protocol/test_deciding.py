@@ -64,7 +64,7 @@ def test_protocol_is_decided_the_same_byte_by_byte(sent: bytes, protocol: str) -
 def test_every_command_of_every_table_decides_its_protocol_at_once() -> None:
     for name in surfaces():
         for command in load(name).commands.values():
-            if command.requested and command.request.width is None and not command.request.fields:
+            if command.requested and command.request.length is None and not command.request.fields:
                 sent = command.request.prefix
                 found = decide(sent)
                 assert found is not None and found == (name, ""), sent

@@ -23,7 +23,7 @@ def visits(count: int) -> Iterator[Entry]:
 
 def shown(entries: Iterator[Entry], kept: str = "all") -> list[str]:
     rows = RowBuilder("lx200", ["any"], kept)
-    return [f"{row.arrow} {row.text}".partition(",")[0] for entry in entries for row in rows.take(entry)]
+    return [f"{row.arrow} {row.text}".partition(",")[0] for entry in entries for row in rows.process(entry)]
 
 
 def test_log_of_any_port_shows_the_first_poll_and_counts_the_rest() -> None:
@@ -46,4 +46,4 @@ def test_log_of_any_port_shows_a_refusal_with_the_protocol() -> None:
 def test_log_of_any_port_tells_why_a_protocol_was_chosen() -> None:
     silent = Entry(3.0, "10.0.0.1:5000", "~", b"", "stellarium, because the program has sent nothing for 3 s")
     rows = RowBuilder("lx200", ["any"])
-    assert [row.text.partition(",")[0] for row in rows.take(silent)] == ["speaks stellarium"]
+    assert [row.text.partition(",")[0] for row in rows.process(silent)] == ["speaks stellarium"]

@@ -19,7 +19,7 @@ class Log:
     def __init__(self, bridge: Bridge, shown: str = "all") -> None:
         self.rows: list[Row] = []
         rows = RowBuilder("nexstar", ["lx200"], shown)
-        bridge.wire_log.sinks.append(lambda entry: self.rows.extend(rows.take(entry)))
+        bridge.wire_log.sinks.append(lambda entry: self.rows.extend(rows.process(entry)))
 
     def of(self, side: str) -> list[str]:
         """What is told of one side: arrow and bytes, or arrow and words."""
@@ -99,10 +99,10 @@ def test_log_does_not_fold_an_unanswered_request() -> None:
     rows = RowBuilder("lx200", ["lx200"])
     shown: list[Row] = []
     for second in range(3):
-        shown += rows.take(Entry(float(second), "mount", ">", b":GR#"))
+        shown += rows.process(Entry(float(second), "mount", ">", b":GR#"))
         if second < 1:
-            shown += rows.take(Entry(second + 0.1, "mount", "<", b"05:34:32#"))
-    shown += rows.take(Entry(9.0, "mount", "!", b"", "the mount does not answer"))
+            shown += rows.process(Entry(second + 0.1, "mount", "<", b"05:34:32#"))
+    shown += rows.process(Entry(9.0, "mount", "!", b"", "the mount does not answer"))
     assert [(row.arrow, row.data) for row in shown] == [
         (">", b":GR#"),
         ("<", b"05:34:32#"),
@@ -116,8 +116,8 @@ def test_log_shows_a_garbled_answer() -> None:
     rows = RowBuilder("lx200", ["lx200"])
     shown: list[Row] = []
     for second, reply in enumerate([b"05:34:32#", b"05:34:33#", b"05:%4:34#"]):
-        shown += rows.take(Entry(float(second), "mount", ">", b":GR#"))
-        shown += rows.take(Entry(second + 0.1, "mount", "<", reply, "dropped: garbled" if b"%" in reply else ""))
+        shown += rows.process(Entry(float(second), "mount", ">", b":GR#"))
+        shown += rows.process(Entry(second + 0.1, "mount", "<", reply, "dropped: garbled" if b"%" in reply else ""))
     assert [row.data for row in shown if row.data] == [b":GR#", b"05:34:32#", b":GR#", b"05:%4:34#"]
     assert shown[-1].text == "dropped: garbled"
 
@@ -127,12 +127,12 @@ def test_log_folds_a_program_with_one_connection_per_request() -> None:
     shown: list[Row] = []
     for second in range(30):
         side = f"192.168.1.9:{50000 + second}"
-        shown += rows.take(Entry(float(second), side, "+", b"", "surface 1, host 192.168.1.9"))
-        shown += rows.take(Entry(second + 0.1, side, ">", b":GR#"))
-        shown += rows.take(Entry(second + 0.1, side, "<", b"05:34:32#"))
+        shown += rows.process(Entry(float(second), side, "+", b"", "surface 1, host 192.168.1.9"))
+        shown += rows.process(Entry(second + 0.1, side, ">", b":GR#"))
+        shown += rows.process(Entry(second + 0.1, side, "<", b"05:34:32#"))
         if second == 15:
-            shown += rows.take(Entry(second + 0.2, side, ">", b":Q#"))
-        shown += rows.take(Entry(second + 0.3, side, "-", b""))
+            shown += rows.process(Entry(second + 0.2, side, ">", b":Q#"))
+        shown += rows.process(Entry(second + 0.3, side, "-", b""))
     assert [row.arrow for row in shown] == ["+", ">", "<", "-", "=", "=", "+", ">", "-", "+", ">", "<", "-", "="]
 
 
@@ -140,10 +140,10 @@ def test_log_separates_two_programs_of_one_computer() -> None:
     rows = RowBuilder("nexstar", ["lx200"])
     shown: list[Row] = []
     for port in (1, 2):
-        shown += rows.take(Entry(0.0, f"127.0.0.1:{port}", "+", b"", "surface 1, host 127.0.0.1"))
+        shown += rows.process(Entry(0.0, f"127.0.0.1:{port}", "+", b"", "surface 1, host 127.0.0.1"))
     for port in (1, 2):
-        shown += rows.take(Entry(1.0, f"127.0.0.1:{port}", ">", b":GR#"))
-        shown += rows.take(Entry(1.0, f"127.0.0.1:{port}", "<", b"05:34:32#"))
+        shown += rows.process(Entry(1.0, f"127.0.0.1:{port}", ">", b":GR#"))
+        shown += rows.process(Entry(1.0, f"127.0.0.1:{port}", "<", b"05:34:32#"))
     assert [row.arrow for row in shown] == ["+", "+", ">", "<", ">", "<"]
 
 
@@ -179,5 +179,5 @@ async def test_log_shows_a_goto_as_a_change_on_both_sides() -> None:
 def test_log_does_not_guess_a_protocol_from_incomplete_bytes() -> None:
     """The log began after the connection: its first bytes are no command, and those after them are one of LX200."""
     rows = RowBuilder("nexstar", [])
-    told = [row for data in (b"\x07\x07rubbish", b":GR#") for row in rows.take(Entry(1.0, "127.0.0.1:5", ">", data))]
+    told = [row for data in (b"\x07\x07rubbish", b":GR#") for row in rows.process(Entry(1.0, "127.0.0.1:5", ">", data))]
     assert [row.kind for row in told] == ["program", "program"] and "right ascension" in told[1].text

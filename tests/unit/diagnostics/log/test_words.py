@@ -132,6 +132,6 @@ def test_log_does_not_infer_a_protocol_from_a_reply_to_an_earlier_program() -> N
         Entry(1.0, side, ">", b":GD#"),
         Entry(1.1, side, "<", b"+01*00:00#"),
     ]
-    shown = [row for entry in entries for row in rows.take(entry)]
+    shown = [row for entry in entries for row in rows.process(entry)]
     assert [row.kind for row in shown] == ["program"] * 3
     assert [row.text.partition(" ")[0] for row in shown] == ["", "declination", "GD:"]

@@ -68,7 +68,7 @@ def night(path: Path, minutes: int = 420, every: float = 10.0) -> Path:
     while at < minutes * 60.0:
         for minute, *place in TARGETS:
             if 0.0 <= at - minute * 60.0 < every:
-                goal = sky.to_of_date(*place, BEGAN + at)
+                goal = sky.from_j2000(*place, BEGAN + at)
                 tape.asked(at + 1.0, b"r" + f"{turn(goal[0])},{turn(goal[1])}".encode(), b"#", 0.08)
                 tape.put(at + 0.9, "10.0.0.2:50122", ">", b":MS#")
                 tape.put(at + 1.2, "10.0.0.2:50122", "<", b"0")

@@ -18,7 +18,7 @@ def test_only_positions_requested_after_the_end_show_rest() -> None:
 
 def test_second_end_leaves_a_run_on_that_of_a_goto() -> None:
     watch = RunOnWatch(lambda: 10.0)
-    watch.sent.emit(None)
+    watch.may_move.emit(None)
     watch.begin(after_goto=True)
     watch.begin(after_goto=False)
     assert watch.is_after_goto

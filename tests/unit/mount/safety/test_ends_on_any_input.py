@@ -165,7 +165,7 @@ def test_safety_decides_though_every_mount_value_is_not_a_number(
                 bridge.site_clock.computer_time = lambda: n[8]
                 bridge.site_clock.mount_clock = op.Moment(n[9], 0.0), controller.now()
             elif unknown == "syncs":
-                context.synced.value = SyncSum(n[8], n[9], (n[10], n[11]), (n[0], n[1]))
+                context.syncs.value = SyncSum(n[8], n[9], (n[10], n[11]), (n[0], n[1]))
             elif unknown == "position":
                 here = op.Equatorial(n[8], n[9])
             context.suns._suns_valid_until = -math.inf

@@ -82,17 +82,17 @@ def test_running_goto_above_the_limit_is_not_stopped_for_its_speed() -> None:
 
 
 def test_slow_approach_to_the_sun_is_judged_from_the_farthest_distance() -> None:
-    far = seen(PositionSample(0.0, HERE, suns=(60.0,)), PositionSample(1.0, HERE, suns=(59.0,)))
+    far = seen(PositionSample(0.0, HERE, sun_distances=(60.0,)), PositionSample(1.0, HERE, sun_distances=(59.0,)))
     assert not judge_motion(view(far, Limits())).reason
     assert farthest_from_suns(view(far, Limits())) == (59.0,)
     near = replace(
-        seen(PositionSample(0.0, HERE, suns=(19.0,)), PositionSample(1.0, HERE, suns=(18.96,))),
+        seen(PositionSample(0.0, HERE, sun_distances=(19.0,)), PositionSample(1.0, HERE, sun_distances=(18.96,))),
         farthest_from_suns=(19.0,),
     )
     assert not judge_motion(view(near, Limits())).reason
     creeping = add_position(
         replace(near, farthest_from_suns=farthest_from_suns(view(near, Limits()))),
-        PositionSample(2.0, HERE, suns=(18.92,)),
+        PositionSample(2.0, HERE, sun_distances=(18.92,)),
     )
     assert judge_motion(view(creeping, Limits())).reason == "the Sun (19 degrees from it)"
 
@@ -100,7 +100,9 @@ def test_slow_approach_to_the_sun_is_judged_from_the_farthest_distance() -> None
 @each(("distance", "stops"), [(24.0, True), (25.0, False)])
 def test_fast_approach_to_the_sun_ends_before_the_next_reading(distance: float, stops: bool) -> None:
     """4 degrees a second: 4.2 degrees until it rests, if the next position is waited for."""
-    fast = seen(PositionSample(0.0, HERE, suns=(distance + 2.0,)), PositionSample(0.5, HERE, suns=(distance,)))
+    fast = seen(
+        PositionSample(0.0, HERE, sun_distances=(distance + 2.0,)), PositionSample(0.5, HERE, sun_distances=(distance,))
+    )
     verdict = judge_motion(view(fast, Limits()))
     assert bool(verdict.reason) is stops
     if not stops:
@@ -151,7 +153,7 @@ def test_goto_of_the_mount_itself_may_end_just_before_a_limit() -> None:
 def test_motion_at_the_mounts_keys_is_judged_by_configured_limits_only(
     limits: Limits, lowest: float, highest: float
 ) -> None:
-    assert (limits.for_keys().lowest, limits.for_keys().highest) == (lowest, highest)
+    assert (limits.for_keypad().lowest, limits.for_keypad().highest) == (lowest, highest)
 
 
 def test_soonest_of_several_stop_deadlines_applies() -> None:

@@ -121,7 +121,7 @@ async def test_sync_sum_equals_the_correction_of_the_axes(
             await bridge.controller.perform(op.Sync(here.ra + (-1.0) ** number * 1.5, here.dec + 2.0))
             await asyncio.sleep(1.0)
             turned = (wrap180(now - then) for then, now in zip(first, mechanics.sync_correction, strict=True))
-            (counted,) = bridge.controller.synced.value.axis_turns
+            (counted,) = bridge.controller.syncs.value.axis_turns
             assert counted == pytest.approx(tuple(turned), abs=0.05)
 
 
@@ -131,7 +131,7 @@ async def test_small_sync_near_the_zenith_turns_azimuth_far_and_can_be_undone(
     mount: str, driven: str, start: float
 ) -> None:
     async with Bridge(mount, driven=driven, start=start) as bridge:
-        astrometry, synced = bridge.controller.astrometry, bridge.controller.synced
+        astrometry, synced = bridge.controller.astrometry, bridge.controller.syncs
         here = astrometry.equatorial_of(op.Horizontal(40.0, 88.5))
         await pointed(bridge, here.ra, here.dec)
         there = astrometry.equatorial_of(op.Horizontal(70.0, 88.5))
@@ -182,7 +182,7 @@ async def test_position_jump_faster_than_a_motor_counts_as_a_new_alignment() -> 
                 ra, dec = mechanics.believed_position(bridge.clock())
                 mechanics.sync(bridge.clock(), ra + 30.0, dec)
         assert now < bridge.clock()
-        assert bridge.controller.synced.value == SyncSum()
+        assert bridge.controller.syncs.value == SyncSum()
 
 
 async def test_sync_sum_survives_a_restart(tmp_path: Path) -> None:

@@ -85,10 +85,10 @@ def test_value_missing_from_the_device_state_is_requested_or_stays_unchanged(sta
 def test_alpaca_stop_that_leaves_the_mount_moving_is_reported_as_refused() -> None:
     ranges = {1: ((0.0, 4.0),), 2: ((0.0, 4.0),)}
     with pytest.raises(Refused, match="stop was refused"):
-        play(abort_motion(driver(goto=GotoUnderWay(since=0.0)), op.AbortMotion()), moveaxis=None, slewing=True)
+        play(abort_motion(driver(goto=GotoUnderWay(began=0.0)), op.AbortMotion()), moveaxis=None, slewing=True)
     with pytest.raises(Refused, match="stop was refused"):
         play(abort_motion(driver(hand_rates={1: 1.0}, ranges=ranges), op.AbortMotion()), abortslew=None, slewing=True)
-    play(abort_motion(driver(goto=GotoUnderWay(since=0.0)), op.AbortMotion()), moveaxis=None, slewing=False)
+    play(abort_motion(driver(goto=GotoUnderWay(began=0.0)), op.AbortMotion()), moveaxis=None, slewing=False)
     assert play(abort_motion(driver(ranges=ranges), op.AbortMotion()), moveaxis=None)[0][0] == "abortslew"
 
 

@@ -123,7 +123,7 @@ def test_simulated_position_does_not_depend_on_being_read() -> None:
 @each("latitude", SITES)
 def test_slow_simulated_rates_add_to_tracking_and_fast_ones_suspend_it(latitude: float) -> None:
     made = mount(Build.GERMAN, latitude, ramps=False)
-    west = made.geometry.ns_sign
+    west = made.geometry.pole_sign
     ra, _ = made.true_position(START)
     made.move(START, 1, west * 7.5 * ARCSECOND, additive=True)
     assert made.tracking(START + 10)

@@ -104,7 +104,7 @@ def test_lx200_goto_is_refused_with_a_digit_and_a_text(fault: errors.Fault, repl
 
 
 def _altitude(mount: Mount, ra: float, dec: float) -> float:
-    return mount.sky.horizon(ra, dec, mount.site.latitude, mount.site.longitude, mount.clock.unix)[1]
+    return mount.sky.az_alt(ra, dec, mount.site.latitude, mount.site.longitude, mount.clock.unix)[1]
 
 
 def test_target_exactly_at_a_limit_is_allowed() -> None:

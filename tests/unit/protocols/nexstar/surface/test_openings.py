@@ -195,5 +195,5 @@ def test_simulated_hand_control_drops_unknown_bytes_until_the_line_is_quiet() ->
 def test_typed_command_lengths_match_the_nexstar_table() -> None:
     for command in load("nexstar").commands.values():
         letter = chr(command.request.prefix[0])
-        assert command.request.width == LENGTHS[letter]
+        assert command.request.length == LENGTHS[letter]
         assert command.name == "v" or letter != command.name or command.first_version == SINCE[letter]

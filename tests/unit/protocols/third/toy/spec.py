@@ -41,7 +41,7 @@ SPEC = ProtocolSpec(
     mount_phrase="a toy",
     menu_entry="Toy",
     mounts_phrase="toy",
-    framing=_framing,
+    new_framer=_framing,
     opening_pattern=re.compile(rb"(?:[?!=][^\n]*\n)*"),
     make_surface=_make_surface,
     recognises=lambda sent: 1.0 if sent[:1] in (b"?", b"!") and b"\n" in sent else 0.0,
