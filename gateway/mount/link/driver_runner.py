@@ -34,7 +34,7 @@ MAX_SPEED = 8.0 * math.sqrt(2.0)
 MAX_LATITUDE_STEP = 2.0
 #: Seconds by which a clock may differ from its last reading: it has whole seconds, and replies take time.
 CLOCK_TOLERANCE = 1.6
-#: A reply after over SLOW_SECONDS seconds on a usually quick line may be old: it is skipped up to SLOW_TRIES times.
+#: A reply after over SLOW_SECONDS on a usually quick line may be old: it is skipped up to SLOW_TRIES times.
 SLOW_SECONDS, SLOW_TRIES = 0.5, 3
 #: How often a request is sent at most to verify its reply, and how often if the reply was garbled.
 MAX_TRIES, GARBLED_TRIES = 9, 3
