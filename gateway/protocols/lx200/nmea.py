@@ -15,7 +15,7 @@ def parse_fix(sentence: str) -> Gps | None:
         parsed = pynmea2.parse(sentence.strip(), check=True)
         if parsed.sentence_type != "RMC":
             return None
-        if not parsed.is_possible:
+        if not parsed.is_valid:
             return Gps(linked=False)
         unix = datetime.combine(parsed.datestamp, parsed.timestamp.replace(tzinfo=UTC)).timestamp()
         return Gps(True, Place(parsed.latitude, parsed.longitude), unix)

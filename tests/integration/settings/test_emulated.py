@@ -168,7 +168,7 @@ async def test_emulated_syncs_survive_a_restart_only_if_the_mount_is_unchanged(
     there = await ask(op.Position())
     if event not in ("power cycle", "moved"):
         assert there.dec == pytest.approx(here.dec + 6.0 * stays, abs=0.01)
-    assert bridge.controller.synced.value.north == pytest.approx(6.0 * stays, abs=0.01)
+    assert bridge.controller.syncs.value.north == pytest.approx(6.0 * stays, abs=0.01)
     said = [entry.note for entry in bridge.entries if "sync again" in entry.note]
     status = [line for line in mount_state(bridge.controller).to_state().wanted if "sync again" in line]
     assert bool(said) is bool(status) is not stays

@@ -165,7 +165,7 @@ from gateway.astro.ephemeris.sky import Sky
 sky = Sky()
 sky.use(almanac([int(moment // 86400) for moment in (1e8, 1.7e9, 4.0e9)]))
 for moment in (-1e9, 1e8, 1.7e9, 4.0e9):
-    sky.horizon(1.0, 2.0, 3.0, 4.0, moment), sky.sun(moment), sky.moon(moment, 1.0, 2.0), sky.planet("Mars", moment)
+    sky.az_alt(1.0, 2.0, 3.0, 4.0, moment), sky.sun(moment), sky.moon(moment, 1.0, 2.0), sky.planet("Mars", moment)
 from astropy.utils import iers
 print(sky.has_tables, touched, iers.conf.auto_download)
 """
@@ -176,7 +176,7 @@ def resident():
 """
 MINUTES = """
 for minute in range(100):
-    sky.horizon(1.0, 2.0, 3.0, 4.0, 1.7e9 + 60 * minute)
+    sky.az_alt(1.0, 2.0, 3.0, 4.0, 1.7e9 + 60 * minute)
 print(resident() - bare)
 """
 #: Not even asked for is the home where it would be found to be none, and what cannot be written to is not tried.

@@ -74,7 +74,7 @@ def test_detect_lists_each_telescope_of_an_alpaca_server_once(monkeypatch: pytes
     found = served(look, german, polar)
     assert sorted(one.product for one in found) == ["Simulated german", "Simulated polar"]
     assert {one.identifier for one in found} == {german.unique_id, polar.unique_id}
-    assert not any(one.gateway for one in found)
+    assert not any(one.is_gateway for one in found)
 
 
 def test_detect_prints_the_run_command_for_an_alpaca_telescope() -> None:
