@@ -30,8 +30,8 @@ PRESENCE_TIME = 10.0
 
 
 class ConnectionAcceptor:
-    """Creates the client connection for every connection to a port. ``binding`` is the surface as presented there,
-    or a function that makes the binding for the first connection."""
+    """Accepts the connections to a port, and creates a ``ClientConnection`` for each. ``binding``: the surface as
+    presented there, or a function that returns it when the first connection comes."""
 
     def __init__(
         self,
@@ -160,7 +160,7 @@ class ConnectionAcceptor:
         return state if self.controller.now() - at <= MAX_STATE_AGE else None
 
     def _save_state(self, host: str, client: CommandProcessor) -> None:
-        """The client has disconnected: save its state for the next connection from this host."""
+        """Save the state of a client that has disconnected, for the next connection from its host."""
         if client.activity.closed_at is None:
             self.controller.presence.mark_closed(client.activity)
         self._saved_states[host] = (self.controller.now(), copy(client.session.client))

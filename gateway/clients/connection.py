@@ -4,7 +4,7 @@ On network ports anyone may connect. A browser or port scanner is recognised and
 
 A connection is behind while more bytes wait than one read takes. Such bytes may be old: they begin no motion if a stop
 came after the connection fell behind, or if it has been behind for more than a second. A connection has caught up when
-a read leaves no bytes; if it was behind for more than a second, only when none have waited for a second.
+a read leaves no bytes. After more than a second behind, it has caught up only when no read has left bytes for a second.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from gateway.transport.tcp import READ_BYTES
 
 #: Logged when a connection ends and its first bytes were neither a command nor recognised.
 UNRECOGNISED_MESSAGE = "no command of this surface's protocol begins like this"
-#: Seconds after which a connection that is behind is late.
+#: Seconds after which a connection that is behind is late; a late one has caught up after as long without a full read.
 LATE_TIME = 1.0
-#: Seconds without data after which a connection that was behind has caught up.
+#: Seconds without a full read after which a connection that was behind, but not late, has caught up.
 CATCH_UP_TIME = 5.0
 
 
-#: Processes bytes (bytes; for bytes that waited, the number of stops when they were sent, and their time of arrival).
+#: Processes bytes. The arguments are those of ``CommandProcessor.feed``: ``data``, ``stop_count``, ``arrived_at``.
 DeliverBytes = Callable[[bytes, int | None, float | None], None]
 
 
@@ -41,7 +41,7 @@ class Backlog:
         self._behind_since = self._last_data_at = -1e9
 
     def stop_count_when_sent(self, now: float) -> int | None:
-        """Return the number of stops at the earliest time the next bytes may have been sent; None if not behind."""
+        """Return the smallest number of stops that may precede the next bytes; -1 if late, None if not behind."""
         if self._stop_count is not None and now - self._last_data_at > (LATE_TIME if self.is_late else CATCH_UP_TIME):
             self._stop_count, self.is_late = None, False
         self.is_late = self.is_late or (self._stop_count is not None and now - self._behind_since > LATE_TIME)
@@ -136,7 +136,7 @@ class ClientConnection:
             )
 
     def peer_closed(self) -> None:
-        """The other end has closed: from now on the client has a limited time to reconnect."""
+        """Save the client's state for its next connection, and hold back no more text: the other end has closed."""
         self._peer_closed = True
         self.client.unread_text.stop_holding_back()
         if not self.is_stranger:

@@ -78,7 +78,7 @@ class SurfaceBinding(Struct, frozen=True):
     hold_time: float = 0.0
     #: Whether the client program sends a command that stops all motion when an arrow is released.
     releases_by_stop: bool = False
-    #: Returns the model to present for (is equatorial, is German or None, has GPS); None if the user has named one.
+    #: Returns the model for a mount (is equatorial, is German or None, has GPS); None if the user has named a model.
     fit: Callable[[bool, bool | None, bool], Model] | None = None
     profiles: tuple[ClientProfile, ...] = ()
 

@@ -73,7 +73,7 @@ class ReplyPace:
         self._handler.peer_closed()
 
     def close(self) -> None:
-        """End the connection; drop the waiting replies, whose program has gone."""
+        """End the connection, and drop the waiting replies, because the program has disconnected."""
         self._delayed_bytes = b""
         self.flush()
         self._handler.close()

@@ -76,7 +76,7 @@ def _stranger_greetings() -> Iterator[Greeting]:
 
 
 def _protocol_greetings(protocol: str) -> Iterator[Greeting]:
-    """Yield the greetings of clients of all protocols except ``protocol``, the surface's protocol."""
+    """Yield the greetings of telescope protocols' clients, except those of ``protocol``, which the surface serves."""
     for spec in PROTOCOLS.values():
         if spec.greeting and spec.name != protocol:
             description = (
@@ -88,7 +88,7 @@ def _protocol_greetings(protocol: str) -> Iterator[Greeting]:
 
 @cache
 def greetings(served_protocol: str = "") -> tuple[Greeting, ...]:
-    """Return the greetings of strangers on a surface."""
+    """Return the greetings of strangers on a surface for ``served_protocol``, including other protocols' clients."""
     return (*_stranger_greetings(), *_protocol_greetings(served_protocol))
 
 

@@ -73,8 +73,8 @@ class PresetWatch:
     """Finds clients with the wrong telescope type on the surface at ``address``; ``warn`` is called once per host.
 
     The recent events list every such client. ``make_framer`` makes a framer for the surface's protocol
-    ``served_protocol``. ``is_single_protocol``: the surface is for a single protocol; on a surface for every protocol
-    any type fits, so nobody is warned.
+    ``served_protocol``. ``is_single_protocol`` is False for a surface that serves every protocol: every telescope type
+    works there, so nobody is warned.
     """
 
     def __init__(

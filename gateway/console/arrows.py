@@ -20,7 +20,7 @@ from gateway.core.requests import FAILED, Answer, PressKeyRequest, ReleaseKeyReq
 class ArrowPress(NamedTuple):
     """An arrow that is held down: the numbers of the press and of its request, the rate, the loop time of the press.
 
-    ``end_counts``: how many stops and gotos there were at the press. After another stop or goto, it moves nothing.
+    ``end_counts``: how many stops and gotos there were at the press. Another stop or goto ends the arrow's motion.
     """
 
     press_number: int
@@ -51,9 +51,9 @@ class Arrows:
         return bool(self._presses)
 
     def press(self, direction: Direction, rate: int, press_number: int = 0) -> asyncio.Task[Answer]:
-        """Press an arrow and release the opposite arrow, or change the rate if this ``press_number`` is held.
+        """Press an arrow, and release the opposite arrow. If ``press_number`` is still held, only change its rate.
 
-        A press without a number is a new press.
+        A press without a number (0) is a new press. Return the task whose result is the answer.
         """
         held = self._presses.get(direction)
         if held is not None and 0 < press_number == held.press_number:

@@ -62,7 +62,7 @@ class Mounts:
         return await self._run(argv, "explanation")
 
     async def report(self, recording: Path) -> Path:
-        """Make the report of a recording, next to it, in a subprocess. Return its path. Raises UserError."""
+        """Write the report of a recording to its folder, in a subprocess. Return the path. Raises UserError."""
         target = recording.with_suffix(".html")
         done, text = await self._run(
             [*gateway_argv(), "report", "--force", "-o", str(target), str(recording)], "report"
@@ -72,7 +72,7 @@ class Mounts:
         return target
 
     async def _run(self, argv: Sequence[str], result_name: str) -> tuple[bool, str]:
-        """Run a command of the gateway, one at a time. Return success and its output."""
+        """Run a command of the gateway, one at a time. Return whether it had output, and the output or the error."""
         async with self._explain_lock:
             process = await asyncio.create_subprocess_exec(
                 *argv, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE
@@ -151,7 +151,7 @@ class MountRecorder:
         return path
 
     def path_of(self, name: str) -> Path | None:
-        """Return the path of a recording by its name, or None."""
+        """Return the path of the recording with this file name; None if there is none."""
         if not _RECORDING_NAME.fullmatch(name):
             return None
         path = state_folder(self._gateway.config.state) / RECORDINGS_FOLDER / name

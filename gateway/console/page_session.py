@@ -146,7 +146,7 @@ class PageSession:
         await self._socket.send(encode(value))
 
     async def _watch_arrows(self) -> None:
-        """Release the arrows of a silent page, else repeat their orders. A stalled browser does not delay this."""
+        """Release the arrows of a silent page, else repeat their motion orders. A stalled browser delays neither."""
         while True:
             await asyncio.sleep(ARROW_CHECK_PERIOD)
             now = self._loop.time()

@@ -1,8 +1,8 @@
 """The console's PIN, and limits on the number of wrong tries.
 
-An address has five wrong tries, then one a minute. All addresses together have ten wrong tries a minute, except those
-that have given the right PIN before. A try above a limit is refused without comparing the PIN, so that the refusal
-reveals nothing. Stopping and reading need no PIN.
+An address has five wrong tries, then one a minute. All addresses together have ten wrong tries a minute; an address
+that has given the right PIN before is exempt from this second limit. A try above a limit is refused without comparing
+the PIN, so that the refusal reveals nothing. Stopping and reading need no PIN.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The console's part of the web server: the page, its WebSocket, downloads of recordings and their reports, metrics.
+"""The console's part of the web server: the page and its WebSocket, recordings and reports to download, and metrics.
 
 Every request passes the access checks first (``app/pages.py``).
 """
@@ -40,7 +40,7 @@ def page_files() -> Pages:
 
 
 class Console:
-    """The console of these gateways. Its access rules apply in addition to those of the port of a request."""
+    """Serves the console of these gateways. A request must satisfy ``access`` and the access rules of its port."""
 
     def __init__(self, gateways: Sequence[Gateway], access: AccessRules, pin: str) -> None:
         self._mounts, self._access = Mounts(gateways, pin), access

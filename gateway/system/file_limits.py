@@ -27,7 +27,7 @@ def open_file_limit() -> int | None:
 
 
 def raise_limit(client_count: int, ports: int) -> str:
-    """Raise the limit as the clients and ``ports`` (mounts and surfaces) need. Return a warning if it is too low."""
+    """Raise the limit as the clients and ``ports`` (mounts and surfaces) need. Return a warning if that fails."""
     wanted = RESERVED_FILES + GATEWAY_FILES + FILES_PER_MOUNT * ports + client_count
     most = open_file_limit()
     if most is None or most >= wanted:

@@ -28,7 +28,7 @@ def cache_folder() -> Path:
 
 
 def _user_folder(function_name: str) -> Path:
-    """Return the user's folder for state or cache. On Linux without platformdirs, whose import takes 10 ms."""
+    """Return the user's folder for state or cache; on Linux without importing platformdirs, which takes 10 ms."""
     home = os.environ.get("HOME", "")
     if sys.platform == "linux" and home.startswith("/"):
         variable, usual = _ON_LINUX[function_name]

@@ -1,4 +1,4 @@
-"""Settings of Python's garbage collector: rare while the program starts, and never for its permanent objects.
+"""Settings of Python's garbage collector: it runs rarely during the start, and never examines permanent objects.
 
 A start creates modules and tables and hardly any garbage; repeated collections took a fifth of the time until the first
 answer. Afterwards Python's usual thresholds apply, because a long collection would delay a stop.

@@ -1,6 +1,6 @@
 """Commands for the user to type, for the environment in which this process runs.
 
-Commands have absolute paths, because the user may be in another folder, and the shell may find another pip and no
+Commands have absolute paths, because the user may be in another folder, and the shell may find another pip, or no
 mount-gateway. mount-gateway may also be a single file that contains Python and all packages (pyinstaller). Then
 ``sys.executable`` is this file, which does not accept ``-m``.
 """

@@ -46,7 +46,7 @@ def candidates() -> Iterator[Path]:
 
 
 def temp_folder() -> Path:
-    """Return the temporary folder, without ``tempfile`` on POSIX: it chooses another folder if the disk is full."""
+    """Return the temporary folder; on POSIX without ``tempfile``, which chooses another folder if the disk is full."""
     if os.name == "posix":
         return Path(os.environ.get("TMPDIR") or "/tmp")
     import tempfile

@@ -60,8 +60,8 @@ class PacedLine:
 class BaudTrial:
     """Changes the baud rate of a client's port, and changes it back if no command is understood at the new rate.
 
-    ``:SB<n>#`` is acknowledged at the old rate; then both sides change (Meade protocol revision L, :SB). Without the
-    change back, a client that keeps the old rate is lost. ``change_baud`` sets the rate and returns the old rate.
+    ``:SB<n>#`` is acknowledged at the old rate; then both sides change (Meade protocol revision L, :SB). The change
+    back serves a client that has kept the old rate. ``change_baud`` sets the rate and returns the old rate.
     """
 
     def __init__(self, change_baud: Callable[[int], int]) -> None:
@@ -77,7 +77,7 @@ class BaudTrial:
         self._timer = asyncio.get_running_loop().call_later(TRIAL_TIME, self._restore)
 
     def confirm(self) -> None:
-        """A command was understood: keep the rate."""
+        """Keep the new rate, because a command was understood."""
         self.cancel_fallback()
         self._old_baud = None
 

@@ -1,4 +1,4 @@
-"""A symbolic link to a device, at a path that one gateway holds at a time.
+"""A symbolic link to a device, at a path that only one gateway can use at a time.
 
 A dangling link is replaced. So is a link that a killed gateway of this user left behind, as its lock file shows. Other
 links, and files of any other kind, belong to other programs and are not changed.
@@ -20,7 +20,7 @@ SERIAL_PORT_GROUPS = ("dialout", "uucp")
 
 
 class DeviceLink:
-    """Holds the link at ``path`` (made absolute) until ``close``. Raises UserError."""
+    """A link at ``path``, which is locked for this gateway until ``close``. Raises UserError if it is not usable."""
 
     def __init__(self, path: str) -> None:
         self.path = os.path.abspath(os.path.expanduser(path))
@@ -65,7 +65,7 @@ class DeviceLink:
         self._target = target
 
     def close(self) -> None:
-        """Remove the link, unless another program has replaced it, and release the name."""
+        """Remove the link, unless another program has replaced it, and unlock its path."""
         with contextlib.suppress(OSError):
             if self._target and os.readlink(self.path) == self._target:
                 os.unlink(self.path)

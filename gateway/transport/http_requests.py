@@ -18,7 +18,7 @@ READ_ONLY_KEY: web.AppKey[Callable[[web.Request], bool]] = web.AppKey("read only
 
 
 def log_refused_request(request: web.Request, reason: str, logs: Iterable[WireLog]) -> None:
-    """Record for ``status`` of each mount that a request is refused, and log it once per host."""
+    """Log in each of ``logs`` that a request is refused, once per host; ``status`` shows the refusal, too."""
     host = request.remote or "?"
     for log in logs:
         log.log_rejection(host, f"request from {host} over HTTP refused: {reason}", host)

@@ -1,9 +1,9 @@
 """The connection to a mount that is reached over HTTP: each written line is a request, each reply is a line.
 
 A protocol's ``HttpDialect`` converts both. Only the reply to the newest request is delivered, because the caller has
-given up the earlier ones. A read or stop whose connection was closed is sent again. If a motion command is unanswered
-when a stop is sent, the mount may begin that motion after it: so the stop is repeated for some seconds, and once after
-that answer. Connections stay open, unless the server serves one at a time. An unreachable server is a lost line.
+given up the earlier ones. A read or stop whose connection was closed is sent again. While a motion command is
+unanswered, its motion may begin after a later stop. So the stop is repeated for some seconds, and once after the
+command's answer. Connections stay open, unless the server serves one at a time. An unreachable server is a lost line.
 """
 
 from __future__ import annotations
@@ -202,8 +202,8 @@ class HttpWire:
 
 
 def request_bytes(url: str, request: HttpRequest) -> bytes:
-    """Return the bytes of a request with its fields in the body, for a process without an HTTP library. It asks the
-    server to close the connection after the answer, because the server may serve only one connection at a time."""
+    """Return a request as bytes, with its fields in the body, for a process without an HTTP library. The request asks
+    the server to close the connection after the answer, because the server may serve one connection at a time."""
     body = urlencode(request.fields)
     return (
         f"{request.method} {request.path} HTTP/1.1\r\nHost: {urlsplit(url).netloc}\r\nConnection: close\r\n"

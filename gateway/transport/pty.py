@@ -23,15 +23,15 @@ from gateway.transport.handler import Accept, ConnectionHandler, NewConnection
 
 #: Linux: struct termios2, whose last member is the output rate in baud.
 TCGETS2, TERMIOS2 = 0x802C542A, struct.Struct("=4IB19s2I")
-#: Bytes of a read, and the number of reads until other connections are served.
+#: Maximum number of bytes of a read, and number of reads until other connections are served.
 CHUNK_BYTES, READS_PER_TURN = 4096, 8
 
 
 class PtyPort:
     """A virtual serial port. Raises UserError if the system has no pseudo-terminals, or the path cannot be used.
 
-    It accepts every baud rate and setting, without effect. With ``baud`` it behaves like a real port: a program that
-    has set another rate is not understood and understands nothing.
+    It accepts every baud rate and setting, without effect. With ``baud`` it behaves like a real port: if a program
+    has set another rate, the bytes in both directions are garbled.
     """
 
     def __init__(self, path: str, accept: Accept, baud: int | None = None) -> None:
@@ -102,7 +102,7 @@ class PtyPort:
             os.write(self._pair.master, data)
 
     def _disconnect(self) -> None:
-        """The last program has closed its end: end the connection, and reset the port for the next program."""
+        """End the connection after the last program has closed its end, and reset the port for the next program."""
         handler, self._handler, self._peer_closed = self._handler, None, False
         if handler is not None:
             handler.close()

@@ -1,6 +1,6 @@
 """Limits the number of connections, in total and for each client address.
 
-An address gets at most three quarters of them, this computer all. The last are for addresses without a connection.
+An address gets at most three quarters of them, this computer all. The last are reserved for addresses that have none.
 """
 
 from __future__ import annotations
@@ -10,19 +10,19 @@ from ipaddress import ip_address
 
 from gateway.system.own_names import plain_address
 
-#: Number of places reserved for addresses without a connection.
+#: Number of connections reserved for addresses without a connection.
 RESERVED_PLACES = 2
 
 
 class ConnectionQuota:
-    """A limited number of connections: ``capacity`` places."""
+    """Counts the connections of each address, and admits at most ``capacity`` connections in total."""
 
     def __init__(self, capacity: int) -> None:
         self._capacity = capacity
         self._count_by_address: Counter[str] = Counter()
 
     def acquire(self, host: str) -> bool:
-        """Take a place for this host, and return whether any was free."""
+        """Count one more connection of this host if the limits allow it. Return whether they do."""
         address, free = plain_address(host), self._capacity - self._count_by_address.total()
         has = self._count_by_address[address]
         if has >= host_capacity(address, self._capacity) or free <= (RESERVED_PLACES if has else 0):
@@ -31,12 +31,12 @@ class ConnectionQuota:
         return True
 
     def release(self, host: str) -> None:
-        """Free the place of a closed connection of this host."""
+        """Count one connection of this host less, because it has closed."""
         self._count_by_address -= Counter([plain_address(host)])
 
 
 def host_capacity(host: str, capacity: int) -> int:
-    """Return how many of ``capacity`` places one host may have; this computer and a serial line may have all."""
+    """Return how many of ``capacity`` connections one host may have; this computer or a serial line may have all."""
     try:
         loopback = ip_address(plain_address(host)).is_loopback
     except ValueError:

@@ -83,7 +83,7 @@ class _Connection(asyncio.BufferedProtocol):
             self._transport.resume_reading()
 
     def eof_received(self) -> bool:
-        """The client sends no more but may still read: it gets all its replies before the connection is closed."""
+        """The client sends no more but may still read: close the connection when it has got all its replies."""
         if self._handler is not None:
             self._handler.peer_closed()
         self._close_when_answered()
@@ -108,13 +108,13 @@ class _Connection(asyncio.BufferedProtocol):
         return 0
 
     def pause_writing(self) -> None:
-        """The client does not read: close the connection rather than keep its replies for ever."""
+        """Close the connection of a client that does not read, rather than keep its replies for ever."""
         self.abort()
 
     def _hang_up(self, last_bytes: bytes) -> None:
         """Send the last bytes, then discard input for a while before closing.
 
-        If it is closed with unread bytes, the system resets it, and the client might never read the last bytes.
+        The system resets a connection that is closed with unread input; then the client might miss the last bytes.
         """
         loop = asyncio.get_running_loop()
         if last_bytes:

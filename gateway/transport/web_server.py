@@ -77,7 +77,7 @@ class WebServer:
             protocol.data_received(received)
 
     def load_task(self) -> asyncio.Task[None]:
-        """Return the task that loads the application. It is loaded once."""
+        """Start to load the application, unless that was started before. Return the task that loads it."""
         if self._load_task is None:
             self._load_task = asyncio.ensure_future(self._start())
         return self._load_task
@@ -214,7 +214,7 @@ class HttpConnection(asyncio.Protocol):
 
 
 async def _answer_whole_request(request: Any, handler: Callable[[Any], Awaitable[Any]]) -> Any:
-    """Answer a request after its whole body has arrived, because half a body could mean something else."""
+    """Answer a request after its whole body has arrived, because a part of it could mean something else."""
     connection = request.transport.get_protocol() if request.transport is not None else None
     await request.read()
     if not isinstance(connection, HttpConnection):

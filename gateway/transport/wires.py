@@ -50,10 +50,10 @@ class Transport(Protocol):
     name: str
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
-        """Raises OSError when the port cannot be opened."""
+        """Open the port: ``on_data`` gets received bytes, ``on_lost`` the reason if it is lost. Raises OSError."""
 
     def write(self, data: bytes) -> None:
-        """Raises OSError if the port is closed or lost."""
+        """Send bytes. Raises OSError if the port is closed or lost."""
 
     async def close(self) -> None: ...
 
@@ -118,7 +118,7 @@ class SerialTransport:
             raise OSError(errno.EIO, f"only {written} of {len(data)} bytes could be written")
 
     def set_baud(self, baud: int) -> None:
-        """Change the baud rate of the open port only. Raises OSError for a rate that the port does not support."""
+        """Change the baud rate of the open port at once. Raises OSError for a rate that the port does not support."""
         try:
             assert self._port is not None
             self._port.baudrate = baud
@@ -208,7 +208,7 @@ def open_port(url: str, baud: int) -> Serial:
         ) from None
 
 
-#: Connects to a simulated mount. Its argument delivers (seconds, bytes) later; it returns a function: bytes -> reply.
+#: Connects to a simulated mount. The argument delivers bytes after some seconds. Returns a function: bytes -> reply.
 SimulatedConnection = Callable[[Callable[[float, bytes], None]], Callable[[bytes], bytes]]
 
 

@@ -2,7 +2,7 @@
 
 Each protocol has an acceptor, as on a port of its own. Once the protocol is known, that acceptor's connection gets the
 received bytes directly. A client that sends nothing for some seconds gets the greeting of the protocol whose clients
-wait for one; its first byte then decides the protocol. An incomplete command that is not continued within a second is
+wait for one; the client's first byte then decides. An incomplete command that is not continued within a second is
 dropped. Access rules and the maximum number of clients apply to all protocols together.
 """
 
@@ -21,12 +21,12 @@ from gateway.transport.web_server import NO_PAGE_RESPONSE, WebServer, response_b
 
 #: Seconds after which a silent client gets a greeting, and after which an incomplete command is dropped.
 GREETING_DELAY, INCOMPLETE_TIMEOUT = 3.0, 1.0
-#: The maximum number of idle bytes stored before the first command.
+#: The maximum number of stored bytes that belong to no command and precede a client's first command.
 MAX_IDLE_BYTES = 64
 
 
 class AnyProtocolConnection:
-    """A connection to a port for every protocol; it recognises the client's one. ``closed`` is called when it ends."""
+    """A connection to a port for every protocol; finds out the client's protocol. ``closed`` is called at its end."""
 
     def __init__(self, port: AnyProtocolAcceptor, connected: NewConnection, closed: Callable[[], None]) -> None:
         self._acceptors, self._web, self._controller, self._closed = (port.acceptors, port.web, port.controller, closed)

@@ -1,8 +1,8 @@
 """Decides from the first bytes of a connection which protocol the client speaks.
 
-The decision follows from the protocols' specifications and command tables: a whole command of a protocol has arrived,
-or the bytes can only become a command of one protocol. HTTP is recognised by its methods; bytes that may become a
-method are not decided yet. Bytes of no protocol, or of several, count as the first protocol's; the log says why.
+The protocols' specifications and command tables decide: a whole command of a protocol has arrived, or the bytes can
+only become a command of one protocol. HTTP is recognised by its methods; bytes that may become a method are not decided
+yet. If a command fits several protocols, the first of them is chosen; bytes that fit none go to the first protocol.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def decide(received: bytes) -> Decision | None:
 
 
 def shared_prefix_length(protocol: str, received: bytes) -> int:
-    """Return how many of the first bytes are commands with which clients of another protocol may begin, too."""
+    """Return the length of the leading commands of ``protocol`` that clients of another protocol may send, too."""
     pattern = PROTOCOLS[protocol].shared_openings
     match = re.match(pattern, received) if pattern is not None else None
     return match.end() if match is not None else 0

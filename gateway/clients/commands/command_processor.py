@@ -53,7 +53,7 @@ class ArrowReleases:
         self._recent: dict[bytes, float] = {}
 
     def find_end(self, frame: bytes, ending: UrgentEnd, now: float, running: PendingCommand | None) -> UrgentEnd | None:
-        """Return the motion that a command ends; None if it releases an arrow whose press still waits."""
+        """Return what the command ``frame`` must end now; None if it releases an arrow whose press still waits."""
         release = ending.operation
         if not isinstance(release, StopAxis):
             return ending
@@ -78,9 +78,9 @@ class ArrowReleases:
 class Pusher:
     """Sends the readings that a client has subscribed to, at their periods, without a request for each.
 
-    Each has its own timer, so that a slow reading does not delay the others. A reading that the mount cannot give now
-    is skipped, and so is a reading that falls due while earlier bytes are unread. ``read_operation`` returns a reading
-    in the client's equinox, ``send_bytes`` writes bytes, ``count_unsent`` returns how many bytes are unread.
+    Each subscription has a task of its own, so that a slow reading does not delay the others. A reading is skipped if
+    the mount cannot give it, or if the client has not read the earlier bytes. ``read_operation`` returns a reading in
+    the client's equinox, ``send_bytes`` writes bytes, ``count_unsent`` returns how many bytes are still unsent.
     """
 
     def __init__(
@@ -223,12 +223,12 @@ class CommandProcessor:
             self._answer_waiting_commands()
 
     def _feed_held(self, stop_count: int | None) -> None:
-        """Process what the framer has held back, unless the client has gone or more has arrived."""
+        """Process the bytes that the framer still holds back, unless the connection is closed."""
         if self.is_open and self.framer.holds_bytes:
             self.feed(b"", stop_count)
 
     def _answer_from_cache(self, data: bytes) -> bool:
-        """Send the cached reply to this command if it is still valid. Return whether it was."""
+        """Send the cached reply to this command if it is still valid. Return whether it was sent."""
         controller = self.controller
         now = controller.now()
         cached = self._reply_cache.reply(data, now)
@@ -282,7 +282,7 @@ class CommandProcessor:
             self._detach(pending)
 
     def _give_up(self, pending: PendingCommand) -> None:
-        """The mount has not answered in time: continue with the next command, and drop a late reply to this command."""
+        """Continue with the next command, because the mount has not answered in time; drop a late reply to this one."""
         self._waits_past_timeout = pending.is_long_operation and not self._inbox
         if pending is self._waiting_command and not self._waits_past_timeout:
             self._detach(pending)
@@ -366,7 +366,7 @@ class CommandProcessor:
             self.write(data)
 
     def close(self) -> None:
-        """The connection is closed: its operations continue, their replies are dropped."""
+        """End the work for a closed connection: its operations continue, but their replies are dropped."""
         self.is_open = False
         self.write = lambda data: None
         self.unread_text.drop()

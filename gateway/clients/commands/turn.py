@@ -103,9 +103,9 @@ class Inbox(deque[PendingCommand]):
         return count
 
     def note_release(self, presses: frozenset[bytes], now: float) -> bool:
-        """Record how long the newest waiting press was held, and remove the earlier presses. Return whether one waits.
+        """Record how long the newest waiting press of an arrow was held, and remove the earlier presses.
 
-        ``presses`` are the commands that press this arrow. A press that has waited too long to be a tap does not count.
+        ``presses``: its press commands. Return False and do nothing if none waits, or the newest is too old.
         """
         waiting = [pending for pending in self if pending.frame in presses]
         if not waiting or now - waiting[-1].arrived_at > MAX_TAP_TIME:
@@ -165,7 +165,7 @@ MAX_BACKGROUND_OPERATIONS = 16
 
 
 class BackgroundOperations:
-    """The operations of a client that run without a reply; truthy while any runs."""
+    """Runs the operations of a client that have no reply; true as a condition while any of them runs."""
 
     def __init__(self, controller: MountController, log: ClientLog, activity: HostActivity) -> None:
         self._controller, self._log, self._activity = controller, log, activity
@@ -175,7 +175,7 @@ class BackgroundOperations:
         return bool(self._operations)
 
     def start(self, operation: op.Operation, stop_count: int, asked_at: float) -> None:
-        """Start an operation without a reply, requested at loop time ``asked_at``. Log a failure."""
+        """Start an operation, requested at loop time ``asked_at`` after ``stop_count`` stops. Log a failure."""
         controller = self._controller
         if isinstance(operation, MOVERS) and stop_count != controller.stops:  # a stop came since, or the client is gone
             return
@@ -201,7 +201,7 @@ LONG_OPERATION = op.ClockFromGps
 
 
 class CommandRunner:
-    """Runs the commands of a client. ``rights``: what it may do. ``equinox_converter`` converts its coordinates."""
+    """Runs the commands of a client. ``rights``: what the client may do; ``equinox_converter``: for its coordinates."""
 
     def __init__(
         self,
@@ -296,7 +296,7 @@ class CommandRunner:
             )
 
     def _refusal(self, operation: op.Operation, arrived_at: float) -> Fault | None:
-        """Return the fault if the client may not request this operation, or it is too late; log the refusal."""
+        """Return a fault if the client may not request an operation, or requested it too long ago. Log the refusal."""
         late = self._controller.now() - arrived_at
         if late > MAX_START_DELAY and (
             isinstance(operation, HAND_MOTIONS)  # a motion or a sync is not done after its reply is too late

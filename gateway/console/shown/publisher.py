@@ -1,8 +1,8 @@
 """Publishes the state of all mounts: while a page is open, one task makes the same message for all pages.
 
 The message is encoded once for all pages: ten times a second while a mount moves or something has changed, else
-once a second. The state of a mount takes 0.1 ms. Its abilities, the reply times of its line, the connected clients with
-their last commands and the bodies of the sky are cached for longer.
+once a second. Collecting the state of a mount takes 0.1 ms. The mount's abilities, the connected clients with their
+last commands, and Sun, Moon and planets are cached for longer.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ MAX_ANSWER_TIMES = 240
 AnswerSample = tuple[float, float | None]
 #: For how many clients the last command is stored; how many bytes of it are shown.
 MAX_CLIENTS, MAX_COMMAND_BYTES = 200, 40
-#: Cache times in seconds: for Sun, Moon and planets; for these while some are missing; for clients and abilities.
+#: Cache times in seconds: for all bodies of the solar system; while some are missing; for clients and abilities.
 BODIES_CACHE_TIME, BODIES_RETRY_TIME, OTHER_CACHE_TIME = 10.0, 1.0, 1.0
 #: Seconds of answer times that a message contains.
 ANSWER_TIMES_WINDOW = 3.0
@@ -56,7 +56,7 @@ class AnswerTimes:
             self.samples.append((round(entry.time, 3), None if failed else round((entry.time - self._asked) * 1e3, 1)))
 
     def newest(self, now: float) -> list[AnswerSample]:
-        """Return the answer times of the last seconds, also those sent before, because a page may miss a message."""
+        """Return the answer times of the last seconds, including some already sent: a page may miss a message."""
         return [sample for sample in self.samples if sample[0] > now - ANSWER_TIMES_WINDOW]
 
 

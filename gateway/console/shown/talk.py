@@ -68,14 +68,14 @@ class ConversationView:
                 }  # fmt: skip
 
     def _surface(self, entry: Entry) -> str:
-        """Return the surface of an entry's connection, looked up again when the connection's protocol is recognised."""
+        """Return the surface of an entry's connection; look it up again if the entry reports the client's protocol."""
         side, known = entry.side, self._surfaces
         if side not in known or entry.arrow == "~":
             known[side] = "" if side == MOUNT_SIDE else surface_by_connection(self._gateway).get(side, "")
         return known.pop(side) if entry.arrow == "-" else known[side]
 
     def _command_number(self, entry: Entry) -> int | None:
-        """Return the number of the client's command to which an entry belongs, by their order; None if unknown."""
+        """Return the number of the client's command that caused an entry, judged by order and time; None if unknown."""
         if entry.side != MOUNT_SIDE and entry.arrow == ">":
             self._last_command_number += 1
             self._unanswered[entry.side] = (self._last_command_number, entry.time)

@@ -58,8 +58,8 @@ def in_page_wording(text: str) -> str:
 
 
 def abilities(controller: MountController) -> dict[str, Any]:
-    """Return the functions of the page that the mount supports, its guide rates, its speeds by key, and its park
-    position; None while unknown."""
+    """Return which functions of the page the mount supports, its guide rates, its speeds for the keys 1 to 9, and its
+    park position; each is None while unknown."""
     status = controller.cache.last_or_forgotten(op.GetStatus)
     if not controller.identified.is_set() or status is None:
         return {"can": None, "guides": None, "speeds": None, "park": None}

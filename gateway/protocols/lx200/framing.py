@@ -95,7 +95,7 @@ class Lx200Framer:
         self._pending_colon = self._before_pause = False
 
     def _begin_burst(self) -> None:
-        """Begin a burst after a pause: nothing is suspect, and of an unterminated text only a partial stop is kept."""
+        """Begin a burst after a pause: nothing is suspect. Report an unterminated text; keep only a partial stop."""
         self._is_suspect = False
         self._before_pause = bool(self._frame)
         if self._unterminated:
@@ -110,7 +110,7 @@ class Lx200Framer:
         self._unterminated = {}
 
     def end(self) -> list[Unterminated]:
-        """Handle the end of the connection; return an incomplete command with an argument, so that it is refused."""
+        """Handle a disconnection; return an incomplete command with an argument, as the caller has to refuse it."""
         self._frames, self._before_pause = [], True
         self.dropped.clear()
         if self._unterminated:
@@ -138,7 +138,7 @@ class Lx200Framer:
             self.dropped.add(piece, reason)
 
     def _extend_unterminated(self, piece: bytes, name: str | None) -> None:
-        """Add a piece to the unterminated text: its bytes for the log, and its command, whose setting is cleared."""
+        """Add a piece to the unterminated text (for the log), and its command, whose setting the refusal clears."""
         self._unterminated_text += piece[: MAX_COMMAND_LENGTH - len(self._unterminated_text)]
         if name is not None:
             self._unterminated[name] = None

@@ -145,7 +145,7 @@ class Lx200ReplyRules:
         return self._protocol if self._driver is None else self._driver.protocol
 
     def expected_reply(self, request: Send) -> ExpectedReply:
-        """Return the expected reply. ACK has no terminator, so some devices read the next command as the rest of it."""
+        """Return the expected reply. An unanswered ACK needs a # after it, as some devices wait for a terminator."""
         return _expected(self.protocol, request.command, request.once, request.include_raw)
 
     def in_mount_notation(self, command: str, reply: bytes) -> bytes:
@@ -230,7 +230,7 @@ def _form_texts(protocol: CommandSet, command: str) -> tuple[str, ...]:
 
 @cache
 def _undocumented_digits(protocol: CommandSet, command: str) -> frozenset[bytes]:
-    """Return the digits without a documented meaning as replies to a command that may also reply with a text."""
+    """Return the digits that are no documented success of a command that may also reply with a text."""
     replies = [(reply.fault, str(template.source)) for reply, template in protocol.commands[command].replies]
     if protocol.commands[command].is_query or not any("{text" in source for _, source in replies):
         return frozenset()

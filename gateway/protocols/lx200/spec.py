@@ -85,14 +85,14 @@ def _make_simulator(model: str | None, version: str | None, **settings: Any) -> 
 
 
 def _lx200_confidence(sent: bytes) -> float:
-    """Recognise text after a colon, and the two commands that begin differently (ACK, ``$Q``)."""
+    """Return 1.0 if the bytes begin with a colon, ACK or ``$`` and contain a colon or ACK; else 0.0."""
     begins = sent.lstrip(b"#")[:1] in (b":", ACK, b"$")
     return 1.0 if begins and (b":" in sent or ACK in sent) else 0.0
 
 
 def _protocol_by_ack(received: bytes, quiet_seconds: float) -> str | None:
-    """Judge the answer to ACK: a Meade sends one letter, a D if it waits for new firmware. An OnStep takes the bytes
-    before ACK for a command, and refuses that first.
+    """Return the protocol that the answer to ACK shows, or None. A Meade sends a letter, a D if it waits for firmware.
+    An OnStep takes the bytes before ACK for a command: it sends a 0, which refuses that command, before its letter.
     """
     received = received.removeprefix(b"0").strip().removesuffix(b"#")
     if len(received) != 1 or quiet_seconds < ACK_QUIET_PERIOD:
@@ -101,7 +101,7 @@ def _protocol_by_ack(received: bytes, quiet_seconds: float) -> str | None:
 
 
 def _hint(frame: bytes) -> str:
-    """Suggest the command with the colon or the hash sign that may be missing."""
+    """Return a text that suggests the command with the missing colon or hash sign; empty if there is none."""
     whole = b":" + frame.strip(b":#") + b"#"
     if load(NAME).find(whole) is None:
         return ""

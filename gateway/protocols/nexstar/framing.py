@@ -77,7 +77,7 @@ class PartialCommand:
         self._first = b""
 
     def add(self, data: bytes) -> list[bytes]:
-        """Add bytes to the burst, and return the ends of motions that they complete."""
+        """Add bytes to the burst; return the commands that they complete if these end a motion."""
         self._first = self._first or data
         self.burst += data
         frames = dict(self._split(0)[0]) | dict(self._split(self.missing)[0])
@@ -87,7 +87,7 @@ class PartialCommand:
         return new
 
     def skip_part(self) -> None:
-        """Note that the burst was a part of the end: expect the remainder."""
+        """Count the burst as a part of the missing bytes, and expect the rest of them."""
         self.missing, self._pos = self.missing - len(self.burst), self._pos + len(self.burst)
         self.burst.clear()
         self._passed_positions.clear()

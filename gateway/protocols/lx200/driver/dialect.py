@@ -1,4 +1,4 @@
-"""Reads what another maker's controller, such as an OnStep, reports, as the table of its dialect describes it.
+"""Reads the status reports of another maker's controller, such as an OnStep, by the table of its dialect.
 
 A status report answers all status queries for some seconds, unless a command is sent. If the controller's own timer
 ends the motion of an arrow (a direction key) that the client has not released, the gateway presses the arrow again.
@@ -109,7 +109,7 @@ def _read_number(mount: Lx200Driver, command: str) -> Steps:
 
 
 class CheckArrow(Operation, frozen=True):
-    """Internal: check whether an arrow still moves the mount; ``seen_moving_at`` is when it was last seen to do so."""
+    """Internal: check whether an arrow still moves the mount; ``seen_moving_at`` is when a report last showed that."""
 
     axis: int
     pressed_at: float
@@ -125,8 +125,8 @@ def schedule_check(mount: Lx200Driver, axis: int) -> Steps:
 def check_arrow(mount: Lx200Driver, operation: CheckArrow) -> Steps:
     """Press an arrow again if the controller's timer has ended its motion and the client has not released it.
 
-    A motion that ended at any other time met a limit or was stopped at the keypad: it is not begun again. A release
-    of the arrow waits for this check, so the timeout is short, and a reply that shows motion is not verified.
+    A motion that ended at any other time met a limit or was stopped at the keypad, so the arrow is not pressed again.
+    A release of the arrow waits for this check: so the timeout is short, and a reply that shows motion is not verified.
     """
     axis, letter = operation.axis, mount.moving.get(operation.axis)
     if not letter:

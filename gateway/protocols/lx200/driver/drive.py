@@ -1,7 +1,7 @@
 """Tracking, drive rates, and accessories: smart drive (PEC), backlash, focuser.
 
 Commands for drive rates have no reply, so the displayed frequency is read back; a guide rate cannot be read back.
-Tracking is only turned off on telescopes that report it (:GW#): on others this begins a new alignment.
+Tracking is only turned off on telescopes that report it (:GW#): on others the command begins a new alignment.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ _FAST_FOCUS = 3
 
 
 def set_tracking(mount: Lx200Driver, operation: op.SetTracking) -> Steps:
-    """:AL off, :AA or :AP on, only on models that report :GW, because on others these commands destroy the alignment.
-    Mounts of other makers have commands without side effects.
+    """Turn tracking off (:AL) or on (:AA, :AP), only on models with :GW: on others this destroys the alignment.
+    Mounts of other makers have commands of their own that keep the alignment.
 
     Nothing is sent if the telescope already reports the requested state: the user may have changed it on the hand
     control. In land mode that report is not trusted, because it may be T during a slew. Raises Refused if the operation
@@ -73,7 +73,7 @@ def emulate_wake(mount: Lx200Driver, _: op.Wake) -> Steps:
 
 
 def set_drive_rate(mount: Lx200Driver, operation: op.TrackRate) -> Steps:
-    """:TQ :TS :TL, or any other rate in hertz; 60.1 to 60.2 is sidereal. Raises Refused outside the model's range."""
+    """Set the drive rate: by :TQ :TS :TL, or in hertz (60.1 to 60.2 is sidereal). Raises Refused beyond the range."""
     mount.drive_hertz_shown, mount.drive_rate_read_at = None, -math.inf
     yield from _send_drive_rate(mount, operation)
 
@@ -142,7 +142,7 @@ def drive_rate(mount: Lx200Driver, _: op.DriveRate) -> Steps:
 
 
 def _set_named_rate(mount: Lx200Driver, rate_name: str) -> Steps:
-    """Set a named rate, retry once, raise Refused if another rate is displayed. Only lunar differs from the others."""
+    """Set a named rate and read it back: only lunar can be told from the others. Retry once; raises Refused."""
     for _ in range(2):
         yield from ask(mount, _COMMAND_BY_DRIVE_RATE[rate_name])
         shown = (yield from ask(mount, "GT"))["hertz"]
@@ -157,7 +157,7 @@ def set_backlash(mount: Lx200Driver, operation: op.Backlash) -> Steps:
 
 
 def switch_pec(mount: Lx200Driver, operation: op.PeriodicError) -> Steps:
-    """Turn PEC on or off: :$QZ :$QA. A classic only toggles it (:$Q), so its state is counted from power-on."""
+    """Turn PEC on or off: :$QZ :$QA. A classic can only toggle it (:$Q), and is taken to be off at power-on."""
     wanted = not mount.pec_axes if operation.on is None else operation.on
     axes = (1, 2) if operation.axis is None or not mount.supports("$QZ+") else (operation.axis,)
     if mount.supports("$QZ+"):

@@ -1,10 +1,10 @@
 """How a motion ends on a Meade: the end command is sent twice, and changed rates are restored a moment later.
 
-A Meade acknowledges no end command, so the first may be lost. It is repeated when the line is free, but not if a newer
-motion has begun on the same axes, or if the mount was at rest. A telescope that is computing accepts only :Q#; other
-repetitions wait until it accepts them. No Meade reports its fastest rate, the rates of its axes or its guide rate, and
-changed rates would affect its own hand control: so the gateway restores those at power-on, or those that a program has
-set since. For an OnStep, which reports the rate of its arrows, that rate is restored.
+A Meade acknowledges no end command, so the first may be lost. The gateway repeats it when the line is free, unless a
+newer motion has begun on the same axes or the mount was at rest. A telescope that is computing accepts only :Q#, so any
+other repetition waits. Rates that a motion has changed would affect the hand control. No Meade reports its fastest
+rate, the rates of its axes or its guide rate. So the gateway restores the values at power-on, or those that a program
+has set since then. An OnStep reports the rate of its arrows: the gateway restores the reported rate.
 """
 
 from __future__ import annotations

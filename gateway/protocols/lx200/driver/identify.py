@@ -91,7 +91,7 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
 
 
 def _detect_pushed_by_hand(mount: Lx200Driver) -> Steps:
-    """Detect a telescope that is pushed by hand: it always shows bars and stands still."""
+    """Note whether the user pushes the telescope by hand: :D then shows bars although the position does not change."""
     places: list[Equatorial] = []
     for _ in range(POSITION_READS):
         if not ((yield from _probe(mount, "D")) or {"bars": ""})["bars"].strip():
@@ -106,7 +106,7 @@ def _detect_pushed_by_hand(mount: Lx200Driver) -> Steps:
 
 
 def ask_repeatedly(mount: Lx200Driver, command: str, times: int) -> Steps:
-    """Send an important question so many times at most, because replies may be lost; return its fields or None."""
+    """Send a query up to ``times`` times, because replies may be lost; return the fields of its reply, or None."""
     answer = None
     for _ in range(times):
         if answer is None:
@@ -116,7 +116,7 @@ def ask_repeatedly(mount: Lx200Driver, command: str, times: int) -> Steps:
 
 
 def _probe(mount: Lx200Driver, command: str, unverified_ok: bool = False) -> Steps:
-    """Send a question that may stay unanswered; return its fields or None. Raises NoAnswer if the line is down."""
+    """Send a query once; return the fields of its reply, None if unusable. Raises NoAnswer if the line is down."""
     if command in mount.mute or command not in mount.protocol.commands:
         return None
     try:
@@ -151,8 +151,8 @@ def _is_low_precision(answer: Mapping[str, object]) -> bool:
 def switch_to_high_precision(mount: Lx200Driver) -> Steps:
     """Switch to high precision: read :GR, toggle (:U) if the reply is short, read again; return the last reply.
 
-    Another maker's mount is not switched, because it has questions that it answers in high precision in any mode. If it
-    does not answer those, such as a TeenAstro before 1.5, it counts as an unknown controller.
+    Another maker's mount is not switched, because it answers some queries in high precision in any mode. A mount that
+    does not answer these queries, such as a TeenAstro before 1.5, counts as an unknown controller.
     """
     mount.low, began = False, mount.now()
     for attempt in range(3):
@@ -187,7 +187,7 @@ def read_status(mount: Lx200Driver) -> Steps:
     So its last report at rest counts during a motion. Another maker's mount is asked during a motion too.
     """
     command = mount.status_command
-    if mount.product and not mount.has_status and command not in mount.mute:  # it was too busy when it was identified
+    if mount.product and not mount.has_status and command not in mount.mute:  # too busy at identification
         mount.has_status = (yield from _probe(mount, command)) is not None
     if mount.dialect and mount.has_status:
         mount.last_report = None
@@ -228,8 +228,8 @@ def read_status(mount: Lx200Driver) -> Steps:
 def _in_land_mode(mount: Lx200Driver) -> Steps:
     """ACK -> whether the alignment mode is L (land).
 
-    A polar telescope in land mode may report an A in ``:GW#``, and a T while it slews. Its last report of the mounting
-    counts then. If the user has taken the telescope off the wedge, the alignment mode is A.
+    A polar telescope in land mode may report the mounting A in ``:GW#``, and T (tracking) while it slews. So the
+    mounting reported before counts. The alignment mode is A only if the user has taken the telescope off its wedge.
     """
     answer = yield from _probe(mount, "ACK")
     return answer is not None and answer["mode"] == "L"

@@ -107,7 +107,7 @@ def _log_deviation(requested: float, actual: float) -> Steps:
 
 
 def _begin_motion(mount: Lx200Driver, axis: int, letter: str, rate: op.Rate, speed: Speed | None) -> Steps:
-    """Begin a motion by hand at ``speed``; None: at the named rate. A speed without a command is tracking alone."""
+    """Begin a motion by hand at ``speed``; None: at the named rate. A speed without a command needs no arrow key."""
     mount.check_movable()
     old = mount.moving.get(axis)
     none = speed is not None and speed.command is None
@@ -228,7 +228,7 @@ def pulse_axis(mount: Lx200Driver, operation: op.PulseAxis) -> Steps:
 
 
 def _pulse_rate(mount: Lx200Driver, fraction: float) -> Steps:
-    """Return the mount's pulse rate, a fraction of sidereal: of several, the slowest not below ``fraction``."""
+    """Return the mount's pulse rate, a fraction of sidereal; if it has several, the slowest not below ``fraction``."""
     if not (pulses := mount.dialect.get("pulses")):
         return 1.0
     speeds = {name: mount.speeds.get(name, SPEEDS["RG"]) / SPEEDS["RG"] for name in pulses["rates"]}

@@ -72,7 +72,7 @@ def get_clock(mount: Lx200Driver, _: GetClock) -> Steps:
 
 
 def read_gps(mount: Lx200Driver, _: GetGps) -> Steps:
-    """:gps until a sentence has site and time -> Gps; a receiver that is silent or off has no fix."""
+    """Read :gps sentences until one has site and time; return Gps, without a fix if the receiver is silent or off."""
     for _attempt in range(MAX_SENTENCES):
         try:
             position = parse_fix((yield Send("gps", timeout=SENTENCE_TIMEOUT))["text"])
@@ -84,7 +84,7 @@ def read_gps(mount: Lx200Driver, _: GetGps) -> Steps:
 
 
 def set_clock_from_gps(mount: Lx200Driver, _: ClockFromGps) -> Steps:
-    """:gT - takes minutes, during which the hand control is blocked. Raises Busy while the mount moves, NoDevice."""
+    """:gT - set the clock by GPS; blocks the hand control for minutes. Raises Busy while the mount moves, NoDevice."""
     if mount.goto is not None or mount.moving or mount.seeking:
         raise Busy("The mount is moving: it can set its clock by GPS when it stands still.")
     yield from ask(mount, "gT")
@@ -101,8 +101,8 @@ def _set_zone(mount: Lx200Driver, wanted_zone: float) -> Steps:
 
 
 def set_clock(mount: Lx200Driver, operation: SetClock) -> Steps:
-    """:SG :SL :SC - an offset of a quarter hour is rounded down to the half hour. If the telescope refuses the offset,
-    whole hours are tried, then an offset of 0. The local time is set to match, so that UTC is right.
+    """Set zone, time and date by :SG :SL :SC. An offset in quarter hours is rounded down to the half hour; if it is
+    refused, whole hours are tried, then an offset of 0. The local time is set to match, so that UTC is right.
     """
     ahead = operation.unix - mount.now()
     yield from _retry_once(lambda: _send_clock(mount, ahead, operation.offset * 2 // 1 / 2))

@@ -124,7 +124,7 @@ def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
 def _stands_still(mount: Lx200Driver, state: Lx200GotoState) -> bool:
     """Whether the position shows that the telescope has not moved for a while since it was sent to a goal.
 
-    False if the mount reports its state: then its bars are right, and an OnStep may wait for the user at the meridian.
+    False if the mount reports its status: its bars are reliable, and an OnStep may wait at the meridian for the user.
     """
     reports = mount.dialect and mount.has_status
     return state.purpose is None and not reports and state.position_read_at - state.moved_at > STILL_PERIOD
@@ -170,7 +170,7 @@ def begin_goto(mount: Lx200Driver, command: str, then_command: str | None = None
 
 
 def _send_goto(mount: Lx200Driver, command: str) -> Steps:
-    """Send a goto command. A model with ``by_effect`` may slew although it refuses: if bars show it, none is raised."""
+    """Send a goto command. A model with ``by_effect`` may refuse and yet slew: no refusal is raised if bars show it."""
     try:
         yield from ask(mount, command)
     except (BelowHorizon, TooHigh, Refused):
@@ -202,7 +202,7 @@ def stop_current_motion(mount: Lx200Driver) -> Steps:
 
 
 def abort_slew(mount: Lx200Driver, _: op.AbortSlew) -> Steps:
-    """:Q, also for a goto begun at the hand control; but not during a motion by hand alone, which :Q would end."""
+    """End a goto by :Q, also one begun at the hand control; send nothing if the mount is only moved by hand."""
     known = mount.goto is not None or mount.seeking
     by_hand = mount.moving or mount.pulsing or mount.now() < mount.pulses_until
     if known or not by_hand:

@@ -47,9 +47,9 @@ class Speed(Struct, frozen=True):
 
 
 class ModelSpeeds(Struct, frozen=True):
-    """The speeds of a model, degrees per second. ``guides``: it has :Rg; ``free``: :RA and :RE; ``has_max_speed``: :Sw,
-    which sets ``max_speed`` within ``max_speed_range``. ``hertz_range``: its drive rates, hertz. ``speeds``: another
-    maker's rate commands with their speeds, which are added to tracking.
+    """The speeds of a model, degrees per second. ``guides``: whether it has :Rg (guide rate); ``free``: whether it
+    has :RA and :RE (any rate of an axis); ``has_max_speed``: whether it has :Sw, which sets the speed of :RS to a
+    value in ``max_speed_range``. ``hertz_range``: drive rates, hertz. ``speeds``: another maker's speeds, by command.
     """
 
     guides: bool

@@ -35,7 +35,7 @@ _COMMAND_BY_KEY = {1: "RG", 2: "RG", 3: "RC", 4: "RC", 5: "RC", 6: "RM", 7: "RM"
 
 class Lx200GotoState(GotoUnderWay):
     """A goto under way. ``replies_without_bars`` counts the replies to :D# without bars. ``position_read_at`` is when a
-    position was last read, ``moved_at`` when it last differed, and ``moved_to`` the position at that time.
+    position was last read, ``moved_at`` when the position last changed, and ``moved_to`` that position.
     """
 
     replies_without_bars: int = 0
@@ -209,7 +209,7 @@ class Lx200Driver(Driver):
         return None
 
     def presented_model(self) -> Model:
-        """Return the row of its model and the commands that it does not answer, such as those for its name.
+        """Return the row of its model, with the commands that it does not answer, such as those for its name.
 
         Programs for a Meade see an Autostar instead of another maker's mount.
         """

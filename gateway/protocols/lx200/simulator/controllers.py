@@ -273,7 +273,7 @@ def _set_drive_hertz(sim: ControllerMotion, _: str, values: Values) -> bytes:
 
 
 def _set_zone(sim: ControllerMotion, _: str, values: Values) -> bytes:
-    """:SG - the clock goes on in UTC. A TeenAstro reads a number, as far as it goes."""
+    """:SG - set the zone; UTC stays. An OnStep takes only whole, half and three-quarter hours."""
     offset = values["offset"]
     if not -14.0 < offset <= 12.0 or (sim.onstep and round(offset % 1 * 60) not in (0, 30, 45)):
         return b"0"
@@ -328,7 +328,7 @@ def _high_precision_reply(sim: ControllerMotion, name: str) -> bytes:
 
 
 def _toggle_precision(sim: ControllerMotion) -> bytes:
-    """:U - unknown to an OnStepX."""
+    """:U - toggle the precision; an OnStepX lacks the command."""
     if sim.onstep and not sim.is_before_onstepx:
         return b"0"
     sim.high_precision = not sim.high_precision

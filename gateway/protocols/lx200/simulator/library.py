@@ -86,7 +86,7 @@ def describe(sim: MeadeTelescope, name: str, _: Values) -> bytes:
 
 
 def select_moon(sim: MeadeTelescope, name: str, values: Values) -> bytes:
-    """:SE :Se - aim at the Moon's centre for every feature; 0 while the Moon is below the horizon."""
+    """:SE :Se - make the Moon's centre the target, whatever the feature; reply 0 while it is below the horizon."""
     ra, dec, _ = _SKY.moon(sim.utc(), *sim.site)
     if altitude(sim, ra, dec) <= 0:
         return b"0"

@@ -47,7 +47,7 @@ def change_baud_rate(values: op.Values) -> Handling:
 
 
 def restart(session: LxSession) -> Handling:
-    """:I - unpark, and reset this client's settings. As an urgent command it stopped the mount when it arrived."""
+    """:I - unpark, and reset this client's settings. Urgent commands like this stop the mount on arrival."""
     session.reset_client()
     yield FireAndForget(op.Unpark())
 
@@ -99,7 +99,7 @@ def silence() -> bytes:
 
 
 def help_line(session: LxSession, command: Command) -> Handling:
-    """:?? :?+ :?- - an empty line before the first and after the last line of help; models without it are silent."""
+    """:?? :?+ :?- - first, next, previous line of help; empty beyond both ends. No reply on models without help."""
     if not session.model["help"]:
         return b""
     client = session.client

@@ -106,7 +106,7 @@ def set_clock_part(session: LxSession, command: Command, values: op.Values) -> H
 def _keep_local_time(session: LxSession, draft: ClockDraft, offset: float) -> None:
     """If a local time was sent shortly before this new offset, keep the local time, so that UTC changes.
 
-    The parts taken over are marked as ``carried``, because the client may still send its own.
+    ``carried_parts`` names the parts that are kept, because the client may still send its own.
     """
     if session.client.local_time_sent is None or draft.time is not None:
         return
@@ -214,7 +214,7 @@ def tell_hours(session: LxSession) -> dict[str, str]:
 
 
 def gps_sentence() -> Handling:
-    """:gps - one RMC sentence; without a fix its status is V, with the site and clock in force, if there is a site."""
+    """:gps - one RMC sentence. Without a fix its status is V, and it has the clock and the site (if known) in force."""
     try:
         receiver: op.Gps = yield op.GetGps()
     except (Unsupported, NoDevice):

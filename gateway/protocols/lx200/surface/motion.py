@@ -42,7 +42,7 @@ def move(session: LxSession, command: Command) -> Handling:
 
 
 def _in_range(allowed: tuple[float, float], value: float, unit: str) -> float:
-    """Return a value that is in its range. Raises Invalid for any other."""
+    """Return the value. Raises Invalid if it is out of the allowed range."""
     low, high = allowed
     if not low <= value <= high:
         raise Invalid(f"{value:g} is out of range: {low:g} to {high:g} {unit}.")

@@ -217,7 +217,7 @@ def _search_query(session: LxSession) -> SearchLimits:
 
 
 def _visibility(session: LxSession) -> Handling:
-    """Return a test whether a position is visible now (true without a site), and the right ascension in the south."""
+    """Return a test whether a position is visible now (true without a site), and the meridian's right ascension."""
     limits = session.limits
     try:
         zenith: op.Equatorial = yield op.Zenith()

@@ -23,7 +23,7 @@ _MAX_SITE_NUMBER = 4
 
 
 def tell_site_coordinate(session: LxSession, command: Command) -> Handling:
-    """:Gt :Gg - latitude or longitude in force; as stored if the mount reports none. Raises Fault without any."""
+    """:Gt :Gg - latitude or longitude in force; else the stored value. Raises Fault if neither is known."""
     half = "latitude" if command.name == "Gt" else "longitude"
     try:
         site: Place | NamedSite = yield GetSite()
@@ -51,7 +51,7 @@ def set_site_coordinate(session: LxSession, values: Values) -> Handling:
 
 
 def _select_for_all(session: LxSession, index: int) -> Handling:
-    """Select this site for all clients that have selected none; before the first time, store the mount's as site 1."""
+    """Select this site for all clients that have selected none; on leaving site 1, store the mount's own site there."""
     if not session.shared.site and index != 0:
         with suppress(Fault):
             place: Place = yield GetSite()
@@ -81,7 +81,7 @@ def select_site(session: LxSession, values: Values) -> Handling:
 
 
 def _stored_site(session: LxSession, index: int) -> SetSite:
-    """Return the stored site; a half that is not stored is None."""
+    """Return the stored site; a coordinate that is not stored is None."""
     stored = session.shared.site_at(index)
     return SetSite(stored.latitude, stored.longitude)
 

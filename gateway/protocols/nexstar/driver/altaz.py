@@ -56,9 +56,9 @@ def move(mount: NexStar, operation: Move) -> Steps:
 def pulse(mount: NexStar, operation: Pulse) -> Steps:
     """Guide along a motor axis, or in right ascension or declination with both motors; the caller ends the pulse.
 
-    While the commands are sent, the motors do not track: faster rates make up for that. If the gateway itself is late,
-    the pulse gets longer by what the first motor loses meanwhile. A pulse that is shorter than the time to send its
-    commands is sent longer and slower.
+    The motors do not track while the commands are sent, so faster rates make up for the lost tracking. If the gateway
+    sends a command late, a longer pulse makes up for what the first motor loses. A pulse shorter than twice the delay
+    between the two motors' commands becomes longer and slower.
     """
     direction = operation.direction
     if mount.goto is not None:
@@ -93,7 +93,7 @@ def pulse(mount: NexStar, operation: Pulse) -> Steps:
 def stop_axis(mount: NexStar, axis: int) -> Steps:
     """End the slow motion ordered for an axis; other motion continues.
 
-    If nothing else moves, hand motion ends with rate 0 on both axes, and a pulse with the plain tracking rates.
+    If nothing else moves, send both motors rate 0 after hand motion, or their tracking rates after a pulse.
     """
     pulsed = axis in mount.pulsing
     mount.added_rates.pop(axis)
@@ -137,9 +137,9 @@ def _rates_for_axis(axis: int, rate: float) -> Pair:
 
 
 def _add_rates(mount: NexStar, axis: int, added: Pair, duration: float | None = None) -> Steps:
-    """Add a rate and send the sums. Return when the first motor was sent its rate (loop time), and how late.
+    """Add a rate and send the sums. Return when the first motor was sent its rate (loop time), and its delay, seconds.
 
-    If tracking was on, and the rates are wanted for ``duration`` seconds, they make up for the tracking lost by then.
+    With ``duration``, both motors track faster for that many seconds, to make up for the tracking lost before.
     """
     before = mount.added_rates.get(axis)
     mount.added_rates[axis] = added

@@ -72,7 +72,7 @@ def move(mount: NexStar, operation: op.Move) -> Steps:
 
 
 def move_axis(mount: NexStar, operation: op.MoveAxis) -> Steps:
-    """Send ``P 2 16|17 36|37 rate``; suspend tracking first unless the mount tracks equatorially and the key is 1-2."""
+    """Move an axis by ``P 2 16|17 36|37 rate``; suspend tracking first unless it is equatorial and the key is 1-2."""
     axis, rate = operation.axis, operation.rate
     if mount.goto is not None:
         yield from stop_current_motion(mount)
@@ -203,10 +203,10 @@ def send_small_goto(mount: NexStar, _: NextSmallGoto) -> Steps:
 
 
 def _small_goto_degrees(mount: NexStar, axis: int, position: float) -> float:
-    """Return the degrees from ``position`` to where the axis should be at the next step, given its speed and start.
+    """Return how far the next small goto leads from ``position``, degrees, so that the axis keeps its mean speed.
 
-    A goto ends slowly and has a resolution of 20 arcseconds. Counted from the start, the mean speed is still right.
-    The goal never gets far ahead of a mount that cannot keep up.
+    Each goal is counted from the start of the motion, so slow gotos and rounding to 20 arcseconds do not add up.
+    The distance is limited, for mounts that cannot keep up.
     """
     step = mount.small_goto_motions.get(axis)
     if step is None:

@@ -226,7 +226,7 @@ class AfterGoto(op.Operation, frozen=True):
 
 
 def _arrived(mount: NexStar, state: NexStarGotoState) -> Steps:
-    """Return whether a short goto ended before ``L`` was first asked: two positions in a row are equal."""
+    """Return whether a short goto has ended before ``L`` was first read, as two equal positions in a row show."""
     if mount.now() - state.began < 1.0:
         return False
     before = yield Send("E")

@@ -41,7 +41,7 @@ class SmallGotoMotion(Struct):
 
 
 class Memory(Struct, omit_defaults=True):
-    """What is saved of a mount. ``native``: tracking mode, ``code``: its byte, ``offset``: of an emulated sync."""
+    """The saved state. ``native``: tracking mode; ``code``: its byte in ``T``; ``offset``: that of an emulated sync."""
 
     home: op.Horizontal | None = None
     home_state: int = 0
@@ -223,9 +223,9 @@ class NexStar(Driver):
         return self.key_speed(self.key_for(rate)) if variable is None else variable
 
     def variable_rate(self, rate: op.Rate) -> float | None:
-        """Return the degrees a second for a variable rate; None if one of the nine keys is to be used.
+        """Return the speed to send as a variable rate, degrees a second; None if one of the nine keys is to be used.
 
-        A client's fastest rate is sent as a variable rate, too, if below the mount's and no key has that speed.
+        A rate in degrees below key 9 is variable; a client's fastest rate only if no key has that speed.
         """
         if rate.name == "guide" and rate.degrees is None:
             asked = self.guide_rates[1] * SIDEREAL
@@ -296,7 +296,7 @@ class NexStar(Driver):
         return ("E" if reported == "W" else "W") if swapped else reported
 
     def destination(self, operation: op.Operation) -> op.GotoAxes | None:
-        """Return the axis readings where Park (configured, else the pole or north) or Home (stored) leads, or None."""
+        """Return the axis readings to which Park (by default the pole or north) or Home leads; None if unknown."""
         if isinstance(operation, op.Park):
             return op.GotoAxes(*(self.settings.park or self._default_park))
         if isinstance(operation, op.Home) and self.home_axes is not None:
@@ -309,8 +309,8 @@ class NexStar(Driver):
 
     @property
     def _default_park(self) -> tuple[float, float]:
-        """The default park position as axis readings. On an equatorial mount the pole (a fork on its wedge counts from
-        north). Else north, at the horizon or just above the lowest altitude, so that it may track when it is unparked.
+        """The default park position as axis readings: the pole on an equatorial mount, north on an alt-az mount. There
+        it is at the horizon or just above the lowest altitude, so that the mount may track when it is unparked.
         """
         if self.german:
             return POLE_AXES
@@ -401,7 +401,7 @@ class NexStar(Driver):
 
     @property
     def equinox(self) -> str:  # type: ignore[override]
-        """Up to 4.13, and on every GT, J2000 according to Celestron's own driver; other sources disagree."""
+        """Equinox of its coordinates: J2000 up to 4.13 and on GTs, by Celestron's driver; other sources disagree."""
         if self.starsense or self.version is None or self.version >= JNOW_FROM:
             return self.default_equinox
         return "j2000"

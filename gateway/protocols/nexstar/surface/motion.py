@@ -73,9 +73,9 @@ def mode(session: NexStarSession) -> Handling:
 
 
 def set_mode(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """T - a mode above 3 does nothing; a refusal shows only in ``t`` and in the log. Raises NoAnswer.
+    """T - set the tracking mode; ignore an unknown one. A refusal shows only in ``t`` and the log. Raises NoAnswer.
 
-    A SynScan's equatorial modes mean the mount's native mode. A mount presented itself gets the same byte.
+    A SynScan's equatorial modes mean the mount's native mode. A mount that is presented itself gets the same byte.
     """
     known = modes_by_code(session.model, session.model["counts_as"])
     if values["mode"] not in known:
@@ -112,7 +112,7 @@ def set_guide_rate(session: NexStarSession, values: op.Values) -> Handling:
 
 
 def _set(session: NexStarSession, value_name: str, value: int, operation: op.SetGuideRate | op.Backlash) -> Handling:
-    """Set a value on the mount, and remember it, also if it can only be sent later. Raises Fault."""
+    """Set a value on the mount and store it for all clients, even if the mount is busy or silent. Raises Fault."""
     try:
         yield operation
     except (Busy, NoAnswer):

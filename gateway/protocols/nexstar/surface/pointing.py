@@ -58,7 +58,7 @@ def cancel() -> Handling:
 
 
 def pier_side(session: NexStarSession) -> Handling:
-    """p - always E on a fork, and on a mount that has no side of the pier, such as a Meade fork."""
+    """p - the pier side; E if the presented model is a fork, or the mount has no pier side, as a Meade fork."""
     with suppress(Unsupported):
         if _presents_german(session):
             return {"side": (yield op.PierSide())}
@@ -133,7 +133,7 @@ def _goto_operation(session: NexStarSession, first: float, second: float) -> Han
 
 
 def _uses_axes(session: NexStarSession, status: op.Status) -> bool:
-    """Whether the readings are those of the motor axes; the model decides, or the mount if it is presented itself."""
+    """Whether clients read and move the motor axes, as on the presented hand control; else azimuth and altitude."""
     return status.equatorial if session.model.get("own") else _presents_german(session) or status.wedge
 
 
