@@ -18,7 +18,7 @@ from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import AccessRules, Networks, parse_networks
 from gateway.clients.profiles import ClientProfile, EquinoxConverter, SurfaceBinding
-from gateway.clients.reply_pace import HARDWARE_REPLY_TIME, paced
+from gateway.clients.reply_pace import HARDWARE_REPLY_TIME, delayed
 from gateway.mount.controller import MountController
 from gateway.mount.policy import Limits, Policy
 from gateway.mount.shutdown import stop_commands
@@ -112,7 +112,7 @@ async def open_surface(endpoint: Endpoint, surface: SurfaceConfig, accept: Accep
         seconds = HARDWARE_REPLY_TIME if is_hardware_port(endpoint.where) else 0.0
         if surface.reply_after is not None:
             seconds = surface.reply_after / 1000.0
-        return await open_port(endpoint.where, paced(accept, seconds), surface.baud)
+        return await open_port(endpoint.where, delayed(accept, seconds), surface.baud)
     return await web.listen(endpoint.where)
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from gateway.clients.commands.command_processor import CommandProcessor
-from gateway.clients.commands.turn import BEFORE_ALL_STOPS
+from gateway.clients.commands.turn import STALE_STOP_COUNT
 from gateway.clients.profiles import ClientProfile, SurfaceBinding
 from gateway.clients.strangers import Greeting, ReceivedBytes, StrangerFilter, http_answer
 from gateway.clients.wrong_preset import FirstCommandCheck
@@ -22,7 +22,7 @@ from gateway.transport.tcp import READ_BYTES
 #: Logged when a connection ends and its first bytes were neither a command nor recognised.
 UNRECOGNISED_MESSAGE = "no command of this surface's protocol begins like this"
 #: Seconds after which a connection that is behind is late; a late one has caught up after as long without a full read.
-LATE_TIME = 1.0
+LATE_AFTER = 1.0
 #: Seconds without a full read after which a connection that was behind, but not late, has caught up.
 CATCH_UP_TIME = 5.0
 
@@ -42,10 +42,10 @@ class Backlog:
 
     def stop_count_when_sent(self, now: float) -> int | None:
         """Return the smallest number of stops that may precede the next bytes; -1 if late, None if not behind."""
-        if self._stop_count is not None and now - self._last_data_at > (LATE_TIME if self.is_late else CATCH_UP_TIME):
+        if self._stop_count is not None and now - self._last_data_at > (LATE_AFTER if self.is_late else CATCH_UP_TIME):
             self._stop_count, self.is_late = None, False
-        self.is_late = self.is_late or (self._stop_count is not None and now - self._behind_since > LATE_TIME)
-        return BEFORE_ALL_STOPS if self.is_late else self._stop_count
+        self.is_late = self.is_late or (self._stop_count is not None and now - self._behind_since > LATE_AFTER)
+        return STALE_STOP_COUNT if self.is_late else self._stop_count
 
     def record_read(self, size: int, now: float, stop_count: int) -> None:
         """Record that ``size`` bytes were read at ``now``, after ``stop_count`` stops."""

@@ -79,7 +79,7 @@ class ReplyPace:
         self._handler.close()
 
 
-def paced(
+def delayed(
     accept: Callable[[NewConnection], ConnectionHandler], delay: float
 ) -> Callable[[NewConnection], ConnectionHandler]:
     """Return ``accept`` with its replies delayed by this number of seconds; unchanged if 0."""

@@ -20,14 +20,14 @@ from gateway.core.requests import FAILED, Answer, PressKeyRequest, ReleaseKeyReq
 class ArrowPress(NamedTuple):
     """An arrow that is held down: the numbers of the press and of its request, the rate, the loop time of the press.
 
-    ``end_counts``: how many stops and gotos there were at the press. Another stop or goto ends the arrow's motion.
+    ``cancel_counts``: how many stops and gotos there were at the press. Another stop or goto ends the arrow's motion.
     """
 
     press_number: int
     request: str
     rate: int
-    since: float
-    end_counts: tuple[int, int]
+    began_at: float
+    cancel_counts: tuple[int, int]
 
 
 async def _answer_already_ended() -> Answer:
@@ -64,7 +64,7 @@ class Arrows:
             for other in [arrow for arrow in self._presses if arrow.axis == direction.axis]:
                 self.release(other)
             self._last_press_number = max(self._last_press_number, press_number)
-            held = ArrowPress(press_number, new_request_number(), rate, self._controller.now(), self._end_counts())
+            held = ArrowPress(press_number, new_request_number(), rate, self._controller.now(), self._cancel_counts())
         self._presses[direction] = held
         return self._controller.spawn(self._move(direction, held))
 
@@ -110,7 +110,7 @@ class Arrows:
         Return whether it does. ``on_refused`` is called, and ends the motion, if the mount refuses to continue.
         """
         held = self._presses.get(direction)
-        if held is None or held.since > released_press.since or held.end_counts != self._end_counts():
+        if held is None or held.began_at > released_press.began_at or held.cancel_counts != self._cancel_counts():
             return False
         self._presses[direction] = held = held._replace(request=new_request_number())
         self._controller.spawn(self._continue_press(direction, held, on_refused))
@@ -120,7 +120,7 @@ class Arrows:
         if not (await self._move(direction, press)).is_ok:
             on_refused()
 
-    def _end_counts(self) -> tuple[int, int]:
+    def _cancel_counts(self) -> tuple[int, int]:
         """Return the number of stops and gotos so far."""
         wanted = self._controller.wanted.value
         return wanted.n_stops, wanted.n_gotos

@@ -29,7 +29,7 @@ class Pin:
         self._pin, self._monotonic_time, self._warn = pin, monotonic_time, warn
         #: Address -> number and last time of wrong tries; addresses that gave the right PIN; times of all tries.
         self._wrong_tries: dict[str, tuple[int, float]] = {}
-        self._known_hosts: set[str] = set()
+        self._trusted_hosts: set[str] = set()
         self._wrong_try_times: deque[float] = deque(maxlen=TOTAL_FREE_TRIES)
 
     def __bool__(self) -> bool:
@@ -42,14 +42,14 @@ class Pin:
             raise UserError(f"too many wrong pins: wait {wait} s, then try again; looking and STOP need no pin")
         if bool(self._pin) and same_token(pin, self._pin):
             self._wrong_tries.pop(host, None)
-            if len(self._known_hosts) < MAX_HOSTS:
-                self._known_hosts.add(host)
+            if len(self._trusted_hosts) < MAX_HOSTS:
+                self._trusted_hosts.add(host)
             return True
         count = self._wrong_tries.pop(host, (0, 0.0))[0] + 1
         self._wrong_tries[host] = (count, now)
         if len(self._wrong_tries) > MAX_HOSTS:
             del self._wrong_tries[next(iter(self._wrong_tries))]
-        if host not in self._known_hosts:
+        if host not in self._trusted_hosts:
             self._wrong_try_times.append(now)
         self._warn(f"wrong pin from {host} ({count} since the last right one)")
         return False
@@ -58,6 +58,6 @@ class Pin:
         """Return the monotonic time from which this address may try."""
         count, last = self._wrong_tries.get(host, (0, 0.0))
         allowed_at = last + TRY_PERIOD if count >= FREE_TRIES else 0.0
-        if host in self._known_hosts or len(self._wrong_try_times) < TOTAL_FREE_TRIES:
+        if host in self._trusted_hosts or len(self._wrong_try_times) < TOTAL_FREE_TRIES:
             return allowed_at
         return max(allowed_at, self._wrong_try_times[0] + TRY_PERIOD)

@@ -53,7 +53,7 @@ class Console:
         """Add the console's routes to an application."""
         app.add_routes([
             web.get(path, require_own_page(handler, self._refusal)) for path, handler in (
-                ("/", self._index), ("/socket", self._socket), ("/metrics", self._metrics_text),
+                ("/", self._index), ("/socket", self._open_page), ("/metrics", self._metrics_text),
                 ("/recording/{mount}/{name}", self._recording), ("/{path:.+}", self._file),
             )
         ])  # fmt: skip
@@ -116,7 +116,7 @@ class Console:
                 return web.Response(status=409, text=str(error))
         return web.FileResponse(path, headers={"Content-Disposition": f'attachment; filename="{name}"'})
 
-    async def _socket(self, request: web.Request) -> web.StreamResponse:
+    async def _open_page(self, request: web.Request) -> web.StreamResponse:
         if not same_token(request.query.get("token"), self._token):
             raise web.HTTPForbidden
         host = request.remote or "?"

@@ -15,7 +15,7 @@ except ImportError:  # Windows, which has no such limit
     resource = None  # type: ignore[assignment]
 
 #: Numbers of open files: reserved for the gateway; in use by the gateway; in use by each mount and each surface.
-RESERVED_FILES, GATEWAY_FILES, FILES_PER_MOUNT = 16, 24, 6
+RESERVED_FILES, GATEWAY_FILES, FILES_PER_PORT = 16, 24, 6
 
 
 def open_file_limit() -> int | None:
@@ -26,9 +26,9 @@ def open_file_limit() -> int | None:
     return None if soft == resource.RLIM_INFINITY else soft
 
 
-def raise_limit(client_count: int, ports: int) -> str:
-    """Raise the limit as the clients and ``ports`` (mounts and surfaces) need. Return a warning if that fails."""
-    wanted = RESERVED_FILES + GATEWAY_FILES + FILES_PER_MOUNT * ports + client_count
+def raise_limit(client_count: int, port_count: int) -> str:
+    """Raise the limit as the clients and ``port_count`` (mounts and surfaces) need. Return a warning if that fails."""
+    wanted = RESERVED_FILES + GATEWAY_FILES + FILES_PER_PORT * port_count + client_count
     most = open_file_limit()
     if most is None or most >= wanted:
         return ""

@@ -97,10 +97,10 @@ def is_gateway_argv(argv: list[str]) -> bool:
     return False
 
 
-def listeners(ports: Collection[int], proc: Path = PROC_FOLDER) -> Iterator[tuple[int, tuple[()] | tuple[int, str]]]:
+def listeners_on(ports: Collection[int], proc: Path = PROC_FOLDER) -> Iterator[tuple[int, tuple[()] | tuple[int, str]]]:
     """Yield each of these TCP ports that a process listens on, with the process's id and name if visible."""
     sockets = {inode: port for inode, port in _sockets(proc) if port in ports}
-    owners = dict(openers([f"socket:[{inode}]" for inode in sockets], proc)) if sockets else {}
+    owners = dict(holders_of([f"socket:[{inode}]" for inode in sockets], proc)) if sockets else {}
     for inode, port in sockets.items():
         yield port, owners.get(f"socket:[{inode}]", ())
 
@@ -115,7 +115,7 @@ def _sockets(proc_folder: Path) -> Iterator[tuple[str, int]]:
                     yield columns[9], int(columns[1].rpartition(":")[2], 16)
 
 
-def openers(targets: Collection[str], proc_folder: Path = PROC_FOLDER) -> Iterator[tuple[str, tuple[int, str]]]:
+def holders_of(targets: Collection[str], proc_folder: Path = PROC_FOLDER) -> Iterator[tuple[str, tuple[int, str]]]:
     """Yield each of these files or sockets with the id and name of every visible process that has it open."""
     for process in proc_folder.glob("[0-9]*"):
         with contextlib.suppress(OSError):

@@ -27,7 +27,7 @@ CONNECT_TIMEOUT, FIRST_ANSWER_TIMEOUT, ANSWER_TIMEOUT = 4.0, 6.0, 120.0
 IDLE_TIME, READ_ATTEMPTS = 60.0, 5
 #: Seconds between repetitions of a stop, and seconds after which it is no longer repeated without an answer to the
 #: motion command: it would also end the motions of other programs.
-RETRY_DELAY, REPEAT_TIMEOUT = 0.5, 15.0
+REPEAT_DELAY, REPEAT_TIMEOUT = 0.5, 15.0
 #: Seconds within which a server answers while another connection is idle; else it serves one connection at a time.
 PARALLEL_ANSWER_TIME = 1.0
 
@@ -40,7 +40,7 @@ class HttpRequest(NamedTuple):
 
     method: str
     path: str
-    fields: Mapping[str, str]
+    params: Mapping[str, str]
     is_motion: bool | None = None
 
 
@@ -152,7 +152,7 @@ class HttpWire:
         after each of their answers."""
         overtaken, now = set(self._motion_tasks), asyncio.get_running_loop().time
         while overtaken:
-            ended, _ = await asyncio.wait(overtaken, timeout=RETRY_DELAY)
+            ended, _ = await asyncio.wait(overtaken, timeout=REPEAT_DELAY)
             unanswered = set(self._motion_tasks)
             if now() < self._repeat_until or any(order.result() for order in ended):
                 await asyncio.gather(*(self._carry_out(session, 0, stop) for stop in self._recent_stops.values()))
@@ -204,7 +204,7 @@ class HttpWire:
 def request_bytes(url: str, request: HttpRequest) -> bytes:
     """Return a request as bytes, with its fields in the body, for a process without an HTTP library. The request asks
     the server to close the connection after the answer, because the server may serve one connection at a time."""
-    body = urlencode(request.fields)
+    body = urlencode(request.params)
     return (
         f"{request.method} {request.path} HTTP/1.1\r\nHost: {urlsplit(url).netloc}\r\nConnection: close\r\n"
         f"Content-Type: application/x-www-form-urlencoded\r\nContent-Length: {len(body)}\r\n\r\n{body}"

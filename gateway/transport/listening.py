@@ -30,10 +30,10 @@ async def listen(address: str, make: Callable[[], asyncio.BaseProtocol], extras:
     try:
         for last in range(port, min(port + extras, 65535) if port else 0):
             with contextlib.suppress(OSError):
-                server = await _server(host, last, make)
+                server = await _listen_on(host, last, make)
                 break
         else:
-            server = await _server(host, port, make)
+            server = await _listen_on(host, port, make)
     except UnicodeError:
         raise UserError(f"cannot listen on {address}: {host!r} is not a valid host name") from None
     except OSError as error:
@@ -42,7 +42,7 @@ async def listen(address: str, make: Callable[[], asyncio.BaseProtocol], extras:
     return server, f"{address.partition('://')[0]}://{in_brackets(real[0])}:{real[1]}"
 
 
-async def _server(host: str, port: int, make_protocol: Callable[[], asyncio.BaseProtocol]) -> asyncio.Server:
+async def _listen_on(host: str, port: int, make_protocol: Callable[[], asyncio.BaseProtocol]) -> asyncio.Server:
     loop = asyncio.get_running_loop()
     if host != "::":
         return await loop.create_server(make_protocol, host, port, backlog=ACCEPT_BACKLOG)
@@ -69,7 +69,7 @@ def _reason(error: OSError, host: str, port: int) -> str:
 
 def _port_holder(port: int) -> str:
     """Return which program listens on a port, by name if it is visible, and what the user can do."""
-    for pid, name in (owner for _, owner in processes.listeners([port]) if owner):
+    for pid, name in (owner for _, owner in processes.listeners_on([port]) if owner):
         if pid != os.getpid() and processes.is_gateway(pid):
             return f"another mount-gateway (process {pid}): end it, with Ctrl-C in its terminal, or write another port"
         if pid != os.getpid():

@@ -215,10 +215,10 @@ SimulatedConnection = Callable[[Callable[[float, bytes], None]], Callable[[bytes
 class SimulatedTransport:
     """A simulated mount in this process; ``latency`` is its response time in seconds."""
 
-    def __init__(self, name: str, connection: SimulatedConnection, latency: float = 0.0) -> None:
+    def __init__(self, name: str, connect: SimulatedConnection, latency: float = 0.0) -> None:
         self.name, self._latency = name, latency
         self._on_data: OnData | None = None
-        self.feed = connection(self._deliver_later)
+        self.answer = connect(self._deliver_later)
 
     def _deliver_later(self, seconds: float, answer: bytes) -> None:
         """Deliver bytes that the simulated mount sends later."""
@@ -228,7 +228,7 @@ class SimulatedTransport:
         self._on_data = on_data
 
     def write(self, data: bytes) -> None:
-        answer = self.feed(data)
+        answer = self.answer(data)
         if answer:
             loop = asyncio.get_running_loop()
             if self._latency:

@@ -28,9 +28,9 @@ MAX_IDLE_BYTES = 64
 class AnyProtocolConnection:
     """A connection to a port for every protocol; finds out the client's protocol. ``closed`` is called at its end."""
 
-    def __init__(self, port: AnyProtocolAcceptor, connected: NewConnection, closed: Callable[[], None]) -> None:
+    def __init__(self, port: AnyProtocolAcceptor, connection: NewConnection, closed: Callable[[], None]) -> None:
         self._acceptors, self._web, self._controller, self._closed = (port.acceptors, port.web, port.controller, closed)
-        self._connection, self.host = connected, connected.host
+        self._connection, self.host = connection, connection.host
         #: The handler that answers this connection, and its protocol; both may change until the protocol is confirmed.
         self._handler: ConnectionHandler | None = None
         self._protocol = ""

@@ -14,9 +14,9 @@ from collections.abc import Awaitable, Callable, Coroutine, Sequence
 
 from gateway.clients.access import Rights
 from gateway.clients.commands.turn import (
-    BEFORE_ALL_STOPS,
     MOUNT_TIMEOUT,
     REPLY_TIMEOUT,
+    STALE_STOP_COUNT,
     CommandRunner,
     Inbox,
     PendingCommand,
@@ -37,7 +37,7 @@ from gateway.transport.baud import BaudTrial
 from gateway.transport.handler import NewConnection
 
 #: If all four arrows are released within this many seconds, the mount is stopped.
-RELEASE_GAP = 0.3
+RELEASE_WINDOW = 0.3
 
 
 class ArrowReleases:
@@ -49,7 +49,7 @@ class ArrowReleases:
 
     def __init__(self, controller: MountController, surface: Surface, inbox: Inbox, uses_stop: bool) -> None:
         self._controller, self._surface, self._inbox, self.uses_stop = controller, surface, inbox, uses_stop
-        #: The commands of the releases in the last ``RELEASE_GAP`` seconds, with the loop times of their arrival.
+        #: The commands of the releases in the last ``RELEASE_WINDOW`` seconds, with the loop times of their arrival.
         self._recent: dict[bytes, float] = {}
 
     def find_end(self, frame: bytes, ending: UrgentEnd, now: float, running: PendingCommand | None) -> UrgentEnd | None:
@@ -57,7 +57,9 @@ class ArrowReleases:
         release = ending.operation
         if not isinstance(release, StopAxis):
             return ending
-        self._recent = {earlier: at for earlier, at in self._recent.items() if now - at <= RELEASE_GAP} | {frame: now}
+        self._recent = {earlier: at for earlier, at in self._recent.items() if now - at <= RELEASE_WINDOW} | {
+            frame: now
+        }
         if len(self._recent) == len(Direction):
             self._recent.clear()
             return UrgentEnd(AbortMotion(), ending.discarded)
@@ -185,7 +187,7 @@ class CommandProcessor:
         ``arrived_at``: for bytes that were held back, the loop time of their arrival. With empty ``data``, the bytes
         that the framer has held back are processed.
         """
-        self.activity.sent_data |= stop_count != BEFORE_ALL_STOPS
+        self.activity.sent_data |= stop_count != STALE_STOP_COUNT
         if self.log.sinks and data:
             self.log.put("raw", data)
         if self.unread_text.hold_time:
@@ -231,7 +233,7 @@ class CommandProcessor:
         """Send the cached reply to this command if it is still valid. Return whether it was sent."""
         controller = self.controller
         now = controller.now()
-        cached = self._reply_cache.reply(data, now)
+        cached = self._reply_cache.look_up(data, now)
         if cached is None:
             return False
         reply, kinds = cached
@@ -328,7 +330,7 @@ class CommandProcessor:
         if not (pending.is_reusable and pending.reading_kinds):
             self._reply_cache.clear()
         elif reply:
-            self._reply_cache.remember(frame, reply, pending.reading_kinds, now)
+            self._reply_cache.store(frame, reply, pending.reading_kinds, now)
         if reply and now - pending.arrived_at > REPLY_TIMEOUT and not pending.is_long_operation:
             reply = None
             self._log_no_reply(frame)

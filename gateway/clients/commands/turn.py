@@ -39,7 +39,7 @@ from gateway.protocols.base.wants import (
 )
 
 #: A ``stop_count`` for commands that count as sent before every stop, so that they neither begin nor prolong a motion.
-BEFORE_ALL_STOPS = -1
+STALE_STOP_COUNT = -1
 #: Seconds after which a reply is no longer sent: clients have given up by then and would take it for the reply to the
 #: next command (NexStar protocol: the hand control answers within 3.5 s). The mount gets a little less time, so that
 #: commands which arrived together with an unanswered command are still answered.
@@ -141,12 +141,12 @@ class ReplyCache:
         self._replies: dict[bytes, tuple[bytes, ReadingKinds]] = {}
         self._readings_version, self._valid_until = -1, 0.0
 
-    def reply(self, command: bytes, now: float) -> tuple[bytes, ReadingKinds] | None:
+    def look_up(self, command: bytes, now: float) -> tuple[bytes, ReadingKinds] | None:
         """Return the cached reply to this command, and the kinds of readings it was made of; None if not valid."""
         current = now < self._valid_until and self._readings_version == self._controller.answer_version
         return self._replies.get(command) if current else None
 
-    def remember(self, command: bytes, reply: bytes, reading_kinds: ReadingKinds, now: float) -> None:
+    def store(self, command: bytes, reply: bytes, reading_kinds: ReadingKinds, now: float) -> None:
         """Cache a reply that is valid until one of these readings expires."""
         version, until = self._controller.answer_version, self._controller.fresh_until(reading_kinds)
         if self._readings_version != version or now >= self._valid_until or len(self._replies) >= MAX_CACHED_REPLIES:

@@ -39,7 +39,7 @@ class AnswerTimes:
 
     def __init__(self) -> None:
         self.samples: deque[AnswerSample] = deque(maxlen=MAX_ANSWER_TIMES)
-        self.faults = 0
+        self.n_faults = 0
         self._asked = 0.0
         #: The rate of exchanges with the mount.
         self.answer_rate = AverageRate()
@@ -52,7 +52,7 @@ class AnswerTimes:
             self._asked = entry.time
         elif entry.arrow == "<":
             failed = bool(entry.note)
-            self.faults += failed
+            self.n_faults += failed
             self.samples.append((round(entry.time, 3), None if failed else round((entry.time - self._asked) * 1e3, 1)))
 
     def newest(self, now: float) -> list[AnswerSample]:
@@ -66,7 +66,7 @@ class ConnectedPrograms:
     def __init__(self, gateway: Gateway) -> None:
         self._gateway = gateway
         self._last_commands: dict[str, bytes] = {}
-        self._counts: dict[str, int] = {}
+        self._n_commands: dict[str, int] = {}
         self._command_rates: dict[str, AverageRate] = {}
 
     def put(self, entry: Entry) -> None:
@@ -75,13 +75,13 @@ class ConnectedPrograms:
         if side == MOUNT_SIDE:
             return
         if entry.arrow == "-":
-            for known in (self._last_commands, self._counts, self._command_rates):
+            for known in (self._last_commands, self._n_commands, self._command_rates):
                 known.pop(side, None)
         elif entry.arrow == ">":
             if side not in self._last_commands and len(self._last_commands) >= MAX_CLIENTS:
                 return
             self._last_commands[side] = entry.data
-            self._counts[side] = self._counts.get(side, 0) + 1
+            self._n_commands[side] = self._n_commands.get(side, 0) + 1
 
     def connections(self, now: float) -> Iterator[dict[str, Any]]:
         """Yield every connection: name, surface, profile, last command, commands a second, whether it is read-only."""
@@ -89,7 +89,7 @@ class ConnectedPrograms:
         visits = [(surface, visit) for surface, acceptor in acceptors for visit in acceptor.connections()]
         for surface, visit in visits:
             client, side = visit.client, visit.client.log.name
-            rate = self._command_rates.setdefault(side, AverageRate()).per_second(now, self._counts.get(side, 0))
+            rate = self._command_rates.setdefault(side, AverageRate()).per_second(now, self._n_commands.get(side, 0))
             yield {
                 "name": printable(side.encode()), "surface": surface_of_client(surface, visit.protocol),
                 "profile": visit.program_name,
@@ -101,11 +101,11 @@ class ConnectedPrograms:
 class ShownMount:
     """The state of a mount for pages. It collects data between ``start`` and ``stop``, while pages are open."""
 
-    def __init__(self, gateway: Gateway, index: int) -> None:
-        self.gateway, self._index = gateway, index
+    def __init__(self, gateway: Gateway, mount_index: int) -> None:
+        self.gateway, self._index = gateway, mount_index
         self.answer_times, self.conversation, self._connected_programs = (
             AnswerTimes(),
-            ConversationView(gateway, index),
+            ConversationView(gateway, mount_index),
             ConnectedPrograms(gateway),
         )
         self._program_list: list[dict[str, Any]] = []
@@ -135,7 +135,7 @@ class ShownMount:
         if now - self._programs_cached_at >= OTHER_CACHE_TIME or many != len(self._program_list):
             self._programs_cached_at, self._program_list = now, list(self._connected_programs.connections(now))
         rate = self.answer_times.answer_rate.per_second(controller.now(), controller.line.times.reply_count)
-        state["line"] |= {"rate": round(rate, 1), "faults": self.answer_times.faults}
+        state["line"] |= {"rate": round(rate, 1), "faults": self.answer_times.n_faults}
         times = self.answer_times.newest(controller.wire_log.clock())
         return {**state, **self._abilities, "programs": self._program_list, "bodies": self._sky(now), "times": times}
 

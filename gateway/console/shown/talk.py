@@ -24,8 +24,8 @@ CAUSE_WINDOW = 3.0
 class ConversationView:
     """The conversation of a mount: stores log entries, and makes rows of them for the next message to pages."""
 
-    def __init__(self, gateway: Gateway, index: int) -> None:
-        self._gateway, self._index = gateway, index
+    def __init__(self, gateway: Gateway, mount_index: int) -> None:
+        self._gateway, self._index = gateway, mount_index
         self._entries: deque[Entry] = deque(maxlen=MAX_WAITING_ENTRIES)
         self._is_listening = False
         self._last_command_number = 0
@@ -59,7 +59,7 @@ class ConversationView:
         """Yield the rows of the entries since the last call."""
         while self._entries:
             entry = self._entries.popleft()
-            pair, surface = self._command_number(entry), protocol_and_model(self._surface(entry))
+            pair, surface = self._command_number(entry), protocol_and_model(self._surface_of(entry))
             for row in self._builder.process(entry):
                 yield {  # bytes as printable text, which the page shows as text, never as markup
                     "mount": self._index, "time": round(row.time, 3), "side": printable(row.side.encode()),
@@ -67,7 +67,7 @@ class ConversationView:
                     "surface": surface,
                 }  # fmt: skip
 
-    def _surface(self, entry: Entry) -> str:
+    def _surface_of(self, entry: Entry) -> str:
         """Return the surface of an entry's connection; look it up again if the entry reports the client's protocol."""
         side, known = entry.side, self._surfaces
         if side not in known or entry.arrow == "~":

@@ -15,7 +15,7 @@ from gateway.app.state.mount_claim import lock_name
 from gateway.core.errors import UserError
 from gateway.protocols.registry import PROTOCOLS, drivers
 from gateway.system.files import state_folder
-from gateway.system.processes import gateways, is_gateway, openers
+from gateway.system.processes import gateways, holders_of, is_gateway
 from gateway.system.runtime_folders import user_name
 
 #: The folder in which Linux lists USB serial ports by names that stay the same in another USB socket.
@@ -116,4 +116,4 @@ def port_holder(url: str) -> str:
     real = os.path.realpath(url)
     if "://" in url or real.startswith("/dev/pts/"):
         return ""
-    return next((f"{name} (process {number})" for _, (number, name) in openers([real])), "")
+    return next((f"{name} (process {number})" for _, (number, name) in holders_of([real])), "")

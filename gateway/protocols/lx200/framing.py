@@ -19,7 +19,7 @@ MAX_COMMAND_LENGTH = 64
 BURST_GAP = 0.1
 #: Why bytes are dropped, for the log.
 NOISE = "no command of an LX200 begins so"
-HALF = "a command without its end (#)"
+NO_HASH = "a command without its end (#)"
 TOO_LONG = "longer than any command of an LX200"
 _IGNORED = frozenset(b"\r\n\x00")
 _COLON, _HASH, _DOLLAR = b":#$"
@@ -120,7 +120,7 @@ class Lx200Framer:
         self._begin_command()
         return [frame for frame in self._frames if isinstance(frame, Unterminated)]
 
-    def _end_incomplete(self, reason: str = HALF) -> None:
+    def _end_incomplete(self, reason: str = NO_HASH) -> None:
         """End the incomplete command here: with an argument it is unterminated, any other is dropped."""
         piece = bytes(self._frame)
         name = setter_name(piece) if len(piece) > 1 else None
@@ -137,11 +137,11 @@ class Lx200Framer:
         elif len(piece) > 1:
             self.dropped.add(piece, reason)
 
-    def _extend_unterminated(self, piece: bytes, name: str | None) -> None:
+    def _extend_unterminated(self, piece: bytes, command: str | None) -> None:
         """Add a piece to the unterminated text (for the log), and its command, whose setting the refusal clears."""
         self._unterminated_text += piece[: MAX_COMMAND_LENGTH - len(self._unterminated_text)]
-        if name is not None:
-            self._unterminated[name] = None
+        if command is not None:
+            self._unterminated[command] = None
 
     def _end_command(self) -> None:
         """Handle a ``#``: it ends a command, or an unterminated text."""

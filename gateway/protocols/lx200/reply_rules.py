@@ -27,7 +27,7 @@ MAX_LENGTH = 200
 #: Field formats as telescopes send them: all digits, and any single byte between degrees, minutes and seconds, or a
 #: degree sign in UTF-8, of which only the second byte counts. A lost digit or sign would be another position.
 _SEP, _UTF_8 = rb"(?:\xc2\xb0|[^0-9#])", re.compile(rb"\xc2(?=\xb0)")
-_FORMS = {
+_PATTERNS = {
     "HH:MM:SS": rb"\d\d" + _SEP + rb"\d\d" + _SEP + rb"\d\d(?:\.\d+)?",
     "hh:mm:ss": rb"\d\d" + _SEP + rb"\d\d" + _SEP + rb"\d\d",
     "HH:MM:SS.SSSS": rb"\d\d:\d\d:\d\d\.\d+",
@@ -57,7 +57,7 @@ def _reply_pattern(source: str) -> re.Pattern[bytes]:
         form, at = field[1], field.end()
         lengths = [len(word) for word in form.split("|")]
         free = rb"[^#]*" if len(lengths) == 1 else rb"[^#]{%d,%d}" % (min(lengths), max(lengths))
-        pattern += _FORMS.get(form, free)
+        pattern += _PATTERNS.get(form, free)
     end = re.escape(source[at:].encode("latin-1")) if source[:at].endswith(":text}") else _literal_pattern(source[at:])
     return re.compile(pattern + end, re.DOTALL)
 
@@ -101,13 +101,13 @@ class Notation:
 
     def __init__(self) -> None:
         self._examples: dict[str, bytes] = {}
-        self._degree = b"*"
+        self._deg_sign = b"*"
 
     def learn(self, command: str, answer: bytes) -> None:
         if command in EXAMPLE_COMMANDS:
             self._examples[command] = answer
         if command == "GD":
-            self._degree = answer[_DEGREE_SIGN]
+            self._deg_sign = answer[_DEGREE_SIGN]
 
     def write(self, command: str, reply: bytes) -> bytes:
         """Convert a reply. Without an example of this command only the degree sign is replaced."""
@@ -124,7 +124,7 @@ class Notation:
             reply = reply[:-1] + b":00#"
         if len(example) == len(reply):
             return bytes(mark if digit in _ANGLE_SEP else digit for mark, digit in zip(example, reply, strict=True))
-        return reply.replace(b"*", self._degree)
+        return reply.replace(b"*", self._deg_sign)
 
 
 class Lx200ReplyRules:
@@ -200,7 +200,7 @@ class Lx200ReplyRules:
             text = match[0] if ":text}" in str(template.source) else _UTF_8.sub(b"", _PADDED_HASH.sub(b"#", match[0]))
             values = template.decode(text)
             if reply.fault is not None:
-                return _fault(reply.fault, values, reply.says), length
+                return _fault_of(reply.fault, values, reply.says), length
             self._notation.learn(request.command, text)
             if request.command == "GVP" and not self._model_is_named:
                 self._protocol = load("lx200").in_dialect_of(load("lx200").model_of_product(values["product"]))
@@ -249,13 +249,13 @@ def _as_refusal(protocol: CommandSet, command: str, buffer: bytes) -> tuple[Valu
         if text:
             return {"text": lone.decode()}, len(buffer)
         named = (reply.fault for reply, source in replies if source.encode("latin-1").startswith(lone))
-        return _fault(next(named, None) or "Refused", {}, None), len(buffer)
+        return _fault_of(next(named, None) or "Refused", {}, None), len(buffer)
     if text or (said := _DIGIT_AND_TEXT.match(buffer)) is None:
         return None
     forms = [reply for reply, source in replies if source.encode("latin-1").startswith(said[1])]
     if any(reply.fault is None for reply in forms) or (forms and _REFUSAL_TEXT.fullmatch(said[2]) is None):
         return None
-    return _fault("Refused", {"text": said[2].decode("latin-1")}, None), said.end()
+    return _fault_of("Refused", {"text": said[2].decode("latin-1")}, None), said.end()
 
 
 @cache
@@ -281,7 +281,7 @@ def _expected(protocol: CommandSet, command: str, once: bool, raw: bool) -> Expe
     )
 
 
-def _fault(form_name: str, values: Values, default_text: str | None) -> Fault:
+def _fault_of(form_name: str, values: Values, default_text: str | None) -> Fault:
     """Return the fault of a reply form, with the mount's own text if it sent any, else ``default_text``."""
     fault: type[Fault] = getattr(errors, form_name)
     text = str(values.get("text", "")).strip()

@@ -19,7 +19,7 @@ from gateway.protocols.wireformat.rows import Model
 SIDEREAL = SIDEREAL_ARCSECONDS / 3600.0
 #: Variable rates that are codes, not speeds: the motor follows the sky at its own rate of that name.
 DRIVE_CODES = {"sidereal": 0xFFFF, "solar": 0xFFFE, "lunar": 0xFFFD}
-_FIELDS = ("month", "day", "hour", "minute", "second")
+_DATE_PARTS = ("month", "day", "hour", "minute", "second")
 
 
 @cache
@@ -39,10 +39,10 @@ def key_speed(rates: Model, key: int) -> float:
 
 def clock_fields(local_time: datetime) -> dict[str, int]:
     """Return the fields of a clock command for a local date and time."""
-    return {"year": local_time.year % 100, **{name: getattr(local_time, name) for name in _FIELDS}}
+    return {"year": local_time.year % 100, **{name: getattr(local_time, name) for name in _DATE_PARTS}}
 
 
 def unix_time(fields: Mapping[str, int], century: int = 2000) -> float:
     """Return the Unix seconds of clock fields, read as if they were UTC. Raises ValueError for an impossible date."""
-    month, day, hour, minute, second = (fields[name] for name in _FIELDS)
+    month, day, hour, minute, second = (fields[name] for name in _DATE_PARTS)
     return datetime(century + fields["year"], month, day, hour, minute, second, tzinfo=UTC).timestamp()

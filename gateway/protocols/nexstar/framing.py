@@ -69,7 +69,7 @@ class PartialCommand:
 
     def __init__(self, received: bytes, expires_at: float, lengths: dict[int, int]) -> None:
         self.missing, self.expires_at, self.burst = lengths[received[0]] - len(received), expires_at, bytearray()
-        self._opcode, self._pos = received[0], len(received)
+        self._opcode, self._offset = received[0], len(received)
         self._lengths = lengths
         #: The indices in the burst at which commands begin that have been passed on.
         self._passed_positions: set[int] = set()
@@ -88,7 +88,7 @@ class PartialCommand:
 
     def skip_part(self) -> None:
         """Count the burst as a part of the missing bytes, and expect the rest of them."""
-        self.missing, self._pos = self.missing - len(self.burst), self._pos + len(self.burst)
+        self.missing, self._offset = self.missing - len(self.burst), self._offset + len(self.burst)
         self.burst.clear()
         self._passed_positions.clear()
         self._first = b""
@@ -120,7 +120,7 @@ class PartialCommand:
     def _fits_command(self) -> bool:
         """Whether the command is valid with the burst in place of its missing bytes."""
         sample, rest = _sample_command(self._opcode), bytes(self.burst[: self.missing])
-        completed = sample[: self._pos] + rest + sample[self._pos + len(rest) :]
+        completed = sample[: self._offset] + rest + sample[self._offset + len(rest) :]
         return not sample or load("nexstar").find(completed) is not None
 
     def _is_one_command(self) -> bool:

@@ -39,7 +39,7 @@ class OverHttp(HttpWire):
 
     async def _fetch(self, session: object, request: HttpRequest) -> tuple[int, bytes]:
         await asyncio.sleep(self._latency + (self.late if request.is_motion else 0.0))
-        fields = urlencode(request.fields)
+        fields = urlencode(request.params)
         status, text = self.sim.request(request.method, f"{request.path}?{fields}", fields.encode())
         if request.is_motion and self.mute:
             await asyncio.Event().wait()

@@ -22,8 +22,8 @@ def _dropped(bridge: Bridge) -> list[tuple[bytes, str]]:
         (b"Ka:GR#", (b"Ka", lx200.NOISE)),
         (b"GR#", (b"GR", lx200.NOISE)),
         (b"\xff\xfe:GR#:GD#", (b"\xff\xfe", lx200.NOISE)),
-        (b":GR\x06:GR#", (b":GR", lx200.HALF)),
-        (b":G:GR#", (b":G", lx200.HALF)),
+        (b":GR\x06:GR#", (b":GR", lx200.NO_HASH)),
+        (b":G:GR#", (b":G", lx200.NO_HASH)),
         (b"$X:GR#", (b"$X", lx200.NOISE)),
         (b":" + b"z" * 70 + b"#:GR#", (b":" + b"z" * 64, lx200.TOO_LONG)),
     ],
@@ -67,7 +67,7 @@ async def test_half_a_command_at_the_end_of_a_connection_is_logged() -> None:
         client = bridge.client()
         client.send(b":GR")
         client.close()
-        assert _dropped(bridge) == [(b":GR", lx200.HALF)]
+        assert _dropped(bridge) == [(b":GR", lx200.NO_HASH)]
 
 
 async def test_bytes_held_back_as_a_strangers_are_logged() -> None:

@@ -18,7 +18,7 @@ class Controller:
 def test_cached_reply_expires_with_its_readings_though_others_are_fresh() -> None:
     controller: Any = Controller()
     cache = ReplyCache(controller)
-    cache.remember(b"e", b"position", [op.Position], 0.0)
-    cache.remember(b"t", b"tracking", [op.GetStatus], 1.0)
-    assert cache.reply(b"e", 4.9) == (b"position", [op.Position])
-    assert cache.reply(b"e", 5.1) is None
+    cache.store(b"e", b"position", [op.Position], 0.0)
+    cache.store(b"t", b"tracking", [op.GetStatus], 1.0)
+    assert cache.look_up(b"e", 4.9) == (b"position", [op.Position])
+    assert cache.look_up(b"e", 5.1) is None

@@ -91,7 +91,7 @@ class SimulatedAlpaca(AlpacaTelescope):
     def answer(self, frame: bytes, send_later: SendLater | None) -> bytes:
         if frame.startswith((b"get ", b"put ")):
             asked = self._line_converter.request(frame)
-            query = urlencode(asked.fields)
+            query = urlencode(asked.params)
             status, text = self.request(asked.method, f"{asked.path}?{query}", query.encode())
             reply = self._line_converter.reply(status, text.encode())
         else:

@@ -54,19 +54,19 @@ def _report_from_letters(mount: Lx200Driver, status_facts: dict[str, Any], text:
     if mount.supports(keys := f"R{tail[1:2]}") and keys != mount.rate_sent:
         mount.keypad_rate = keys
 
-    def has_flag(name: str) -> bool:
-        return any(letter in letters for letter in status_facts[name])
+    def has_flag(flag: str) -> bool:
+        return any(letter in letters for letter in status_facts[flag])
 
     builds, sides = {"german": "G", "fork": "P", "alt-az": "A"}, {"east": "E", "west": "W"}
     return ControllerReport(
         tracks=not has_flag("tracks-not"),
         parked=has_flag("parked"),
-        home=has_flag("home"),
-        build=next((letter for name, letter in builds.items() if has_flag(name)), None),
+        at_home=has_flag("home"),
+        mounting=next((letter for name, letter in builds.items() if has_flag(name)), None),
         side=next((letter for name, letter in sides.items() if has_flag(name)), None),
         moves=has_flag("moves"),
         slews=has_flag("seeks") or not has_flag("goto-not"),
-        fault=tail[-1:] != "0",
+        has_fault=tail[-1:] != "0",
     )
 
 

@@ -29,7 +29,7 @@ _CANNOT_STOP_TRACKING = "The mount keeps tracking: switching it off would destro
 #: How often the status is read after tracking was turned on or off, until it shows that, and the seconds between.
 _STATUS_READS, _STATUS_READ_INTERVAL = 3, 0.5
 #: From this focuser speed on, a classic uses the faster of its two speeds.
-_FAST_FOCUS = 3
+_FAST_FOCUS_MIN = 3
 
 
 def set_tracking(mount: Lx200Driver, operation: op.SetTracking) -> Steps:
@@ -43,13 +43,13 @@ def set_tracking(mount: Lx200Driver, operation: op.SetTracking) -> Steps:
     if (native_mode(mount) if operation.on else op.Tracking.OFF) is mount.tracking:
         yield from read_status(mount)
     wanted = native_mode(mount) if operation.on else op.Tracking.OFF
-    if wanted is mount.tracking and not (operation.on and (mount.parked or mount.land)):
+    if wanted is mount.tracking and not (operation.on and (mount.parked or mount.in_land_mode)):
         return
     if not mount.has_status:
         raise Unsupported(_CANNOT_STOP_TRACKING)
     meade = {"on": {"A": "AA", "P": "AP", "G": "AP"}[mount.mounting], "off": "AL"}
     yield from ask(mount, mount.dialect.get("switch", meade)["on" if operation.on else "off"])
-    mount.tracking, mount.land = wanted, not operation.on
+    mount.tracking, mount.in_land_mode = wanted, not operation.on
     for _ in range(_STATUS_READS if operation.heard else 0):
         yield from read_status(mount)
         if mount.tracking is wanted:
@@ -173,7 +173,7 @@ def focus(mount: Lx200Driver, operation: op.Focus) -> Steps:
     if operation.direction and mount.supports("F"):
         yield from ask(mount, "F", speed=operation.speed)
     elif operation.direction:
-        yield from ask(mount, "FF" if operation.speed >= _FAST_FOCUS else "FS")
+        yield from ask(mount, "FF" if operation.speed >= _FAST_FOCUS_MIN else "FS")
     if not operation.direction:
         moved, mount.focusing = mount.focusing, False
         yield from end_motion(mount, "FQ", (FOCUSER_AXIS,), moved)

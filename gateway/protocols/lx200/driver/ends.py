@@ -77,7 +77,7 @@ def restore_rates(mount: Lx200Driver, _: RestoreRates) -> Steps:
     """Restore the rates. During a manual motion nothing is done: its end schedules this again."""
     if mount.moving or mount.pulsing or not _rates_changed(mount):
         return
-    if mount.goto is not None or mount.seeking or mount.now() < mount.pulses_until:
+    if mount.goto is not None or mount.seeking or mount.now() < mount.pulses_end_at:
         yield Schedule(RESTORE_DELAY, RestoreRates(), not_while_busy=True)
         return
     if mount.keypad_rate is not None:

@@ -34,7 +34,7 @@ def contact(mount: Lx200Driver, _: object = None) -> Steps:
     corrects = mount.pec_axes
     mount.reset_state()
     mount.pec_axes, mount.pushed_by_hand = corrects, False
-    mount.mute, mount.reply_time = frozenset(), KNOWN_COMMAND_TIMEOUT
+    mount.unanswered, mount.reply_time = frozenset(), KNOWN_COMMAND_TIMEOUT
     yield from _probe(mount, "ACK", unverified_ok=True)
     began = mount.now()
     first = yield from switch_to_high_precision(mount)
@@ -53,9 +53,9 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
     letter = yield from _probe(mount, "ACK")
     if letter is not None:
         _note_mounting(mount, letter["mode"])
-        mount.land = letter["mode"] == "L"
+        mount.in_land_mode = letter["mode"] == "L"
     times = 1 if mount.named_model is not None else 3 if mount.product else 2
-    product = yield from ask_repeatedly(mount, "GVP", times - ("GVP" in mount.mute))
+    product = yield from ask_repeatedly(mount, "GVP", times - ("GVP" in mount.unanswered))
     mount.product = product["product"] if product else ""
     if mount.named_model is None:
         mount.assume_model((yield from _find_model(mount, mount.product)))
@@ -71,7 +71,7 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
     if mount.dialect:
         yield from read_speeds(mount)
     if mount.model == "other":
-        unknown = [text for command, text in UNKNOWN_BY_COMMAND.items() if command in mount.mute]
+        unknown = [text for command, text in UNKNOWN_BY_COMMAND.items() if command in mount.unanswered]
         unnamed = load("lx200").model_of_product(mount.product) == "other"
         untold = "and does not report its state (a TeenAstro does from 1.5.1 on)"
         known = "which the gateway does not know" if unnamed else untold
@@ -110,20 +110,20 @@ def ask_repeatedly(mount: Lx200Driver, command: str, times: int) -> Steps:
     answer = None
     for _ in range(times):
         if answer is None:
-            mount.mute -= {command}
+            mount.unanswered -= {command}
             answer = yield from _probe(mount, command)
     return answer
 
 
 def _probe(mount: Lx200Driver, command: str, unverified_ok: bool = False) -> Steps:
     """Send a query once; return the fields of its reply, None if unusable. Raises NoAnswer if the line is down."""
-    if command in mount.mute or command not in mount.protocol.commands:
+    if command in mount.unanswered or command not in mount.protocol.commands:
         return None
     try:
         patience = min(KNOWN_COMMAND_TIMEOUT, max(MIN_PROBE_TIMEOUT, TIMEOUT_FACTOR * mount.reply_time))
         return (yield Send(command, timeout=patience, unverified_ok=unverified_ok))
     except (Garbled, Silence):
-        mount.mute |= {command}
+        mount.unanswered |= {command}
     except Fault as fault:  # a busy telescope may answer this question later
         if isinstance(fault, NoAnswer):
             raise
@@ -187,13 +187,13 @@ def read_status(mount: Lx200Driver) -> Steps:
     So its last report at rest counts during a motion. Another maker's mount is asked during a motion too.
     """
     command = mount.status_command
-    if mount.product and not mount.has_status and command not in mount.mute:  # too busy at identification
+    if mount.product and not mount.has_status and command not in mount.unanswered:  # too busy at identification
         mount.has_status = (yield from _probe(mount, command)) is not None
     if mount.dialect and mount.has_status:
         mount.last_report = None
         state = yield from read_report(mount)
         _note_mounting(mount, state.build or mount.mounting)
-        mount.aligned, mount.land = True, False
+        mount.aligned, mount.in_land_mode = True, False
         if mount.goto is None:
             mount.parked = state.parked
         if mount.goto is None and not mount.moving:
@@ -203,14 +203,14 @@ def read_status(mount: Lx200Driver) -> Steps:
     if answer is not None:
         tracks = answer["tracking"] == "T"
         if answer["build"] == "L":
-            mount.land = True
+            mount.in_land_mode = True
         elif answer["build"] in "PG" or mount.mounting == "A":
             _note_mounting(mount, answer["build"])
         else:
-            mount.land = yield from _in_land_mode(mount)
-            if not mount.land:
+            mount.in_land_mode = yield from _in_land_mode(mount)
+            if not mount.in_land_mode:
                 _note_mounting(mount, answer["build"])
-        mount.land = mount.land and not (tracks and mount.goto is None)
+        mount.in_land_mode = mount.in_land_mode and not (tracks and mount.goto is None)
         mount.aligned = answer["aligned"] not in "0"
         mount.powerless = mount.powerless and not tracks  # the user has woken it on the hand control
     else:

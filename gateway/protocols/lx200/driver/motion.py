@@ -62,7 +62,7 @@ def move_axis(mount: Lx200Driver, operation: op.MoveAxis) -> Steps:
     """Move in a motor direction. A variable rate in right ascension is the total speed, tracking included."""
     axis, rate = operation.axis, operation.rate
     letter = yield from _direction_letter(mount, axis, operation.sense)
-    tracks = mount.equatorial and not mount.land and mount.tracking is not op.Tracking.OFF
+    tracks = mount.equatorial and not mount.in_land_mode and mount.tracking is not op.Tracking.OFF
     if axis != 1 or rate.degrees is None or rate.key is not None or rate.name is not None or not tracks:
         speed = yield from _choose_speed(mount, rate)
         yield from _begin_motion(mount, axis, letter, rate, speed)
@@ -256,7 +256,7 @@ def _send_pulse(mount: Lx200Driver, axis: int, letter: str, ms: int, rate: float
         piece = min(ms, MAX_PULSE_MS)
         count_motion(mount, axis)
         yield from ask(mount, "Mg", direction=letter, ms=piece)
-        mount.pulses_until = max(mount.pulses_until, mount.now() + piece / 1000.0)
+        mount.pulses_end_at = max(mount.pulses_end_at, mount.now() + piece / 1000.0)
         yield from restore_rates_later(mount)
         return op.Pulsed(piece / 1000.0, ends=True, left=round((ms - piece) / shorter))
     yield from ask(mount, "RG")

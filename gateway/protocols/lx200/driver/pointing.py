@@ -56,14 +56,14 @@ def horizontal_position(mount: Lx200Driver, _: op.HorizontalPosition) -> Steps:
 
     The controller then computes it. Single replies may be lost, so the driver stops asking only after several.
     """
-    if mount.mute.intersection(("GZ", "GA")):
+    if mount.unanswered.intersection(("GZ", "GA")):
         return None
     try:
         first, second, together = yield from _read_pair(mount, "GZ", "GA", HORIZONTAL_TRIES)
     except (Garbled, Silence):
         mount.missing_replies += 1
         if mount.missing_replies >= MAX_MISSING_REPLIES:
-            mount.mute |= {"GZ", "GA"}
+            mount.unanswered |= {"GZ", "GA"}
         return None
     mount.missing_replies = 0
     return op.Horizontal(first["az"], second["alt"]) if together else None
@@ -204,7 +204,7 @@ def stop_current_motion(mount: Lx200Driver) -> Steps:
 def abort_slew(mount: Lx200Driver, _: op.AbortSlew) -> Steps:
     """End a goto by :Q, also one begun at the hand control; send nothing if the mount is only moved by hand."""
     known = mount.goto is not None or mount.seeking
-    by_hand = mount.moving or mount.pulsing or mount.now() < mount.pulses_until
+    by_hand = mount.moving or mount.pulsing or mount.now() < mount.pulses_end_at
     if known or not by_hand:
         mount.goto = None
         yield from end_motion(mount, "Q", MOUNT_AXES, known)

@@ -47,13 +47,13 @@ class Speed(Struct, frozen=True):
 
 
 class ModelSpeeds(Struct, frozen=True):
-    """The speeds of a model, degrees per second. ``guides``: whether it has :Rg (guide rate); ``free``: whether it
+    """The speeds of a model, degrees per second. ``guides``: whether it has :Rg (guide rate); ``any_rate``: whether it
     has :RA and :RE (any rate of an axis); ``has_max_speed``: whether it has :Sw, which sets the speed of :RS to a
     value in ``max_speed_range``. ``hertz_range``: drive rates, hertz. ``speeds``: another maker's speeds, by command.
     """
 
     guides: bool
-    free: bool
+    any_rate: bool
     has_max_speed: bool
     max_speed: int
     max_speed_range: tuple[int, int]
@@ -111,7 +111,7 @@ def _key_speeds(model_speeds: ModelSpeeds, requested: float) -> Iterator[Speed]:
     else:
         yield Speed("RG", SPEEDS["RG"])
     yield Speed("RC", SPEEDS["RC"])
-    if model_speeds.free:
+    if model_speeds.any_rate:
         free = max(_MIN_AXIS_RATE, round(round(requested / _AXIS_STEP) * _AXIS_STEP, 1))
         free = min(float(model_speeds.max_speed_range[1]), free)
         yield Speed("RS", free, axis_rate=free)

@@ -20,7 +20,7 @@ from gateway.protocols.wireformat.rows import Model
 
 BUSY_RETRIES, BUSY_WAIT = 5, 0.4
 #: Queries whose replies are true for one moment only, so that they are accepted without verification.
-UNVERIFIED = frozenset({"GS", "Gr", "Gd"})
+UNVERIFIED_QUERIES = frozenset({"GS", "Gr", "Gd"})
 #: Stands for an unknown value of a rate register: it differs from every rate.
 UNKNOWN_RATE = -1
 _COMMAND_BY_RATE_NAME = {"guide": "RG", "center": "RC", "find": "RM", "max": "RS"}
@@ -46,18 +46,18 @@ class Lx200GotoState(GotoUnderWay):
 
 class ControllerReport(Struct, frozen=True):
     """The status that another maker's mount reports. ``moves``: an arrow or a pulse moves it; ``slews``: a goto or a
-    search for home moves it, None if not reported. ``build``: the mounting, as a Meade's letter. ``side``: the pier
-    side, E or W, or None. ``fault``: it has met a limit or reports an error.
+    search for home moves it, None if not reported. ``mounting``: the mounting, as a Meade's letter. ``side``: the pier
+    side, E or W, or None. ``has_fault``: it has met a limit or reports an error.
     """
 
     tracks: bool
     parked: bool
-    home: bool
-    build: str | None
+    at_home: bool
+    mounting: str | None
     side: str | None = None
     moves: bool = False
     slews: bool | None = None
-    fault: bool = False
+    has_fault: bool = False
 
 
 class Lx200Driver(Driver):
@@ -76,7 +76,7 @@ class Lx200Driver(Driver):
         handlers: Mapping[str, Handler] = {},
     ) -> None:
         super().__init__(handlers)
-        self.now, self.measured = now, settings.rates
+        self.now, self.key_speeds = now, settings.rates
         self.named_model = settings.model
         self.assume_model(settings.model)
         self.product, self.firmware = "", ""
@@ -85,11 +85,11 @@ class Lx200Driver(Driver):
         # alignment and tracking
         self.mounting = "A"  # the mounting in :GW# or ACK: A, P or G
         #: Whether it is in land mode, in which it does not track.
-        self.land = False
+        self.in_land_mode = False
         #: Whether it answers its status command, :GW# on a Meade.
         self.has_status = False
         #: The questions that it did not answer, or not in a known form; and how long a reply takes, seconds.
-        self.mute: frozenset[str] = frozenset()
+        self.unanswered: frozenset[str] = frozenset()
         self.reply_time = 0.0
         #: How many reads of azimuth and altitude in a row had no reply.
         self.missing_replies = 0
@@ -108,7 +108,7 @@ class Lx200Driver(Driver):
         self.moving: dict[int, str] = {}  # axis -> letter of the direction of a motion by hand
         self.pulsing: dict[int, str] = {}  # axis -> letter of a guide pulse that the gateway must end
         #: When the last pulse that the telescope times itself ends.
-        self.pulses_until = -math.inf
+        self.pulses_end_at = -math.inf
         #: By axis of an alt-az mount, its part of the last pulse on the sky, signed milliseconds, and when it ends.
         self.pulse_shares: dict[int, tuple[float, float]] = {}
         self.focusing = False
@@ -253,7 +253,7 @@ class Lx200Driver(Driver):
 
         In land mode the mounting is saved too, because some telescopes do not report it then.
         """
-        stands = {"stands": self.mounting} if self.land and self.equatorial else {}
+        stands = {"stands": self.mounting} if self.in_land_mode and self.equatorial else {}
         driven = {"driven": True} if self.drive_rate_changed else {}
         guides = {"guides": self.guide_rate} if self.guide_rate_requested else {}
         corrects = {"corrects": sorted(self.pec_axes)} if self.pec_axes else {}
@@ -308,7 +308,7 @@ class Lx200Driver(Driver):
         if rate.name is None and rate.degrees is not None:
             speed = nearest(self.model_speeds, rate.degrees).deg_per_s
             return max(min(rate.degrees, max(self.speeds.values())), speed) if rate.key is None else speed
-        return self.measured[rate.key - 1] if self.measured and rate.key else self.speeds[rate_command(self, rate)]
+        return self.key_speeds[rate.key - 1] if self.key_speeds and rate.key else self.speeds[rate_command(self, rate)]
 
     @property
     def speeds(self) -> Mapping[str, float]:
@@ -372,7 +372,7 @@ def send_command(
     if mount.powerless and row.allowed_while_asleep is False:
         raise Refused("The mount is asleep: wake it first.")
     patience = row.long or (KNOWN_COMMAND_TIMEOUT if row.may_be_silent else None)
-    asked, once = {**values, "low": mount.low}, command in UNVERIFIED
+    asked, once = {**values, "low": mount.low}, command in UNVERIFIED_QUERIES
     send = Send(command, asked, patience, row.long is not None, row.by_hand, once=once, unverified_ok=unverified_ok)
     for _ in range(0 if row.by_hand else BUSY_RETRIES):
         try:

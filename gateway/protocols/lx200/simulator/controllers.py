@@ -212,9 +212,9 @@ class ControllerMotion(SimulatedLx200):
 # --- the commands that a Meade does not have, or answers otherwise ----------------------------------------------------
 
 
-def _slew(sim: ControllerMotion, name: str, _: Values) -> bytes:
+def _slew(sim: ControllerMotion, command: str, _: Values) -> bytes:
     ra, dec = sim.stored_values.get("ra", 0.0), sim.stored_values.get("dec", 0.0)
-    if name == "MA":
+    if command == "MA":
         ra, dec = motion.target_from_horizontal(sim)
     return sim.begin_goto(ra, dec, motion.altitude(sim, ra, dec))
 
@@ -227,22 +227,22 @@ def _sync(sim: ControllerMotion, _: str, __: Values) -> bytes:
     return b"N/A#"
 
 
-def _press_arrow(sim: ControllerMotion, name: str, _: Values) -> None:
-    axis, sense = motion.axis_of(sim, name[1])
+def _press_arrow(sim: ControllerMotion, command: str, _: Values) -> None:
+    axis, sense = motion.axis_of(sim, command[1])
     if sim.parked or sim.awaited:
         return
     if sim.mechanics.slewing(sim.now):
         sim.mechanics.cancel(sim.now)
         return
-    if sim.stored_values.get(f"arrow {axis}") == name and axis in sim.ends:
+    if sim.stored_values.get(f"arrow {axis}") == command and axis in sim.ends:
         return
-    sim.at_home, sim.stored_values[f"arrow {axis}"] = False, name
+    sim.at_home, sim.stored_values[f"arrow {axis}"] = False, command
     sim.ends[axis] = sim.now + ARROW_TIMEOUT if sim.onstep else math.inf
     sim.mechanics.move(sim.now, axis, sense * sim.sidereal_multiple(sim.rate_number) * SIDEREAL_RATE, additive=True)
 
 
-def _release_arrow(sim: ControllerMotion, name: str, _: Values) -> None:
-    sim.release_arrows(sim.now, motion.axis_of(sim, name[1])[0])
+def _release_arrow(sim: ControllerMotion, command: str, _: Values) -> None:
+    sim.release_arrows(sim.now, motion.axis_of(sim, command[1])[0])
 
 
 def _stop(sim: ControllerMotion, _: str, __: Values) -> None:
@@ -259,9 +259,9 @@ def _pulse(sim: ControllerMotion, _: str, values: Values) -> None:
     sim.mechanics.pulse(sim.now, axis, sense * sim.sidereal_multiple(rate) * SIDEREAL_RATE, values["ms"] / 1000.0)
 
 
-def _select_drive_rate(sim: ControllerMotion, name: str, _: Values) -> None:
-    tracking.select_drive_rate(sim, name, _)
-    sim.stored_values["hertz"] = {"TQ": 60.16427, "TS": 60.0, "TL": 57.9}[name]
+def _select_drive_rate(sim: ControllerMotion, command: str, _: Values) -> None:
+    tracking.select_drive_rate(sim, command, _)
+    sim.stored_values["hertz"] = {"TQ": 60.16427, "TS": 60.0, "TL": 57.9}[command]
 
 
 def _set_drive_hertz(sim: ControllerMotion, _: str, values: Values) -> bytes:
@@ -283,47 +283,47 @@ def _set_zone(sim: ControllerMotion, _: str, values: Values) -> bytes:
     return b"1"
 
 
-def _tell_zone(sim: ControllerMotion, _: str, __: Values) -> bytes:
+def _zone_reply(sim: ControllerMotion, _: str, __: Values) -> bytes:
     hours, minutes = divmod(round(abs(sim.utc_offset) * 60), 60)
     sign = "-" if sim.utc_offset > 0 else "+"
     return (f"{sign}{hours:02d}:{minutes:02d}#" if sim.onstep else f"{-sim.utc_offset:+05.1f}#").encode()
 
 
-def _set_clock(sim: ControllerMotion, name: str, values: Values) -> bytes:
-    sim.awaited.discard(name)
+def _set_clock(sim: ControllerMotion, command: str, values: Values) -> bytes:
+    sim.awaited.discard(command)
     if not sim.awaited and sim.onstep:
         sim.aligned = True
-    if name == "SXT2":
+    if command == "SXT2":
         sim.clock_ahead = values["unix"] - sim.now
         sim.relocate()
-    elif name == "SC" and not sim.onstep:
+    elif command == "SC" and not sim.onstep:
         sim.clock_ahead += (values["date"] - datetime.fromtimestamp(sim.utc(), UTC).date()) / timedelta(seconds=1)
         sim.relocate()
     else:
-        settings.HANDLERS[name](sim, name, values)
+        settings.HANDLERS[command](sim, command, values)
     return b"1"
 
 
-def _set_site(sim: ControllerMotion, name: str, values: Values) -> bytes:
+def _set_site(sim: ControllerMotion, command: str, values: Values) -> bytes:
     if not (sim.onstep or sim.at_home or sim.parked):
         return b"0"
-    settings.set_site_coordinate(sim, name, values)
+    settings.set_site_coordinate(sim, command, values)
     return b"1"
 
 
-def _tell_site(sim: ControllerMotion, name: str, _: Values) -> bytes:
-    return answers.encode(sim, name, latitude=sim.site[0], longitude=wrap180(-sim.site[1]))
+def _site_reply(sim: ControllerMotion, command: str, _: Values) -> bytes:
+    return answers.encode(sim, command, latitude=sim.site[0], longitude=wrap180(-sim.site[1]))
 
 
-def _horizon(sim: ControllerMotion, name: str, _: Values) -> bytes:
-    return answers.horizontal(sim, name, _).replace(b":", b"'")
+def _az_alt_reply(sim: ControllerMotion, command: str, _: Values) -> bytes:
+    return answers.horizontal(sim, command, _).replace(b":", b"'")
 
 
-def _high_precision_reply(sim: ControllerMotion, name: str) -> bytes:
+def _high_precision_reply(sim: ControllerMotion, command: str) -> bytes:
     """:GRa :GDe :GRL :GDL - in high precision at all times. :GtH :GgH - with seconds and their thousandths."""
-    if (template := sim.protocol.commands[name[:2]].reply_form("fine")) is not None and name[1] in "RD":
+    if (template := sim.protocol.commands[command[:2]].reply_form("fine")) is not None and command[1] in "RD":
         return template.encode(dict(zip(("ra", "dec"), sim.position(), strict=True)))
-    text = sexagesimal.signed(sim.site[0]) if name == "GtH" else "+" + sexagesimal.azimuth(-sim.site[1] % 360.0)
+    text = sexagesimal.signed(sim.site[0]) if command == "GtH" else "+" + sexagesimal.azimuth(-sim.site[1] % 360.0)
     return text.encode() + b".000#"
 
 
@@ -354,7 +354,7 @@ REPLIES: dict[str, Callable[[ControllerMotion], bytes]] = {
     "GXRX": lambda sim: f"{sim.sidereal_multiple(4):.0f}#".encode(),
     "GX97": lambda sim: f"{sim.mechanics.max_rate:.1f}#".encode(),
     "GX90": lambda sim: f"{sim.sidereal_multiple(sim.pulse_rate_number):.2f}#".encode(),
-    **{name: partial(_high_precision_reply, name=name) for name in ("GtH", "GgH", "GRa", "GDe", "GRL", "GDL")},
+    **{name: partial(_high_precision_reply, command=name) for name in ("GtH", "GgH", "GRa", "GDe", "GRL", "GDL")},
     "Gh": lambda sim: f"{sim.stored_values['lowest']:+03.0f}*#".encode(),
     "Go": lambda sim: f"{sim.stored_values['highest']:02.0f}*#".encode(),
     **{f"R{letter}": partial(ControllerMotion.select_rate, letter=letter) for letter in "GCMFS0123456789"},
@@ -366,9 +366,9 @@ HANDLERS: dict[str, Callable[[ControllerMotion, str, Values], bytes | None]] = {
     **dict.fromkeys(TARGET_COMMANDS, motion.set_target), **dict.fromkeys(("MS", "MA"), _slew),
     "CM": _sync, **dict.fromkeys(("Mn", "Ms", "Me", "Mw"), _press_arrow),
     **dict.fromkeys(("Qn", "Qs", "Qe", "Qw"), _release_arrow), "Q": _stop, "Mg": _pulse,
-    **dict.fromkeys(("TQ", "TS", "TL"), _select_drive_rate), "ST": _set_drive_hertz, "SG": _set_zone, "GG": _tell_zone,
+    **dict.fromkeys(("TQ", "TS", "TL"), _select_drive_rate), "ST": _set_drive_hertz, "SG": _set_zone, "GG": _zone_reply,
     **dict.fromkeys(("SL", "SC", "SXT2"), _set_clock), **dict.fromkeys(("St", "Sg"), _set_site),
-    **dict.fromkeys(("Gt", "Gg"), _tell_site), **dict.fromkeys(("GZ", "GA"), _horizon),
+    **dict.fromkeys(("Gt", "Gg"), _site_reply), **dict.fromkeys(("GZ", "GA"), _az_alt_reply),
 }  # fmt: skip
 
 

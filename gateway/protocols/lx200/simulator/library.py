@@ -44,48 +44,48 @@ def _set_target(sim: MeadeTelescope, ra: float, dec: float, name: str) -> None:
     sim.stored_values["object"] = name
 
 
-def select_object(sim: MeadeTelescope, name: str, values: Values) -> None:
+def select_object(sim: MeadeTelescope, command: str, values: Values) -> None:
     """:LM :LC - select a Messier or catalogue object."""
     number = values["number"]
     for thing in _OBJECTS:
-        if number and number == (thing.messier if name == "LM" else thing.ngc):
-            _set_target(sim, thing.ra, thing.dec, f"{'M' if name == 'LM' else 'CNGC'}{number} {thing.kind}")
+        if number and number == (thing.messier if command == "LM" else thing.ngc):
+            _set_target(sim, thing.ra, thing.dec, f"{'M' if command == 'LM' else 'CNGC'}{number} {thing.kind}")
 
 
-def select_star(sim: MeadeTelescope, name: str, values: Values) -> None:
+def select_star(sim: MeadeTelescope, command: str, values: Values) -> None:
     """:LS - select a star."""
     place = _STARS.get(values["number"])
     if place is not None:
         _set_target(sim, *place, f"STAR{values['number']}")
 
 
-def step_object(sim: MeadeTelescope, name: str, _: Values) -> None:
+def step_object(sim: MeadeTelescope, command: str, _: Values) -> None:
     """:LF :LN :LB - the first, next or previous object above the horizon; only on a classic."""
     if not sim.classic:
         return
     up = [thing for thing in _OBJECTS if altitude(sim, *_SKY.from_j2000(thing.ra, thing.dec, sim.utc())) > 0]
     if up:
-        index = (sim.stored_values.get("step", 0) + _STEPS[name]) % len(up) if _STEPS[name] else 0
+        index = (sim.stored_values.get("step", 0) + _STEPS[command]) % len(up) if _STEPS[command] else 0
         sim.stored_values["step"] = index
         _set_target(sim, up[index].ra, up[index].dec, f"M{up[index].messier} {up[index].kind}")
 
 
-def select_catalogue(sim: MeadeTelescope, name: str, values: Values) -> bytes:
+def select_catalogue(sim: MeadeTelescope, command: str, values: Values) -> bytes:
     """:Lo :Ls - select a catalogue; "not found" is 0 for :Lo and 2 for :Ls, and only a classic sends it."""
-    present = values["catalog"] in (_DEEP_SKY_CATALOGUES if name == "Lo" else _STAR_CATALOGUES)
+    present = values["catalog"] in (_DEEP_SKY_CATALOGUES if command == "Lo" else _STAR_CATALOGUES)
     if present or not sim.classic:
         return b"1"
-    return b"0" if name == "Lo" else b"2"
+    return b"0" if command == "Lo" else b"2"
 
 
-def describe(sim: MeadeTelescope, name: str, _: Values) -> bytes:
+def describe(sim: MeadeTelescope, command: str, _: Values) -> bytes:
     """:LI :Lf - describe the selected object, or the objects in the field."""
     if not sim.classic:
-        return f"{sim.row['object_text' if name == 'LI' else 'find_text']}#".encode()
-    return f"{sim.stored_values.get('object', 'No object')}#".encode() if name == "LI" else b"0 - Objects found#"
+        return f"{sim.row['object_text' if command == 'LI' else 'find_text']}#".encode()
+    return f"{sim.stored_values.get('object', 'No object')}#".encode() if command == "LI" else b"0 - Objects found#"
 
 
-def select_moon(sim: MeadeTelescope, name: str, values: Values) -> bytes:
+def select_moon(sim: MeadeTelescope, command: str, values: Values) -> bytes:
     """:SE :Se - make the Moon's centre the target, whatever the feature; reply 0 while it is below the horizon."""
     ra, dec, _ = _SKY.moon(sim.utc(), *sim.site)
     if altitude(sim, ra, dec) <= 0:

@@ -19,7 +19,7 @@ _ABOVE_REPLY_BY_CLASSIC = {True: b"2Object above    higher limit.  #", False: b"
 _SIDEREAL_ARCSECONDS = SIDEREAL_RATE * 3600.0  # arcseconds per second
 
 
-def set_target(sim: MeadeTelescope, name: str, values: Values) -> bytes:
+def set_target(sim: MeadeTelescope, command: str, values: Values) -> bytes:
     """:Sr :Sd :Sa :Sz - set one coordinate of the target."""
     sim.stored_values.update(values)
     return b"1"
@@ -31,7 +31,7 @@ def altitude(sim: MeadeTelescope, ra: float, dec: float) -> float:
     return hour_angle_to_horizon(hour_angle, dec, sim.site[0])[1]
 
 
-def slew(sim: MeadeTelescope, name: str, _: Values) -> bytes:
+def slew(sim: MeadeTelescope, command: str, _: Values) -> bytes:
     """:MS - slew to the target."""
     ra, dec = sim.stored_values.get("ra", 0.0), sim.stored_values.get("dec", 0.0)
     return _begin_slew(sim, ra, dec, altitude(sim, ra, dec)) or b"0"
@@ -44,7 +44,7 @@ def target_from_horizontal(sim: MeadeTelescope) -> Pair:
     return wrap360(sim.mechanics.sky.lst(sim.now) - hour_angle), dec
 
 
-def slew_horizontal(sim: MeadeTelescope, name: str, _: Values) -> bytes:
+def slew_horizontal(sim: MeadeTelescope, command: str, _: Values) -> bytes:
     """:MA - slew to azimuth and altitude; the reply 1 is a refusal."""
     return b"1" if _begin_slew(sim, *target_from_horizontal(sim), sim.stored_values.get("alt", 0.0)) else b"0"
 
@@ -76,30 +76,30 @@ def unpark(sim: MeadeTelescope) -> None:
         sim.track(sim.mode_letter != "L")
 
 
-def sync(sim: MeadeTelescope, name: str, _: Values) -> bytes | None:
+def sync(sim: MeadeTelescope, command: str, _: Values) -> bytes | None:
     """:CM :CL - sync on the target."""
     sim.mechanics.sync(sim.now, sim.stored_values.get("ra", 0.0), sim.stored_values.get("dec", 0.0))
     sim.aligned = True
-    return f"{sim.row['sync_text']}#".encode() if name == "CM" else None
+    return f"{sim.row['sync_text']}#".encode() if command == "CM" else None
 
 
-def select_rate(sim: MeadeTelescope, name: str, _: Values) -> None:
+def select_rate(sim: MeadeTelescope, command: str, _: Values) -> None:
     """:RG :RC :RM :RS - select the rate of motion by hand."""
-    sim.stored_values["rate"] = name
+    sim.stored_values["rate"] = command
 
 
-def select_key_rate(sim: MeadeTelescope, name: str, values: Values) -> None:
+def select_key_rate(sim: MeadeTelescope, command: str, values: Values) -> None:
     """:R<n> - select the rate of a key."""
     key = values["key"]
     sim.stored_values["rate"] = "RG" if key <= 2 else "RC" if key <= 5 else "RM" if key <= 7 else "RS"
 
 
-def set_rate(sim: MeadeTelescope, name: str, values: Values) -> None:
+def set_rate(sim: MeadeTelescope, command: str, values: Values) -> None:
     """:RA :RE :Rg - set the rate of :RS, degrees per second, or of :RG, arcseconds per second."""
-    sim.stored_values[name] = min(_SIDEREAL_ARCSECONDS, values["rate"]) if name == "Rg" else values["rate"]
+    sim.stored_values[command] = min(_SIDEREAL_ARCSECONDS, values["rate"]) if command == "Rg" else values["rate"]
 
 
-def set_max_rate(sim: MeadeTelescope, name: str, values: Values) -> bytes:
+def set_max_rate(sim: MeadeTelescope, command: str, values: Values) -> bytes:
     """:Sw - set the fastest slew rate."""
     low, high = sim.row["max_rates"]
     if not low <= values["rate"] <= high:
@@ -134,9 +134,9 @@ def axis_of(sim: MeadeTelescope, letter: str) -> tuple[int, float]:
     return axis, sense
 
 
-def press_arrow(sim: MeadeTelescope, name: str, _: Values) -> None:
+def press_arrow(sim: MeadeTelescope, command: str, _: Values) -> None:
     """:Mn :Ms :Me :Mw - press a direction key: the guide rate is added to tracking, the other rates replace it."""
-    axis, sense = axis_of(sim, name[1])
+    axis, sense = axis_of(sim, command[1])
     if set(sim.arrows) - {axis}:
         release_keys(sim, axis)
     else:
@@ -165,12 +165,12 @@ def release_keys(sim: MeadeTelescope, *axes: int) -> None:
         sim.mechanics.resume_tracking(sim.now)
 
 
-def release_arrow(sim: MeadeTelescope, name: str, _: Values) -> None:
+def release_arrow(sim: MeadeTelescope, command: str, _: Values) -> None:
     """:Qn :Qs :Qe :Qw - end the motion in a direction."""
-    release_keys(sim, axis_of(sim, name[1])[0])
+    release_keys(sim, axis_of(sim, command[1])[0])
 
 
-def stop(sim: MeadeTelescope, name: str, _: Values) -> None:
+def stop(sim: MeadeTelescope, command: str, _: Values) -> None:
     """:Q - end every motion; computing and waiting for satellites continue."""
     release_keys(sim)
     if sim.mechanics.slewing(sim.now):
@@ -180,7 +180,7 @@ def stop(sim: MeadeTelescope, name: str, _: Values) -> None:
         sim.seeks_home, sim.home_state = False, 0
 
 
-def pulse(sim: MeadeTelescope, name: str, values: Values) -> None:
+def pulse(sim: MeadeTelescope, command: str, values: Values) -> None:
     """:Mg - a guide pulse."""
     axis, sense = axis_of(sim, values["direction"])
     sim.mechanics.pulse(sim.now, axis, sense * _guide_speed(sim), values["ms"] / 1000.0)

@@ -63,9 +63,9 @@ LINE_SIZE = 15  # characters between the colon and the #
 _MIN_BYTE, _MAX_BYTE = 0x20, 0x7F
 
 
-def well_formed(name: str, frame: bytes) -> bool:
+def well_formed(command: str, frame: bytes) -> bool:
     """Whether a whole command is in the manual's notation."""
-    check = _PATTERNS.get(name)
+    check = _PATTERNS.get(command)
     return check is None or check.fullmatch(frame) is not None
 
 
@@ -125,9 +125,9 @@ class SimulatedLx200(MeadeTelescope):
         refusals = [form for reply, form in command.replies if reply.fault]
         return refusals[0].encode({}) if refusals and not refusals[0].fields else b""
 
-    def _split_slow_reply(self, name: str, reply: bytes, send_later: SendLater | None) -> bytes:
+    def _split_slow_reply(self, command: str, reply: bytes, send_later: SendLater | None) -> bytes:
         """Return the part of a slow reply to send at once; pass the rest to ``send_later`` with the seconds to wait."""
-        seconds = settings.reply_duration(self, name)
+        seconds = settings.reply_duration(self, command)
         if send_later is None or not seconds or reply == b"0":
             return reply
         self.busy_until = self.now + seconds

@@ -15,7 +15,7 @@ from gateway.protocols.wireformat import sexagesimal
 
 #: Seconds in which a classic computes its planets after a new date, and an LX200GPS finds satellites.
 PLANETS_DURATION, GPS_FIX_DURATION = 5.0, 60.0
-_MARK = b"\x02"  # marks the selected site in a classic's menu
+_SITE_MARK = b"\x02"  # marks the selected site in a classic's menu
 _NAME_WIDTH = 12  # columns of that menu
 _TYPES = re.compile("[Gg][Pp][Dd][Cc][Oo]")
 _SEARCH_LIMIT_BY_LETTER = {
@@ -30,34 +30,34 @@ _SEARCH_LIMIT_BY_LETTER = {
 _QUALITIES = ("SU", "EX", "VG", "GD", "FR", "PR", "VP")
 
 
-def reply_duration(sim: MeadeTelescope, name: str) -> float:
+def reply_duration(sim: MeadeTelescope, command: str) -> float:
     """Return how many seconds pass before the last part of this command's reply."""
-    return {"SC": PLANETS_DURATION if sim.classic else 0.0, "gT": GPS_FIX_DURATION, "Aa": ALIGN_TIME}.get(name, 0.0)
+    return {"SC": PLANETS_DURATION if sim.classic else 0.0, "gT": GPS_FIX_DURATION, "Aa": ALIGN_TIME}.get(command, 0.0)
 
 
 def _local_time(sim: MeadeTelescope) -> datetime:
     return datetime.fromtimestamp(sim.utc() + sim.utc_offset * 3600.0, UTC)
 
 
-def clock(sim: MeadeTelescope, name: str, _: Values) -> bytes:
+def clock(sim: MeadeTelescope, command: str, _: Values) -> bytes:
     """:GL :Ga :GC - local time and date."""
     local = _local_time(sim)
-    return encode(sim, name, time=local.hour * 3600 + local.minute * 60 + local.second, date=local.date())
+    return encode(sim, command, time=local.hour * 3600 + local.minute * 60 + local.second, date=local.date())
 
 
-def offset(sim: MeadeTelescope, name: str, _: Values) -> bytes:
+def utc_offset(sim: MeadeTelescope, command: str, _: Values) -> bytes:
     """:GG - the offset from UTC, without padding on a classic."""
     if sim.classic and sim.utc_offset == int(sim.utc_offset):
         return f"{-int(sim.utc_offset):+d}#".encode()
-    return encode(sim, name, offset=-sim.utc_offset)
+    return encode(sim, command, offset=-sim.utc_offset)
 
 
-def sidereal(sim: MeadeTelescope, name: str, _: Values) -> bytes:
+def sidereal_time(sim: MeadeTelescope, command: str, _: Values) -> bytes:
     """:GS - the sidereal time: as set by :SS, else by clock and site."""
-    return encode(sim, name, sidereal=sim.mechanics.sky.lst(sim.now) + sim.stored_values.get("sidereal ahead", 0.0))
+    return encode(sim, command, sidereal=sim.mechanics.sky.lst(sim.now) + sim.stored_values.get("sidereal ahead", 0.0))
 
 
-def set_sidereal(sim: MeadeTelescope, name: str, values: Values) -> bytes:
+def set_sidereal(sim: MeadeTelescope, command: str, values: Values) -> bytes:
     """:SS - changes only the displayed time: the motors use clock and site."""
     sim.stored_values["sidereal ahead"] = values["sidereal"] - sim.mechanics.sky.lst(sim.now)
     return b"1"
@@ -68,14 +68,14 @@ def _set_clock(sim: MeadeTelescope, local_time: datetime) -> None:
     sim.relocate()
 
 
-def set_time(sim: MeadeTelescope, name: str, values: Values) -> bytes:
+def set_time(sim: MeadeTelescope, command: str, values: Values) -> bytes:
     """:SL - set the local time."""
     midnight = _local_time(sim).replace(hour=0, minute=0, second=0)
     _set_clock(sim, midnight + timedelta(seconds=int(values["time"])))
     return b"1"
 
 
-def set_date(sim: MeadeTelescope, name: str, values: Values) -> bytes:
+def set_date(sim: MeadeTelescope, command: str, values: Values) -> bytes:
     """:SC - set the date; an LX200GPS expects the UTC date."""
     new: date = values["date"]
     if sim.row["utc_date"]:
@@ -88,7 +88,7 @@ def set_date(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     return b"1Updating Planetary Data#" + b" " * 24 + b"#"
 
 
-def set_offset(sim: MeadeTelescope, name: str, values: Values) -> bytes:
+def set_offset(sim: MeadeTelescope, command: str, values: Values) -> bytes:
     """:SG - set the offset from UTC and keep the local time."""
     sim.clock_ahead += (sim.utc_offset + values["offset"]) * 3600.0
     sim.utc_offset = -values["offset"]
@@ -96,7 +96,7 @@ def set_offset(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     return b"1"
 
 
-def set_date_and_time(sim: MeadeTelescope, name: str, values: Values) -> bytes:
+def set_date_and_time(sim: MeadeTelescope, command: str, values: Values) -> bytes:
     """:hI - set date and time together."""
     try:
         _set_clock(sim, datetime.strptime(values["stamp"], "%y%m%d%H%M%S").replace(tzinfo=UTC))
@@ -105,25 +105,25 @@ def set_date_and_time(sim: MeadeTelescope, name: str, values: Values) -> bytes:
     return b"1"
 
 
-def set_clock_from_gps(sim: MeadeTelescope, name: str, _: Values) -> bytes:
+def set_clock_from_gps(sim: MeadeTelescope, command: str, _: Values) -> bytes:
     """:gT - set the clock by GPS."""
     sim.clock_ahead = 0.0
     sim.relocate()
     return b"1"
 
 
-def latitude(sim: MeadeTelescope, name: str, _: Values) -> bytes:
+def latitude(sim: MeadeTelescope, command: str, _: Values) -> bytes:
     """:Gt - the latitude, with seconds on an LX200GPS."""
     if sim.model != "lx200gps":
-        return encode(sim, name, latitude=sim.site[0])
+        return encode(sim, command, latitude=sim.site[0])
     return _angle_reply(sexagesimal.signed(sim.site[0]))
 
 
-def longitude(sim: MeadeTelescope, name: str, _: Values) -> bytes:
+def longitude(sim: MeadeTelescope, command: str, _: Values) -> bytes:
     """:Gg - the longitude, west positive: signed on an Autostar, unsigned on others, with seconds on an LX200GPS."""
     west = -sim.site[1] % 360.0
     if sim.model == "autostar":
-        return encode(sim, name, longitude=wrap180(west))
+        return encode(sim, command, longitude=wrap180(west))
     return _angle_reply(sexagesimal.azimuth_low(west) if sim.classic else sexagesimal.azimuth(west))
 
 
@@ -132,15 +132,15 @@ def _angle_reply(text: str) -> bytes:
     return text.replace("*", "\xdf").encode("latin-1") + b"#"
 
 
-def set_site_coordinate(sim: MeadeTelescope, name: str, values: Values) -> bytes:
+def set_site_coordinate(sim: MeadeTelescope, command: str, values: Values) -> bytes:
     """:St :Sg - set latitude or longitude of the site; an Autostar replies 0 to a valid latitude."""
     north, east = sim.site
     sim.sites[sim.site_number] = values.get("latitude", north), wrap180(-values.get("longitude", -east))
     sim.relocate()
-    return b"0" if name == "St" and sim.model == "autostar" else b"1"
+    return b"0" if command == "St" and sim.model == "autostar" else b"1"
 
 
-def select_site(sim: MeadeTelescope, name: str, values: Values) -> None:
+def select_site(sim: MeadeTelescope, command: str, values: Values) -> None:
     """:W - select a site. Models count from 0 or from 1; those that count from 1 accept 0 for the first."""
     number = max(0, values["site"] - sim.row["first_site"])
     if number < len(sim.sites):
@@ -148,67 +148,67 @@ def select_site(sim: MeadeTelescope, name: str, values: Values) -> None:
         sim.relocate()
 
 
-def site_name(sim: MeadeTelescope, name: str, _: Values) -> bytes:
+def site_name(sim: MeadeTelescope, command: str, _: Values) -> bytes:
     """:GM :GN :GO :GP - the name of a site; a classic shows a line of its menu."""
-    number = "MNOP".index(name[1])
+    number = "MNOP".index(command[1])
     text = sim.names[number].encode("latin-1")
     if not sim.classic:
         return text + b"#"
-    return text.ljust(_NAME_WIDTH) + (_MARK if number == sim.site_number else b" ") + b"#"
+    return text.ljust(_NAME_WIDTH) + (_SITE_MARK if number == sim.site_number else b" ") + b"#"
 
 
-def set_site_name(sim: MeadeTelescope, name: str, values: Values) -> bytes:
+def set_site_name(sim: MeadeTelescope, command: str, values: Values) -> bytes:
     """:SM :SN :SO :SP - name a site."""
     if not 0 < len(values["name"]) <= sim.row["names"]:
         return b"0"
-    sim.names["MNOP".index(name[1])] = values["name"]
+    sim.names["MNOP".index(command[1])] = values["name"]
     return b"1"
 
 
-def set_limit(sim: MeadeTelescope, name: str, values: Values) -> bytes:
+def set_limit(sim: MeadeTelescope, command: str, values: Values) -> bytes:
     """:So :Sh - set the lowest or highest altitude."""
-    sim.stored_values["lowest" if name == "So" else "highest"] = float(values["limit"])
+    sim.stored_values["lowest" if command == "So" else "highest"] = float(values["limit"])
     return b"1"
 
 
-def search_limit(sim: MeadeTelescope, name: str, _: Values) -> bytes:
+def search_limit(sim: MeadeTelescope, command: str, _: Values) -> bytes:
     """:Gb :Gf :GF :Gl :Gs :Gy :Gq - the limits of a search."""
-    field, default = _SEARCH_LIMIT_BY_LETTER[name[1]]
-    return encode(sim, name, **{field: sim.stored_values.get("search " + name[1], default)})
+    field, default = _SEARCH_LIMIT_BY_LETTER[command[1]]
+    return encode(sim, command, **{field: sim.stored_values.get("search " + command[1], default)})
 
 
-def set_search_limit(sim: MeadeTelescope, name: str, values: Values) -> bytes:
+def set_search_limit(sim: MeadeTelescope, command: str, values: Values) -> bytes:
     """:Sb :Sf :SF :Sl :Ss :Sy - set a limit of searches."""
-    if name == "Sy" and not _TYPES.fullmatch(values["types"]):
+    if command == "Sy" and not _TYPES.fullmatch(values["types"]):
         return b"0"
-    sim.stored_values["search " + name[1]] = next(iter(values.values()))
+    sim.stored_values["search " + command[1]] = next(iter(values.values()))
     return b"1"
 
 
-def step_quality(sim: MeadeTelescope, name: str, _: Values) -> None:
+def step_quality(sim: MeadeTelescope, command: str, _: Values) -> None:
     """:Sq - step to the next quality of searches."""
     present = sim.stored_values.get("search q", "VP")
     sim.stored_values["search q"] = _QUALITIES[(_QUALITIES.index(present) + 1) % len(_QUALITIES)]
 
 
-def toggle_precision(sim: MeadeTelescope, name: str, _: Values) -> None:
+def toggle_precision(sim: MeadeTelescope, command: str, _: Values) -> None:
     """:U - switch between low and high precision."""
     sim.high_precision = not sim.high_precision
 
 
-def toggle_pointing(sim: MeadeTelescope, name: str, _: Values) -> bytes:
+def toggle_pointing(sim: MeadeTelescope, command: str, _: Values) -> bytes:
     """:P - toggle high-precision pointing."""
     on = sim.stored_values["pointing"] = not sim.stored_values.get("pointing", False)
     return b"HIGH PRECISION" if on else b"LOW  PRECISION"
 
 
-def toggle_hours(sim: MeadeTelescope, name: str, _: Values) -> None:
+def toggle_hours(sim: MeadeTelescope, command: str, _: Values) -> None:
     """:H - switch between 12 and 24 hours."""
     sim.stored_values["twelve"] = not sim.stored_values.get("twelve", False)
 
 
 HANDLERS: dict[str, Handler] = {
-    "GL": clock, "Ga": clock, "GC": clock, "GG": offset, "GS": sidereal, "SL": set_time, "SC": set_date,
+    "GL": clock, "Ga": clock, "GC": clock, "GG": utc_offset, "GS": sidereal_time, "SL": set_time, "SC": set_date,
     "SG": set_offset, "hI": set_date_and_time, "gT": set_clock_from_gps, "Gt": latitude, "Gg": longitude,
     "St": set_site_coordinate, "Sg": set_site_coordinate, "W": select_site, "So": set_limit, "Sh": set_limit,
     "Sq": step_quality, "U": toggle_precision, "P": toggle_pointing, "H": toggle_hours, "SS": set_sidereal,

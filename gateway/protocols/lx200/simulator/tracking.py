@@ -18,7 +18,7 @@ ALIGN_TIME = 120.0
 #: The displayed rate in hertz, and degrees per second.
 _DRIVE_RATE_BY_COMMAND = {"TQ": (60.1, SIDEREAL_RATE), "TS": (60.0, SOLAR_RATE), "TL": (57.9, LUNAR_RATE)}
 _SIDEREAL_HERTZ = (60.1, 60.2)
-_CLASSIC_HERTZ, _ANY_HERTZ = (56.4, 60.1), (0.0, 99.9)
+_CLASSIC_HZ_RANGE, _ANY_HZ_RANGE = (56.4, 60.1), (0.0, 99.9)
 _PARK_AXES: Pair = (0.0, 0.0)  # north, on the horizon
 _POLE_AXIS = 90.0
 _MIN_FOCUS_SPEED, _MAX_FOCUS_SPEED = 1, 4
@@ -36,39 +36,39 @@ def _use_manual_rate(sim: MeadeTelescope) -> None:
     _set_drive_rate(sim, hertz, SIDEREAL_RATE if low <= round(hertz, 1) <= high else hertz / 60.0 * SOLAR_RATE)
 
 
-def select_drive_rate(sim: MeadeTelescope, name: str, _: Values) -> None:
+def select_drive_rate(sim: MeadeTelescope, command: str, _: Values) -> None:
     """:TQ :TS :TL :TM - select the tracking rate."""
-    sim.stored_values["manual"] = name == "TM"
-    if name == "TM":
+    sim.stored_values["manual"] = command == "TM"
+    if command == "TM":
         _use_manual_rate(sim)
     else:
-        _set_drive_rate(sim, *_DRIVE_RATE_BY_COMMAND[name])
+        _set_drive_rate(sim, *_DRIVE_RATE_BY_COMMAND[command])
 
 
-def set_drive_hertz(sim: MeadeTelescope, name: str, values: Values) -> bytes:
+def set_drive_hertz(sim: MeadeTelescope, command: str, values: Values) -> bytes:
     """:ST :T - set the tracking rate, hertz: a classic accepts only 56.4 to 60.1, and :ST only in manual mode."""
-    low, high = _CLASSIC_HERTZ if sim.classic else _ANY_HERTZ
+    low, high = _CLASSIC_HZ_RANGE if sim.classic else _ANY_HZ_RANGE
     hertz = values["hertz"]
-    if not low <= round(hertz, 1) <= high or (sim.classic and name == "ST" and not sim.stored_values.get("manual")):
-        return b"0" if name == "ST" else b""
+    if not low <= round(hertz, 1) <= high or (sim.classic and command == "ST" and not sim.stored_values.get("manual")):
+        return b"0" if command == "ST" else b""
     sim.stored_values["custom"], sim.stored_values["manual"] = hertz, True
     _use_manual_rate(sim)
     return b"1"
 
 
-def step_drive_hertz(sim: MeadeTelescope, name: str, _: Values) -> None:
+def step_drive_hertz(sim: MeadeTelescope, command: str, _: Values) -> None:
     """:T+ :T- - change the manual rate, whether it is in use or not."""
-    low, high = _CLASSIC_HERTZ if sim.classic else _ANY_HERTZ
-    hertz = round(sim.stored_values.get("custom", 60.1) + (0.1 if name == "T+" else -0.1), 1)
+    low, high = _CLASSIC_HZ_RANGE if sim.classic else _ANY_HZ_RANGE
+    hertz = round(sim.stored_values.get("custom", 60.1) + (0.1 if command == "T+" else -0.1), 1)
     sim.stored_values["custom"] = max(low, min(high, hertz))
     if sim.stored_values.get("manual"):
         _use_manual_rate(sim)
 
 
-def set_alignment_mode(sim: MeadeTelescope, name: str, _: Values) -> None:
+def set_alignment_mode(sim: MeadeTelescope, command: str, _: Values) -> None:
     """:AA :AP :AL - set the alignment mode; on a telescope without :GW the alignment is lost."""
     release_keys(sim)
-    sim.mode_letter = {"AA": "A", "AP": "P", "AL": "L"}[name]
+    sim.mode_letter = {"AA": "A", "AP": "P", "AL": "L"}[command]
     if sim.mode_letter != "L" and sim.mechanics.build is not Build.GERMAN:
         sim.mechanics.set_build(sim.now, Build.WEDGE if sim.mode_letter == "P" else Build.ALTAZ)
     sim.parked = False
@@ -78,7 +78,7 @@ def set_alignment_mode(sim: MeadeTelescope, name: str, _: Values) -> None:
         sim.lose_alignment()
 
 
-def auto_align(sim: MeadeTelescope, name: str, _: Values) -> bytes:
+def auto_align(sim: MeadeTelescope, command: str, _: Values) -> bytes:
     """:Aa - align automatically."""
     if sim.mode_letter != "A":
         return b"0"
@@ -93,7 +93,7 @@ def auto_align(sim: MeadeTelescope, name: str, _: Values) -> bytes:
 # --- park, home, sleep --------------------------------------------------------------------------------------------
 
 
-def park(sim: MeadeTelescope, name: str, _: Values) -> None:
+def park(sim: MeadeTelescope, command: str, _: Values) -> None:
     """:hP - slew to the horizon in the north, or to the pole; tracking is off."""
     sim.track(False)
     build = sim.mechanics.build
@@ -101,14 +101,14 @@ def park(sim: MeadeTelescope, name: str, _: Values) -> None:
     sim.parked = True
 
 
-def seek_home(sim: MeadeTelescope, name: str, _: Values) -> None:
+def seek_home(sim: MeadeTelescope, command: str, _: Values) -> None:
     """:hS :hF - search for home; until it is found, hardly any command is accepted."""
     unpark(sim)
     slew_axes(sim, sim.power_on_axes(sim.mechanics.build))
     sim.seeks_home, sim.home_state = True, 0
 
 
-def sleep(sim: MeadeTelescope, name: str, _: Values) -> None:
+def sleep(sim: MeadeTelescope, command: str, _: Values) -> None:
     """:hN - sleep: the motors are off."""
     release_keys(sim)
     sim.mechanics.cancel(sim.now)
@@ -116,14 +116,14 @@ def sleep(sim: MeadeTelescope, name: str, _: Values) -> None:
     sim.asleep = True
 
 
-def wake(sim: MeadeTelescope, name: str, _: Values) -> None:
+def wake(sim: MeadeTelescope, command: str, _: Values) -> None:
     """:hW - wake from sleep."""
     if sim.asleep:
         sim.asleep = False
         sim.track(sim.mode_letter != "L" and not sim.parked)
 
 
-def restart(sim: MeadeTelescope, name: str, _: Values) -> bytes:
+def restart(sim: MeadeTelescope, command: str, _: Values) -> bytes:
     """:I - restart."""
     release_keys(sim)
     sim.mechanics.cancel(sim.now)
@@ -134,41 +134,41 @@ def restart(sim: MeadeTelescope, name: str, _: Values) -> bytes:
 # --- accessories --------------------------------------------------------------------------------------------------
 
 
-def focus(sim: MeadeTelescope, name: str, _: Values) -> None:
+def focus(sim: MeadeTelescope, command: str, _: Values) -> None:
     """:F+ :F- :FQ - move the focuser in or out, or stop it."""
-    sim.accessories["focuser"] = {"+": 1, "-": -1, "Q": 0}[name[1]]
+    sim.accessories["focuser"] = {"+": 1, "-": -1, "Q": 0}[command[1]]
 
 
-def set_focus_speed(sim: MeadeTelescope, name: str, values: Values) -> None:
+def set_focus_speed(sim: MeadeTelescope, command: str, values: Values) -> None:
     """:FF :FS :F<n> - select the speed of the focuser."""
-    sim.accessories["focus speed"] = {"FF": _MAX_FOCUS_SPEED, "FS": _MIN_FOCUS_SPEED}.get(name) or values["speed"]
+    sim.accessories["focus speed"] = {"FF": _MAX_FOCUS_SPEED, "FS": _MIN_FOCUS_SPEED}.get(command) or values["speed"]
 
 
-def switch_accessory(sim: MeadeTelescope, name: str, _: Values) -> None:
+def switch_accessory(sim: MeadeTelescope, command: str, _: Values) -> None:
     """:f+ :f- :r+ :r- :g+ :g- - switch an accessory."""
-    sim.accessories[_ACCESSORY_BY_LETTER[name[0]]] = name[1] == "+"
+    sim.accessories[_ACCESSORY_BY_LETTER[command[0]]] = command[1] == "+"
 
 
-def set_backlash(sim: MeadeTelescope, name: str, values: Values) -> None:
+def set_backlash(sim: MeadeTelescope, command: str, values: Values) -> None:
     """:$BA :$BZ - store the backlash of the second axis or of the first."""
-    sim.accessories[f"backlash {2 if name == '$BA' else 1}"] = values["value"]
+    sim.accessories[f"backlash {2 if command == '$BA' else 1}"] = values["value"]
 
 
-def switch_pec(sim: MeadeTelescope, name: str, _: Values) -> None:
+def switch_pec(sim: MeadeTelescope, command: str, _: Values) -> None:
     """$Q :$QA :$QZ - turn correction of the periodic error on or off: $Q toggles both axes, the others set one axis."""
-    if name == "$Q":
+    if command == "$Q":
         wanted = not sim.accessories.get("pec 1", False)
         sim.accessories["pec 1"] = sim.accessories["pec 2"] = wanted
     else:
-        sim.accessories[f"pec {2 if name[2] == 'A' else 1}"] = name.endswith("+")
+        sim.accessories[f"pec {2 if command[2] == 'A' else 1}"] = command.endswith("+")
 
 
-def set_reticle(sim: MeadeTelescope, name: str, values: Values) -> None:
+def set_reticle(sim: MeadeTelescope, command: str, values: Values) -> None:
     """:B+ :B- :B<n> :BD - set the brightness and the blinking of the reticle."""
-    if name in ("B+", "B-"):
-        sim.accessories["reticle"] = sim.accessories.get("reticle", 0) + (1 if name == "B+" else -1)
+    if command in ("B+", "B-"):
+        sim.accessories["reticle"] = sim.accessories.get("reticle", 0) + (1 if command == "B+" else -1)
     else:
-        sim.accessories["reticle flash" if name == "B" else "reticle duty"] = next(iter(values.values()))
+        sim.accessories["reticle flash" if command == "B" else "reticle duty"] = next(iter(values.values()))
 
 
 HANDLERS: dict[str, Handler] = {

@@ -57,10 +57,10 @@ def tell_offset(session: LxSession) -> Handling:
     return {"offset": -round_to_half_hour(offset)}
 
 
-def contradicts_client(session: LxSession, name: str, values: op.Values) -> bool:
+def contradicts_client(session: LxSession, command: str, values: op.Values) -> bool:
     """Whether this client has set an offset, which the mount's answer would contradict."""
     client = session.client
-    return name == "GG" and (client.utc_offset is not None or client.clock_draft not in (None, ClockDraft()))
+    return command == "GG" and (client.utc_offset is not None or client.clock_draft not in (None, ClockDraft()))
 
 
 def commit_draft_if_allowed(session: LxSession) -> Handling:

@@ -41,7 +41,7 @@ def move(session: LxSession, command: Command) -> Handling:
     yield FireAndForget(op.Move(direction, rate, lowest=client.lowest, highest=client.highest))
 
 
-def _in_range(allowed: tuple[float, float], value: float, unit: str) -> float:
+def _checked(allowed: tuple[float, float], value: float, unit: str) -> float:
     """Return the value. Raises Invalid if it is out of the allowed range."""
     low, high = allowed
     if not low <= value <= high:
@@ -58,7 +58,7 @@ def choose_rate(session: LxSession, command: Command, values: op.Values) -> None
 
 def set_axis_rate(session: LxSession, command: Command, values: op.Values) -> None:
     """:RA :RE - the rate of motion by hand of one axis, degrees per second, until another rate is chosen."""
-    rate = _in_range(AXIS_RATE_RANGE, decoded(values)["rate"], "degrees a second") or None
+    rate = _checked(AXIS_RATE_RANGE, decoded(values)["rate"], "degrees a second") or None
     if command.name == "RA":
         session.client.rate_ra = rate
     else:
@@ -76,7 +76,7 @@ def set_max_rate(session: LxSession, values: op.Values) -> None:
 
 def set_guide_rate(values: op.Values) -> Handling:
     """:Rg - the guide rate of both axes, arcseconds per second, at most sidereal."""
-    fraction = min(1.0, _in_range(GUIDE_RANGE, decoded(values)["rate"], "arcseconds a second") / SIDEREAL_ARCSECONDS)
+    fraction = min(1.0, _checked(GUIDE_RANGE, decoded(values)["rate"], "arcseconds a second") / SIDEREAL_ARCSECONDS)
     for axis in (1, 2):
         yield FireAndForget(op.SetGuideRate(axis, fraction))
 
@@ -156,7 +156,7 @@ def tell_hertz() -> Handling:
 
 def set_hertz(session: LxSession, values: op.Values) -> Handling:
     """:ST :T<ddd.ddd> - set the tracking rate; 60.1 to 60.2 means exactly sidereal."""
-    yield from _set_drive_hertz(session, _in_range(HERTZ_RANGE, decoded(values)["hertz"], "hertz, 60.1 for sidereal"))
+    yield from _set_drive_hertz(session, _checked(HERTZ_RANGE, decoded(values)["hertz"], "hertz, 60.1 for sidereal"))
 
 
 def set_manual_rate(session: LxSession, command: Command) -> Handling:

@@ -96,7 +96,7 @@ def select_star(session: LxSession, values: op.Values) -> Handling:
         session.client.select_nothing(f"STAR {number} not found")
 
 
-def _target_entry(session: LxSession, entry: CatalogObject) -> Handling:
+def _select_entry(session: LxSession, entry: CatalogObject) -> Handling:
     """Make an object of a catalogue the target."""
     place: op.Equatorial = yield op.ToEquinoxOfDate(entry.ra, entry.dec)
     client = session.client
@@ -139,7 +139,7 @@ def _select_by_number(
     if entry is None:
         session.client.select_nothing(f"{catalog} {number} not found")
     else:
-        yield from _target_entry(session, entry)
+        yield from _select_entry(session, entry)
 
 
 # --- searching --------------------------------------------------------------------------------------------------------
@@ -180,7 +180,7 @@ def browse(session: LxSession, command: Command) -> Handling:
         if row is None:
             session.client.select_nothing("No object found")
         else:
-            yield from _target_entry(session, deepsky.object_by_row(row[0]))
+            yield from _select_entry(session, deepsky.object_by_row(row[0]))
     except Unsupported as missing:
         session.client.select_nothing(str(missing))
 

@@ -15,7 +15,7 @@ from gateway.protocols.base.driver import BY_HAND_MESSAGE, SLEWING_MESSAGE, Send
 from gateway.protocols.nexstar.counting import SIDEREAL
 from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.pointing import axis_command, stop_current_motion
-from gateway.protocols.nexstar.driver.state import MOTORS, NexStar, rate_zero
+from gateway.protocols.nexstar.driver.state import MOTORS, NexStar, stop_command
 
 Pair = tuple[float, float]
 
@@ -105,7 +105,7 @@ def stop_axis(mount: NexStar, axis: int) -> Steps:
         return
     if not pulsed:
         for number in (axis, 3 - axis):
-            yield rate_zero(number)
+            yield stop_command(number)
     yield from tracking.resume(mount)
 
 

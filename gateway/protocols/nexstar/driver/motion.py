@@ -15,7 +15,7 @@ from gateway.protocols.base.driver import Remark, Schedule, Send, Steps
 from gateway.protocols.nexstar.counting import SIDEREAL
 from gateway.protocols.nexstar.driver import altaz, tracking
 from gateway.protocols.nexstar.driver.pointing import AfterGoto, pier_side, require_alignment, stop_current_motion
-from gateway.protocols.nexstar.driver.state import GENTLE_KEYS, MOTORS, NexStar, SmallGotoMotion, rate_zero
+from gateway.protocols.nexstar.driver.state import GENTLE_KEYS, MOTORS, NexStar, SmallGotoMotion, stop_command
 
 FOCUSER = 18
 MAX_PULSE_MS = 2550  # milliseconds
@@ -165,7 +165,7 @@ def abort_motion(mount: NexStar, _: op.AbortMotion) -> Steps:
         mount.goto = None
     if not mount.moves_by_gotos:
         for axis in sorted(MOTORS, key=lambda axis: -mount.moving.get(axis, 0.0)):
-            yield rate_zero(axis)
+            yield stop_command(axis)
     mount.moving.clear()
     if going is None:
         yield Send("M")
@@ -320,7 +320,7 @@ def end_guiding(mount: NexStar, axis: int) -> Steps:
     if axis == 1 and mount.drive == "replaced":
         yield from tracking.resend_rate(mount)
         return
-    yield rate_zero(axis)
+    yield stop_command(axis)
 
 
 def pulse_arguments(ms: int, fraction: float) -> tuple[int, int]:

@@ -11,7 +11,7 @@ from gateway.core import operations as op
 from gateway.core.errors import NoAnswer, NotAligned, Unsupported
 from gateway.protocols.base.driver import Remark, Schedule, Send, Steps, Wait
 from gateway.protocols.nexstar.driver import tracking
-from gateway.protocols.nexstar.driver.state import MOTORS, POLE_AXES, NexStar, NexStarGotoState, rate_zero
+from gateway.protocols.nexstar.driver.state import MOTORS, POLE_AXES, NexStar, NexStarGotoState, stop_command
 
 #: Seconds after a goto's acknowledgement in which ``L`` = 0 may mean that it has not begun yet.
 START_GRACE = 3.0
@@ -135,7 +135,7 @@ def stop_current_motion(mount: NexStar) -> Steps:
     """
     mount.small_goto_motions.clear()
     for axis in sorted({*mount.moving, *mount.pulsing, *((1, 2) if mount.added_rates else ())}):
-        yield rate_zero(axis)
+        yield stop_command(axis)
         mount.moving.pop(axis, None)
     mount.pulsing.clear()
     mount.added_rates.clear()
@@ -172,14 +172,14 @@ def _cancel_goto(mount: NexStar) -> Steps:
     yield Send("M")
     if "restarts" in mount.model_facts:
         for axis in sorted(MOTORS.keys() - mount.moving.keys()):
-            yield rate_zero(axis)
+            yield stop_command(axis)
 
 
 def _stop_seeking(mount: NexStar) -> Steps:
     """Send rate 0 to both motors, because ``M`` does not end a search for the home switches."""
     mount.goto, mount.home_state = None, 0
     for axis in MOTORS:
-        yield rate_zero(axis)
+        yield stop_command(axis)
 
 
 def slewing(mount: NexStar, _: op.Slewing) -> Steps:

@@ -432,7 +432,7 @@ class NexStar(Driver):
         return self.settings.rates[key - 1] if self.settings.rates else key_speed(self.rate_table, key)
 
 
-def rate_zero(axis: int) -> Send:
+def stop_command(axis: int) -> Send:
     """Return the command that ends hand motion of an axis."""
     return Send(f"slew_{MOTORS[axis]}_pos", {"rate": 0})
 

@@ -32,7 +32,7 @@ _TURN = 1 << 24
 # --- hand rates -----------------------------------------------------------------------------------------
 
 
-def _hand_rate(sim: SimulatedMount, values: Values, sign: int) -> Values | None:
+def _move_at_key(sim: SimulatedMount, values: Values, sign: int) -> Values | None:
     """24 and 25 hex: hand motion at a key from 1 to 9; 0 stops."""
     key, device = values["rate"], values["device"]
     if key > len(sim.key_speeds):
@@ -52,7 +52,7 @@ def _hand_rate(sim: SimulatedMount, values: Values, sign: int) -> Values | None:
     return {}
 
 
-def _variable_rate(sim: SimulatedMount, values: Values, sign: int) -> Values:
+def _move_at_rate(sim: SimulatedMount, values: Values, sign: int) -> Values:
     """06 and 07: a rate in quarter arcseconds a second, or a code for a drive rate."""
     drive = DRIVE_RATE_BY_CODE.get(values["rate"])
     rate = values["rate"] / 14400.0 if drive is None else drive
@@ -60,7 +60,7 @@ def _variable_rate(sim: SimulatedMount, values: Values, sign: int) -> Values:
     return {}
 
 
-def _fine_rate(sim: SimulatedMount, values: Values, sign: int) -> Values:
+def _move_finely(sim: SimulatedMount, values: Values, sign: int) -> Values:
     """06 and 07 with three bytes: a rate in 1/1024 arcsecond a second."""
     sim.mechanics.set_rate(sim.now, values["device"] - 15, sign * values["rate"] / 1024.0 / 3600.0)
     return {}
@@ -125,21 +125,21 @@ def _seek_home(sim: SimulatedMount, values: Values) -> Values:
 # --- settings -------------------------------------------------------------------------------------------
 
 
-def _make_setter(name: str, max_value: int) -> Handler:
+def _make_setter(setting: str, max_value: int) -> Handler:
     """Return a handler that stores a motor setting; a value beyond the limit is acknowledged and ignored."""
 
     def set_value(sim: SimulatedMount, values: Values) -> Values:
         field = "rate" if "rate" in values else "value"
         if values[field] <= max_value:
-            sim.settings[name, values["device"]] = values[field]
+            sim.settings[setting, values["device"]] = values[field]
         return {}
 
     return set_value
 
 
-def _make_reader(name: str, default: int) -> Handler:
+def _make_reader(setting: str, default: int) -> Handler:
     def read_value(sim: SimulatedMount, values: Values) -> Values:
-        value = sim.settings.get((name, values["device"]), default)
+        value = sim.settings.get((setting, values["device"]), default)
         return {"rate": value, "value": value}
 
     return read_value
@@ -175,21 +175,23 @@ def _version(sim: SimulatedMount, values: Values) -> Values | None:
     return {"major": major, "minor": minor, "build": 0}
 
 
-def _both_directions(name: str, handler: Callable[[SimulatedMount, Values, int], Values | None]) -> dict[str, Handler]:
+def _both_directions(
+    prefix: str, handler: Callable[[SimulatedMount, Values, int], Values | None]
+) -> dict[str, Handler]:
     """Return the handlers of two commands that differ only in direction."""
     return {
-        f"{name}_pos": lambda sim, values: handler(sim, values, +1),
-        f"{name}_neg": lambda sim, values: handler(sim, values, -1),
+        f"{prefix}_pos": lambda sim, values: handler(sim, values, +1),
+        f"{prefix}_neg": lambda sim, values: handler(sim, values, -1),
     }
 
 
 HANDLER_BY_REQUEST: dict[str, Handler] = {
-    **_both_directions("slew_azm", _hand_rate),
-    **_both_directions("slew_alt", _hand_rate),
-    **_both_directions("move", _hand_rate),
-    **_both_directions("rate_azm", _variable_rate),
-    **_both_directions("rate_alt", _variable_rate),
-    **{name: _motors_only(handler) for name, handler in _both_directions("fine_rate", _fine_rate).items()},
+    **_both_directions("slew_azm", _move_at_key),
+    **_both_directions("slew_alt", _move_at_key),
+    **_both_directions("move", _move_at_key),
+    **_both_directions("rate_azm", _move_at_rate),
+    **_both_directions("rate_alt", _move_at_rate),
+    **{name: _motors_only(handler) for name, handler in _both_directions("fine_rate", _move_finely).items()},
     "pulse": _motors_only(_pulse, min_firmware=PULSE_FIRMWARE),
     "pulse_active": _motors_only(
         lambda sim, values: {"active": int(sim.mechanics.pulsing(sim.now, values["device"] - 15))},

@@ -41,9 +41,9 @@ def addressed_axis(values: op.Values) -> int:
     return axis
 
 
-def may_be_passed_on(name: str, values: op.Values) -> bool:
+def may_be_passed_on(command: str, values: op.Values) -> bool:
     """Whether a command unknown to this surface may be passed on to a NexStar mount: not if it could pass a limit."""
-    return name not in NEVER_PASSED and (name not in MOVE_COMMANDS or values["device"] == FOCUSER)
+    return command not in NEVER_PASSED and (command not in MOVE_COMMANDS or values["device"] == FOCUSER)
 
 
 def device_version(session: NexStarSession, values: op.Values) -> dict[str, int]:
@@ -90,16 +90,16 @@ def gps_place(session: NexStarSession) -> Handling:
 def gps_time(session: NexStarSession) -> Handling:
     """Date, year and time by GPS; before the first fix by the mount's clock."""
     receiver = yield from _read_receiver(session)
-    return _calendar(receiver.unix if receiver.linked else (yield op.GetClock()).unix)
+    return _date_fields(receiver.unix if receiver.linked else (yield op.GetClock()).unix)
 
 
 def universal_time(session: NexStarSession) -> Handling:
     """Date, year and time of the real-time clock: always UT."""
     _require_part(session, "rtc")
-    return _calendar((yield op.GetClock()).unix)
+    return _date_fields((yield op.GetClock()).unix)
 
 
-def _calendar(unix: float) -> dict[str, int]:
+def _date_fields(unix: float) -> dict[str, int]:
     now = datetime.fromtimestamp(unix, UTC)
     return {**clock_fields(now), "year": now.year}
 

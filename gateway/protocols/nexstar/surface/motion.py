@@ -108,10 +108,10 @@ def pulse_active(session: NexStarSession, values: op.Values) -> dict[str, int]:
 def set_guide_rate(session: NexStarSession, values: op.Values) -> Handling:
     """AUX 0x46 - set the guide rate of a motor; if the mount lacks it, the reply is the no-response form."""
     axis = addressed_axis(values)
-    yield from _set(session, f"guide rate {axis}", values["rate"], op.SetGuideRate(axis, values["rate"] / 256.0))
+    yield from _apply(session, f"guide rate {axis}", values["rate"], op.SetGuideRate(axis, values["rate"] / 256.0))
 
 
-def _set(session: NexStarSession, value_name: str, value: int, operation: op.SetGuideRate | op.Backlash) -> Handling:
+def _apply(session: NexStarSession, value_name: str, value: int, operation: op.SetGuideRate | op.Backlash) -> Handling:
     """Set a value on the mount and store it for all clients, even if the mount is busy or silent. Raises Fault."""
     try:
         yield operation
@@ -138,7 +138,7 @@ def set_backlash(session: NexStarSession, command: Command, values: op.Values) -
     if value > _MAX_BACKLASH:
         raise Invalid
     wanted = op.Backlash(axis, value, 1 if command.name.endswith("pos") else -1)
-    yield from _set(session, _backlash_name(command, axis), value, wanted)
+    yield from _apply(session, _backlash_name(command, axis), value, wanted)
 
 
 def backlash(session: NexStarSession, command: Command, values: op.Values) -> dict[str, int]:

@@ -73,11 +73,11 @@ def missing_command_text(model: Model, frame: bytes) -> str:
     return f"a {name} {show_version(model['version'])} has no such command"
 
 
-def contradicts_client(session: NexStarSession, name: str, values: Values) -> bool:
+def contradicts_client(session: NexStarSession, command: str, values: Values) -> bool:
     """Whether the mount's own answer could contradict what the gateway does or has reported."""
-    if name in _AXIS_COMMANDS:
+    if command in _AXIS_COMMANDS:
         return values["device"] in AXIS_BY_DEVICE
-    return name == "pulse_active" and AXIS_BY_DEVICE.get(values["device"]) in session.shared.pulse_ends
+    return command == "pulse_active" and AXIS_BY_DEVICE.get(values["device"]) in session.shared.pulse_ends
 
 
 # --- version, model, echo -------------------------------------------------------------------------------------------

@@ -49,15 +49,15 @@ def test_doctor_finds_processes_by_name(proc: Path) -> None:
 
 
 def test_doctor_finds_the_listener_of_a_port(proc: Path) -> None:
-    assert sorted(processes.listeners((4030, 4080, 10001), proc)) == [(4030, (900, "nc")), (10001, ())]
-    assert list(processes.listeners((4031,), proc)) == []
+    assert sorted(processes.listeners_on((4030, 4080, 10001), proc)) == [(4030, (900, "nc")), (10001, ())]
+    assert list(processes.listeners_on((4031,), proc)) == []
 
 
 @pytest.mark.skipif(not gathering.PROC_FOLDER.joinpath("net").is_dir(), reason="only Linux tells who listens")
 def test_doctor_finds_a_listener_of_this_computer() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-        assert [(number, owner[0]) for number, owner in processes.listeners((port,))] == [(port, os.getpid())]
+        assert [(number, owner[0]) for number, owner in processes.listeners_on((port,))] == [(port, os.getpid())]
 
 
 @pytest.mark.parametrize(("line", "ignored"), [("E:ID_MM_PORT_IGNORE=1", True), ("E:ID_MM_PORT_IGNORE=0", False)])
