@@ -218,7 +218,7 @@ class SimulatedTransport:
     def __init__(self, name: str, connect: SimulatedConnection, latency: float = 0.0) -> None:
         self.name, self._latency = name, latency
         self._on_data: OnData | None = None
-        self.answer = connect(self._deliver_later)
+        self.feed = connect(self._deliver_later)
 
     def _deliver_later(self, seconds: float, answer: bytes) -> None:
         """Deliver bytes that the simulated mount sends later."""
@@ -228,7 +228,7 @@ class SimulatedTransport:
         self._on_data = on_data
 
     def write(self, data: bytes) -> None:
-        answer = self.answer(data)
+        answer = self.feed(data)
         if answer:
             loop = asyncio.get_running_loop()
             if self._latency:

@@ -146,7 +146,7 @@ def check_arrow(mount: Lx200Driver, operation: CheckArrow) -> Steps:
     ends = operation.pressed_at + mount.dialect["arrows"]["end"]
     if state.moves:
         yield Schedule(ARROW_CHECK_INTERVAL, replace(operation, seen_moving_at=mount.now()))
-    elif state.fault or not operation.seen_moving_at < ends < mount.now():
+    elif state.has_fault or not operation.seen_moving_at < ends < mount.now():
         del mount.moving[axis]
         yield Remark(
             "the mount ended the arrow, by its own limit or at its keypad: the gateway does not press it again"

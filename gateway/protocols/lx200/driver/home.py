@@ -75,7 +75,7 @@ def home_state(mount: Lx200Driver, _: op.HomeState) -> Steps:
         if mount.goto is not None and mount.goto.purpose:
             return 2
         state = yield from read_report(mount)
-        return int(state.home or state.parked)
+        return int(state.at_home or state.parked)
     return int((yield from ask(mount, "h?"))["state"])
 
 

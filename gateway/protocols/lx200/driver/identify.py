@@ -192,7 +192,7 @@ def read_status(mount: Lx200Driver) -> Steps:
     if mount.dialect and mount.has_status:
         mount.last_report = None
         state = yield from read_report(mount)
-        _note_mounting(mount, state.build or mount.mounting)
+        _note_mounting(mount, state.mounting or mount.mounting)
         mount.aligned, mount.in_land_mode = True, False
         if mount.goto is None:
             mount.parked = state.parked

@@ -115,7 +115,7 @@ def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
         mount.last_report = None
         status = yield from read_report(mount)
         mount.parked = status.parked
-        if not (status.parked if state.purpose == "park" else status.home):
+        if not (status.parked if state.purpose == "park" else status.at_home):
             place = "parked" if state.purpose == "park" else "at its home"
             yield Remark(f"the mount stands still, and reports that it is not {place}")
     return False
