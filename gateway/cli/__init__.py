@@ -19,7 +19,7 @@ from gateway.system import garbage, streams
 INFORMATION_FLAGS = ("-h", "--help", "--version")
 _LOG_FILTERS = ("program", "mount", "changes", "refusals")
 LOG_VALUES = ("all", "true", "false", *_LOG_FILTERS, "json", *(f"json-{side}" for side in _LOG_FILTERS))
-#: Flag whose value may be omitted -> the values that it may have; flag -> the value that is meant if it is omitted.
+#: For each flag that may be given without a value: the values that it may have, and the value that it has without one.
 CHOICES_BY_BARE_FLAG = {"--log": LOG_VALUES, "--read-only": ("all", "true")}
 DEFAULT_BY_BARE_FLAG = {"--log": "true", "--read-only": "all"}
 #: Commands that take a position on the sky.

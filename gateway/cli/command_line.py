@@ -48,7 +48,7 @@ or sim (a simulated mount)
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 
-#: A line of an epilog that begins with a blank: a word and, after a gap, what it means; or a command and a remark.
+#: A row of an epilog: its first column (a word, or a command), a gap of blanks, and its second column (the meaning).
 _EPILOG_ROW = r"( +\S.*?)( {2,})(\S.*)"
 
 
@@ -143,7 +143,7 @@ class Parser(argparse.ArgumentParser):
         raise UserError(plain_message(message, self.prog, first_example(self._epilog_text(), self.prog)))
 
     def _get_option_tuples(self, option_string: str) -> Any:
-        """Return the flags that a word abbreviates. ``--name`` is a key without a flag, not short for ``--names``."""
+        """Return the flags that a word abbreviates. ``--name`` does not abbreviate ``--names``: it is another key."""
         return [] if option_string.partition("=")[0] == "--name" else super()._get_option_tuples(option_string)
 
     def _epilog_text(self) -> str:
@@ -206,7 +206,7 @@ the exit codes.
 
 
 def group_help(group: str) -> str:
-    """Return a group of commands as help shows it."""
+    """Return the help text of a group of commands: its title, and a line for each command."""
     rows = [f"  {name:<11} {summary}" for name, (_, summary) in COMMAND_GROUPS[group].items()]
     return "\n".join([group, *rows, ""])
 
@@ -227,7 +227,7 @@ class _CommandsAction(argparse._SubParsersAction):  # type: ignore[type-arg]
 
 
 def make_parser(argv: Sequence[str] = ()) -> Parser:
-    """Make the parser of the commands that occur in ``argv``, else of all: without their flags if help comes first."""
+    """Make the parser of the commands in ``argv``, or of all. A help flag at its start leaves their flags out."""
     *shown, rest = COMMAND_GROUPS
     whole = Parser(
         prog="mount-gateway",

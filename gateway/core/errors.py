@@ -44,7 +44,7 @@ def explain_os_error(error: OSError) -> str:
 
 
 def explain_file_error(path: Path | str, error: OSError, *, reading: bool = False) -> str:
-    """Return why a file cannot be written, or be read, and what to do about it."""
+    """Return why a file cannot be written (with ``reading``: cannot be read), and what to do about it."""
     folder = Path(path).parent
     if error.errno == errno.ENOENT and not folder.is_dir():
         return f"there is no folder {folder}; make it first, or name another one"
@@ -99,7 +99,7 @@ class Fault(GatewayError):
             self.brief = brief
 
     def with_summary(self, summary: str) -> str:
-        """Return ``summary`` and this error's text; only the text if that begins with ``summary`` (a refused sync)."""
+        """Return ``summary``, a colon and this error's text; the text alone if it already begins with ``summary``."""
         return str(self) if str(self).startswith(summary) else f"{summary}: {self}"
 
 
@@ -206,7 +206,7 @@ class Asleep(NoAnswer):
 
 
 class Garbled(NoAnswer):
-    """Bytes came that are no reply to the request."""
+    """The mount sent bytes that are not a valid reply to the request."""
 
     default_text = "Garbled answer from the mount."
 

@@ -1,11 +1,11 @@
-"""Operations grouped by their effect on a mount's motion: those that begin or end it, and those that a stop leaves."""
+"""Groups of operations: those that begin a motion, those that end one, and those that a stop does not cancel."""
 
 from __future__ import annotations
 
 from gateway.core import operations as op
 
 GOTOS = (op.Goto, op.GotoHorizontal, op.GotoAxes, op.Park, op.Home)
-#: Motions that last as long as a key is pressed, or less. They are never begun late: the user has released the key.
+#: Motions that end with the user's key, or by themselves. They are never begun late: the key is released by then.
 HAND_MOTIONS = (op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
 #: Operations whose motion continues if the gateway is killed. (``SetHome``: an LX200GPS moves to find its home.)
 MOVERS = (*GOTOS, op.Move, op.MoveAxis, op.Pulse, op.PulseAxis, op.SetHome)
@@ -14,7 +14,7 @@ SEQUENTIAL = (
     *GOTOS, op.AbortSlew, op.Sync, op.Move, op.MoveAxis, op.StopAxis, op.Pulse, op.PulseAxis, op.SetTracking,
     op.TrackRate, op.SetHome, op.Unpark, op.Hibernate, op.Wake, op.Focus, op.Choose,
 )  # fmt: skip
-#: Orders that end a motion, and are carried out before others; and the orders that are begun again after such a one.
+#: Orders that end a motion. They may interrupt an order of ``RESUMABLE_ORDERS``, which then begins again.
 END_ORDERS = (op.StopAxis, op.AbortSlew)
 RESUMABLE_ORDERS = (op.Move, op.MoveAxis, op.SetTracking, op.TrackRate)
 

@@ -95,7 +95,7 @@ class PressKeyRequest(ChangeRequest, frozen=True, tag="press"):
 class ReleaseKeyRequest(ChangeRequest, frozen=True, tag="let go"):
     """End the motion that ``PressKeyRequest`` began under this number.
 
-    If the motion has not begun yet, it becomes a short tap. With ``lost`` (nobody holds the key now) it is dropped.
+    A motion that has not begun yet becomes a short tap. With ``lost`` (the user did not release the key) it is dropped.
     """
 
     lost: bool = False  # a motion not yet begun is dropped

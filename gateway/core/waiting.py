@@ -1,7 +1,7 @@
 """Waiting and background work on the event loop, for needs that asyncio alone does not meet.
 
-`TimedEvent` makes a timeout cheap, because every exchange waits with one several times. `result_of` shares work between
-several callers: it continues if a caller is cancelled, and `shared_result` tells them if it is itself cancelled.
+`TimedEvent` has a cheap timeout, because every exchange waits with one several times. With `result_of` several callers
+wait for the same work, which continues if a caller is cancelled; `shared_result` reports that the work was cancelled.
 `BackgroundTasks` keeps references to tasks and ends them at shutdown. `run_in_thread` also works when Python ends.
 """
 
@@ -55,7 +55,7 @@ async def result_of(work: asyncio.Future[_T]) -> _T:
 
 
 async def shared_result(work: asyncio.Future[_T]) -> _T:
-    """Like `result_of`, but raises NoAnswer if the work was cancelled. CancelledError means that the caller was."""
+    """Like `result_of`, but raises NoAnswer if the work was cancelled, and CancelledError only if the caller was."""
     await _wait_until_done(work)
     if work.cancelled():
         raise NoAnswer

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
-#: How many different notes `note_once` logs; further ones are dropped, because only a client that sends noise has more.
+#: How many different notes `note_once` logs. Further notes are dropped: only a client that sends noise causes so many.
 MAX_NOTES_ONCE = 1000
 #: How many refusals and notes on the mount are remembered, for clients that ask for recent events.
 MAX_REMEMBERED_NOTES = 64
@@ -66,7 +66,7 @@ class WireLog:
         self._notes_logged_once: set[tuple[str, str]] = set()
         #: The latest refusals and notes on the mount; they are kept even without a sink.
         self.recent_notices: deque[Notice] = deque(maxlen=MAX_REMEMBERED_NOTES)
-        #: The number of refusals, logged or not; and the function that is called with each that differs from the last.
+        #: How many refusals there were, logged or not. ``on_refusal`` is called with each that differs from the last.
         self.refusal_count = 0
         self.on_refusal: Callable[[str], object] | None = None
         self._last_refusal = ""
@@ -96,13 +96,13 @@ class WireLog:
         self.put(side, "!", note=text)
 
     def note_once(self, side: str, text: str, key: str = "", kind: str = "") -> None:
-        """Like `note`, but only the first time that this text (or any text of its ``kind``) is logged for ``key``."""
+        """Like `note`, but log the text once for each ``key``; of texts with the same ``kind``, only the first."""
         if (key, kind or text) not in self._notes_logged_once and len(self._notes_logged_once) < MAX_NOTES_ONCE:
             self._notes_logged_once.add((key, kind or text))
             self.note(side, text)
 
     def log_refusal(self, side: str, text: str, once_key: str | None = None) -> None:
-        """Record a refusal; with ``once_key`` (a host), only the first of several texts that differ by numbers."""
+        """Record a refusal. With ``once_key`` (a host), texts that differ only in numbers are logged once for it."""
         self.recent_notices.append(Notice(self.clock(), side, text))
         self.refusal_count += 1
         if self.on_refusal is not None and text != self._last_refusal:

@@ -37,7 +37,7 @@ COMMAND_SUFFIX = "/command"
 OLD_BROKER_CODES = (1, 132)
 #: The maximum size of a message in bytes, and of the queue of received messages.
 MAX_MESSAGE_BYTES, MAX_WAITING_MESSAGES = 65536, 2000
-#: Bytes stored of a longer packet: enough to show that the payload behind the longest topic is too long.
+#: How many bytes of a packet are stored: even after the longest topic they show whether the payload is too long.
 MAX_PACKET_BYTES = 3 * MAX_MESSAGE_BYTES
 
 
@@ -92,7 +92,7 @@ class Client(Protocol):
 
 
 class _RetainAwareClient:
-    """Wraps aiomqtt's client. With MQTT 5 its subscriptions deliver orders with the retain flag of their publisher."""
+    """Wraps aiomqtt's client. With MQTT 5 it asks the broker to pass on the retain flag that an order was sent with."""
 
     def __init__(self, client: Any, uses_mqtt_5: bool) -> None:
         self._client, self._uses_mqtt_5 = client, uses_mqtt_5
@@ -165,7 +165,7 @@ def make_connect(access: BrokerAccess) -> Connect:
 
 
 def _limit_packet_size(paho: Any) -> None:
-    """Let paho store only the beginning of a packet that is too long. It is then acknowledged and dropped."""
+    """Let paho store only the beginning of a packet that is too long. The packet is then acknowledged and dropped."""
     read = paho.loop_read
 
     def loop_read(*arguments: Any) -> Any:
@@ -177,7 +177,7 @@ def _limit_packet_size(paho: Any) -> None:
 
 
 def _shut_down_socket(paho: Any) -> None:
-    """Shut down a connection that may still be open: paho notices that and closes it."""
+    """Shut down the connection's socket if it is still open; paho then closes the connection."""
     open_one: socket.socket | None = paho.socket()
     if open_one is not None:
         with contextlib.suppress(OSError):

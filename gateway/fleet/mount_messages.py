@@ -23,7 +23,7 @@ from gateway.fleet.topics import MqttMessage, Topics
 
 #: ``Entry.arrow`` of the wire log -> kind of the published event. Other entries are not published.
 EVENT_KINDS = {"+": "connected", "-": "disconnected", "^": "port opened", "v": "port lost", "!": "refused"}
-#: The maximum number of events at once, and per second after that; the maximum length of an event in characters.
+#: Maximum number of events in a burst, and per second after it; maximum length of an event's text in characters.
 EVENT_BURST, EVENT_RATE, MAX_TEXT_LENGTH = 20.0, 5.0, 500
 #: Key of the state -> name, unit, decimals that are shown.
 NUMBER_SENSORS = {
@@ -72,7 +72,7 @@ def published_state(gateway: Gateway) -> dict[str, Any]:
 
 
 class Events:
-    """Publishes events, rate-limited: ``publish_json`` gets each as JSON. ``put`` is a sink of the wire log."""
+    """Publishes events as JSON by ``publish_json``, at a limited rate. ``put`` is a sink of the wire log."""
 
     def __init__(self, publish_json: Callable[[bytes], None], clock: Callable[[], float]) -> None:
         self._publish_json, self._clock = publish_json, clock

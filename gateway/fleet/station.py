@@ -1,6 +1,6 @@
-"""Publishes the mounts of one gateway on a broker, once a second if something has changed, and takes orders from it.
+"""Publishes the states of a gateway's mounts on a broker, and carries out the orders that the broker passes on.
 
-The mounts are not asked for it. Between two mounts the event loop serves programs; all changes are sent together.
+Once a second, the states that have changed are sent together. They are made from cached readings: no mount is asked.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from gateway.fleet.link import BrokerLink
 from gateway.fleet.mount_messages import Events, discovery_message, published_state
 from gateway.fleet.topics import DEFAULT_MOUNT_NAME, OFFLINE, ONLINE, MqttMessage, ReceivedMessage, Topics, host_id
 
-CLIENT = "mqtt"  # of the broker's orders, in the log
+CLIENT = "mqtt"  # the client's name in the log, for orders from the broker
 #: Maximum length of an order in characters; minimum seconds between two stops that are sent to the mount.
 MAX_ORDER_LENGTH, STOP_PERIOD = 100, 0.25
 #: The orders without arguments, except stop.
@@ -275,7 +275,7 @@ class MqttService:
                     mount.update()
                 except Exception as error:  # a defect here must affect nothing but what is published of the mount
                     mount.gateway.wire_log.note_once("mqtt", f"internal error, please report it: {error!r}")
-                await asyncio.sleep(0)
+                await asyncio.sleep(0)  # programs are served between two mounts
             self.link.send()
             await asyncio.sleep(CHECK_PERIOD)
 

@@ -29,7 +29,7 @@ class MqttMessage(Struct, frozen=True):
     topic: str
     payload: bytes
     retain: bool = False
-    is_state: bool = False  # is a state
+    is_state: bool = False  # replaces the earlier state of its topic
 
 
 class ReceivedMessage(Struct, frozen=True):

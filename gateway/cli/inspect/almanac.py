@@ -64,6 +64,6 @@ def _run_almanac(arguments: argparse.Namespace) -> int:
 
 
 def _exit_when_gateway_ends() -> None:
-    """Wait for the end of stdin, then exit: the gateway that started this process for itself has ended."""
+    """Wait until stdin is closed, which shows that the gateway that started this process has ended; then exit."""
     os.read(0, 1)
     os._exit(1)

@@ -113,7 +113,7 @@ class Terminal(Screen):
         self._bar_length = len(line)
 
     def _print(self, text: str) -> None:
-        """Print below a question, or over a bar. Ignore errors: a closed terminal must not keep a mount moving."""
+        """Print below an open question, or over the progress bar. Errors are ignored: they must not prevent a stop."""
         before = " " * self._bar_length + "\r" if self._bar_length else "\n" * self._is_asking
         self._bar_length, self._is_asking = 0, False
         with contextlib.suppress(OSError, ValueError):

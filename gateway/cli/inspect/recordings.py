@@ -98,7 +98,7 @@ def _run_report(arguments: argparse.Namespace) -> int:
 
 
 def _is_report(path: Path) -> bool:
-    """Whether a file is an older report, which may be replaced."""
+    """Whether a file is an earlier report, which a new report may replace."""
     try:
         with open_plain(path) as file:
             return b"<title>The night of " in file.read(400)

@@ -66,7 +66,7 @@ def _mount_flags(names: Iterable[str]) -> str:
 
 
 def no_such_mount_message(mount: str, mount_names: Iterable[str]) -> str:
-    """Return the message for a mount that no gateway on this computer has; it names the mounts of those that run."""
+    """Return the message that no gateway on this computer has this mount; it lists the mounts that gateways have."""
     return f"no gateway runs here for {mount}; write {_mount_flags(mount_names)}"
 
 

@@ -1,7 +1,7 @@
-"""``stop``: stops every mount of this computer, with or without a running gateway; sets and lifts a hold.
+"""``stop``: stops every mount of this computer, even if no gateway runs. ``--hold`` also forbids motion afterwards.
 
-It prints one line for each mount. Exit code 0: the positions show every mount at rest, or there is none; 1: a
-mount could not be stopped, its position is missing, or a gateway does not answer. Fit for systemd's ``ExecStopPost``.
+It prints a line for each mount. The exit code is 0 if there is no mount or their positions show all at rest. It is 1 if
+a mount is not stopped or reports no position, or a gateway does not answer. systemd can run it as ``ExecStopPost``.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ NOTHING_DONE_MESSAGES = {
 
 
 def _store_hold(folder: Path, action: str) -> tuple[str, str]:
-    """Write or delete the hold file of a state folder, for later gateways; return the messages (done, failed)."""
+    """Write or delete the file that makes later gateways refuse motion; return the messages of success and failure."""
     from gateway.app.state.file import HOLD_FILE, hold_folder, release_folder
 
     try:

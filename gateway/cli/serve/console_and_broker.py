@@ -72,7 +72,7 @@ async def load_console(console_config: ConsoleConfig | None, gateways: Sequence[
 def http_surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
     """Return the surfaces of the HTTP protocols (Alpaca). The console's web server serves them by its access rules.
 
-    Without a console they are served on the mount's ``any`` ports, which have checked the client's access already.
+    Without a console, the mount's ``any`` ports serve them; such a port has already checked the client's access.
     """
     page = config.page
     if page is None and not any(parse_endpoint(surface.at).protocol == ANY for surface in config.surfaces_of(mount)):
@@ -86,7 +86,7 @@ def http_surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
 
 
 def http_offers(web: WebServer) -> list[Offer]:
-    """Return the console's address once for each HTTP protocol, for the discovery of that protocol (as Alpaca has)."""
+    """Return the console's address once for each HTTP protocol, for answers to programs that search for a server."""
     from gateway.app.discovery.offer import Offer
 
     speaking = [name for name, spec in PROTOCOLS.items() if spec.web is not None]

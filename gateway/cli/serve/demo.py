@@ -19,7 +19,7 @@ from gateway.system.own_commands import own_command
 from gateway.transport.device_link import is_free
 
 DEMO_PORT = 4030
-#: The number of the port for programs of any protocol, minus the number of the demo's own port.
+#: This number added to the demo's port gives its second port, which serves programs of any protocol.
 ANY_PORT_OFFSET = ANY_PORT - DEMO_PORT
 #: How many ports, and names of virtual serial ports, are tried until one is free.
 MAX_TRIES = 50

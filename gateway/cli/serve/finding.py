@@ -18,13 +18,13 @@ from gateway.system.locks import read_pid
 if TYPE_CHECKING:
     from gateway.app.gateway import Gateway
 
-#: Timeouts in seconds: for the first bytes (a hand control's worst case), from then on for the first valid reply, and
-#: for the identification of the mount.
+#: Timeouts in seconds: for the first bytes (a slow hand control needs so long); after these, for a valid reply and for
+#: the identification of the mount.
 REPLY_WAIT, VALID_REPLY_WAIT, MODEL_WAIT = 4.0, 10.0, 20.0
 #: Seconds from the start until a silent port is given up: some hand controls take 25 s to start.
 SEARCH_TIMEOUT = 40.0
-#: Seconds after which programs may use a mount that reports its position but is not identified yet: if the user has
-#: named its model, and if not.
+#: Seconds after which programs may use a mount that reports its position but is not identified yet. The first is for
+#: a mount whose model the user has named, the second for any other.
 NAMED_MODEL_WAIT, UNNAMED_MODEL_WAIT = 3.0, 4.5
 #: The default rate of every mount, baud.
 BAUD = 9600
@@ -84,7 +84,7 @@ async def _wait_for_mount(gateway: Gateway, warn: Callable[[str], None], retry_w
 
 
 async def find_mount(gateway: Gateway, warn: Callable[[str], None], search_timeout: float = SEARCH_TIMEOUT) -> None:
-    """Wait for the mount. Raises UserError if it does not answer; its text describes any other device that answers.
+    """Wait for the mount. Raises UserError if it does not answer; the error names any other device that answers.
 
     If no byte comes, the user gets a message, the gateway looks once for another kind of mount, and then asks the port
     again until ``search_timeout`` seconds after the start.

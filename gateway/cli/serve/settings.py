@@ -47,7 +47,7 @@ _NETWORK = (r".*@(tcp|rfc2217)://", "on a network (tcp:// or rfc2217://)")
 KEY_SURFACES = {"allow": _NETWORK, "max-clients": _NETWORK, "names": (r"(alpaca|any)@", "for HTTP (alpaca@ or any@)")}
 #: The value that means true for a flag that may be true or a list.
 ALL = "all"
-#: Table of gateway.toml -> title of its group of flags, and flag -> key. Its other keys have no flag.
+#: Table of gateway.toml -> title of its group of flags, and the key for each flag. Keys not listed have no flag.
 TABLE_FLAGS = {
     "console": ("the console, a page in the browser", {"console": "at"}),
     "mqtt": (
@@ -126,7 +126,7 @@ def put_table_flags(arguments: argparse.Namespace, table: str, tables: dict[str,
 
 
 def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
-    """Add the flag of a key. A flag for true, false or a choice of words needs no value, or has ``=WORD``."""
+    """Add the flag of a key. If the key may be true or false, its flag without a value means true."""
     help_text = f"{key.description} (default: yes)" if key.default is True else key.description
     if isinstance(key.default, bool) and key.choices:
         group.add_argument(f"--{key.name}", nargs="?", const=True, type=_parse, metavar=key.metavar, help=help_text)

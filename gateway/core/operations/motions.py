@@ -200,7 +200,7 @@ class PassThrough(Operation[Values | None], frozen=True):
 
 
 class Choose(Operation[Chosen], frozen=True):
-    """Select an object of the mount's library -> Chosen. ``first``: commands to send before, as to select a catalogue.
+    """Select an object of the mount's library -> Chosen. The commands in ``first`` are sent before it.
 
     It waits for its turn among gotos and syncs, because they set the mount's only target, too. ``ra`` and ``dec`` are
     the client's present target, which stays set if no object is found.

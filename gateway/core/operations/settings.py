@@ -8,8 +8,8 @@ from gateway.core.operations.values import Operation
 class SetSite(Operation[None], frozen=True):
     """Set latitude and/or longitude (east positive) in degrees; None keeps the present value.
 
-    With ``others``, the sites that clients have set through the gateway, a client returns to the mount's own site:
-    latitude and longitude are sent only if the mount reports no site, or one of ``others``.
+    ``others`` is given if a client wants the mount's own site again. It lists the sites that clients have set through
+    the gateway; latitude and longitude are then sent only if the mount reports no site or one of these.
     """
 
     latitude: float | None = None
@@ -30,7 +30,7 @@ class SetClock(Operation[None], frozen=True):
 
 
 class SetZone(Operation[None], frozen=True):
-    """Set the UTC offset with which this client reads the time (local minus UTC, hours), not the mount's clock."""
+    """Set the UTC offset (local minus UTC, hours) for the times that this client reads, not for the mount's clock."""
 
     offset: float  # local minus UTC, hours
 

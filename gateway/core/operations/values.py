@@ -211,8 +211,8 @@ class Gps(Struct, frozen=True):
 class Status(Struct, frozen=True):
     """The state of the mount: its tracking mode, whether it is aligned, whether it is ``equatorial``.
 
-    ``wedge``: it is a fork on a wedge, whose first axis reads from north; that of other equatorial mounts reads the
-    hour angle. ``code``: the number of the tracking mode in the mount's protocol, if it reports one.
+    ``wedge``: it is a fork on a wedge. Its first axis reads an angle from north; that of other equatorial mounts reads
+    the hour angle. ``code``: the number of the tracking mode in the mount's protocol, if the mount reports one.
     """
 
     tracking: Tracking

@@ -1,7 +1,7 @@
-"""The web server of the overview: the page, its data, and STOP.
+"""The web server of the page that shows all mounts on a broker, and that can stop them.
 
-A request is served only if it names this computer as its host, comes from the page itself, and has the token that only
-the served page holds, as in the console. A stop counts as sent when the broker has passed it on, also to this server.
+As in the console, a request must name this computer as its host, come from the page itself, and contain the page's
+token. This server receives its own stop from the broker, too; only then does it report that the stop was sent.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from gateway.transport.web_server import WebServer
 
 #: The ID of a gateway, and the name of one of its mounts.
 _MountKey = tuple[str, str]
-#: The maximum number of mounts; the maximum length of a text that is shown.
+#: Maximum number of mounts that are shown; maximum length of a text that is shown, in characters.
 MAX_MOUNTS, MAX_TEXT_LENGTH = 5000, 200
 #: Kinds of events that report the result of an order.
 RESULT_KINDS = ("done", "failed", "refused")
