@@ -11,7 +11,7 @@ import re
 import sys
 
 from gateway.cli import suggestions
-from gateway.cli.command_line import COMMANDS, commands_of, make_parser
+from gateway.cli.command_line import COMMANDS, find_parsers, make_parser
 from gateway.core.errors import UserError, explain_os_error
 from gateway.system import garbage, streams
 
@@ -67,10 +67,10 @@ def _parse(typed_words: list[str]) -> argparse.Namespace:
         raise UserError("which command? mount-gateway demo needs no mount; mount-gateway --help lists all of them")
     typed_words = suggestions.normalized_help(typed_words)
     if typed_words[0] not in (*COMMANDS, *INFORMATION_FLAGS):
-        raise suggestions.unknown_command_error(typed_words[0], commands_of(make_parser()))
+        raise suggestions.unknown_command_error(typed_words[0], find_parsers(make_parser()))
     arguments, left = make_parser(typed_words[:1]).parse_known_args(typed_words)
     if left:
-        every = commands_of(make_parser())
+        every = find_parsers(make_parser())
         raise suggestions.unexpected_words_error(
             left, every[typed_words[0]], [other for name, other in every.items() if name != typed_words[0]]
         )

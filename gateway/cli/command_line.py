@@ -248,7 +248,7 @@ def make_parser(argv: Sequence[str] = ()) -> Parser:
     return whole
 
 
-def commands_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+def find_parsers(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
     """Return the parsers of all commands by name."""
     [choices] = [action.choices for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
     return dict(choices)

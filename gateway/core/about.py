@@ -16,7 +16,7 @@ EARLIEST_VALID_TIME = 1767225600.0
 PACKAGE_FOLDER = Path(__file__).resolve().parents[1]
 #: How many digits of a commit are shown.
 COMMIT_DIGITS = 12
-_PROJECT_NAME, _COMMIT = "mount-gateway", re.compile(r"[0-9a-f]{40}")
+_PROJECT_NAME, _COMMIT_PATTERN = "mount-gateway", re.compile(r"[0-9a-f]{40}")
 
 
 @functools.cache
@@ -37,7 +37,7 @@ def version() -> str:
 def commit() -> str:
     """Return the first digits of the commit that this was built from; empty if it is not known."""
     built = _read(PACKAGE_FOLDER / "commit.txt") or head_commit(PACKAGE_FOLDER.parent / ".git") or _pip_commit_record()
-    return match[0][:COMMIT_DIGITS] if (match := _COMMIT.search(built)) else ""
+    return match[0][:COMMIT_DIGITS] if (match := _COMMIT_PATTERN.search(built)) else ""
 
 
 def full_version(version_number: str | None = None, commit_id: str = "") -> str:

@@ -119,7 +119,7 @@ class FloodError(Exception):
 Connect = Callable[[MqttMessage | None], AbstractAsyncContextManager[Client]]
 
 
-def make_connect(access: BrokerAccess) -> Connect:
+def make_connector(access: BrokerAccess) -> Connect:
     """Return a function that connects to a broker. It raises OSError, ValueError or aiomqtt's MqttError."""
 
     old = False

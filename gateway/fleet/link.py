@@ -17,7 +17,7 @@ from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import Executor
 from typing import Any, TypeVar, TypeVarTuple
 
-from gateway.fleet.client import MAX_MESSAGE_BYTES, BrokerAccess, Client, Connect, FloodError, make_connect
+from gateway.fleet.client import MAX_MESSAGE_BYTES, BrokerAccess, Client, Connect, FloodError, make_connector
 from gateway.fleet.topics import MqttMessage, Outbox, ReceivedMessage
 
 _T = TypeVar("_T")
@@ -66,7 +66,7 @@ class BrokerLink:
         connect: Connect | None = None,
         max_rate: int = MAX_MESSAGE_RATE,
     ) -> None:
-        self._connect = connect or make_connect(access)
+        self._connect = connect or make_connector(access)
         self._subscriptions = list(subscriptions)
         self._on_message, self._on_connection, self._max_message_rate = on_message, on_connection, max_rate
         self._first_messages, self._last_messages = first_messages, last_messages
@@ -88,7 +88,7 @@ class BrokerLink:
 
     def send(self) -> None:
         """Send the queued messages as soon as the broker takes them; the thread is woken only once for all of them."""
-        if self._outbox.is_waiting:
+        if self._outbox.has_messages:
             self._call_on_thread(self._wake_event.set)
 
     def publish(self, message: MqttMessage) -> None:

@@ -42,7 +42,7 @@ GOTO_ORDER = "goto"
 Report = Callable[[str, str], None]
 
 
-class Dispatcher:
+class OrderRunner:
     """Carries out the broker's orders for one mount, if they are ``allowed``. The limits of the gateway apply.
 
     A stop does not wait for other orders. An order with the retain flag is refused: the broker stores it, and it would
@@ -55,7 +55,7 @@ class Dispatcher:
         self._last_stop_time = -1e9
         self._stop_timer: asyncio.TimerHandle | None = None
         self._tasks = BackgroundTasks()
-        self._is_busy = False
+        self._has_order = False
 
     def receive(self, payload: bytes, retained: bool, mount_name: str) -> None:
         """Carry out or refuse an order; ``mount_name`` is the mount's name, or ``all``."""
@@ -78,7 +78,7 @@ class Dispatcher:
             self._refuse(text, f'the broker may not ask for this; orders = ["{word}"] under [mqtt] allows it')
         elif doubt := self._conflict_message():
             self._refuse(text, doubt)
-        elif self._is_busy:
+        elif self._has_order:
             self._refuse(text, "the gateway is taking another order; send this one again in a moment")
         else:
             self._tasks.spawn(self._carry_out(text, word, rest))
@@ -109,13 +109,13 @@ class Dispatcher:
         self._report(answer.outcome, f"stop: {answer.text}")
 
     async def _carry_out(self, text: str, order: str, arguments: str) -> None:
-        self._is_busy = True
+        self._has_order = True
         try:
             name = Named(arguments)
             request = GotoRequest(name, who=CLIENT) if order == GOTO_ORDER else PLAIN_ORDERS[order](who=CLIENT)
             answer = await self._gateway.carry_out(request)
         finally:
-            self._is_busy = False
+            self._has_order = False
         self._report(answer.outcome, f"{text}: {answer.text}")
 
 
@@ -200,7 +200,9 @@ class _PublishedMount:
         self._identity: tuple[object, ...] = (None,)
         topic = service.topics.of(self.name, "event")
         self.events = Events(lambda message: service.link.publish(MqttMessage(topic, message)), gateway.clock)
-        self.orders = Dispatcher(gateway, service.config.orders, lambda: service.presence.conflict, self._report_result)
+        self.orders = OrderRunner(
+            gateway, service.config.orders, lambda: service.presence.conflict, self._report_result
+        )
         gateway.wire_log.sinks.append(self.events.put)
 
     def _report_result(self, kind: str, text: str) -> None:

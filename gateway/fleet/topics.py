@@ -98,7 +98,7 @@ class Outbox:
                 self._events.append(message)
 
     @property
-    def is_waiting(self) -> bool:
+    def has_messages(self) -> bool:
         """Whether any message waits."""
         return bool(self._waiting_topics or self._events)
 

@@ -130,7 +130,7 @@ async def serve_mounts(
             wire_log.sinks.append(_log_sink(config, mount))
         else:
             wire_log.on_refusal = screen.warn
-        gateways.append(Gateway(mount, _surfaces(config, mount), wire_log, sky, time.time, screen.warn, watchdog))
+        gateways.append(Gateway(mount, _surfaces_of(config, mount), wire_log, sky, time.time, screen.warn, watchdog))
         gateways[-1].web = web or WebServer(partial(load_console, None, gateways[-1:]))
         gateways[-1].open_state_store()
         if mount.record:
@@ -237,7 +237,7 @@ def _print_last_message(gateway: Gateway, was_moving: bool, screen: Screen, seve
         (screen.warn if message.is_warning else screen.say)(f"{gateway.title}: " * several_mounts + message.text)
 
 
-def _surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
+def _surfaces_of(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
     """Return the surfaces of a mount, in the order in which they are numbered."""
     return [*config.surfaces_of(mount), *http_surfaces(config, mount)]
 
@@ -246,7 +246,7 @@ def _log_sink(config: Config, mount: MountConfig) -> Sink:
     """Return the sink of the wire log that prints the exchanges with one mount, or the part chosen by ``--log``."""
     from gateway.diagnostics.log.printing import RowBuilder, line_printer
 
-    surfaces = [str(parse_endpoint(surface.at)) for surface in _surfaces(config, mount)]
+    surfaces = [str(parse_endpoint(surface.at)) for surface in _surfaces_of(config, mount)]
     rows = RowBuilder(parse_endpoint(mount.at).protocol, surfaces, as_json.filter_of(config.log), mount.name or "")
     if as_json.is_json(config.log):
         return as_json.json_printer(rows, sys.stderr, mount.name or mount.at)

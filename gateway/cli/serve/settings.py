@@ -129,7 +129,7 @@ def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
     """Add the flag of a key. If the key may be true or false, its flag without a value means true."""
     help_text = f"{key.description} (default: yes)" if key.default is True else key.description
     if isinstance(key.default, bool) and key.choices:
-        group.add_argument(f"--{key.name}", nargs="?", const=True, type=_parse, metavar=key.metavar, help=help_text)
+        group.add_argument(f"--{key.name}", nargs="?", const=True, type=_to_value, metavar=key.metavar, help=help_text)
         group.add_argument(f"--no-{key.name}", dest=key.name, action="store_const", const=False, help=argparse.SUPPRESS)
     elif isinstance(key.default, bool) and key.is_list:
         group.add_argument(f"--{key.name}", nargs="?", const=ALL, metavar=f"{ALL},{key.metavar}", help=help_text)
@@ -139,7 +139,7 @@ def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
         group.add_argument(f"--{key.name}", metavar=key.metavar.replace("|", ","), help=key.help)
 
 
-def _parse(text: str) -> bool | str:
+def _to_value(text: str) -> bool | str:
     """Convert ``true`` and ``false`` to booleans, as in gateway.toml; return any other word unchanged."""
     return {"true": True, "false": False}.get(text, text)
 

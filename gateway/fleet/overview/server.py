@@ -54,7 +54,7 @@ class ShownEvent(Struct, frozen=True):
     words: str = ""  # the message
 
 
-class Roster:
+class MountList:
     """The mounts on a broker: newest states, connected gateways, results of orders. ``clock`` returns Unix seconds.
 
     Anyone may publish on a broker: a message that does not have the expected form is ignored.
@@ -78,11 +78,11 @@ class Roster:
             case [gateway, "availability"] if gateway in self._is_online or len(self._is_online) < MAX_MOUNTS:
                 self._is_online[gateway] = received.payload == ONLINE
             case [gateway, mount, "state"]:
-                self._put(self._states, (gateway, mount), received, ShownState)
+                self._store(self._states, (gateway, mount), received, ShownState)
             case [gateway, mount, "event"] if not received.retained:
-                self._put(self._results, (gateway, mount), received, ShownEvent)
+                self._store(self._results, (gateway, mount), received, ShownEvent)
 
-    def _put(
+    def _store(
         self, table: dict[_MountKey, tuple[Any, float]], key: _MountKey, received: ReceivedMessage, value_type: Any
     ) -> None:
         if not received.payload:
@@ -147,7 +147,7 @@ class Overview:
         on_connection: Callable[[bool, str], None],
         connect: Connect | None = None,
     ) -> None:
-        self._roster, self._prefix, self._notify_connection = Roster(prefix, clock), prefix, on_connection
+        self._roster, self._prefix, self._notify_connection = MountList(prefix, clock), prefix, on_connection
         self._command_topics = [Topics(prefix, "+").of("+", "command"), Topics(prefix, "+").all_mounts]
         subscriptions = [*self._roster.subscriptions, *self._command_topics]
         self._link = BrokerLink(

@@ -11,7 +11,7 @@ from gateway.app.config import Source, make_config
 from gateway.app.config.endpoints import Broker, parse_broker
 from gateway.core.errors import UserError
 from gateway.fleet import client as accesses
-from gateway.fleet.client import PASSWORD_VARIABLE, get_access, make_connect
+from gateway.fleet.client import PASSWORD_VARIABLE, get_access, make_connector
 from gateway.fleet.topics import Topics, host_id
 from tests.support.each import each
 
@@ -120,7 +120,7 @@ def test_broker_without_mqtt_5_is_used_with_the_older_version() -> None:
     async def main() -> None:
         server = await asyncio.start_server(old_broker, "127.0.0.1", 0)
         async with server:
-            connect = make_connect(get_access(f"mqtt://127.0.0.1:{server.sockets[0].getsockname()[1]}"))
+            connect = make_connector(get_access(f"mqtt://127.0.0.1:{server.sockets[0].getsockname()[1]}"))
             with pytest.raises(Exception, match="protocol"):
                 async with connect(None):
                     raise AssertionError("it was accepted")

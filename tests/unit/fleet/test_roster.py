@@ -7,15 +7,15 @@ import json
 import pytest
 
 from gateway.fleet.overview import server as rosters
-from gateway.fleet.overview.server import Roster
+from gateway.fleet.overview.server import MountList
 from gateway.fleet.topics import ReceivedMessage
 from tests.support.each import each
 
 NOW = 1_000_000.0
 
 
-def roster(*heard: tuple[str, object], retained: bool = False) -> Roster:
-    made = Roster("club", lambda: NOW)
+def roster(*heard: tuple[str, object], retained: bool = False) -> MountList:
+    made = MountList("club", lambda: NOW)
     for topic, value in heard:
         payload = value if isinstance(value, bytes) else json.dumps(value).encode()
         made.receive(ReceivedMessage(f"club/{topic}", payload, retained))
@@ -65,7 +65,7 @@ def test_roster_ignores_messages_of_another_form(payload: bytes) -> None:
 @each("topic", ["a/state", "a/b/c/state", "a/b/command", "", "/", "a/gateway"])
 def test_roster_ignores_other_topics(topic: str) -> None:
     assert not roster((topic, {})).mounts()
-    made = Roster("club", lambda: NOW)
+    made = MountList("club", lambda: NOW)
     made.receive(ReceivedMessage("clubhouse/a/b/state", b"{}", False))
     assert not made.mounts()
 
