@@ -198,11 +198,9 @@ class _PublishedMount:
         self._service = service
         self._state: dict[str, Any] = {}
         self._identity: tuple[object, ...] = (None,)
-        topic = service.topics.of(self.name, "event")
+        topic, allowed = service.topics.of(self.name, "event"), service.config.orders
         self.events = Events(lambda message: service.link.publish(MqttMessage(topic, message)), gateway.clock)
-        self.orders = OrderRunner(
-            gateway, service.config.orders, lambda: service.presence.conflict, self._report_result
-        )
+        self.orders = OrderRunner(gateway, allowed, lambda: service.presence.conflict, self._report_result)
         gateway.wire_log.sinks.append(self.events.put)
 
     def _report_result(self, kind: str, text: str) -> None:
