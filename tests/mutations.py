@@ -542,11 +542,12 @@ def changed(copy: Path, mutation: Mutation) -> Iterator[int]:
             path.write_text(text, "utf-8")
 
 
-def red(copy: Path, tests: str) -> Outcome:
+def red(copy: Path, tests: str, workers: int = 0, patience: float = PATIENCE) -> Outcome:
     """Run tests on a copy until the first one fails."""
-    command = [sys.executable, "-B", "-bb", "-m", "pytest", "-q", "-x", "-n0", "-p", "no:cacheprovider", *tests.split()]
+    options = ["-q", "-x", f"-n{workers}", "-p", "no:cacheprovider"]
+    command = [sys.executable, "-B", "-bb", "-m", "pytest", *options, *tests.split()]
     try:
-        done = subprocess.run(command, cwd=copy, capture_output=True, text=True, timeout=PATIENCE, check=False)
+        done = subprocess.run(command, cwd=copy, capture_output=True, text=True, timeout=patience, check=False)
     except subprocess.TimeoutExpired:
         return Outcome(True, "the tests do not end")
     failed = re.search(r"^(?:FAILED|ERROR) (\S+::\S+)", done.stdout, re.MULTILINE)
@@ -578,7 +579,8 @@ def main() -> int:
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         folders = [_copy(Path(folder) / str(number)) for number in range(arguments.processes)]
-        untouched = red(folders[0], " ".join(sorted({test for one in chosen for test in one.tests.split()})))
+        tests = sorted({test for one in chosen for test in one.tests.split()})
+        untouched = red(folders[0], " ".join(tests), 2 * arguments.processes, len(chosen) * PATIENCE)
         if untouched != Outcome(False, "all tests pass"):
             print(f"the tests fail before anything is broken: {untouched.words}", file=sys.stderr)
             return 2

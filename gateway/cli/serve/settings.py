@@ -126,7 +126,7 @@ def put_table_flags(arguments: argparse.Namespace, table: str, tables: dict[str,
 
 
 def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
-    """Add the flag of a key. If the key may be true or false, its flag without a value means true."""
+    """Add the flag of a key. Without a value, the flag of a key that may be true or false means true, of a list all."""
     help_text = f"{key.description} (default: yes)" if key.default is True else key.description
     if isinstance(key.default, bool) and key.choices:
         group.add_argument(f"--{key.name}", nargs="?", const=True, type=_to_value, metavar=key.metavar, help=help_text)

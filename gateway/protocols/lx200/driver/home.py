@@ -82,7 +82,7 @@ def home_state(mount: Lx200Driver, _: op.HomeState) -> Steps:
 def unpark(mount: Lx200Driver, _: op.Unpark) -> Steps:
     """:I wakes a parked LX200GPS, :hR another maker's mount; then read the status and turn tracking on if possible.
 
-    Raises Unsupported if a parked telescope has no command for it.
+    Raises Unsupported if a parked telescope reports no status and has no command for it.
     """
     if mount.supports("hR"):
         yield from read_status(mount)

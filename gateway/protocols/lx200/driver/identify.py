@@ -1,6 +1,6 @@
 """Identifies the Meade: its position is read first, then its name; a telescope without a name is a classic LX200.
 
-A device that reports a position is a telescope. All other questions may get no reply or one of an unknown form; the
+A device that reports a position is a telescope. All other queries may get no reply or one of an unknown form; the
 driver then works without the answer, and does not ask again until the line is connected again.
 """
 
@@ -17,7 +17,7 @@ from gateway.protocols.lx200.driver.dialect import read_report, read_speeds
 from gateway.protocols.lx200.driver.state import KNOWN_COMMAND_TIMEOUT, PUSHED_MESSAGE, Lx200Driver, ask, send_command
 from gateway.protocols.wireformat.command_set import load
 
-#: Timeout of a question that may stay unanswered: a multiple of the usual reply time, and its minimum in seconds.
+#: Timeout of a query that may stay unanswered: a multiple of the usual reply time, and its minimum in seconds.
 TIMEOUT_FACTOR, MIN_PROBE_TIMEOUT = 2.0, 0.6
 #: Questions to an unknown controller, and what remains unknown without an answer.
 UNKNOWN_BY_COMMAND = {"GVN": "its version", "ACK": "how it is mounted", "GW": "whether it tracks"}
@@ -124,7 +124,7 @@ def _probe(mount: Lx200Driver, command: str, unverified_ok: bool = False) -> Ste
         return (yield Send(command, timeout=patience, unverified_ok=unverified_ok))
     except (Garbled, Silence):
         mount.unanswered |= {command}
-    except Fault as fault:  # a busy telescope may answer this question later
+    except Fault as fault:  # a busy telescope may answer this query later
         if isinstance(fault, NoAnswer):
             raise
     return None
