@@ -109,7 +109,7 @@ def separation(lon1: float, lat1: float, lon2: float, lat2: float) -> float:
 
 
 #: Cosine of 89.4 degrees of altitude or declination: nearer to the zenith or pole, the rates at this angle are used.
-_MIN_ZENITH_COSINE = 0.01
+_MIN_COSINE = 0.01
 
 
 # -- horizon --------------------------------------------------------------------------------------------
@@ -133,7 +133,7 @@ def horizon_to_hour_angle(az: float, alt: float, lat: float) -> tuple[float, flo
 def az_alt_rates_by_ha(az: float, alt: float, lat: float) -> tuple[float, float]:
     """Return by how many degrees (azimuth, altitude) change per degree of hour angle; limited near the zenith."""
     a, h, phi = math.radians(az), math.radians(alt), math.radians(lat)
-    up = max(math.cos(h), _MIN_ZENITH_COSINE)
+    up = max(math.cos(h), _MIN_COSINE)
     return math.sin(phi) - math.cos(phi) * math.cos(a) * math.sin(h) / up, math.cos(phi) * math.sin(a)
 
 
@@ -145,5 +145,5 @@ def az_alt_rates_by_dec(az: float, alt: float, lat: float) -> tuple[float, float
     a, h, phi = math.radians(az), math.radians(alt), math.radians(lat)
     across = -math.cos(phi) * math.sin(a)
     along = math.sin(phi) * math.cos(h) - math.cos(phi) * math.sin(h) * math.cos(a)
-    from_pole = max(math.hypot(across, along), _MIN_ZENITH_COSINE)
-    return across / from_pole / max(math.cos(h), _MIN_ZENITH_COSINE), along / from_pole
+    from_pole = max(math.hypot(across, along), _MIN_COSINE)
+    return across / from_pole / max(math.cos(h), _MIN_COSINE), along / from_pole

@@ -118,7 +118,7 @@ def _hmac_of(secret: str, content: str) -> str:
     return hmac.digest(secret.encode(), content.encode(), "sha256").hex()
 
 
-def split_answer(text: str) -> list[str]:
+def to_datagrams(text: str) -> list[str]:
     """Split an answer into texts ``tell INDEX COUNT PART`` that each fit into a datagram."""
     pieces = [text[start : start + MAX_PART_CHARACTERS] for start in range(0, len(text), MAX_PART_CHARACTERS)] or [""]
     return [f"tell {place} {len(pieces)} {piece}" for place, piece in enumerate(pieces)]

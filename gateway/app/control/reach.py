@@ -37,7 +37,7 @@ ANSWER_TIMEOUT = 15.0
 
 
 class SearchResult(Struct):
-    """The gateways that can be reached, the motion markers with their state folders, and what could not be searched."""
+    """Reachable gateways; files that say that a mount may move, by state folder; warnings of what was not searched."""
 
     gateways: list[tuple[Path, ControlEndpoint]]
     markers: list[tuple[Path, MarkerContent]]

@@ -121,7 +121,7 @@ class ControlServer(asyncio.DatagramProtocol):
             return Answer(FAILED, f"internal error, please report it: {error!r}")
 
     def _reply(self, request_number: str, answer: Answer, addr: object) -> None:
-        for part in exchange.split_answer(msgspec.json.encode(answer).decode()):
+        for part in exchange.to_datagrams(msgspec.json.encode(answer).decode()):
             self._send(request_number, part, addr)
 
     def _send(self, request_number: str, text: str, addr: Any) -> None:

@@ -215,7 +215,7 @@ class JudgedState(Struct, frozen=True):
         return [self.max_rate(rate, earlier_rates[number] if known else None) for number, rate in enumerate(last_rates)]
 
     def judge(self, room: Room) -> Verdict:
-        """Forbid a motion that a stop at the next position could not end before the limit; or allow it for a while.
+        """Forbid the motion if a stop after the next position would come too late; else allow it for a while.
 
         A goto from the hand control may brake and end just before the limit, so it is stopped only at the limit.
         """

@@ -83,7 +83,7 @@ class SyncTotal:
         self.value, self.resync_reason = self.pending, ""
 
     def reset(self, reason: str = "") -> None:
-        """Reset the sum: the mount was aligned again, is not aligned, or may not be (``reason``)."""
+        """Reset the sum after an alignment or without one; ``reason`` says why the alignment may be lost."""
         self.value, self.resync_reason = SyncSum(), reason
 
 

@@ -110,7 +110,7 @@ class Notation:
             self._deg_sign = answer[_DEGREE_SIGN]
 
     def write(self, command: str, reply: bytes) -> bytes:
-        """Convert a reply. Without an example of this command only the degree sign is replaced."""
+        """Write a reply in this telescope's notation: that of its example reply, or without one its degree sign."""
         example = self._examples.get(EXAMPLE_BY_COMMAND.get(command, command), b"")
         if command == "GT":
             return b"+" + reply if example.startswith(b"+") and reply[:1].isdigit() else reply

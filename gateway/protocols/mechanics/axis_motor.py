@@ -37,7 +37,7 @@ class Ramp(NamedTuple):
         return self.began_at + abs(self.initial_excess) / self.acceleration
 
     def speed(self, now: float) -> float:
-        """Return the signed excess over the ordered speed, degrees a second."""
+        """Return by how much the speed still differs from the ordered one: actual minus ordered, degrees a second."""
         if now >= self.ends_at:
             return 0.0
         return math.copysign(abs(self.initial_excess) - self.acceleration * (now - self.began_at), self.initial_excess)

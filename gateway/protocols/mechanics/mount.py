@@ -144,7 +144,7 @@ class Mechanics:
 
     def goto_axis(self, now: float, axis: int, position: float, slow: bool = False) -> None:
         """Slew a single motor; it rests at the goal. The other motor keeps its last rate."""
-        self._override_tracking(now, axis)
+        self._suspend_tracking(now, axis)
         motor = self._axes[axis]
         fast = APPROACH_RATE * self.speedup if slow else None
         motor.goto, motor.goal = self._make_axis_goto(now, axis, motor.position, position, fast), position
@@ -179,7 +179,7 @@ class Mechanics:
 
     def set_rate(self, now: float, axis: int, rate: float, drive: bool = False) -> None:
         """Turn a motor at a rate instead of tracking. With ``drive`` it counts as tracking."""
-        self._override_tracking(now, axis)
+        self._suspend_tracking(now, axis)
         self._axes[axis].rate, self._axes[axis].drive = max(-self.max_rate, min(self.max_rate, rate)), drive
 
     def pulse(self, now: float, axis: int, rate: float, seconds: float) -> None:
@@ -258,7 +258,7 @@ class Mechanics:
             self.flipped = abs(wrap180(positions[1] + self.sync_correction[1])) > 90.0
         self._follows_target = self._tracks and self.build is Build.ALTAZ
 
-    def _override_tracking(self, now: float, axis: int) -> None:
+    def _suspend_tracking(self, now: float, axis: int) -> None:
         """Begin an order that overrides tracking of a motor. On an alt-az mount the other motor keeps its last rate."""
         self._advance_and_note(now)
         if self._follows_target:

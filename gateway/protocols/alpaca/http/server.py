@@ -41,7 +41,7 @@ class AlpacaServer:
         """Add the routes that ASCOM defines."""
         serve = self._checked_handler
         app.add_routes([
-            web.get("/management/{about:apiversions|v1/description|v1/configureddevices}", serve(self._serve_info)),
+            web.get("/management/{about:apiversions|v1/description|v1/configureddevices}", serve(self._serve_devices)),
             web.get("/setup", serve(self._serve_setup)),
             web.get("/setup/v1/{kind}/{number}/setup", serve(self._serve_setup)),
             web.route("*", "/api/v1/{kind}/{number}/{member}", serve(self._serve_member)),
@@ -106,7 +106,7 @@ class AlpacaServer:
 
     # --- management -------------------------------------------------------------------------------------------------
 
-    async def _serve_info(self, request: web.Request) -> web.StreamResponse:
+    async def _serve_devices(self, request: web.Request) -> web.StreamResponse:
         server = {
             "ServerName": SERVER_NAME, "Manufacturer": "the mount-gateway developers",
             "ManufacturerVersion": version(), "Location": "", TOKENS_MEMBER: tokens(),

@@ -56,7 +56,7 @@ def _is_reversed(mount: NexStar, direction: op.Direction) -> Steps:
 
 
 def move(mount: NexStar, operation: op.Move) -> Steps:
-    """Move in a sky direction, corrected for pier side and pole; in alt-az turn one axis, slowly on top of tracking."""
+    """Move in a direction on the sky, on either pier side. In alt-az turn one axis; slow motions add to tracking."""
     pulse_instead = operation.ms is not None and mount.times_pulses
     if not pulse_instead and altaz.moves_on_tracking(mount, operation) and (yield from altaz.move(mount, operation)):
         return None

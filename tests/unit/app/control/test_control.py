@@ -12,7 +12,7 @@ import msgspec
 import pytest
 
 from gateway.app.control import reach
-from gateway.app.control.exchange import AnswerParts, ControlEndpoint, read_endpoints, sign, split_answer, verify
+from gateway.app.control.exchange import AnswerParts, ControlEndpoint, read_endpoints, sign, to_datagrams, verify
 from gateway.app.control.reach import ask
 from gateway.app.control.server import ControlServer
 from gateway.core import requests
@@ -174,7 +174,7 @@ def test_control_seal_depends_on_secret_number_and_text() -> None:
     assert verify("t", sign("s", "7", "ask stop")) is None
     assert verify("s", sign("s", "7", "ask stop") + b"!") is None
     assert verify("s", b"\xff\xfe") is None
-    gathered, told = AnswerParts(), split_answer("x" * 4500)
+    gathered, told = AnswerParts(), to_datagrams("x" * 4500)
     assert [gathered.add(part) for part in (told[2], "tell 9 2 x", "tell x", "wait", told[0])] == [None] * 5
     assert gathered.add(told[1]) == "x" * 4500
 
