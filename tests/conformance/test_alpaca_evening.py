@@ -95,7 +95,7 @@ async def polling(nina: Program) -> None:
 
 
 @pytest.mark.parametrize("mount", MOUNTS, ids="-".join)
-async def test_nina_and_phd2_get_through_an_evening_together(mount: tuple[str, str]) -> None:
+async def test_nina_and_phd2_sharing_a_mount_slew_guide_and_park(mount: tuple[str, str]) -> None:
     async with RehearsalGateway(mount[0], start=START, driven=mount[1], presented="alpaca", named=True) as own:
         exact_sky.load(own.controller.astrometry.sky)
         nina, phd2 = Program(own, "192.168.1.7"), Program(own, "192.168.1.8")

@@ -70,7 +70,7 @@ def test_simulated_onstep_ignores_blanks_inside_a_command() -> None:
     assert sim.feed(b": G R #\r\n")[-1:] == b"#"  # blanks and line ends are dropped
 
 
-def test_simulated_onstep_ends_an_arrow_by_itself() -> None:
+def test_simulated_onstep_ends_an_arrow_after_ten_seconds() -> None:
     sim, clock = controller("onstep")
     sim.feed(b":R9#:Mn#")
     clock.now += 9.0
@@ -81,7 +81,7 @@ def test_simulated_onstep_ends_an_arrow_by_itself() -> None:
 
 
 @pytest.mark.parametrize("separate", [True, False])
-def test_simulated_onstep_pulse_may_have_the_rate_of_the_arrows(separate: bool) -> None:
+def test_simulated_onstep_without_a_pulse_rate_pulses_at_the_arrow_rate(separate: bool) -> None:
     sim, clock = controller("onstep")
     sim.has_pulse_rate = separate
     sim.feed(b":MS#")

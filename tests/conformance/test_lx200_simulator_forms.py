@@ -71,7 +71,7 @@ def test_simulated_meade_ignores_a_malformed_command_that_has_no_reply(said: byt
     assert not sim.accessories and "custom" not in sim.stored_values
 
 
-def test_every_example_of_the_manual_is_well_formed() -> None:
+def test_syntax_check_accepts_every_example_of_the_manual() -> None:
     """For the simulators, and for what drivers are held against. The one without a colon is a misprint."""
     for name, example, _, _ in rows("lx200_forms.txt"):
         assert well_formed(name, raw(example)), example
@@ -79,7 +79,7 @@ def test_every_example_of_the_manual_is_well_formed() -> None:
 
 
 @each("said", [b":Sg-010*45#", b":SG+8#", b":St45*00#", b":Sh5400#", b":Sr 05:00:00#"])
-def test_tolerant_simulated_meade_takes_what_programs_send(said: bytes) -> None:
+def test_tolerant_simulated_meade_accepts_settings_outside_the_manual(said: bytes) -> None:
     sim, _ = meade("lx200", tolerant=True)
     assert sim.feed(said) == b"1"
 

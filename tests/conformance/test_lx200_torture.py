@@ -33,7 +33,7 @@ def test_lx200_surface_gives_the_exact_reply_to_malformed_bytes(packets: str, re
     assert expected.fullmatch(answer.removesuffix(b"24#").removesuffix(b"12#")), ("with trailing bytes", answer)
 
 
-def test_lx200_surface_keeps_nothing_of_four_kilobytes_of_garbage() -> None:
+def test_lx200_surface_reads_a_command_after_four_kilobytes_of_garbage() -> None:
     framer = Lx200Framer()
     assert framer.feed(bytes(range(1, 6)) * 800 + b":" + b"A" * 4096, 0.0) == []
     assert framer.feed(b":GR#", 0.0) == [b":GR#"]

@@ -33,7 +33,7 @@ def test_lx200_surface_answers_every_form_of_the_manual() -> None:
 
 
 @pytest.mark.parametrize("model", ["autostar", "lx200", "lx200-16", "lx200gps"])
-def test_lx200_surface_replies_in_the_shapes_that_programs_need(model: str) -> None:
+def test_lx200_surface_replies_in_the_formats_that_programs_expect(model: str) -> None:
     wrong = []
     for name, example, models, shapes in rows("lx200_forms.txt") + rows("lx200_beyond.txt"):
         found = LX200.find(raw(example))
@@ -57,7 +57,7 @@ def test_lx200_surface_answers_library_moon_and_help_commands_as_the_manual_says
         assert fits(reply, shapes), (model, reply)
 
 
-def test_lx200_surface_knows_or_ignores_forms_beyond_the_manual() -> None:
+def test_lx200_surface_knows_all_unofficial_commands_that_need_a_reply() -> None:
     for name, example, _, shapes in rows("lx200_beyond.txt"):
         assert LX200.find(raw(example)) is not None or "-" in shapes.split(" ~ "), name
 

@@ -23,7 +23,7 @@ def fits(answer: bytes, reply: str) -> bool:
 
 
 @each("name, request_, reply", FORMS)
-def test_synscan_surface_replies_as_the_paper_writes(name: str, request_: str, reply: str) -> None:
+def test_synscan_surface_replies_as_the_protocol_document_says(name: str, request_: str, reply: str) -> None:
     talk = talk_to("synscan", manual_mount(), "4.38.06")
     talk.send(CLOCK)
     assert fits(talk.send(raw(request_)), reply)
@@ -31,19 +31,19 @@ def test_synscan_surface_replies_as_the_paper_writes(name: str, request_: str, r
 
 
 @each("name, request_, reply", FORMS)
-def test_simulated_synscan_replies_as_the_paper_writes(name: str, request_: str, reply: str) -> None:
+def test_simulated_synscan_replies_as_the_protocol_document_says(name: str, request_: str, reply: str) -> None:
     bench = Bench("synscan", "4.38.06")
     bench(CLOCK)
     assert fits(bench(raw(request_)), ANYWHERE.get(reply, reply))
     assert bench(b"Kz") == b"z#"
 
 
-def test_synscan_model_has_exactly_the_commands_of_the_paper() -> None:
+def test_synscan_model_has_exactly_the_documented_commands() -> None:
     has = {name for name, _, _ in FORMS if not name.startswith("no ")}
     assert has == set(load("nexstar").models["synscan"]["commands"])
 
 
-def test_synscan_version_3_has_the_commands_that_the_paper_names_for_it() -> None:
+def test_synscan_version_3_has_the_commands_documented_for_it() -> None:
     assert Bench("synscan", "3.38")(b"V") == b"032600#"
     assert Bench("synscan", "3.38")(b"s34AB0500,12CE0500p")[:1] == b"#"
     assert Bench("synscan", "3.36")(b"s34AB0500,12CE0500pKx") == b"x#"

@@ -182,7 +182,7 @@ def frames_of(name: str) -> list[bytes]:
 
 
 @each("model, version", SOME)
-def test_nexstar_surface_answers_every_row_in_its_form(model: str, version: str) -> None:
+def test_nexstar_surface_answers_every_command_in_its_exact_length(model: str, version: str) -> None:
     talk = talk_to(model, version=version)
     for name in NEXSTAR.surface_rows:
         command = NEXSTAR.commands[name]
@@ -211,7 +211,7 @@ def test_nexstar_surface_answers_every_row_in_its_form(model: str, version: str)
 
 @pytest.mark.parametrize("model", ["6-8se", "cge", "cpc"])
 @each("name", sorted(NEXSTAR.surface_rows))
-def test_nexstar_surface_survives_a_silent_mount_in_every_row(model: str, name: str) -> None:
+def test_nexstar_surface_invents_no_value_when_the_mount_is_silent(model: str, name: str) -> None:
     mount = Mount()
     mount.fault = NoAnswer()
     talk = talk_to(model, mount, "5.31")
@@ -247,7 +247,7 @@ def test_no_nexstar_version_has_a_minor_number_that_reads_as_a_terminator() -> N
         assert 35 not in parse_version(NEXSTAR.models[model]["motors"])
 
 
-def test_nexstar_gt_versions_count_from_a_hundred() -> None:
+def test_nexstar_gt_101_acts_as_version_1_2_and_104_as_4_03() -> None:
     """By the manual one before 104.0 is to be treated as 1.2, and from then on as 4.03."""
     old, new = talk_to("gt", version="101.0"), talk_to("gt", version="104.0")
     assert old.send(b"V") == b"\x65\x00#"

@@ -39,7 +39,7 @@ def test_stellarium_position_message_is_written_as_the_guide_says() -> None:
         (270.0, -45.0, "000000C0 000000E0"),
     ],
 )
-def test_stellarium_messages_carry_places_of_the_whole_sky(ra: float, dec: float, written: str) -> None:
+def test_stellarium_goto_message_encodes_coordinates_of_the_whole_sky(ra: float, dec: float, written: str) -> None:
     picture = COMMANDS["goto"].request
     assert picture.encode({"time": 0, "ra": ra, "dec": dec})[12:] == bytes.fromhex(written)
 

@@ -39,11 +39,11 @@ def test_answers_that_are_always_late_are_waited_for(model: str) -> None:
 @pytest.mark.parametrize(("named", "seconds"), [(True, 4.0), (False, 9.0)])
 @pytest.mark.parametrize("latency", [0.0, 0.15, 0.5])
 @pytest.mark.parametrize("model", ["lx200", "lx200-16"])
-def test_classic_answers_soon_after_the_start(model: str, latency: float, named: bool, seconds: float) -> None:
+def test_classic_nexstar_answers_soon_after_start(model: str, latency: float, named: bool, seconds: float) -> None:
     assert run(first_answer(model, named, latency)) <= seconds
 
 
-async def test_old_position_is_logged_once() -> None:
+async def test_use_of_an_old_position_is_logged_once() -> None:
     async with Bridge("cpc", config={"sun": 0.0}) as bridge:
         wire = insert_poor_line(bridge, LineFaults())
         bridge.controller.line.transaction.connection_lost("unplugged")

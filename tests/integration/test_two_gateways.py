@@ -50,7 +50,7 @@ def hex_place(ra: float, dec: float) -> bytes:
     return b"%06X00,%06X00" % (round(ra / 360 * 2**24) % 2**24, round(dec / 360 * 2**24) % 2**24)
 
 
-def test_time_zones_tried_here_include_quarter_hours() -> None:
+def test_time_zones_of_these_tests_include_quarter_hours() -> None:
     found = offsets()
     assert {-3.5, 5.5, 5.75, 8.75, 9.5, 12.75, 13.75} & set(found) >= {5.5, 5.75, 8.75, 9.5, 12.75}
 

@@ -72,7 +72,7 @@ async def test_site_keeps_its_seconds_on_a_mount_that_stores_minutes() -> None:
 
 
 @pytest.mark.parametrize(("driven", "model"), [("lx200", "lx200gps"), ("alpaca", "polar")])
-async def test_unavailable_speeds_do_not_fill_the_log(driven: str, model: str) -> None:
+async def test_repeated_unavailable_axis_rate_is_logged_once(driven: str, model: str) -> None:
     """A satellite tracker sends another rate five times a second."""
     bridge = Bridge(model, driven=driven, presented="nexstar", surface="cge", config=OPEN)
     async with bridge:

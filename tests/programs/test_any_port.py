@@ -29,14 +29,14 @@ def start(workshop: Workshop, mount: str) -> tuple[Endpoint, HandControl | Meade
     return start_any_gateway(workshop, meade, mount), seen
 
 
-def test_any_port_serves_hamlib(workshop: Workshop) -> None:
+def test_auto_detecting_port_serves_hamlib(workshop: Workshop) -> None:
     """It opens terminals only; the connection behind this one is opened before Hamlib says anything."""
     requires("rotctld", "socat")
     surface, truth = start(workshop, "lx200")
     turns_and_stops(Rotator(workshop, CELESTRON, terminal_to(workshop, surface.port)), truth)
 
 
-def test_any_port_serves_stellarium(workshop: Workshop) -> None:
+def test_auto_detecting_port_serves_stellarium(workshop: Workshop) -> None:
     """It waits for the first word, and is told positions after three seconds; then its goto decides."""
     requires("stellarium", "Xvfb", "xdotool")
     surface, truth = start(workshop, "nexstar")
@@ -46,7 +46,7 @@ def test_any_port_serves_stellarium(workshop: Workshop) -> None:
     wait_until("the position that is told", lambda: arcseconds(told(surface.port), STAR) < NEAR)
 
 
-def test_hostile_page_moves_nothing_by_any_port(workshop: Workshop) -> None:
+def test_hostile_web_page_moves_no_mount_over_port_any(workshop: Workshop) -> None:
     """What it posts begins as HTTP does, so that all of it is HTTP's, and the console refuses it."""
     requires("chromium")
     wire, truth = start_simulator(workshop, "nexstar:cpc", NORTH)
@@ -64,7 +64,7 @@ def test_hostile_page_moves_nothing_by_any_port(workshop: Workshop) -> None:
     assert not truth.goto_running()
 
 
-def test_any_port_serves_all_kinds_of_programs_at_once(workshop: Workshop) -> None:
+def test_auto_detecting_port_serves_all_kinds_of_programs_at_once(workshop: Workshop) -> None:
     """Two drivers, a browser and Stellarium's own protocol: each sees the mount, and a goto of one is every one's."""
     requires("indiserver", LX200[0], NEXSTAR[0], "chromium")
     surface, truth = start(workshop, "nexstar")

@@ -98,7 +98,7 @@ def reads(browser: Browser, tab: str, page: tuple[str, str]) -> bool:
     return browser.shows(tab) == page
 
 
-def test_hostile_web_pages_and_visits_to_ports_move_nothing(workshop: Workshop) -> None:
+def test_hostile_web_pages_and_browser_visits_move_no_mount(workshop: Workshop) -> None:
     requires("chromium")
     setups = [set_up(workshop, mount) for mount in ("nexstar", "lx200")]
     programs = {

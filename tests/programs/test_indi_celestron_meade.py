@@ -179,7 +179,9 @@ def test_indi_celestron_completes_a_night_on_a_meade(
 
 
 @pytest.mark.parametrize(("presented", "north"), [("cpc", -1.0), ("cge", 1.0)])
-def test_indi_celestron_moves_north_by_the_documented_setting(workshop: Workshop, presented: str, north: float) -> None:
+def test_indi_celestron_north_arrow_obeys_the_documented_setting(
+    workshop: Workshop, presented: str, north: float
+) -> None:
     """Reversed on a fork, unless its *Reverse* is set, and as it is written where a German mount is presented."""
     requires("indiserver", DRIVER)
     meade, truth = start_meade(workshop, "lx200", NORTH, speed=3.0)

@@ -48,7 +48,7 @@ def test_broker_shows_moves_and_stops_a_mount(workshop: Workshop) -> None:
     wait_until("it is there again", lambda: onlooker.told(HERE)[-1] == b"online")
 
 
-def test_absent_broker_costs_the_mount_nothing_and_is_updated_on_return(workshop: Workshop) -> None:
+def test_mqtt_broker_outage_delays_no_answer_and_status_is_sent_afterwards(workshop: Workshop) -> None:
     broker = Broker(workshop)
     process, where = gateway(workshop, url=broker.url)
     process.wait_for_lines("ready broker", 1)

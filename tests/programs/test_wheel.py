@@ -133,11 +133,11 @@ def test_wheel_metadata_contains_no_placeholder(wheel: Path) -> None:
         "Name: a\n\nSee <address of the project>.",
     ],
 )
-def test_placeholder_check_detects_placeholders(text: str) -> None:
+def test_metadata_check_detects_placeholders_in_a_wheel(text: str) -> None:
     assert placeholders(message_from_bytes(text.encode()))
 
 
-def test_tests_run_from_a_source_distribution(source: Path) -> None:
+def test_source_distribution_contains_and_runs_the_tests(source: Path) -> None:
     some = ["tests/unit/core", "tests/project/test_docs_links.py"]
     done = subprocess.run(
         [sys.executable, "-bb", "-m", "pytest", "-q", "-n0", "-p", "no:cacheprovider", *some],

@@ -17,7 +17,7 @@ FILES = sorted(CHECKED.glob("*.json"))
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda path: path.stem)
-def test_every_checked_mount_file_has_the_form_that_prove_writes(file: Path) -> None:
+def test_every_checked_mount_file_matches_the_output_format_of_prove(file: Path) -> None:
     result = msgspec.json.decode(file.read_bytes(), type=ProofFile)
     assert json.loads(file.read_bytes()) == json.loads(msgspec.json.encode(result))
     assert {"reads", "motions", "goto"} <= result.stages.keys() <= {stage.name for stage in STAGES}

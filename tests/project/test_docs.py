@@ -115,7 +115,7 @@ def test_every_configuration_in_the_docs_is_accepted_by_run(tmp_path: Path, caps
         assert main(["config", "--config", str(path)]) == 0, capsys.readouterr().err
 
 
-def test_both_install_commands_of_the_readme_install_the_same_way() -> None:
+def test_test_and_demo_of_the_readme_use_the_same_install_commands() -> None:
     """So that the test command, which a change has to pass, proves the first half of the demo's, too."""
     venv, pip, demo = installed()["demo"].split(" && ")
     assert [venv, pip.replace(" .", " -e '.[test]'"), ".venv/bin/python -bb -m pytest -q"] == (

@@ -7,7 +7,7 @@ import pytest
 from tests.support.each import each
 
 
-def test_each_names_every_failing_row() -> None:
+def test_each_decorator_names_every_failing_row() -> None:
     @each("first", [1, 2])
     @each(("second", "third"), [(1, 1), (2, 2), (3, 3)])
     def test(first: int, second: int, third: int) -> None:

@@ -7,11 +7,11 @@ from tests.support.each import each
 
 
 @each("mutation", MUTATIONS)
-def test_mutation_pattern_matches_as_many_places_as_its_row_says(mutation: Mutation) -> None:
+def test_mutation_pattern_matches_the_stated_number_of_code_places(mutation: Mutation) -> None:
     matches = [number for _, number in mutation.applied(ROOT).values()]
     assert sum(matches) == mutation.places, mutation.what
 
 
 @each("mutation", MUTATIONS)
-def test_test_paths_of_a_mutation_exist(mutation: Mutation) -> None:
+def test_test_files_named_by_each_mutation_exist(mutation: Mutation) -> None:
     assert all((ROOT / test).exists() for test in mutation.tests.split()), mutation.tests

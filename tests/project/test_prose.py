@@ -34,7 +34,7 @@ def _alike(line: str, other: str) -> bool:
 
 
 @each("page", [*PAGES, ROOT / "CHANGELOG.md", ROOT / "mappings" / "README.md"])
-def test_no_line_is_repeated_on_a_page(page: Path) -> None:
+def test_no_line_is_repeated_within_a_docs_page(page: Path) -> None:
     assert doubled(prose(page)) == []
 
 

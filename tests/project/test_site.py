@@ -35,7 +35,7 @@ def listed(entries: list[dict[str, Any]]) -> list[str]:
     return found
 
 
-def test_every_page_is_in_the_site_navigation_once() -> None:
+def test_every_page_is_in_the_docs_navigation_once() -> None:
     settings = tomllib.loads((ROOT / "docs" / "site" / "zensical.toml").read_text("utf-8"))
     nav = listed(settings["project"]["nav"])
     assert sorted(set(nav)) == sorted(nav)
@@ -51,7 +51,7 @@ def test_site_contains_linked_sources_and_drawings_as_pages(site: ModuleType, tm
     assert "mermaid" not in layers and layers.count("<rect") == len(re.findall(r"(?m)^\| `\w+/` \|", layers))
 
 
-def test_site_pages_fetch_nothing_from_elsewhere(site: ModuleType, tmp_path: Path) -> None:
+def test_docs_pages_fetch_nothing_from_other_hosts(site: ModuleType, tmp_path: Path) -> None:
     pytest.importorskip("zensical", reason="the extra docs is not installed")
     built = site.build(tmp_path)
     assert built is not None
@@ -68,7 +68,7 @@ def test_site_pages_fetch_nothing_from_elsewhere(site: ModuleType, tmp_path: Pat
     assert missing == set()
 
 
-def test_site_build_reports_a_dead_link(
+def test_docs_build_reports_a_dead_link(
     site: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Any
 ) -> None:
     pytest.importorskip("zensical", reason="the extra docs is not installed")

@@ -28,7 +28,7 @@ def test_gateway_has_no_import_cycles() -> None:
 
 
 @each("folder", FOLDERS)
-def test_no_folder_of_the_gateway_is_crowded(folder: Path) -> None:
+def test_no_source_folder_exceeds_its_entry_limit(folder: Path) -> None:
     entries = sorted(path.name for path in folder.iterdir() if path.name not in NO_PARTS)
     assert len(entries) <= ENTRIES, entries
 
@@ -38,7 +38,7 @@ def test_no_module_exceeds_its_line_limit() -> None:
     assert {path: count for path, count in lines.items() if count > LINES} == {}
 
 
-def test_gateway_has_few_values_of_type_any() -> None:
+def test_use_of_the_any_type_stays_below_its_limit() -> None:
     texts = [path.read_text("utf-8") for path in ROOT.rglob("*.py")]
     words, lines = (sum(len(re.findall(what, text)) for text in texts) for what in (r"\bAny\b", r"\n"))
     assert words <= ANY * lines / 1000, (words, lines)
@@ -54,7 +54,7 @@ def test_no_inner_module_imports_the_public_package() -> None:
 
 
 @each("name", ["acceptor.py", "connection.py"])
-def test_client_is_complete_when_constructed(name: str) -> None:
+def test_client_code_sets_attributes_only_on_self(name: str) -> None:
     """Whoever makes a part of a client passes in what it needs, and nobody finishes it from outside."""
     tree = ast.parse((ROOT / "clients" / name).read_text("utf-8"))
     stored = [node for node in ast.walk(tree) if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store)]

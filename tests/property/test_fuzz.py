@@ -28,7 +28,7 @@ CASES = {str(case): case for case in cases()}
 @pytest.mark.parametrize(
     "case", as_a_rule(["lx200:autostar on nexstar:6-8se", "nexstar:cge 4.21 on lx200:autostar"], whole=[*CASES])
 )
-def test_random_bytes_leave_a_surface_working(case: str, kind: str) -> None:
+def test_surface_still_answers_after_random_bytes(case: str, kind: str) -> None:
     judge = Judge(CASES[case])
     size = as_a_rule(800, whole=200_000)
     done, longest = run(throw(CASES[case], kind, Random(f"{case} {kind}"), size, judge))
@@ -46,7 +46,7 @@ def test_surface_keeps_no_memory_of_a_programs_bytes() -> None:
     ("mount", "seed"),
     as_a_rule([("lx200:lx200gps", 6), ("nexstar:cpc", 8)], whole=[(":".join(mount), 6) for mount in mounts()]),
 )
-def test_corrupted_replies_leave_a_driver_working(mount: str, seed: int) -> None:
+def test_driver_survives_corrupted_replies_of_a_mount(mount: str, seed: int) -> None:
     findings = Findings()
     size = as_a_rule(800, whole=100_000)
     assert run(corrupt(*mount.split(":"), Random(seed), size, findings)) >= size
@@ -54,7 +54,7 @@ def test_corrupted_replies_leave_a_driver_working(mount: str, seed: int) -> None
     assert findings.ended["value"]
 
 
-def test_fuzz_judges_tell_bad_replies_from_good_ones() -> None:
+def test_fuzz_checker_tells_malformed_replies_from_valid_ones() -> None:
     lx200, nexstar = PROTOCOLS["lx200"], PROTOCOLS["nexstar"]
     assert not of_reply(lx200, b":GR#", b"12:34:56#")
     assert not of_reply(nexstar, b"V", b"\x04\x15#")
@@ -88,7 +88,7 @@ async def test_read_from_an_unidentified_mount_ends_after_a_stop() -> None:
     await bridge.controller.close()
 
 
-def test_line_back_in_step_at_the_second_check_is_up() -> None:
+def test_mount_line_is_up_again_after_two_lost_replies() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             good, lost = bridge.controller.line.wire.feed, [2]  # type: ignore[attr-defined]
@@ -129,7 +129,7 @@ async def test_year_that_two_digits_cannot_express_is_refused(date: str) -> None
     assert not [entry.note for entry in bridge.entries if "internal error" in entry.note]
 
 
-async def test_four_digit_year_is_accepted() -> None:
+async def test_lx200_date_accepts_a_four_digit_year() -> None:
     async with Bridge(aligned=False) as bridge:
         client = bridge.client()
         assert (await client.ask(b":SC12/31/2050#")).startswith(b"1")
@@ -138,7 +138,7 @@ async def test_four_digit_year_is_accepted() -> None:
 
 
 @each(("zone", "dst"), [(127, 0), (1, 3), (200, 0)])
-async def test_impossible_zone_of_a_hand_control_is_not_reported(zone: int, dst: int) -> None:
+async def test_impossible_time_zone_of_a_hand_control_is_not_reported(zone: int, dst: int) -> None:
     bridge = Bridge()
     good = bridge.controller.line.wire.feed  # type: ignore[attr-defined]
     bridge.controller.line.wire.feed = lambda data: (  # type: ignore[attr-defined]
@@ -150,7 +150,7 @@ async def test_impossible_zone_of_a_hand_control_is_not_reported(zone: int, dst:
         assert moment.offset == 0.0
 
 
-async def test_defect_in_a_deferred_action_is_logged() -> None:
+async def test_internal_error_in_a_delayed_clock_set_is_logged() -> None:
     left: list[object] = []
     asyncio.get_running_loop().set_exception_handler(lambda _, context: left.append(context))
     async with Bridge(aligned=False) as bridge:
@@ -168,7 +168,7 @@ async def test_defect_in_a_deferred_action_is_logged() -> None:
     assert not left
 
 
-def test_simulated_classic_shows_bars_during_a_goto_to_half_a_target() -> None:
+def test_simulated_classic_lx200_shows_distance_bars_in_a_goto_with_only_ra_set() -> None:
     now = [EVENING]
     sim = SimulatedLx200("lx200", clock=lambda: now[0], site=(45.0, 10.0))
     sim.feed(b":Sr02:00:00#:MS#")

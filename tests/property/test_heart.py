@@ -25,7 +25,7 @@ ARROW = (Event(1.0, 1, "arrow", ("e", "max")),)
 
 @pytest.mark.sampled(every=2)
 @pytest.mark.parametrize("mount", list(MOUNTS))
-def test_random_play_stays_within_the_limits_and_ends_as_ordered(mount: str) -> None:
+def test_randomly_commanded_mount_stays_within_limits_and_ends_as_ordered(mount: str) -> None:
     seeds = (seed for seed in count(BEGINS.get(mount, 0)) if seed not in KNOWN.get(mount, {}))
     for _, script, wrong in examples(mount, islice(seeds, EXAMPLES)):
         small = smallest(script, wrong)
@@ -35,7 +35,7 @@ def test_random_play_stays_within_the_limits_and_ends_as_ordered(mount: str) -> 
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("mount", ["cpc", "cge", "slt", "nexstar-gps-2.2", "autostar"])
 @pytest.mark.parametrize("kind", ["lost", "unheard", "doubled", "broken", "cut"])
-def test_arrow_that_meets_any_fault_ends_when_its_program_leaves(mount: str, kind: str) -> None:
+def test_arrow_motion_ends_when_its_client_leaves_despite_line_faults(mount: str, kind: str) -> None:
     """The fault meets each of the requests in turn that the arrow consists of, or as a rule every second one."""
     every = as_a_rule(2, whole=1)
     for late in (0.0, 0.1, 0.2, 0.4)[len(kind) % every :: every]:

@@ -102,7 +102,7 @@ async def test_preview_foresees_a_mount_that_refuses_every_goto(state: str, driv
 
 
 @pytest.mark.parametrize("model", ["cpc", "cge"])
-def test_preview_of_a_goto_leaves_no_trace(model: str) -> None:
+def test_preview_of_a_goto_sends_and_changes_nothing(model: str) -> None:
     """Not on the line, in the log, in what a motion under way is judged by, or in what is polled."""
 
     async def program() -> None:

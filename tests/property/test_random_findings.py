@@ -36,7 +36,7 @@ def test_failed_stop_that_nobody_awaits_is_one_log_line() -> None:
 
 
 @each("arrow", [b":Mn#", b":Mw#"])
-async def test_arrow_made_of_small_gotos_is_refused_without_an_alignment(arrow: bytes) -> None:
+async def test_arrow_emulated_by_small_gotos_is_refused_on_an_unaligned_mount(arrow: bytes) -> None:
     config = {"site": (45.0, 10.0), "mode": "alt-az"}
     async with Bridge("nexstar-gps", "1.2", aligned=False, config=config) as bridge:
         bridge.client().send(b":RS#" + arrow)
@@ -46,7 +46,7 @@ async def test_arrow_made_of_small_gotos_is_refused_without_an_alignment(arrow: 
         assert not bridge.controller.moving
 
 
-async def test_first_request_of_a_kind_waits_for_a_busy_line() -> None:
+async def test_first_position_read_on_a_busy_line_waits_for_the_reply() -> None:
     """Two seconds are for a mount that has never answered; one that is being spoken to answers in its turn."""
     async with Bridge("cpc", driven="nexstar", presented="nexstar", surface="cge", latency=0.28) as bridge:
         client = bridge.client()
@@ -75,7 +75,7 @@ async def test_goto_right_after_tracking_off_is_checked_against_the_sun() -> Non
 
 
 @pytest.mark.parametrize(("driven", "model"), [("nexstar", "cge"), ("lx200", "lx200")])
-async def test_motor_of_an_equatorial_mount_is_judged_by_its_axis_reading(driven: str, model: str) -> None:
+async def test_equatorial_mount_moved_by_motor_commands_stops_at_the_altitude_limit(driven: str, model: str) -> None:
     """A declination motor's sense on the sky depends on the pier side; its axis reading knows."""
     limits = {"lowest": 39.6}
     async with Bridge(model, driven=driven, presented="nexstar", surface="cge", config=limits) as bridge:
@@ -105,7 +105,7 @@ async def test_meade_that_starts_seeking_home_while_moved_is_stopped() -> None:
 
 
 @pytest.mark.parametrize("model", ["autostar", "lx200gps"])
-def test_arrow_that_takes_over_from_a_goto_is_stopped_in_time(model: str) -> None:
+def test_arrow_that_takes_over_from_a_goto_stops_at_the_altitude_limit(model: str) -> None:
     """The goto counts as under way for some seconds more; the motion is none that knows where it ends."""
 
     async def program() -> float:
@@ -175,7 +175,7 @@ async def test_faster_of_two_motors_is_stopped_first(axis: int, first: bytes, ot
 
 
 @pytest.mark.parametrize(("driven", "model", "aligns"), [("lx200", "autostar", True), ("nexstar", "6-8se", False)])
-async def test_sync_after_an_aligning_first_sync_is_held_to_the_limit(driven: str, model: str, aligns: bool) -> None:
+async def test_far_second_sync_is_refused_after_a_first_sync_that_aligns(driven: str, model: str, aligns: bool) -> None:
     async with Bridge(model, driven=driven, presented="nexstar", surface="6-8se", aligned=False) as bridge:
         client = bridge.client()
         assert await client.ask(b"SFC12,2163") == b"#"

@@ -69,7 +69,7 @@ async def judged(mount: Mount) -> dict[str, str]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MOUNTS)
-async def test_ascoms_judge_reports_only_the_listed_issues(name: str) -> None:
+async def test_ascom_conformance_check_finds_exactly_the_listed_issues(name: str) -> None:
     mount = MOUNTS[name]
     found = await judged(mount)
     issues = {check: words for check, words in found.items() if words}

@@ -41,14 +41,14 @@ PLAYED = {str(pair): pair for client in surfaces() for pair in played(client)}
 
 
 @pytest.mark.parametrize("name", PLAYED)
-def test_surface_row_has_its_documented_outcome_on_every_mount(name: str) -> None:
+def test_surface_command_has_its_documented_outcome_on_every_mount(name: str) -> None:
     plays, found = rehearse(PLAYED[name])
     assert plays
     assert list(report(found)) == []
 
 
 @pytest.mark.parametrize("client", surfaces())
-def test_surface_row_uses_every_read_that_it_lists_in_asks(client: str) -> None:
+def test_surface_command_makes_every_read_that_its_table_row_lists(client: str) -> None:
     """On some mount: what it asks for elsewhere is in its ``asks`` by the test above."""
     left = {name: set(row.asks) for name, row in load(client).surface_rows.items() if row.asks}
     for pair in played(client, every=True):

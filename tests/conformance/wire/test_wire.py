@@ -37,7 +37,7 @@ for pair in PAIRS:
 
 
 @pytest.mark.parametrize("name", GROUPS)
-def test_tables_list_exactly_the_commands_that_the_wire_carries(name: str) -> None:
+def test_mapping_tables_list_exactly_the_commands_sent_to_the_mount(name: str) -> None:
     found = []
     for pair in GROUPS[name]:
         only = as_a_rule(len(SHARES[pair]), whole=0)
@@ -48,7 +48,7 @@ def test_tables_list_exactly_the_commands_that_the_wire_carries(name: str) -> No
     assert list(report(found)) == []
 
 
-def test_every_pair_of_models_and_every_command_is_tried() -> None:
+def test_wire_test_covers_every_mount_model_and_every_command() -> None:
     """Also a new model and a new row, without being listed."""
     assert len({(str(pair.face), str(pair.mount)) for pair in PAIRS}) == len(PAIRS)
     driven = (load(name).models.keys() for name in ("lx200", "nexstar", "alpaca"))

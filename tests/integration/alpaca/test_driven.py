@@ -29,7 +29,7 @@ def chain(driven: str, model: str) -> TwoGateways:
 
 
 @pytest.mark.parametrize(("driven", "model"), [("nexstar", "6-8se"), ("lx200", "lx200gps")])
-async def test_alpaca_mount_parks_unparks_and_tracks_for_lx200_and_nexstar_programs(driven: str, model: str) -> None:
+async def test_mount_behind_a_second_gateway_parks_unparks_and_tracks(driven: str, model: str) -> None:
     whole = chain(driven, model)
     sim = whole.inner.sim
     async with whole:
@@ -53,7 +53,7 @@ async def test_alpaca_mount_parks_unparks_and_tracks_for_lx200_and_nexstar_progr
                 await ask(op.Home())
 
 
-async def test_alpaca_program_at_an_alpaca_mount_reads_the_server_and_cannot_bypass_checks() -> None:
+async def test_alpaca_program_cannot_set_pier_side_past_the_gateways_checks() -> None:
     inner = Bridge("german", driven="alpaca", presented="lx200", config={"sun": 0.0})
     inner.sim.lacks -= {"sideofpier_put"}
     async with inner:

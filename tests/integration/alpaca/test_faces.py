@@ -142,7 +142,9 @@ REFUSED = {("altaz", "pulses")}
 @pytest.mark.parametrize("south", [False, True], ids=["north", "south"])
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("presented", FACES)
-def test_evening_of_four_protocols_on_alpaca_telescopes_has_no_fault(presented: str, kind: str, south: bool) -> None:
+def test_observing_session_in_any_protocol_on_alpaca_mounts_has_no_wrong_result(
+    presented: str, kind: str, south: bool
+) -> None:
     found = run(judged(presented, kind, south=south))
     assert not {step: words for step, words in found.items() if words.startswith("wrong")}
     refused = {(kind, step) for step, words in found.items() if words.startswith("refused: ")}
@@ -168,7 +170,7 @@ SERVERS: dict[str, tuple[dict[str, Any], set[str]]] = {
 }
 
 
-def test_goto_after_an_abort_arrives_and_a_site_is_kept_where_slews_are_answered_at_their_end() -> None:
+def test_observing_session_on_an_alpaca_server_with_synchronous_slews_has_no_wrong_result() -> None:
     """A stop that is written again spares the goto; a site that was read while it was set is no site of the owner."""
     found = run(judged("alpaca", "german", **SERVERS["no asynchronous slews"][0]))
     assert not {step: words for step, words in found.items() if words.startswith("wrong")}
@@ -177,7 +179,7 @@ def test_goto_after_an_abort_arrives_and_a_site_is_kept_where_slews_are_answered
 @pytest.mark.sampled(1, every=4)
 @pytest.mark.parametrize("server", SERVERS)
 @pytest.mark.parametrize("kind", KINDS)
-def test_alpaca_servers_of_other_makers_have_no_fault_in_an_evening(kind: str, server: str) -> None:
+def test_observing_session_on_alpaca_servers_of_any_maker_has_no_wrong_result(kind: str, server: str) -> None:
     made, refused = SERVERS[server]
     found = run(judged("alpaca", kind, **made))
     assert not {step: words for step, words in found.items() if words.startswith("wrong")}

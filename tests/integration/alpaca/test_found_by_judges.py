@@ -16,7 +16,7 @@ from tests.support.typed_programs import Refusal, face
 @pytest.mark.parametrize("lacks", [frozenset(), frozenset({"tracking_put"})], ids=["all", "without SetTracking"])
 @pytest.mark.parametrize("order", ["goto", "arrow"])
 @pytest.mark.sampled(2)
-async def test_wake_unparks_an_alpaca_mount_after_a_refused_order(order: str, lacks: frozenset[str]) -> None:
+async def test_wake_command_unparks_an_alpaca_mount_after_a_refused_motion(order: str, lacks: frozenset[str]) -> None:
     made: dict[str, Any] = {"parked": True, "lacks": lacks}
     async with Bridge("german", driven="alpaca", surface="lx200gps", simulated=made) as bridge:
         one = face("lx200", bridge)

@@ -64,7 +64,7 @@ def test_alpaca_is_served_at_a_port_of_its_own(tmp_path: Path, loop: str) -> Non
     ("console", "surface", "page"),
     [("", "", "act"), ("", "read-only = true", "look"), ('[console]\nallow = ["127.0.0.2"]', "", "allow list")],
 )
-def test_browser_gets_the_console_at_an_alpaca_port_by_the_rules_of_both(
+def test_console_at_an_alpaca_port_obeys_read_only_and_the_allow_list(
     tmp_path: Path, console: str, surface: str, page: str
 ) -> None:
     config = tmp_path / "gateway.toml"

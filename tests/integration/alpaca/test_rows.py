@@ -28,7 +28,7 @@ def run(state: Path, name: str, mount: str, surface: str) -> Running:
 
 @pytest.mark.skipif(not WHOLE, reason="it takes four processes a minute; pytest --whole runs it")
 @pytest.mark.parametrize("mount", ["nexstar:cge", "nexstar:cpc", "lx200:lx200gps"])
-def test_three_gateways_in_a_row_carry_goto_sync_arrow_and_stop(
+def test_chain_of_three_gateways_carries_goto_sync_arrow_and_stop(
     tmp_path: Path, started: list[Running], mount: str
 ) -> None:
     """Goto, sync, arrow and stop at one end are what the axes do at the other, and what is told is where it points."""
@@ -88,7 +88,7 @@ def test_three_gateways_in_a_row_carry_goto_sync_arrow_and_stop(
     assert off(told(), centred) < 2.0 * EXACT and off(sky(), here) < 2.0 * EXACT
 
 
-def test_gateway_that_would_drive_itself_says_so_and_ends(tmp_path: Path) -> None:
+def test_gateway_configured_to_drive_itself_reports_it_and_exits(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     flags = ("--no-discovery", "--no-console", "--state", str(tmp_path))

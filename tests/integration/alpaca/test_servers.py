@@ -94,7 +94,7 @@ async def test_refusal_quotes_the_message_of_the_alpaca_server() -> None:
 
 
 @pytest.mark.parametrize("model", ["german", "altaz"])
-async def test_first_arrow_shows_which_way_moveaxis_counts(model: str) -> None:
+async def test_first_arrow_teaches_the_gateway_the_sign_of_moveaxis(model: str) -> None:
     async def north(one: Bridge) -> float:
         before, height = one.sim.true_position()[1], one.sim.azimuth_altitude()[1]
         await one.controller.perform(op.Move(op.Direction.NORTH, op.Rate(degrees=0.5)))

@@ -118,7 +118,7 @@ def test_one_port_serves_five_kinds_of_programs_at_once(running: list[Running], 
 
 
 @pytest.mark.parametrize(("more", "words"), [((), b'content="act"'), (("--read-only",), b'content="look"')])
-def test_look_only_port_shows_a_look_only_console(
+def test_read_only_port_shows_a_read_only_console(
     running: list[Running], tmp_path: Path, more: tuple[str, ...], words: bytes
 ) -> None:
     page = Program(start(running, tmp_path, *more))
@@ -136,9 +136,7 @@ def test_port_without_a_console_gives_browsers_a_short_answer(running: list[Runn
     assert Program(where).ask(b":GR#", 9).endswith(b"#")
 
 
-def test_any_protocol_port_speaks_alpaca_without_a_console_from_the_first_second(
-    running: list[Running], tmp_path: Path
-) -> None:
+def test_any_protocol_port_serves_alpaca_at_once_and_without_a_console(running: list[Running], tmp_path: Path) -> None:
     put = b"PUT /api/v1/telescope/0/%s HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/x-www-form-urlencoded"
     put += b"\r\nContent-Length: %d\r\nConnection: close\r\n\r\n%s"
     for read_only in (False, True):
@@ -181,7 +179,7 @@ def test_early_browser_is_served_once_the_console_is_ready(running: list[Running
     assert early.page().startswith(b"HTTP/1.1 200 OK")
 
 
-def test_status_names_the_console_before_anybody_opens_it(running: list[Running], tmp_path: Path) -> None:
+def test_status_names_the_console_address_before_its_first_use(running: list[Running], tmp_path: Path) -> None:
     ports = ("--surface", "any@tcp://127.0.0.1:0", "--console", "tcp://127.0.0.1:0")
     running.append(one := Running("run", "--mount", "nexstar@sim", "--state", str(tmp_path), *ports))
     assert one.ready() and not one.ready()  # of the surface, of the console
@@ -222,7 +220,7 @@ def alpaca(where: str, request: str, form: str = "") -> bytes:
     return program.rest()
 
 
-def test_look_only_port_refuses_alpaca_orders(running: list[Running], tmp_path: Path) -> None:
+def test_read_only_port_refuses_alpaca_orders_except_stop(running: list[Running], tmp_path: Path) -> None:
     where = start(running, tmp_path, "--read-only")
     assert b'"Value"' in alpaca(where, "GET /management/apiversions")
     put = "PUT /api/v1/telescope/0"

@@ -20,7 +20,7 @@ SET_TIME = b"H\x15\x1e\x28\x03\x0e\x1b\x0a\x00"
 @pytest.mark.parametrize(
     "motion", [b"P\x02\x10\x24\x05\0\0\0", b"P\x03\x11\x26\x64\x64\0\0", b"P\x03\x10\x06\x02\x58\0\0"]
 )
-async def test_arrow_not_begun_on_a_deaf_meade_gets_the_form_for_no(after: float, motion: bytes) -> None:
+async def test_arrow_that_a_busy_meade_ignores_gets_the_no_response_form(after: float, motion: bytes) -> None:
     async with Bridge(
         "lx200",
         driven="lx200",

@@ -69,7 +69,7 @@ async def test_meade_driver_releases_the_arrow_that_it_pressed() -> None:
 
 
 @pytest.mark.parametrize("model", MODELS)
-async def test_meade_driver_switches_tracking_only_where_it_keeps_the_alignment(model: str) -> None:
+async def test_meade_tracking_is_not_switched_where_that_loses_the_alignment(model: str) -> None:
     async with meade(model) as bridge:
         client = bridge.client()
         assert await client.ask(b"T\x00") == b"#"
@@ -100,7 +100,7 @@ async def test_nexstar_program_sees_no_motion_after_a_refused_goto(model: str) -
         assert any("elow" in entry.note for entry in bridge.entries)
 
 
-async def test_busy_meade_is_asked_again_and_then_given_up() -> None:
+async def test_request_to_a_busy_meade_is_repeated_and_then_given_up() -> None:
     async with meade("lx200gps") as bridge:
         await asyncio.sleep(6)
         bridge.sim.busy_until = bridge.clock() + 1.0

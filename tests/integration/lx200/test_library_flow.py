@@ -137,7 +137,7 @@ def test_object_below_the_horizon_is_refused() -> None:
 # --- the Moon and the planets -------------------------------------------------------------------------------------
 
 
-def test_mount_follows_a_place_on_the_moon() -> None:
+def test_goto_to_a_lunar_crater_follows_the_moon() -> None:
     async def program(bridge: Bridge, client: RehearsalClient) -> None:
         sky = bridge.controller.astrometry.sky
         assert await client.ask(b":SE-43*18#:Se-011*13#", ending=b"11") == b"11"  # Tycho
@@ -218,7 +218,7 @@ def test_object_commands_report_a_missing_library(monkeypatch: pytest.MonkeyPatc
     assert Talk().send(b":LS32349#:MS#") == b"1" + missing
 
 
-def test_every_object_counts_as_up_without_a_site() -> None:
+def test_without_a_site_every_object_counts_as_risen() -> None:
     mount = Mount()
     talk = Talk(mount, model="lx200")
     talk.send(b":Sf+03.0#:LF#")

@@ -96,7 +96,7 @@ async def test_meade_gets_no_other_request_while_it_seeks_home() -> None:
         assert (await client.ask(b":GR#")).endswith(b"#")
 
 
-async def test_nak_to_an_arrow_refuses_the_arrow() -> None:
+async def test_arrow_answered_with_nak_counts_as_refused() -> None:
     """An LX200GPS says NAK to an arrow while it is busy; the arrow is refused, neither believed nor begun later."""
     async with meade(latency=0.01) as bridge:
         bridge.sim.busy_until = bridge.clock() + 1.0
@@ -165,7 +165,7 @@ async def test_classic_refuses_a_tracking_rate_beyond_its_range() -> None:
         assert b":TM#" not in bridge.sent_requests()
 
 
-async def test_toggle_is_pressed_once_when_the_same_state_is_set_twice() -> None:
+async def test_pec_toggle_is_sent_once_when_the_same_state_is_set_twice() -> None:
     async with meade("lx200") as bridge:
         for on in (True, True, False, False):
             await bridge.controller.perform(op.PeriodicError(1, on))

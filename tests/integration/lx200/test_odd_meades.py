@@ -151,7 +151,7 @@ async def test_meade_model_follows_from_the_reported_name(answer: bytes, model: 
     await bridge.controller.close()
 
 
-def test_server_that_reads_whole_commands_still_answers_after_ack() -> None:
+def test_device_that_swallows_the_command_after_ack_is_still_detected() -> None:
     """For such a server ACK and what comes behind it, up to the ``#``, are one command that it does not know."""
 
     async def program() -> None:

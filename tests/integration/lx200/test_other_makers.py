@@ -50,7 +50,9 @@ REFUSED = {
 @pytest.mark.parametrize("south", [False, True], ids=["north", "south"])
 @pytest.mark.parametrize("model", [*SYNSCANS, *MODELS])
 @pytest.mark.parametrize("face", FACES)
-def test_evening_on_onstep_and_teenastro_has_no_fault_over_any_surface(model: str, face: str, south: bool) -> None:
+def test_observing_session_on_onstep_teenastro_or_synscan_has_no_wrong_result(
+    model: str, face: str, south: bool
+) -> None:
     found = run(evening(model, face, south))
     assert not {step: words for step, words in found.items() if words.startswith("wrong")}
     refused = {step for step, words in found.items() if words.startswith("refused: ")}
@@ -89,7 +91,7 @@ def test_onstep_and_teenastro_are_sent_the_documented_bytes(model: str) -> None:
 
 
 @pytest.mark.parametrize("model", MODELS)
-async def test_meade_program_on_an_onstep_sees_a_meade_and_reaches_nothing_else(model: str) -> None:
+async def test_unsuitable_meade_commands_do_not_reach_an_onstep_or_teenastro(model: str) -> None:
     async with bridge(model) as own:
         await own.controller.answer(op.GetIdentity())
         await asyncio.sleep(1.0)
@@ -102,9 +104,7 @@ async def test_meade_program_on_an_onstep_sees_a_meade_and_reaches_nothing_else(
 
 
 @pytest.mark.parametrize(("model", "firmware"), [("onstep", "4.24s"), ("onstep", "3.16o"), ("teenastro", "1.6.2")])
-async def test_mount_left_in_low_precision_is_read_in_high_precision_without_a_switch(
-    model: str, firmware: str
-) -> None:
+async def test_position_is_read_precisely_from_a_mount_left_in_low_precision(model: str, firmware: str) -> None:
     """Another program of the evening has sent ``:U#``, before the gateway came and while it is there."""
     own = bridge(model)
     own.sim.row = {**own.sim.row, "firmware": firmware}
@@ -147,7 +147,7 @@ def test_every_goto_refusal_of_onstep_and_teenastro_has_a_message(model: str) ->
 
 
 @pytest.mark.parametrize("model", MODELS)
-async def test_order_is_refused_when_the_mount_state_does_not_change(model: str) -> None:
+async def test_tracking_order_is_refused_when_the_mount_does_not_obey(model: str) -> None:
     async with bridge(model) as own:
         await own.controller.perform(op.SetTracking(on=False, heard=True))
         answering(own, {b":Te#": b"1"})
@@ -175,7 +175,7 @@ async def test_recent_change_at_the_keypad_is_read_before_an_order(model: str) -
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_tracking_switch_that_shows_late_is_not_refused(model: str) -> None:
+def test_tracking_order_whose_effect_shows_late_is_not_refused(model: str) -> None:
     async def program() -> None:
         async with bridge(model) as own:
             await own.controller.perform(op.SetTracking(on=False, heard=True))
@@ -227,7 +227,7 @@ async def test_pier_side_is_taken_from_the_mounts_report(model: str, south: bool
             assert await own.controller.read_now(op.PierSide()) == ("W" if flipped else "E"), (east, beyond)
 
 
-async def test_guide_pulse_is_sent_at_a_guide_rate() -> None:
+async def test_guide_pulse_ignores_the_faster_keypad_speed() -> None:
     """Where pulses have the rate of the arrows, :RS# would make a slew of them."""
     async with bridge("onstep") as own:
         own.sim.has_pulse_rate = False
@@ -400,7 +400,7 @@ async def test_mount_keeps_its_identity_after_lost_status_replies(model: str) ->
         assert own.driver.german and status.tracking is op.Tracking.OFF and not lost
 
 
-async def test_onstep_with_a_lost_name_is_not_sent_the_command_that_sets_its_home() -> None:
+async def test_onstep_mistaken_for_a_meade_is_not_sent_the_home_search_command() -> None:
     """It answers ``:h?#`` with a bare 0 and is taken for a 16 inch, whose search for home is ``:hF#``."""
     own = bridge("onstep")
     own._hands_on = True  # :h?# is no form of an OnStep's
@@ -422,7 +422,7 @@ async def test_truncated_status_reply_is_rejected(said: bytes) -> None:
 
 
 @pytest.mark.parametrize("model", [*MODELS, "autostar"])
-async def test_end_of_a_goto_ends_a_foreign_goto_but_no_arrow(model: str) -> None:
+async def test_abort_slew_ends_a_goto_from_the_keypad_but_no_arrow(model: str) -> None:
     """At its own keys or page. Of a goto that the gateway knows it is the same, as near the pole as it may be."""
     async with bridge(model) as own:
         ra = (own.sim.mechanics.sky.lst(own.clock()) + 40.0) % 360.0

@@ -14,7 +14,7 @@ def _said(bridge: Bridge, *letters: bytes) -> list[bytes]:
 
 
 @pytest.mark.parametrize("model", ["lx200", "lx200-16"])
-async def test_classic_gets_the_pec_toggle_with_its_colon(model: str) -> None:
+async def test_pec_toggle_without_a_colon_reaches_a_classic_with_one(model: str) -> None:
     async with Bridge(model, driven="lx200", surface=model) as bridge:
         bridge.client().send(b"$Q#")
         await asyncio.sleep(1.0)

@@ -81,7 +81,7 @@ async def test_stop_inside_an_unterminated_command_ends_the_motion_at_once() -> 
         assert not bridge.controller.wanted.axes_moved_by_hand
 
 
-async def test_half_a_command_is_followed_by_no_cached_answer() -> None:
+async def test_command_after_an_unfinished_one_gets_no_cached_reply() -> None:
     for presented, question, half, reply in (("lx200", b":GR#", b":Sr07:0", b"0"), ("nexstar", b"e", b"K", b"e#")):
         async with Bridge(presented=presented, surface=None) as bridge:
             client = bridge.client()
@@ -91,7 +91,7 @@ async def test_half_a_command_is_followed_by_no_cached_answer() -> None:
             assert await client.ask(question) == reply
 
 
-async def test_cached_answers_belong_to_the_run_of_an_unterminated_command() -> None:
+async def test_arrow_right_after_an_unterminated_command_and_polls_is_dropped() -> None:
     """A question that is answered again without being cut out belongs to the run of bytes all the same."""
     async with Bridge() as bridge:
         client = bridge.client()

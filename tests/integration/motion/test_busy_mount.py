@@ -29,7 +29,7 @@ async def calculating(bridge: Bridge) -> None:
 
 @pytest.mark.parametrize("model", ["lx200", "lx200gps"])
 @pytest.mark.parametrize("by_hand", [b":Mn#", b":RS#:Me#", b":Mgn1000#"])
-async def test_order_by_hand_to_a_busy_mount_is_dropped(model: str, by_hand: bytes) -> None:
+async def test_arrow_or_guide_pulse_to_a_busy_mount_is_dropped(model: str, by_hand: bytes) -> None:
     async with meade(model) as bridge:
         client = bridge.client()
         await calculating(bridge)
@@ -63,7 +63,9 @@ async def look(bridge: Bridge) -> None:
 @pytest.mark.parametrize(("mount", "driven"), [("cge", "nexstar"), ("cgx", "nexstar"), ("autostar", "lx200")])
 @pytest.mark.parametrize("by_hand", [b":RS#:Me#", b":Mgw3000#"])
 @pytest.mark.parametrize("asks", [True, False])
-async def test_order_by_hand_on_a_silent_line_is_dropped(mount: str, driven: str, by_hand: bytes, asks: bool) -> None:
+async def test_arrow_or_guide_pulse_on_a_silent_line_is_dropped(
+    mount: str, driven: str, by_hand: bytes, asks: bool
+) -> None:
     """``asks``: it waits behind a question of its own program."""
     async with Bridge(mount, driven=driven) as bridge:
         client: RehearsalClient = bridge.client()

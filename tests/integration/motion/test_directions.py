@@ -243,7 +243,7 @@ async def test_guide_pulse_that_cannot_be_done_is_refused_with_a_reason(
 
 
 @pytest.mark.parametrize(("aligned", "words"), [(False, "is not aligned"), (True, "does not track")])
-async def test_german_mount_without_tracking_is_not_called_alt_az(aligned: bool, words: str) -> None:
+async def test_guide_refusal_on_a_german_mount_does_not_call_it_alt_az(aligned: bool, words: str) -> None:
     async with Bridge("cge", "4.21", aligned=aligned, config={"sun": 0.0}) as bridge:
         client = bridge.client()
         client.send(b":AL#")
@@ -272,7 +272,7 @@ async def test_arrow_above_the_tracking_limit_turns_only_its_motor() -> None:
     ("guide", "side", "command"),
     [("motor", "east", 36), ("motor", "west", 36), ("sky", "east", 36), ("sky", "west", 37)],
 )
-async def test_north_means_the_motor_or_the_sky_as_configured(guide: str, side: str, command: int) -> None:
+async def test_guide_pulse_north_goes_by_the_motor_or_sky_as_configured(guide: str, side: str, command: int) -> None:
     async with Bridge("cge", "4.21", latency=0.0, config={"sun": 0.0, "guide_directions": guide}) as bridge:
         client = bridge.client()
         sidereal = bridge.sim.mechanics.sky.lst(bridge.clock()) / 15.0

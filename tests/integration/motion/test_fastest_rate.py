@@ -86,7 +86,7 @@ async def test_unavailable_fastest_rate_is_reported_once(
         assert [text[: len(words)] for text in told] == ([words] if words else [])
 
 
-def test_fastest_rate_is_sent_as_a_variable_rate_and_the_maximum_as_a_key() -> None:
+def test_fastest_rate_below_the_maximum_is_sent_as_a_variable_rate() -> None:
     """A quarter of an arcsecond a second: 2 degrees are 28800 = 70 80 hex, behind 16 (axis 2 is 17), 6 or 7."""
     (sent, *_) = turns(MOUNTS[0], b":Sw2#:Ms#")[1]
     assert sent in (bytes((80, 3, 17, 6, 0x70, 0x80, 0, 0)), bytes((80, 3, 17, 7, 0x70, 0x80, 0, 0)))

@@ -102,7 +102,7 @@ async def test_arrow_pressed_and_released_right_after_a_goto_ends() -> None:
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
 @pytest.mark.parametrize("meanwhile", [b":TL#", b":TS#", b":ST59.0#", b":TQ#", b":Mge0500#", b":Mgn1000#", b":RG#:RM#"])
-async def test_rate_or_pulse_during_a_goto_leaves_the_goto_whole(mount: str, driven: str, meanwhile: bytes) -> None:
+async def test_rate_change_or_guide_pulse_does_not_disturb_a_goto(mount: str, driven: str, meanwhile: bytes) -> None:
     async with Bridge(mount, driven=driven) as bridge:
         client = bridge.client()
         await client.ask(GOTO, ending=b"0")
@@ -173,7 +173,7 @@ async def test_arrow_released_soon_after_an_interrupted_goto_leaves_nothing_movi
 
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
-async def test_arrow_ended_by_the_dead_man_swallows_no_later_halt(mount: str, driven: str) -> None:
+async def test_halt_ends_a_goto_even_after_a_timed_out_arrow_on_that_axis(mount: str, driven: str) -> None:
     async with Bridge(mount, driven=driven, config={"dead_man_closed": 1.0}) as bridge:
         first = bridge.client()
         first.send(b":RM#:Me#")

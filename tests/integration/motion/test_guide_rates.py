@@ -129,7 +129,7 @@ async def test_stop_during_a_guide_pulse_restores_tracking() -> None:
 
 
 @pytest.mark.parametrize("ms", [15, 25, 333])
-def test_short_pulses_of_the_motors_last_as_long_as_requested(ms: int) -> None:
+def test_short_guide_pulses_timed_by_the_motor_move_the_requested_amount(ms: int) -> None:
     """They count hundredths of a second: what is rounded up there is made up for in percent."""
     (sent,) = sent_for(b":Mgn%04d#" % ms, model="avx", version="5.31")
     percent, ticks = sent[4], sent[5]

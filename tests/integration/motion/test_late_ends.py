@@ -39,7 +39,7 @@ async def pulse(bridge: Bridge, letter: str, ms: int, before: float = 0.0, at_en
 
 
 @pytest.mark.parametrize("letter", ["n", "e", "w", "s"])
-async def test_late_end_of_a_guide_pulse_is_logged_and_the_next_pulse_is_not_shortened(letter: str) -> None:
+async def test_guide_pulse_is_not_shortened_after_one_that_ended_late(letter: str) -> None:
     async with Bridge("cpc", "4.21", latency=0.02, config={"sun": 0.0}) as bridge:
         await bridge.client().ask(b":Sz130*00#:Sa+40*00#:MA#", ending=b"0")
         await asyncio.sleep(60.0)

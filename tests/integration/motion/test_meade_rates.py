@@ -94,7 +94,7 @@ async def turns(bridge: Any, device: int, frame: bytes) -> float:
 
 
 @pytest.mark.parametrize("model", MODELS)
-async def test_each_nexstar_rate_uses_the_nearest_meade_rate_and_replaces_tracking(model: str) -> None:
+async def test_each_nexstar_motion_rate_uses_the_nearest_rate_of_the_meade(model: str) -> None:
     column = 1 + MODELS.index(model)
     async with meade(model) as bridge:
         for row in WEST:
@@ -167,7 +167,7 @@ async def test_meade_drive_rate_set_at_the_hand_control_returns_after_a_motion(
                 assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(arcseconds, abs=0.01)
 
 
-async def test_meade_drive_rate_set_at_the_hand_control_survives_a_key_and_a_stop() -> None:
+async def test_meade_drive_rate_set_at_the_hand_control_survives_an_arrow_and_a_stop() -> None:
     async with meade("autostar") as bridge:
         client = bridge.client()
         bridge.sim.feed(b":TL#")
@@ -196,7 +196,7 @@ async def test_unreadable_hand_control_rate_is_reported_once() -> None:
 
 
 @pytest.mark.parametrize("model", ["lx200gps", "autostar"])
-async def test_inexact_meade_key_rate_is_reported_once(model: str) -> None:
+async def test_approximated_meade_key_rate_is_reported_once(model: str) -> None:
     """4 and 5 are one speed here."""
     async with meade(model) as bridge:
         for number in (4, 5, 4, 9, 9):
@@ -205,7 +205,7 @@ async def test_inexact_meade_key_rate_is_reported_once(model: str) -> None:
         assert len(said) == len(set(said)) >= 1 and "120.33" in said[0]
 
 
-async def test_inexact_meade_rate_is_logged_once() -> None:
+async def test_approximated_meade_rate_is_logged_once() -> None:
     async with meade("lx200") as bridge:
         for _ in range(2):
             await turns(bridge, 17, variable(17, 3600.0))

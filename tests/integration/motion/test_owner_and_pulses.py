@@ -44,7 +44,7 @@ def dropped(bridge: Bridge) -> int:
 
 @pytest.mark.parametrize("keys", list(KEYS))
 @pytest.mark.parametrize("name", list(MOUNTS))
-async def test_guide_pulse_leaves_the_owners_motion_at_the_keypad_alone(name: str, keys: str) -> None:
+async def test_guide_pulse_does_not_end_a_motion_begun_at_the_keypad(name: str, keys: str) -> None:
     async with bridge_to(name) as bridge:
         client, owner = bridge.client(), Owner(bridge, MOUNTS[name][0])
         axis, press, release, pulse, _ = KEYS[keys]
@@ -75,7 +75,7 @@ async def test_guide_pulse_leaves_the_owners_motion_at_the_keypad_alone(name: st
 
 @pytest.mark.parametrize("keys", list(KEYS))
 @pytest.mark.parametrize("name", ["cge/4.21", "synscan", "onstep"])
-async def test_guide_pulse_on_the_other_axis_runs_beside_the_owners_motion(name: str, keys: str) -> None:
+async def test_guide_pulse_runs_while_the_keypad_moves_the_other_axis(name: str, keys: str) -> None:
     async with bridge_to(name) as bridge:
         client, owner = bridge.client(), Owner(bridge, MOUNTS[name][0])
         _, press, _, _, other = KEYS[keys]
@@ -88,7 +88,7 @@ async def test_guide_pulse_on_the_other_axis_runs_beside_the_owners_motion(name:
 
 
 @pytest.mark.parametrize("name", list(MOUNTS))
-async def test_guiding_program_is_not_taken_for_the_owner_at_the_keypad(name: str) -> None:
+async def test_guiding_program_is_not_taken_for_somebody_at_the_keypad(name: str) -> None:
     """Its own pulses in both directions, its arrows before them, and the end of its goto drop none of its pulses."""
     async with bridge_to(name) as bridge:
         client = bridge.client()

@@ -73,7 +73,7 @@ async def test_goto_cancelled_at_the_keypad_stays_cancelled(mount: str, motion: 
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
-async def test_motion_at_the_keypad_is_left_alone(mount: str) -> None:
+async def test_gateway_does_not_end_motion_at_the_keypad(mount: str) -> None:
     async with at_the_mount(mount, "tracking") as (_, owner, _):
         owner.keys("up")
         for _ in range(10):
@@ -196,7 +196,7 @@ async def test_mount_starts_no_motion_when_the_cable_is_reconnected(mount: str, 
 
 
 @pytest.mark.parametrize(("mount", "motion"), [case for case in CASES if case[1] in ("arrow", "goto", "park")])
-async def test_stop_pending_during_a_cable_fault_runs_and_nothing_follows(mount: str, motion: str) -> None:
+async def test_stop_sent_during_a_cable_fault_stops_the_mount_afterwards(mount: str, motion: str) -> None:
     async with at_the_mount(mount, motion) as (_, owner, client):
         asyncio.get_running_loop().call_later(1.0, client.send, b":Q#")
         await owner.cable_out(4.0)

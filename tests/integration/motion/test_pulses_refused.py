@@ -41,7 +41,7 @@ async def test_fork_on_a_wedge_carries_out_and_acknowledges_guide_pulses() -> No
         assert await client.ask(ACTIVE_AZM) == b"\x01#"
 
 
-async def test_guide_pulse_is_judged_by_the_pending_tracking_mode() -> None:
+async def test_guide_pulse_is_accepted_if_the_pending_tracking_mode_allows_it() -> None:
     """The program has asked for tracking as on a wedge, and pulses at once: nobody is told no for what will be."""
     async with Bridge("cpc", "4.21", presented="nexstar", surface="cpc", latency=0.3) as bridge:
         client = bridge.client()

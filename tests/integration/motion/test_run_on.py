@@ -129,7 +129,7 @@ def test_guide_pulse_right_after_an_arrow_has_its_full_length(mount: tuple[str, 
     run(program())
 
 
-async def test_run_on_without_a_position_is_reported_as_unknown_motion() -> None:
+async def test_slewing_becomes_unknown_when_no_position_follows_a_stop() -> None:
     async with RehearsalGateway("cpc", start=START, presented="alpaca", named=True) as own:
         client = await connected(own)
         await ask(client, "put moveaxis Axis=0 Rate=3.0")

@@ -55,7 +55,7 @@ async def test_sync_after_a_stop_is_done_when_the_mount_rests(
 
 
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
-async def test_sync_while_a_key_is_held_is_refused(mount: str, driven: str) -> None:
+async def test_sync_while_a_keypad_arrow_is_held_is_refused(mount: str, driven: str) -> None:
     async with Bridge(mount, driven=driven, config={"sun": 0.0}) as bridge:
         await at_its_goal(bridge, driven)
         owner, client = Owner(bridge, driven), bridge.client()

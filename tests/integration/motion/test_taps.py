@@ -19,7 +19,7 @@ FIRST, SECOND = "127.0.0.1", "10.0.0.9"
 
 @pytest.mark.parametrize("face", FACES)
 @pytest.mark.parametrize("mount", MOUNTS)
-def test_tap_moves_as_far_as_at_the_keypad(mount: str, face: str) -> None:
+def test_short_press_moves_as_far_as_one_at_the_keypad(mount: str, face: str) -> None:
     grid = [(latency, seconds) for latency in LATENCIES for seconds in LENGTHS]
     for latency, seconds in grid[:: as_a_rule(4, whole=1)]:
         assert not (why := run(judged(face, mount, seconds, latency))), (latency, seconds, why)
@@ -31,7 +31,7 @@ def refusals(own: RehearsalGateway) -> list[str]:
 
 @pytest.mark.parametrize("latency", [0.0, 0.02, 0.05])
 @pytest.mark.parametrize("face", ["lx200", "nexstar"])
-async def test_every_tap_of_a_series_moves_the_mount(face: str, latency: float) -> None:
+async def test_every_short_press_of_a_series_moves_the_mount(face: str, latency: float) -> None:
     """Three north, one south, and the next one begins before the one before has ended."""
     single = abs((await tap(face, "cpc", 0.12, latency)).moved)
     async with stage(face, "cpc", latency) as own:
@@ -52,7 +52,7 @@ async def test_every_tap_of_a_series_moves_the_mount(face: str, latency: float) 
 
 @pytest.mark.parametrize("latency", [0.1, 0.15, 0.3])
 @pytest.mark.parametrize("face", ["lx200", "nexstar"])
-async def test_slow_line_joins_taps_of_one_direction(face: str, latency: float) -> None:
+async def test_repeated_short_presses_add_up_on_a_slow_line(face: str, latency: float) -> None:
     keypad = await at_keypad("cpc", 0.12, 1.0)
     async with stage(face, "cpc", latency) as own:
         one, axes, client = FACES[face], Axes(own), own.client()
@@ -74,7 +74,7 @@ async def test_slow_line_joins_taps_of_one_direction(face: str, latency: float) 
     "end", [b":Q#", b":Qe#:Qw#:Qn#:Qs#", b":Qn#:Qs#:Qe#:Qw#", ":Mn# of another", ":Qn# of another"]
 )
 @pytest.mark.parametrize("tapped", [True, False])
-async def test_stop_cancels_a_pending_tap(end: bytes | str, tapped: bool) -> None:
+async def test_stop_cancels_a_pending_short_press(end: bytes | str, tapped: bool) -> None:
     async with stage("lx200", "cpc", 0.3) as own:
         axes, client, other = Axes(own), own.client(FIRST), own.client(SECOND)
         client.send(b":RM#")
@@ -109,7 +109,7 @@ async def test_release_of_all_four_arrows_stops_the_mount() -> None:
         assert not moving(own.sim)
 
 
-async def test_goto_cancels_a_pending_tap() -> None:
+async def test_goto_cancels_a_pending_short_press() -> None:
     async with stage("lx200", "cpc", 0.3) as own:
         client = own.client()
         begun: list[op.Operation] = []
@@ -127,7 +127,7 @@ async def test_goto_cancels_a_pending_tap() -> None:
 
 
 @pytest.mark.parametrize("times", [1, 3])
-async def test_late_tap_is_dropped_and_reported(times: int) -> None:
+async def test_short_press_that_waited_too_long_is_dropped(times: int) -> None:
     """It was held for longer than a tap may wait, and the mount has not begun to move."""
     async with stage("lx200", "cgem", 0.6) as own:
         axes, client = Axes(own), own.client()
@@ -142,7 +142,7 @@ async def test_late_tap_is_dropped_and_reported(times: int) -> None:
         assert ["this tap came too late" in words for words in refusals(own)] == [True]
 
 
-async def test_tap_behind_a_pending_read_is_carried_out_in_its_turn() -> None:
+async def test_short_press_behind_a_pending_read_still_moves_the_mount() -> None:
     async with stage("lx200", "cpc", 0.2) as own:
         axes, client = Axes(own), own.client()
         await asyncio.sleep(12.0)  # nothing is known of the mount any more
@@ -157,7 +157,7 @@ async def test_tap_behind_a_pending_read_is_carried_out_in_its_turn() -> None:
         assert not moving(own.sim)
 
 
-def test_short_press_begun_late_keeps_its_length_and_a_long_one_ends_at_once() -> None:
+def test_short_press_that_begins_late_keeps_its_length() -> None:
     async def program(seconds: float) -> float:
         async with stage("lx200", "cpc", 0.05) as own:
             axes, client = Axes(own), own.client()
@@ -174,7 +174,7 @@ def test_short_press_begun_late_keeps_its_length_and_a_long_one_ends_at_once() -
     assert run(program(1.2)) <= 0.35
 
 
-async def test_held_arrow_waits_for_the_previous_tap_and_ends_at_its_release() -> None:
+async def test_held_arrow_after_a_pending_short_press_runs_until_its_release() -> None:
     async with stage("lx200", "cpc", 0.24) as own:
         client = own.client()
         client.send(b":RM#:Mw#")
@@ -190,7 +190,7 @@ async def test_held_arrow_waits_for_the_previous_tap_and_ends_at_its_release() -
         assert not moving(own.sim)
 
 
-async def test_program_with_one_connection_per_command_can_tap() -> None:
+async def test_short_press_sent_over_two_connections_moves_the_mount() -> None:
     async with stage("lx200", "cpc", 0.15) as own:
         axes = Axes(own)
 
@@ -221,7 +221,7 @@ STOPS = {
 
 @pytest.mark.parametrize("how", STOPS)
 @pytest.mark.parametrize("known", [True, False])
-async def test_program_that_releases_arrows_by_a_full_stop_can_tap(how: str, known: bool) -> None:
+async def test_full_stop_used_as_arrow_release_does_not_cancel_a_short_press(how: str, known: bool) -> None:
     before, seconds, taps = STOPS[how]
     async with stage("lx200", "cpc", 0.3) as own:
         axes, client = Axes(own), own.client()
@@ -247,7 +247,7 @@ async def test_program_that_releases_arrows_by_a_full_stop_can_tap(how: str, kno
 
 
 @pytest.mark.parametrize("presses", [b":Mn#:Qn#", b":Mn#:Mn#"])
-async def test_repeated_full_stop_is_sent_before_everything_else(presses: bytes) -> None:
+async def test_full_stop_after_the_release_cancels_a_waiting_short_press(presses: bytes) -> None:
     async with stage("lx200", "cpc", 0.3) as own:
         axes, client = Axes(own), own.client()
         client.connection.client.arrow_releases.uses_stop = True
@@ -275,7 +275,7 @@ async def away_from_the_pole(client: RehearsalClient) -> None:
 
 @pytest.mark.parametrize("latency", [0.05, 0.15, 0.3])
 @pytest.mark.parametrize("mount", ["cgem", "lx200gps"])
-def test_tap_at_guide_rate_is_a_guide_pulse_of_the_length_of_the_tap(mount: str, latency: float) -> None:
+def test_short_press_at_guide_rate_moves_for_exactly_its_length(mount: str, latency: float) -> None:
     rates: list[float] = []
 
     async def program(seconds: float) -> float:
@@ -299,7 +299,7 @@ def test_tap_at_guide_rate_is_a_guide_pulse_of_the_length_of_the_tap(mount: str,
         assert moved == pytest.approx(seconds * rates[-1], rel=0.1, abs=0.1), seconds
 
 
-def test_taps_at_guide_rate_add_up_on_a_mount_without_pulses() -> None:
+def test_short_presses_at_guide_rate_add_up_on_a_mount_without_pulses() -> None:
     """Each is shorter than an exchange, and none is lengthened to more than half as much again."""
 
     async def program(times: int) -> float:

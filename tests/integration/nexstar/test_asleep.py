@@ -76,7 +76,7 @@ async def test_mount_wakes_whatever_requests_came_during_its_sleep(presented: st
         assert bridge.sim.mode == ALTAZ and (await bridge.controller.read(op.GetStatus())).tracking is op.Tracking.ALTAZ
 
 
-async def test_arrow_waiting_for_the_position_does_not_wait_for_a_wake_behind_it() -> None:
+async def test_arrow_to_a_sleeping_mount_does_not_block_a_later_wake() -> None:
     async with Bridge("cpc", presented="nexstar", surface=None) as bridge:
         client = bridge.client()
         await asleep(bridge, client)
@@ -99,7 +99,7 @@ def test_mount_woken_by_hand_is_recognised_as_awake() -> None:
     run(program())
 
 
-async def test_sleep_ends_every_motion() -> None:
+async def test_sleep_command_ends_every_motion() -> None:
     async with Bridge("cpc", presented="lx200") as bridge:
         client = bridge.client()
         client.send(b":RC#:Me#")
@@ -127,7 +127,7 @@ async def test_gateway_started_beside_a_sleeping_mount_can_wake_it() -> None:
         await bridge.controller.close()
 
 
-async def test_settings_are_sent_in_turn_however_long_reads_take() -> None:
+async def test_setting_is_not_starved_by_reads_of_a_sleeping_mount() -> None:
     """Sent to sleep at its keys, where nobody tells the gateway: every question costs seconds."""
     async with Bridge("cpc", presented="nexstar", surface=None) as bridge:
         client = bridge.client()
@@ -141,7 +141,7 @@ async def test_settings_are_sent_in_turn_however_long_reads_take() -> None:
         assert setting.done() and setting.exception() is not None
 
 
-async def test_sleep_leaves_nothing_moving_though_its_stop_is_lost() -> None:
+async def test_sleep_command_stops_the_mount_though_its_stop_is_lost() -> None:
     async with Bridge("cpc") as bridge:
         client = bridge.client()
         client.send(b":RM#:Mn#")
@@ -155,7 +155,7 @@ async def test_sleep_leaves_nothing_moving_though_its_stop_is_lost() -> None:
         assert bridge.sim.mechanics.axes(bridge.clock()) == before
 
 
-async def test_motion_at_the_keys_after_a_wake_there_is_watched() -> None:
+async def test_mount_woken_at_its_keypad_still_stops_at_the_altitude_limit() -> None:
     async with Bridge("cpc", config={"lowest": 0.0}) as bridge:
         await asleep(bridge, bridge.client(), "lx200")
         bridge.sim.asleep = False

@@ -203,7 +203,7 @@ async def test_clock_of_a_version_without_a_set_command_is_not_set(mount: str) -
 
 @pytest.mark.parametrize("mount", MEADES)
 @pytest.mark.parametrize("lowest", [-90.0, 10.0])
-async def test_setting_site_or_clock_at_rest_stops_nothing(mount: str, lowest: float) -> None:
+async def test_setting_site_or_clock_at_rest_sends_no_stop(mount: str, lowest: float) -> None:
     """Half way round the world the place that it shows is below the limit: it stands there, and nobody moves it."""
     async with Bridge(
         mount, driven="lx200", presented="nexstar", surface="cge", config={"lowest": lowest, "sun": 0.0}
@@ -243,7 +243,7 @@ STOPS = (b"M", b"P\x02\x10\x24\0\0\0\0", b"P\x03\x11\x06\0\0\0\0")
 
 @pytest.mark.parametrize("mount", ["lx200gps", "cge"])
 @pytest.mark.parametrize("why", ["held", "asleep"])
-async def test_held_or_sleeping_mount_refuses_motion_with_the_no_response_form(mount: str, why: str) -> None:
+async def test_motion_gets_the_no_response_form_during_a_hold_or_sleep(mount: str, why: str) -> None:
     driven = "nexstar" if mount == "cge" else "lx200"
     async with Bridge(
         mount,

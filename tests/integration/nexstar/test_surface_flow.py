@@ -43,7 +43,7 @@ def test_nexstar_goto_arrives(mount: str, surface: str, site: tuple[float, float
 
 
 @on_a_bridge(latency=0.3)
-async def test_nexstar_l_reports_1_from_the_acknowledgement_of_the_goto_on(bridge: Bridge) -> None:
+async def test_nexstar_reports_a_goto_in_progress_from_its_acknowledgement_on(bridge: Bridge) -> None:
     """However late the hand control hears of the goto, and however late it begins."""
     client = bridge.client()
     await polled(client)
@@ -60,14 +60,14 @@ async def test_nexstar_l_reports_1_from_the_acknowledgement_of_the_goto_on(bridg
 
 
 @on_a_bridge()
-async def test_nexstar_l_in_the_packet_of_a_goto_reports_1(bridge: Bridge) -> None:
+async def test_nexstar_goto_query_sent_with_the_goto_says_in_progress(bridge: Bridge) -> None:
     client = bridge.client()
     await polled(client)
     assert await client.ask(precise(b"r", *up(bridge)) + b"L", ending=b"1#") == b"#1#"
 
 
 @on_a_bridge()
-async def test_first_nexstar_l_after_a_goto_reports_1(bridge: Bridge) -> None:
+async def test_first_nexstar_query_after_a_goto_says_in_progress(bridge: Bridge) -> None:
     """A program that has asked nothing before."""
     client = bridge.client()
     assert await client.ask(precise(b"r", *up(bridge))) == b"#"

@@ -48,7 +48,7 @@ async def test_two_nexstar_programs_each_get_their_replies_whole_and_in_order(br
 
 
 @on_a_bridge()
-async def test_newer_goto_wins_and_both_programs_see_it(bridge: Bridge) -> None:
+async def test_newer_goto_of_two_programs_replaces_the_older(bridge: Bridge) -> None:
     one, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
     await asyncio.gather(polled(one), polled(other))
     ra, dec = up(bridge, 50.0)
@@ -62,7 +62,7 @@ async def test_newer_goto_wins_and_both_programs_see_it(bridge: Bridge) -> None:
     assert off(bridge, ra, dec) < ARCSECOND
 
 
-def test_nexstar_l_stays_1_when_a_goto_follows_a_goto() -> None:
+def test_nexstar_goto_stays_in_progress_when_another_goto_follows() -> None:
     @on_a_bridge()
     async def twice(bridge: Bridge) -> None:
         client = bridge.client()
@@ -80,7 +80,7 @@ def test_nexstar_l_stays_1_when_a_goto_follows_a_goto() -> None:
 
 @pytest.mark.parametrize("mount", ["6-8se", "cge", "cgem", "cpc"])
 @pytest.mark.parametrize("site", [(45.0, 10.0), (-34.0, 18.5)])
-def test_shared_nexstar_port_reports_positions_bit_for_bit(mount: str, site: tuple[float, float]) -> None:
+def test_shared_nexstar_port_repeats_the_mounts_replies_bit_for_bit(mount: str, site: tuple[float, float]) -> None:
     """While nothing moves, what the surface says is what the hand control itself would say."""
 
     @on_a_bridge(mount=mount, surface=mount, site=site)

@@ -10,7 +10,7 @@ from tests.support.in_process_gateway import Bridge
 
 
 @pytest.mark.parametrize(("site", "mode"), [((45.0, 10.0), b"T\x02"), ((-35.0, 150.0), b"T\x03")])
-async def test_fork_on_a_wedge_reads_its_axes_from_north(site: tuple[float, float], mode: bytes) -> None:
+async def test_fork_on_a_wedge_refuses_axis_gotos_below_the_horizon(site: tuple[float, float], mode: bytes) -> None:
     """Azimuth 0 is north: under the pole in the north, on the meridian in the south."""
     async with Bridge("cpc", site=site, config={"site": site}, presented="nexstar", surface="cpc") as bridge:
         bridge.sim.feed(mode)

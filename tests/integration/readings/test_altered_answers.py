@@ -50,7 +50,7 @@ ALTERED = [
 
 @pytest.mark.sampled(every=1)  # one row of the tables that is not looked at again would be believed
 @pytest.mark.parametrize(("mount", "driven", "operation", "question", "to"), ALTERED)
-async def test_altered_answer_is_read_again(
+async def test_answer_garbled_on_the_line_is_read_again(
     mount: str, driven: str, operation: op.Read, question: bytes, to: bytes
 ) -> None:
     async with Bridge(mount, driven=driven) as bridge:
@@ -71,7 +71,7 @@ async def test_altered_answer_is_read_again(
             assert told == truth
 
 
-def test_gps_sentence_is_accepted_by_its_checksum() -> None:
+def test_gps_sentence_with_a_bad_checksum_is_rejected() -> None:
     """``:gps#`` tells another moment each time, so no two can agree: the sum at its end is what makes it believed."""
     sentence = "$GPRMC,220000.00,A,4500.000,N,01000.000,E,0.0,0.0,150126,,*39"
     body, _, _ = sentence[1:].partition("*")

@@ -21,7 +21,7 @@ from tests.support.in_process_gateway import Bridge
         ("alpaca", "altaz", b":GZ#"),
     ],
 )
-async def test_poll_of_a_fast_mount_never_repeats_a_value(driven: str, model: str, question: bytes) -> None:
+async def test_polls_of_a_moving_mount_never_repeat_a_position(driven: str, model: str, question: bytes) -> None:
     async with Bridge(model, driven=driven, surface="lx200gps", config={"lowest": -90.0, "sun": 0.0}) as bridge:
         client = bridge.client()
         await bridge.controller.perform(op.Move(op.Direction.WEST, op.Rate(name="max")))

@@ -36,7 +36,7 @@ on_each = pytest.mark.parametrize("mount", MOUNTS)
 @on_each
 @by_turns
 @pytest.mark.parametrize("by_hand", [False, True])
-async def test_reads_a_tenth_of_a_second_apart_differ_and_match_the_tube(
+async def test_positions_a_tenth_of_a_second_apart_match_the_moving_tube(
     mount: str, presented: str, by_hand: bool
 ) -> None:
     async with bridge_to(mount, presented, latency=0.02) as bridge:
@@ -75,7 +75,7 @@ async def test_two_halves_of_a_meade_position_are_of_one_instant(mount: str) -> 
 
 
 @pytest.mark.parametrize("pair", [b":GR# :GD#", b":GZ# :GA#"])
-async def test_both_halves_that_a_program_reads_are_of_one_instant(pair: bytes) -> None:
+async def test_both_coordinates_that_a_program_reads_are_of_one_instant(pair: bytes) -> None:
     async with bridge_to("cpc", "lx200", latency=0.02) as bridge:
         client, other = bridge.client(), bridge.client("10.0.0.2")
         await start_moving(client, "lx200", True)
@@ -265,7 +265,7 @@ async def polled(client: RehearsalClient, question: bytes, seconds: float) -> No
     ("presented", "question"),
     [*(("lx200", question) for question in (b":GR#", b":GD#", b":GZ#", b":D#")), ("nexstar", b"e"), ("nexstar", b"z")],
 )
-async def test_poll_at_rest_costs_the_surface_no_work(mount: str, presented: str, question: bytes) -> None:
+async def test_poll_of_a_mount_at_rest_is_answered_from_the_cache(mount: str, presented: str, question: bytes) -> None:
     """A hundred polls a second, and only those have to be worked out that come after a new reading."""
     async with bridge_to(mount, presented) as bridge:
         client = bridge.client()
@@ -317,7 +317,7 @@ def test_polls_in_motion_cost_the_line_at_most_two_exchanges_a_second(
     assert run(program(True)) <= run(program(False)) + 2.0
 
 
-async def test_mount_at_rest_is_read_as_often_as_its_positions_expire() -> None:
+async def test_resting_mount_is_read_only_when_its_position_expires() -> None:
     async with bridge_to("6-8se", "lx200") as bridge:
         client = bridge.client()
         await polled(client, b":GR#", 2.0)

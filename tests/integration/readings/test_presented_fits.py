@@ -31,7 +31,7 @@ def german(site: tuple[float, float]) -> Bridge:
     [(False, False, "6-8se", 12), (True, None, "cpc", 9), (True, False, "cpc", 9), (True, True, "cge", 5)],
 )
 @pytest.mark.parametrize("gps", [False, True])
-def test_presented_model_fits_how_the_mount_is_built(
+def test_default_presented_model_matches_the_type_of_mount(
     equatorial: bool, is_german: bool | None, name: str, number: int, gps: bool
 ) -> None:
     model = default_model(equatorial, is_german, gps, None)

@@ -188,7 +188,7 @@ EACH = settings(max_examples=as_a_rule(13, whole=20), deadline=None)
 @given(WAYS_IN_TURN, packets_of(NEXSTAR))
 @example([("gone", 4.0), (0.02, 1.0)], [(0.0, [b"e"]), (0.5, [b"h"]), (3.0, [b"w", b"M"])])
 @example([("mute", 6.0), (0.02, 1.0)], [(0.0, [b"e", b"z", b"M"]), (1.0, [b"t"]), (4.0, [b"e", b"r40000000,10000000"])])
-def test_nexstar_program_gets_every_reply_in_the_place_of_its_command(driven: str, ways: Any, packets: Any) -> None:
+def test_nexstar_program_gets_every_reply_in_the_order_of_its_commands(driven: str, ways: Any, packets: Any) -> None:
     run(play(driven, "nexstar", ways, packets))
 
 
@@ -197,7 +197,7 @@ def test_nexstar_program_gets_every_reply_in_the_place_of_its_command(driven: st
 @given(WAYS_IN_TURN, packets_of(LX200))
 @example([("gone", 4.0), (0.02, 1.0)], [(0.0, [b":GVP#"]), (1.0, [b":St+45*00#"]), (3.0, [b":SL21:00:00#", b":GR#"])])
 @example([("mute", 6.0), (0.02, 1.0)], [(0.0, [b":GR#", b":MS#", b":CM#"]), (1.0, [b":GD#"]), (4.0, [b":GZ#"])])
-def test_lx200_program_gets_every_reply_in_the_place_of_its_command(driven: str, ways: Any, packets: Any) -> None:
+def test_lx200_program_gets_every_reply_in_the_order_of_its_commands(driven: str, ways: Any, packets: Any) -> None:
     run(play(driven, "lx200", ways, packets))
 
 
@@ -251,7 +251,7 @@ async def test_setting_reaches_the_mount_though_its_reply_came_too_late(driven: 
     assert heard[0] == b"08:00:00#" and heard[1].startswith(b"+41")
 
 
-async def test_minutes_long_gps_command_is_answered_until_the_next_command() -> None:
+async def test_reply_to_a_long_gps_command_is_dropped_once_another_comes() -> None:
     """``:gT#``: "The process can take several minutes to complete." (LX200 protocol, GPS)"""
     for behind, heard in ((b"", [b"1"]), (b":Gr#", [b"00:00:00#"])):
         async with Bridge("lx200gps", driven="lx200", surface="lx200gps") as bridge:

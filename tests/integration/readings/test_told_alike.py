@@ -164,7 +164,7 @@ MOUNTS = [("cge", "nexstar"), ("6-8se", "nexstar"), ("autostar", "lx200"), ("lx2
 )
 @pytest.mark.parametrize("presented", ["lx200", "nexstar"])
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
-async def test_polling_program_reads_the_same_motion_as_a_first_time_reader(
+async def test_polling_program_reads_the_same_motion_as_a_newly_connected_one(
     mount: str, driven: str, presented: str, scenario: Scenario
 ) -> None:
     async with Bridge(
@@ -182,7 +182,7 @@ HAS_GPS: dict[str, Any] = {"mount": "nexstar-gps", "version": "1.6"}
 @pytest.mark.parametrize("scenario", [is_told_another_site, is_told_another_time, is_set_at_its_keys])
 @pytest.mark.parametrize("presented", ["lx200", "nexstar"])
 @pytest.mark.parametrize(("settings", "start"), [(TAKES, EVENING), (TELLS_NOTHING, LONG_AGO)])
-async def test_polling_program_reads_the_same_place_and_time_as_a_first_time_reader(
+async def test_polling_program_reads_the_same_site_and_time_as_a_newly_connected_one(
     settings: dict[str, Any], start: float, presented: str, scenario: Scenario
 ) -> None:
     """By this computer's clock it is 1998 in the second case, so that a program's is believed."""
@@ -207,7 +207,7 @@ async def test_gps_position_found_late_is_reported_at_once() -> None:
 
 
 @pytest.mark.parametrize("forget", ["forget", "outdate"])
-async def test_forgotten_value_is_reported_to_no_program(forget: str) -> None:
+async def test_position_dropped_from_the_cache_is_not_reported(forget: str) -> None:
     async with Bridge("cge", surface=None) as bridge:
         client = bridge.client()
         for _ in range(3):
@@ -224,7 +224,7 @@ async def test_forgotten_value_is_reported_to_no_program(forget: str) -> None:
         assert client.received == b"", "the mount is asked"
 
 
-def test_half_a_position_is_not_reused_for_another_instant() -> None:
+def test_ra_of_one_instant_is_not_reported_with_dec_of_another() -> None:
     """Between the halves that one program asks for another one is told a later moment: each gets both of its own."""
 
     async def program() -> None:

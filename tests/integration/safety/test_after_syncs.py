@@ -115,7 +115,7 @@ async def test_mount_below_the_limit_after_a_sync_moves_only_upwards(stands: Any
 
 @pytest.mark.parametrize("stands", [MOUNTS[0], MOUNTS[2], MOUNTS[7]], ids=["lx200", "lx200gps", "cge"])
 @pytest.mark.safety_line(8)
-async def test_goal_that_may_be_too_low_after_a_sync_is_refused_in_words(stands: Any) -> None:
+async def test_goto_near_the_limit_is_refused_with_a_reason_after_a_sync(stands: Any) -> None:
     async with standing(*stands, 45.0) as bridge:
         assert (await to(bridge, 200.0, 35.0))[0] is None
         await sync(bridge, 200.0, 45.0)
@@ -131,7 +131,7 @@ def test_goto_that_may_lead_below_the_limit_after_a_sync_is_not_begun() -> None:
     assert not result.through, result
 
 
-def test_keypad_motion_ends_at_the_limit_after_a_sync_only_if_it_is_configured() -> None:
+def test_keypad_motion_after_a_sync_ends_only_at_a_configured_limit() -> None:
     for lowest, ends in ((LOWEST, True), (None, False)):
 
         async def program(lowest: float | None = lowest, ends: bool = ends) -> None:

@@ -61,7 +61,7 @@ async def test_goto_ends_at_the_limit_by_the_axis_reading() -> None:
         assert truth_of(bridge.sim).altitude == pytest.approx(17.0, abs=0.5)
 
 
-async def test_wrong_clock_in_the_hand_control_neither_stops_the_mount_nor_lets_it_sink() -> None:
+async def test_wrong_clock_in_the_hand_control_does_not_void_the_altitude_limit() -> None:
     """Three hours slow, set at its keys: the sky it tells jumps by 45 degrees, and the tube stands where it stood."""
     async with Bridge("cpc", config={"lowest": 20.0}) as bridge:
         client = bridge.client()
@@ -78,7 +78,7 @@ async def test_wrong_clock_in_the_hand_control_neither_stops_the_mount_nor_lets_
 
 
 @pytest.mark.parametrize("written", [True, False])
-def test_contradicting_clock_matters_only_with_a_configured_limit(written: bool) -> None:
+def test_clock_disagreement_blocks_a_goto_only_with_a_configured_limit(written: bool) -> None:
     """An hour fast: 14 degrees by the mount, less by this computer's clock. Which of them is right nobody knows."""
 
     async def program() -> None:

@@ -42,7 +42,7 @@ async def test_mount_stops_at_a_limit_reached_before_its_rate_is_measured(lowest
         assert lowest <= low
 
 
-async def test_coasting_of_a_mount_triggers_no_stop() -> None:
+async def test_coasting_past_an_altitude_limit_triggers_no_stop() -> None:
     async with Bridge("6-8se", config={"lowest": 44.0}) as bridge:
         guard = bridge.controller.watch
         here = await bridge.controller.answer(op.Position())
@@ -90,7 +90,7 @@ def test_moving_mount_is_read_twice_a_second_on_a_slow_busy_line() -> None:
     run(program("autostar", "lx200"))
 
 
-async def test_limit_narrowed_by_a_client_holds_for_its_motion_alone() -> None:
+async def test_altitude_limit_set_by_a_client_applies_only_to_its_own_motion() -> None:
     async with Bridge("6-8se", config={"lowest": 10.0}) as bridge:
         careful, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
         assert await careful.ask(b":So30#") == b"1"
@@ -102,7 +102,7 @@ async def test_limit_narrowed_by_a_client_holds_for_its_motion_alone() -> None:
         assert 10.0 <= low < 13.0
 
 
-async def test_motion_out_of_a_forbidden_place_goes_on() -> None:
+async def test_arrow_up_from_below_the_altitude_limit_is_allowed() -> None:
     async with Bridge("6-8se", config={"lowest": 50.0}) as bridge:  # it stands at 45
         client = bridge.client()
         assert await client.ask(b":GA#")
@@ -202,7 +202,7 @@ async def test_goto_whose_path_leads_below_the_horizon_is_stopped() -> None:
 
 
 @pytest.mark.parametrize(("driven", "mount"), [("nexstar", "6-8se"), ("lx200", "autostar")])
-async def test_motion_ended_above_the_limit_by_its_user_triggers_nothing(driven: str, mount: str) -> None:
+async def test_arrow_released_above_the_limit_triggers_no_safety_stop(driven: str, mount: str) -> None:
     async with Bridge(mount, driven=driven, config={"lowest": 38.0}, latency=0.1) as bridge:
         client = bridge.client()
         for _ in range(6):

@@ -25,7 +25,7 @@ def said(mount: str = "cpc", driven: str = "nexstar", host_ahead: float = 0.0, *
     return found[0]
 
 
-def test_start_without_contradictions_prints_no_warning() -> None:
+def test_start_with_a_consistent_configuration_prints_no_warning() -> None:
     assert said() == said(lowest=10.0, site=(45.0, 10.0)) == said("cge") == said("autostar", "lx200") == []
     assert said(lowest=10.0, park=(90.0, 40.0)) == said("autostar", "lx200", lowest=10.0, park="mount") == []
     assert said("lx200", "lx200", lowest=10.0) == [], "a classic cannot be parked"
@@ -51,7 +51,7 @@ def test_start_without_contradictions_prints_no_warning() -> None:
         ),
     ],
 )
-def test_start_warns_of_a_contradiction_in_one_line(
+def test_start_warns_of_contradictory_settings_in_one_line(
     mount: str, driven: str, config: dict[str, Any], words: str
 ) -> None:
     lines = said(mount, driven, **config)

@@ -86,7 +86,7 @@ async def goes(bridge: Any, owner: Owner, az: float, alt: float) -> float:
 @pytest.mark.parametrize("polls", POLLS)
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
 @pytest.mark.parametrize(("mount", "version"), GERMAN)
-async def test_owners_meridian_flip_is_left_alone_and_the_limit_applies_afterwards(
+async def test_keypad_meridian_flip_is_not_stopped_by_the_hour_angle_limit(
     mount: str, version: str | None, site: tuple[float, float], polls: bytes
 ) -> None:
     config = {"hour_angle_limit": 0.5}
@@ -101,7 +101,7 @@ async def test_owners_meridian_flip_is_left_alone_and_the_limit_applies_afterwar
 
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
 @pytest.mark.parametrize(("mount", "version"), GERMAN)
-async def test_owners_arrow_ends_at_the_hour_angle_limit(
+async def test_keypad_arrow_ends_at_the_hour_angle_limit(
     mount: str, version: str | None, site: tuple[float, float]
 ) -> None:
     async with owned(mount, version, site=site, config={"hour_angle_limit": 0.5}) as (bridge, owner, seen):
@@ -117,7 +117,7 @@ async def test_owners_arrow_ends_at_the_hour_angle_limit(
 
 @pytest.mark.parametrize("polls", POLLS)
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
-async def test_owners_goto_on_a_wedge_is_left_alone_and_tracking_beyond_the_limit_ends(
+async def test_keypad_goto_beyond_the_hour_angle_limit_arrives_before_tracking_ends(
     site: tuple[float, float], polls: bytes
 ) -> None:
     async with owned("6-8se", site=site, config={"hour_angle_limit": 3.0}, polls=polls) as (bridge, owner, _):
@@ -138,7 +138,7 @@ async def test_owners_goto_on_a_wedge_is_left_alone_and_tracking_beyond_the_limi
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
 @pytest.mark.parametrize(("mount", "driven"), [*FORKS, ("cgem", "nexstar")])
 @pytest.mark.safety_line(3)
-async def test_default_limits_do_not_end_the_owners_arrow(
+async def test_default_limits_do_not_end_a_keypad_arrow(
     mount: str, driven: str, site: tuple[float, float], polls: bytes
 ) -> None:
     async with owned(mount, driven=driven, site=site, polls=polls) as (bridge, owner, _):
@@ -171,7 +171,7 @@ def sinking_key(bridge: Any, driven: str) -> str:
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
 @pytest.mark.parametrize(("mount", "driven"), [*FORKS, ("cgem", "nexstar")])
 @pytest.mark.safety_line(3)
-async def test_configured_limits_end_the_owners_arrows_and_gotos(
+async def test_configured_altitude_limit_ends_keypad_arrows_and_gotos(
     mount: str, driven: str, site: tuple[float, float], polls: bytes
 ) -> None:
     config = {"lowest": 20.0}
@@ -194,7 +194,7 @@ RESTED = (15.0, 16.3, 17.6, 18.9)
 
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
 @pytest.mark.parametrize(("mount", "driven"), [("cpc", "nexstar"), ("lx200gps", "lx200")])
-async def test_owners_arrows_end_at_a_configured_altitude_without_a_program(
+async def test_keypad_arrows_end_at_the_altitude_limit_with_no_program_polling(
     mount: str, driven: str, site: tuple[float, float]
 ) -> None:
     async with owned(mount, driven=driven, site=site, config={"lowest": 20.0}, polls=NOBODY) as (bridge, owner, seen):
@@ -207,7 +207,7 @@ async def test_owners_arrows_end_at_a_configured_altitude_without_a_program(
 
 
 @pytest.mark.parametrize("site", [NORTH, SOUTH])
-async def test_owners_arrows_end_at_the_hour_angle_limit_without_a_program(site: tuple[float, float]) -> None:
+async def test_keypad_arrows_end_at_the_hour_angle_limit_with_no_program_polling(site: tuple[float, float]) -> None:
     async with owned("cge", site=site, config={"hour_angle_limit": 0.5}, polls=NOBODY) as (bridge, owner, seen):
         south = 180.0 if site[0] > 0 else 0.0
         for rested in RESTED:
@@ -221,7 +221,7 @@ async def test_owners_arrows_end_at_the_hour_angle_limit_without_a_program(site:
 
 
 @pytest.mark.parametrize(("mount", "driven"), [("cpc", "nexstar"), ("lx200gps", "lx200")])
-async def test_owners_arrows_end_at_the_suns_circle_without_a_program(mount: str, driven: str) -> None:
+async def test_keypad_arrows_end_at_the_sun_limit_with_no_program_polling(mount: str, driven: str) -> None:
     settings = {"driven": driven, "start": EQUINOX_NOON, "site": NORTH, "config": {"sun": 20.0}}
     async with owned(mount, polls=NOBODY, **settings) as (bridge, owner, seen):
         for rested in RESTED:

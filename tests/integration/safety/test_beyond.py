@@ -41,7 +41,7 @@ async def standing(mount: str, first: float, second: float, version: str | None 
 
 
 @pytest.mark.parametrize(("azimuth", "tracks"), [(SINKING, False), (RISING, True)])
-async def test_tracking_below_the_limit_is_allowed_only_where_it_leads_out(azimuth: float, tracks: bool) -> None:
+async def test_tracking_below_the_altitude_limit_is_allowed_only_upwards(azimuth: float, tracks: bool) -> None:
     async with standing("cpc", azimuth, 30.0, config={"lowest": 35.0}) as bridge:
         bridge.client().send(b":AA#")
         await asyncio.sleep(5.0)

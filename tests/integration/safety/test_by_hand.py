@@ -55,7 +55,7 @@ async def test_second_arrow_is_refused_where_both_axes_together_would_cross_the_
 
 
 @pytest.mark.parametrize(("driven", "model"), [("nexstar", "evolution"), ("lx200", "autostar")])
-async def test_arrow_up_beyond_the_zenith_is_judged_as_down(driven: str, model: str) -> None:
+async def test_arrow_up_past_the_zenith_ends_at_the_low_altitude_limit(driven: str, model: str) -> None:
     """A fork's motor that lifts the tube lowers it there: one hand control tells its axes, a Meade shows it."""
     async with Bridge(model, driven=driven, presented="nexstar", surface="6-8se", config={"lowest": 60.0}) as bridge:
         client = bridge.client()
@@ -103,7 +103,7 @@ async def test_declination_motor_of_a_meade_in_the_south_counts_north_as_positiv
         assert low >= lowest, low
 
 
-async def test_arrow_north_beyond_the_pole_is_judged_by_its_real_direction() -> None:
+async def test_arrow_north_moves_north_from_beyond_the_pole() -> None:
     """A hand control tells a declination beyond 90 degrees there."""
     async with Bridge("cge", config={"lowest": -90.0}) as bridge:
         client = bridge.client()
@@ -144,7 +144,7 @@ async def test_sync_is_refused_while_the_mount_moves(moves: bytes) -> None:
 
 
 @pytest.mark.parametrize(("arrow", "way"), [(b":Mn#", 1), (b":Ms#", -1)])
-async def test_arrow_north_that_ends_a_flipping_goto_goes_north(arrow: bytes, way: int) -> None:
+async def test_arrow_north_that_interrupts_a_meridian_flip_goes_north(arrow: bytes, way: int) -> None:
     """Under way the hand control tells the side of the goal; the motors go by the side where the tube is."""
     async with Bridge("cgx", "5.31", config={"lowest": -30.0}) as bridge:
         client = bridge.client()
@@ -180,7 +180,7 @@ async def test_arrow_north_goes_north_on_both_pier_sides_in_every_version(
 
 
 @pytest.mark.parametrize(("arrow", "refused"), [(b":Ms#", True), (b":Mn#", False)])
-async def test_arrow_north_made_of_small_gotos_moves_a_fork_in_declination(arrow: bytes, refused: bool) -> None:
+async def test_arrow_made_of_small_gotos_keeps_a_fork_below_the_upper_limit(arrow: bytes, refused: bool) -> None:
     """Hand controls before 1.6: between the pole and the zenith south is up, whatever the mount."""
     async with Bridge("nexstar-gps", "1.2", config={"highest": 75.0, "site": (45.0, 10.0)}) as bridge:
         client = bridge.client()

@@ -36,7 +36,7 @@ async def test_silence_on_an_open_connection_ends_the_arrow(config: dict[str, An
         assert bridge.sim.tracking
 
 
-async def test_silent_nexstar_program_on_a_meade_loses_its_arrow() -> None:
+async def test_arrow_of_a_silent_nexstar_program_ends_on_a_meade() -> None:
     async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se") as bridge:
         bridge.client(HOST).send(b"P\x02\x10\x24\x04\x00\x00\x00")
         assert 29 <= await moves_for(bridge, 60) <= 32
@@ -44,7 +44,7 @@ async def test_silent_nexstar_program_on_a_meade_loses_its_arrow() -> None:
 
 
 @pytest.mark.parametrize(("config", "after"), [({}, 5.0), ({"dead_man_closed": 2.0}, 2.0)])
-async def test_closed_connection_ends_the_arrow_unless_it_comes_back(config: dict[str, Any], after: float) -> None:
+async def test_arrow_ends_a_few_seconds_after_its_connection_closed(config: dict[str, Any], after: float) -> None:
     async with Bridge("6-8se", config=config) as bridge:
         client = bridge.client(HOST)
         client.send(b":RC#:Mw#")
@@ -66,7 +66,7 @@ async def test_program_with_one_connection_per_command_keeps_its_motion() -> Non
 
 
 @pytest.mark.parametrize("who", ["the same connection", "another of its host", "another host"])
-async def test_arrow_is_held_only_by_the_connection_that_began_it(who: str) -> None:
+async def test_arrow_is_kept_alive_only_by_the_connection_that_began_it(who: str) -> None:
     """A joystick and a planetarium that polls run on one laptop: one of them does not hold the other's arrow."""
     async with Bridge("6-8se") as bridge:
         first = bridge.client(HOST)
@@ -78,7 +78,7 @@ async def test_arrow_is_held_only_by_the_connection_that_began_it(who: str) -> N
         assert bool(bridge.controller.wanted.axes_moved_by_hand) is (who == "the same connection")
 
 
-async def test_older_connection_does_not_hold_the_arrow_of_a_crashed_program() -> None:
+async def test_older_connection_does_not_keep_alive_the_arrow_of_a_crashed_program() -> None:
     """The program that moves the mount crashes; another one on the same computer goes on polling."""
     async with Bridge("6-8se") as bridge:
         other, mover = bridge.client(HOST), bridge.client(HOST)

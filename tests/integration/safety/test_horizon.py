@@ -92,7 +92,7 @@ async def test_goto_off_its_path_ends_before_a_configured_limit(driven: str, mou
 
 
 @pytest.mark.parametrize("written", [False, True])
-async def test_contradicting_clock_judges_altitudes_only_with_a_configured_limit(written: bool) -> None:
+async def test_goto_is_refused_over_a_contradicting_clock_only_if_a_limit_is_configured(written: bool) -> None:
     """This computer is five hours slow: by night, nothing comes of it without a limit. T4 on an alt-az NexStar."""
     config = {"lowest": 15.0} if written else {}
     async with Bridge("cpc", config=config, host_ahead=-5 * 3600.0, start=DAY + 12 * 3600.0) as bridge:
@@ -112,7 +112,7 @@ async def to_the_sun(bridge: Bridge) -> None:
 
 
 @pytest.mark.parametrize("confirmed", ["", "the page", "the keys"])
-def test_previous_site_counts_for_the_sun_after_a_program_changes_it_far(confirmed: str) -> None:
+def test_goto_near_the_sun_of_the_previous_site_is_refused_after_a_large_site_change(confirmed: str) -> None:
     """The sign of the longitude: 60 W for 60 E. Nobody but the mount knew the site."""
 
     async def program() -> None:
@@ -136,7 +136,7 @@ def test_previous_site_counts_for_the_sun_after_a_program_changes_it_far(confirm
     run(program())
 
 
-def test_previous_site_counts_for_the_sun_after_many_small_changes() -> None:
+def test_previous_site_is_remembered_after_many_small_site_changes() -> None:
     clock = [1000.0]
     known = SiteClock(lambda: clock[0], lambda: 1.8e9, None)
     known.take_mount_site(op.Place(45.0, 60.0))
@@ -158,7 +158,7 @@ def test_previous_site_counts_for_the_sun_after_many_small_changes() -> None:
     assert known.former_site() is None, "the mount has told the new one for so long"
 
 
-async def test_goal_at_the_horizon_is_not_refused_for_rounding() -> None:
+async def test_goto_a_twentieth_of_a_degree_below_the_horizon_is_accepted() -> None:
     async with Bridge("cpc") as bridge:
         for height, refused in ((-0.05, False), (-0.2, True)):
             goal = bridge.controller.astrometry.equatorial_of(op.Horizontal(120.0, height))

@@ -21,7 +21,7 @@ EVENINGS = {
 
 
 @pytest.mark.parametrize("played", EVENINGS)
-def test_gateway_refuses_no_more_harmless_gotos_than_listed(played: tuple[str, bool, float | None, bool]) -> None:
+def test_number_of_harmless_gotos_refused_stays_within_the_bound(played: tuple[str, bool, float | None, bool]) -> None:
     slip, day, lowest, park = played
     every = as_a_rule(2, whole=1)  # the other kinds of mount are in the next row
     kinds = list(KINDS)[list(EVENINGS).index(played) % every :: every]
@@ -31,6 +31,6 @@ def test_gateway_refuses_no_more_harmless_gotos_than_listed(played: tuple[str, b
 
 
 @pytest.mark.parametrize(("number", "attack"), [*enumerate(attacks())], ids=lambda value: getattr(value, "name", ""))
-async def test_no_attack_moves_the_tube_past_a_limit(number: int, attack: Attack) -> None:
+async def test_no_hostile_scenario_moves_the_tube_past_a_limit(number: int, attack: Attack) -> None:
     found = await assault(attack, attack.kinds[(number * 5) % len(attack.kinds)], number)
     assert not found.through, str(found)

@@ -46,7 +46,7 @@ async def test_goto_from_beyond_the_pole_ends_before_its_path_leads_below_the_li
 
 
 @pytest.mark.parametrize("kind", ["teenastro", "onstep"])
-async def test_german_mount_driven_over_the_pole_is_judged_both_ways_round(kind: str) -> None:
+async def test_german_mount_beyond_the_pole_keeps_the_altitude_limit_in_gotos(kind: str) -> None:
     """One way to the goal leads down at once from where it stands, just above the limit beyond the pole."""
     async with World(kind, (45.0, 10.0), EVENING, Slip(), {"lowest": 20.0}) as world:
         await goes(world, 0.0, 55.0)
@@ -77,7 +77,9 @@ async def test_goto_from_beyond_the_zenith_does_not_cross_a_limit() -> None:
     ("azimuth", "turns"),
     [(20.0, [20.0]), (170.0, [170.0]), (178.0, [178.0, -182.0]), (182.0, [-178.0, 182.0]), (190.0, [-170.0])],
 )
-async def test_goto_of_a_fork_with_displaced_axes_is_judged_both_ways_round(azimuth: float, turns: list[float]) -> None:
+async def test_both_azimuth_directions_are_checked_for_a_fork_displaced_by_a_sync(
+    azimuth: float, turns: list[float]
+) -> None:
     """A sync has displaced its axes from the sky: which way is the shorter one nobody can say."""
     async with Bridge("6-8se") as bridge:
         here = await bridge.controller.read(op.Position())

@@ -63,7 +63,7 @@ async def test_fork_tracks_after_it_is_unparked(mount: str, version: str) -> Non
         assert truth_of(bridge.sim).tracking, notes(bridge)
 
 
-def test_owners_park_position_may_lie_beyond_the_limits() -> None:
+def test_configured_park_position_may_lie_beyond_the_limits() -> None:
     where, tracks, _ = parked({"lowest": 10.0, "highest": 80.0, "park": (90.0, 4.0)})
     assert where == pytest.approx(4.0, abs=0.01)
     assert not tracks
@@ -77,7 +77,7 @@ def test_park_at_a_pole_below_the_limit_is_refused_with_what_to_do() -> None:
     assert any("Write park = [AZ, ALT]" in line for line in said)
 
 
-async def test_refused_park_can_be_read_back() -> None:
+async def test_refused_park_is_reported_as_failed() -> None:
     """``:hP#`` has no reply; ``:h?#`` is 1 at home or parked, 0 where that failed."""
     async with Bridge("cge", config={"lowest": 50.0}) as bridge:
         client = bridge.client()

@@ -96,7 +96,7 @@ async def test_arrows_keep_the_hour_angle_limit(name: str, latitude: float, way:
 @pytest.mark.parametrize("name", list(MOUNTS))
 @pytest.mark.safety_line(5)
 @pytest.mark.sampled(2)
-async def test_gotos_are_allowed_everywhere_because_the_mount_flips(name: str, latitude: float) -> None:
+async def test_goto_of_a_flipping_mount_ends_within_the_hour_angle_limit(name: str, latitude: float) -> None:
     async with bridge_to(name, latitude) as bridge:
         up = 1.0 if latitude > 0 else -1.0
         for hour_angle, dec in GOALS:

@@ -49,7 +49,7 @@ def test_lx200_goto_refusal_says_low_only_for_low_targets(kind: type[Fault]) -> 
 
 
 @each("kind", faults())
-def test_every_refusal_text_consists_of_sentences(kind: type[Fault]) -> None:
+def test_every_refusal_text_is_a_capitalised_sentence(kind: type[Fault]) -> None:
     fault = kind()
     for text in (str(fault), fault.brief or str(fault), explain(fault, Limits())):
         assert text[0].isupper() and text.endswith("."), text
@@ -105,7 +105,7 @@ def test_target_above_the_horizon_is_not_refused_as_low(why: str) -> None:
 
 
 @pytest.mark.parametrize("why", ["another site", "another clock", "the Sun of another clock", "the pier", "the way"])
-async def test_terminal_refusal_gives_a_remedy_and_does_not_mention_lowest(why: str) -> None:
+async def test_goto_refusal_mentions_the_lowest_limit_only_for_low_targets(why: str) -> None:
     mount, config, ahead, start = REFUSING[why]
     async with Bridge(mount, config=config, host_ahead=ahead, start=start) as bridge:
         sky, said = bridge.sim.mechanics.sky, set()
@@ -126,7 +126,7 @@ async def test_terminal_refusal_gives_a_remedy_and_does_not_mention_lowest(why: 
         assert said
 
 
-async def test_start_warning_names_both_values_and_how_to_set_each() -> None:
+async def test_warning_of_two_different_sites_names_both_and_how_to_set_each() -> None:
     async with Bridge("cge", config={"site": (10.0, 80.0)}) as bridge:
         await asyncio.sleep(2.0)
         [warning] = [entry.note for entry in bridge.entries if entry.note.startswith("WARNING: the mount stands")]

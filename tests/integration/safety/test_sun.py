@@ -217,7 +217,7 @@ async def test_goto_that_deviates_towards_the_sun_is_stopped() -> None:
         assert "stopped at the Sun" in notes(bridge)
 
 
-def test_both_sun_positions_count_when_dates_differ() -> None:
+def test_goto_near_the_sun_of_either_of_two_dates_is_refused() -> None:
     async def program(days: float) -> bytes:
         async with Bridge("6-8se", start=JUNE, host_ahead=days * 86400.0) as bridge:
             client = bridge.client()
@@ -234,7 +234,7 @@ def test_both_sun_positions_count_when_dates_differ() -> None:
     assert EVENING < MARCH < JUNE
 
 
-async def test_missing_date_is_logged_once() -> None:
+async def test_missing_mount_date_is_logged_once() -> None:
     async with Bridge("gt", "104.0", start=JUNE, config={"site": (45.0, 10.0), "mode": "alt-az"}) as bridge:
         bridge.site_clock.mount_clock = None
         client = bridge.client()
@@ -253,7 +253,7 @@ async def test_goto_to_the_zenith_is_judged_by_the_path_of_its_axes(driven: str,
         assert await nearest(bridge, 12.0) > 25.0
 
 
-async def test_flipping_german_mount_is_judged_by_where_its_tube_is() -> None:
+async def test_goto_during_a_pier_flip_is_checked_from_the_tubes_real_position() -> None:
     """Its hand control tells the side by the goal; a newer goto begins where the tube is."""
     config = {"mode": "eq-north"}
     async with Bridge("avx", "4.21", start=JUNE, config=config, latency=0.2) as bridge:

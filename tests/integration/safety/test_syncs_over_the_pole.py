@@ -98,7 +98,7 @@ async def near_the_pole(bridge: Bridge, driven: str, build: Build, second: float
 
 @pytest.mark.parametrize(("mount", "driven", "build"), FORKS)
 @pytest.mark.safety_line(8)
-async def test_goto_of_a_fork_synced_beyond_the_pole_is_judged_both_ways_round(
+async def test_both_goto_directions_are_checked_for_a_fork_synced_beyond_the_pole(
     mount: str, driven: str, build: Build
 ) -> None:
     async with standing(mount, driven=driven, start=DAY) as bridge:
@@ -162,7 +162,7 @@ async def test_goto_of_a_fork_synced_beyond_the_zenith_is_judged_both_ways_round
 @pytest.mark.parametrize("latitude", [45.0, -33.0])
 @pytest.mark.parametrize(("mount", "version"), GERMANS)
 @pytest.mark.safety_line(8)
-async def test_sync_at_the_pole_is_accepted_and_gotos_are_judged_both_ways_round(
+async def test_sync_at_the_pole_is_accepted_and_both_goto_directions_are_checked(
     mount: str, version: str | None, latitude: float, start: float
 ) -> None:
     """For plate solvers at the pole. After it the limits hold whichever way the mount has turned."""

@@ -42,7 +42,7 @@ async def test_repeated_arrow_command_keeps_the_positions_measured_before() -> N
     (0.02, b":Ms#", 3.9), (0.02, b":Ms#", 4.1), (0.02, b":Mw#:Ms#", 2.6), (0.05, b":Ms#", 4.8), (0.2, b":Ms#", 6.0),
 ])  # fmt: skip
 @pytest.mark.parametrize("model", ["lx200", "lx200gps"])
-def test_first_position_of_a_motion_is_read_in_time(latency: float, arrows: bytes, height: float, model: str) -> None:
+def test_arrow_just_above_a_limit_is_stopped_in_time(latency: float, arrows: bytes, height: float, model: str) -> None:
     """The first position after the beginning is too early to tell a rate."""
 
     async def program(lowest: float) -> None:
@@ -182,7 +182,7 @@ async def test_axis_that_a_stop_ends_last_does_not_cross_a_limit_alone(height: f
         assert any("stopped at the altitude limit" in note for note in notes(bridge)) is stopped
 
 
-async def test_motion_refused_at_its_second_begin_is_stopped() -> None:
+async def test_arrow_command_refused_when_sent_again_is_stopped() -> None:
     """The halt of the other axis came between: the mount had been told to move already."""
     south = (-35.0, 150.0)
     async with Bridge("lx200-16", driven="lx200", site=south, latency=0.02, config={"site": south}) as bridge:

@@ -64,7 +64,7 @@ async def followed(bridge: Bridge, goal: op.Equatorial, most: int = 4) -> tuple[
 
 
 @pytest.mark.parametrize(("mount", "driven", "latitude", "lowest", "highest", "here", "there"), JOURNEYS)
-async def test_place_named_in_a_refused_goto_leads_to_the_target(
+async def test_waypoint_named_in_a_refused_goto_leads_to_the_target(
     mount: str,
     driven: str,
     latitude: float,
@@ -99,7 +99,7 @@ async def test_programs_read_a_refused_path_as_a_refusal_of_a_high_object() -> N
         assert len(said) <= 2 + 1 + 60 + 1
 
 
-async def test_refusal_names_the_arrows_where_no_place_leads_to_the_target() -> None:
+async def test_goto_refusal_advises_the_arrows_where_every_path_crosses_a_limit() -> None:
     """It stands below the limit, and every way leads deeper at first."""
     async with Bridge("cge", config={"lowest": 0.0, "sun": 0.0}) as bridge:
         mechanics = bridge.sim.mechanics

@@ -119,7 +119,9 @@ async def happens(bridge: Bridge, event: str, state: Path) -> Bridge:
 
 @pytest.mark.parametrize("event", AWAY)
 @pytest.mark.parametrize("name", VALUES)
-async def test_emulated_value_and_its_record_survive_or_vanish_together(name: str, event: str, tmp_path: Path) -> None:
+async def test_emulated_setting_is_forgotten_exactly_when_the_mount_loses_it(
+    name: str, event: str, tmp_path: Path
+) -> None:
     value = VALUES[name]
     if name == "corrections" and event in ("a night", "moved"):
         pytest.skip("nothing tells whether a toggle was reset")

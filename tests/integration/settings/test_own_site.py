@@ -53,7 +53,7 @@ async def test_selecting_site_1_restores_the_mounts_site(aligned: bool, again: b
         assert told(bridge) == ([] if aligned else [FORTY, OWN, FORTY])
 
 
-async def test_half_of_another_site_does_not_change_site_1() -> None:
+async def test_latitude_set_for_site_2_does_not_change_site_1() -> None:
     async with Bridge("cpc", "4.21", surface="autostar", aligned=False) as bridge:
         client = bridge.client()
         client.send(b":W1#:St+40*00#")
@@ -194,7 +194,7 @@ async def test_selecting_site_1_restores_the_site_of_a_meade(model: str) -> None
         ("nexstar-gps/1.2", {}, True, "everyone, as long as neither the mount"),
     ],
 )
-async def test_page_is_told_for_whom_its_site_applies(
+async def test_page_says_to_which_programs_its_site_applies(
     mount: str, config: dict[str, Any], aligned: bool, holds: str
 ) -> None:
     """And every other program reads the site then, or not."""

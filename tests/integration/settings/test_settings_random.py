@@ -122,7 +122,7 @@ def test_newest_setting_of_a_kind_is_sent_and_the_clock_last() -> None:
     assert step is None
 
 
-def test_setting_is_sent_three_times_at_growing_intervals() -> None:
+def test_setting_that_fails_is_sent_three_times_at_growing_intervals() -> None:
     pending, now, times = add({}, Setting(HERE, requested_at=0.0)), 0.0, []
     while (step := next_setting(pending, now)) is not None:
         if isinstance(step, Setting):
@@ -134,7 +134,7 @@ def test_setting_is_sent_three_times_at_growing_intervals() -> None:
     assert times == [0.0, 2.0, 7.0]
 
 
-def test_mount_that_cannot_hear_delays_nothing() -> None:
+def test_postponing_a_setting_uses_up_none_of_its_tries() -> None:
     pending = add({}, Setting(HERE, requested_at=0.0))
     for now in range(100):
         step = next_setting(pending, float(now))
@@ -143,7 +143,7 @@ def test_mount_that_cannot_hear_delays_nothing() -> None:
             pending = with_postponed(pending, step, now + 2.0)
 
 
-def test_end_of_an_older_setting_leaves_the_newer_one_alone() -> None:
+def test_finishing_an_older_setting_keeps_the_newer_one_pending() -> None:
     older, newer = Setting(HERE, requested_at=0.0, tries_left=1), Setting(THERE, requested_at=1.0)
     pending = add(add({}, older), newer)
     assert (

@@ -70,7 +70,7 @@ async def test_half_a_command_at_the_end_of_a_connection_is_logged() -> None:
         assert _dropped(bridge) == [(b":GR", lx200.NO_HASH)]
 
 
-async def test_bytes_held_back_as_a_strangers_are_logged() -> None:
+async def test_bytes_of_an_unrecognised_client_are_logged_as_dropped() -> None:
     async with Bridge() as bridge:
         caller = Caller(bridge.acceptor)
         caller.tell(b"V")

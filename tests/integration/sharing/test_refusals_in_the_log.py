@@ -14,7 +14,7 @@ from tests.support.in_process_gateway import Bridge
     "said",
     [b":$BZ100#", b":$BAxx#", b":Rg-1.0#", b":F0#", b":F9#", b":RA-1.0#", b":Mgn-5#", b":BD100#", b":hI990231000000#"],
 )
-async def test_refused_lx200_command_without_a_reply_is_logged(said: bytes) -> None:
+async def test_refusal_of_an_lx200_command_that_has_no_reply_is_logged(said: bytes) -> None:
     async with Bridge("cge", surface="lx200gps") as bridge:
         client = bridge.client()
         before = len(bridge.sent_requests())

@@ -49,7 +49,7 @@ def test_transparent_surface_gives_the_mounts_replies(protocol: str, model: str,
     assert len(found) <= ALLOWED, found
 
 
-async def test_surface_with_a_configured_model_presents_that_model() -> None:
+async def test_port_configured_as_another_model_answers_as_that_model() -> None:
     cpc = parse_endpoint("nexstar:cpc/4.21@sim")
     assert presents_mount(cpc, parse_endpoint("nexstar@tcp://:4030"))
     assert not presents_mount(cpc, parse_endpoint("nexstar:6-8se@tcp://:4030"))
@@ -90,7 +90,7 @@ def test_polls_of_many_programs_cost_the_line_no_more_than_those_of_one() -> Non
         assert bridge.sent_requests()[before:].count(APPROACH) <= 25
 
 
-def test_order_invalidates_earlier_readings() -> None:
+def test_reading_cached_before_an_arrow_is_read_anew() -> None:
     @shared("cge")
     async def outdated(bridge: Bridge) -> None:
         one, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
@@ -154,7 +154,7 @@ def test_surface_of_a_polar_fork_reports_axes_like_the_hand_control() -> None:
         assert await client.ask(b"P\1\x11\1\0\0\0\3") == direct(b"P\1\x11\1\0\0\0\3")
 
 
-def test_limits_apply_before_the_mount_acknowledges() -> None:
+def test_goto_beyond_a_limit_never_reaches_a_shared_mount() -> None:
     @shared("cpc", config={"lowest": 20.0})
     async def limits(bridge: Bridge) -> None:
         client = bridge.client()
@@ -164,7 +164,7 @@ def test_limits_apply_before_the_mount_acknowledges() -> None:
         assert not any(sent.startswith(b"b") for sent in bridge.sent_requests())
 
 
-def test_hand_control_that_does_not_answer_v_is_asked_once_and_answered_for() -> None:
+def test_gateway_answers_v_for_a_hand_control_that_lacks_the_command() -> None:
     @shared("6-8se")
     async def mute(bridge: Bridge) -> None:
         answers = bridge.sim._opcodes
@@ -176,7 +176,7 @@ def test_hand_control_that_does_not_answer_v_is_asked_once_and_answered_for() ->
         assert b"v" not in bridge.sent_requests()[before:]
 
 
-def test_look_only_program_sees_the_mount_and_sets_nothing() -> None:
+def test_setting_by_a_read_only_program_does_not_reach_the_mount() -> None:
     @shared("cge", access=AccessRules(read_only=True))
     async def looks(bridge: Bridge) -> None:
         client = bridge.client()
@@ -267,7 +267,7 @@ def test_unknown_object_number_leaves_the_programs_target() -> None:
         assert await one.ask(b":Gr#", ending=b"#") == b"06:00:00#"
 
 
-def test_emulated_site_is_reported_instead_of_the_telescopes() -> None:
+def test_latitude_set_alone_is_reported_instead_of_the_mounts() -> None:
     """Half a site is not the telescope's yet: what was just acknowledged is what is told."""
 
     @shared("lx200gps")

@@ -29,7 +29,7 @@ def times(bridge: Bridge, command: bytes) -> list[float]:
     ("motion", "end"),
     [(b":RG#:Me#", b":Q#"), (b":RG#:Me#", b":Qe#"), (b":RS#:Mn#", b":Qn#"), (b":RC#:Mw#", b":Q#"), (GOTO, b":Q#")],
 )
-async def test_lost_end_of_a_motion_is_sent_again_within_a_moment(mount: str, motion: bytes, end: bytes) -> None:
+async def test_lost_stop_of_an_arrow_is_sent_again_within_half_a_second(mount: str, motion: bytes, end: bytes) -> None:
     """Too slow a motion, or too short a time, for the position to show it."""
     async with meade(mount) as bridge:
         client = bridge.client()
@@ -66,7 +66,7 @@ async def test_motion_begun_after_a_stop_is_not_ended_by_its_repetition(mount: s
 
 @pytest.mark.parametrize("mount", MEADES)
 @pytest.mark.parametrize("after", [0.0, 0.1, 0.29])
-async def test_second_end_leaves_the_next_pulse_and_the_other_axis_alone(mount: str, after: float) -> None:
+async def test_repeated_stop_of_an_axis_does_not_end_a_later_guide_pulse(mount: str, after: float) -> None:
     async with meade(mount) as bridge:
         client = bridge.client()
         client.send(b":RC#:Mn#:Me#")
@@ -82,7 +82,7 @@ async def test_second_end_leaves_the_next_pulse_and_the_other_axis_alone(mount: 
 
 
 @pytest.mark.parametrize("mount", MEADES)
-async def test_mount_at_rest_is_sent_one_stop_only(mount: str) -> None:
+async def test_stop_of_a_mount_at_rest_is_sent_only_once(mount: str) -> None:
     async with meade(mount) as bridge:
         client = bridge.client()
         for _ in range(5):
@@ -102,7 +102,7 @@ async def test_lost_end_of_a_gateway_timed_pulse_is_sent_again() -> None:
         assert not bridge.sim.arrows
 
 
-async def test_focuser_stops_though_the_first_end_was_lost() -> None:
+async def test_focuser_stops_though_its_first_stop_command_was_lost() -> None:
     async with meade("autostar") as bridge:
         client = bridge.client()
         client.send(b":F+#")
@@ -130,7 +130,7 @@ async def test_end_of_a_pulse_is_sent_when_a_busy_telescope_hears_again() -> Non
         assert not bridge.sim.arrows
 
 
-async def test_release_becomes_a_stop_on_a_busy_telescope() -> None:
+async def test_released_arrow_stops_a_meade_that_reports_busy() -> None:
     """An LX200GPS that says that it is busy would turn on at two degrees a second until it hears again."""
     async with Bridge("lx200gps", driven="lx200", config={"lowest": -90.0, "sun": 0.0}) as bridge:
         client = bridge.client()

@@ -66,7 +66,7 @@ async def test_end_of_the_focuser_is_sent_until_acknowledged(how: str, times: in
         assert not bridge.controller.wanted.value.pending
 
 
-async def test_end_of_an_older_motion_does_not_end_a_newer_one() -> None:
+async def test_repeated_focuser_stop_does_not_end_a_newer_focuser_motion() -> None:
     async with bridge_to("cpc", "nexstar") as bridge:
         client = bridge.client()
         client.send(b":FS#:F+#")

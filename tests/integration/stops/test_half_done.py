@@ -139,7 +139,7 @@ async def test_tracking_switched_off_after_waking_stays_off(later: float) -> Non
 
 
 @pytest.mark.parametrize("times", [1, 3])
-async def test_lost_end_of_a_park_is_sent_again(times: int) -> None:
+async def test_lost_tracking_off_of_a_park_is_sent_again(times: int) -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client()
         await client.ask(GOTO, ending=b"0")
@@ -153,7 +153,7 @@ async def test_lost_end_of_a_park_is_sent_again(times: int) -> None:
         assert truth_of(bridge.sim).axis2 == pytest.approx(90.0, abs=0.1)
 
 
-async def test_finished_park_is_not_enforced_again() -> None:
+async def test_park_does_not_end_tracking_after_a_later_goto() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client()
         await client.ask(GOTO, ending=b"0")

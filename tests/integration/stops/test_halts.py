@@ -42,7 +42,7 @@ ENDS = {
 @pytest.mark.parametrize(
     ("presented", "driven", "mount"), [("lx200", "nexstar", "6-8se"), ("nexstar", "lx200", "lx200gps")]
 )
-def test_last_halted_axis_rests_and_last_begun_axis_moves(presented: str, driven: str, mount: str) -> None:
+def test_axis_obeys_the_last_of_many_arrow_and_stop_commands(presented: str, driven: str, mount: str) -> None:
     """Whoever said it, how often, and whatever it came between."""
     said = st.tuples(
         st.booleans(),

@@ -57,7 +57,7 @@ OWN = [
 
 @pytest.mark.parametrize("site", SITES)
 @pytest.mark.parametrize(("mount", "driven", "motion", "own"), OWN)
-async def test_motion_begun_by_the_owner_during_a_cable_fault_is_left_alone(
+async def test_motion_begun_at_the_hand_control_during_a_cable_fault_goes_on(
     mount: str, driven: str, motion: bytes, own: str, site: tuple[float, float]
 ) -> None:
     async with Bridge(mount, driven=driven, site=site, speed=0.3, config=CONFIG) as bridge:
@@ -110,7 +110,7 @@ async def _own(bridge: Bridge, owner: Owner, own: str) -> None:
         *((*mount, motion, "") for mount in MOUNTS for motion in (ARROW, GOTO)),
     ],
 )
-async def test_old_mark_of_a_killed_gateway_stops_only_the_marked_motion(
+async def test_gateway_restarted_late_after_a_kill_does_not_stop_hand_control_motion(
     mount: str, driven: str, motion: bytes, own: str, seconds: float, tmp_path: Path
 ) -> None:
     """A recent one stops whatever moves."""

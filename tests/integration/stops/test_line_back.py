@@ -70,7 +70,7 @@ async def test_stop_requested_while_the_line_was_lost_is_sent_first(mount: str) 
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
-async def test_line_lost_at_rest_gets_no_stop(mount: str) -> None:
+async def test_resting_mount_gets_no_stop_after_line_loss(mount: str) -> None:
     async with bridge_to(mount) as bridge:
         await asyncio.sleep(2.0)
         before = len(bridge.sent_requests())

@@ -14,7 +14,7 @@ RATE_0 = b"P\x02\x10\x24\x00\x00\x00\x00"
 
 
 @pytest.mark.parametrize(("driven", "mount"), [("nexstar", "cge"), ("lx200", "autostar"), ("lx200", "onstep")])
-async def test_mount_that_hears_but_is_not_heard_is_stopped(driven: str, mount: str) -> None:
+async def test_stop_reaches_a_mount_whose_answers_are_all_lost(driven: str, mount: str) -> None:
     """One wire is broken, or a bridge swallows what the mount says: a stop must not wait until that is mended."""
     async with Bridge(mount, driven=driven, latency=0.05, config={"lowest": -90.0}) as bridge:
         client = bridge.client()

@@ -114,7 +114,7 @@ async def test_mount_that_ignores_every_stop_is_reported() -> None:
         assert bridge.sent_requests().count(b":Q#") <= 9
 
 
-async def test_motion_begun_after_a_stop_is_left_alone() -> None:
+async def test_repeated_stop_does_not_end_an_arrow_begun_after_it() -> None:
     async with bridge_to("autostar") as bridge:
         client = bridge.client()
         client.send(b":RM#:Me#")

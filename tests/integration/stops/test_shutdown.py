@@ -113,7 +113,7 @@ async def test_silent_mount_delays_shutdown_by_seconds_only() -> None:
     assert set(heard) >= {b"M", b"P\2\x10$\0\0\0\0", b"P\2\x11$\0\0\0\0"}, "the bytes went out all the same"
 
 
-async def test_shutdown_writes_a_stop_though_the_line_has_no_worker() -> None:
+async def test_shutdown_stops_the_mount_though_the_serial_task_has_died() -> None:
     async with Bridge("cge") as bridge:
         bridge.client().send(b":RS#:Mn#")
         await asyncio.sleep(2)
@@ -131,7 +131,7 @@ def _broken(*_: Any) -> Any:
 
 
 @pytest.mark.parametrize("where", ["surface", "driver"])
-async def test_defect_stops_its_mount_and_leaves_others_running(where: str) -> None:
+async def test_internal_error_stops_the_mount_and_programs_stay_connected(where: str) -> None:
     async with Bridge("cge") as bridge:
         client, other = bridge.client(), bridge.client("10.0.0.2")
         client.send(b":RS#:Mn#")

@@ -36,7 +36,7 @@ async def test_stop_is_the_next_command_that_the_mount_hears(flood: bytes) -> No
 
 
 @pytest.mark.parametrize("other", [b":RC#:Me#", b":TL#:TQ#:TL#"])
-async def test_halt_goes_before_a_motion_prepared_on_the_other_axis(other: bytes) -> None:
+async def test_stop_of_one_axis_is_sent_before_a_motion_of_the_other_axis(other: bytes) -> None:
     for moment in (0.01, 0.06, 0.13, 0.17):
         async with Bridge("cge", latency=LATENCY) as bridge:
             first, second = bridge.client(), bridge.client()
@@ -54,7 +54,7 @@ async def test_halt_goes_before_a_motion_prepared_on_the_other_axis(other: bytes
                 assert any(request.startswith(EAST_MOVES) for request in bridge.sent_requests())
 
 
-async def test_halt_behind_a_goto_ends_the_whole_goto() -> None:
+async def test_stop_of_one_axis_right_after_a_goto_ends_both_axes() -> None:
     """It came after the goto, which the mount has not been told of yet; both axes stay where they are."""
     async with Bridge("cge", latency=LATENCY) as bridge:
         client = bridge.client()
@@ -67,7 +67,7 @@ async def test_halt_behind_a_goto_ends_the_whole_goto() -> None:
         assert bridge.sim.tracking
 
 
-async def test_equal_halt_is_not_queued_twice() -> None:
+async def test_repeated_stop_of_one_axis_is_queued_once() -> None:
     async with Bridge("cge", latency=LATENCY) as bridge:
         before = len(bridge.sent_requests())
         bridge.client().send(b":Qe#" * 50 + b":Qn#")
@@ -89,7 +89,7 @@ async def test_stop_cuts_the_pause_of_an_old_scope_short_and_is_repeated_after_i
         assert stops == pytest.approx([0.0, 0.05], abs=0.002)
 
 
-async def test_obsolete_stop_is_not_repeated() -> None:
+async def test_arrow_after_a_cancelled_stop_is_sent_once() -> None:
     """A halt that died in the queue because a stop came must not have the next arrow pressed twice."""
     async with Bridge("lx200", driven="lx200", latency=LATENCY) as bridge:
         client, other = bridge.client(), bridge.client()

@@ -38,7 +38,7 @@ def test_stop_partly_swallowed_by_the_line_stops_the_mount(mount: str) -> None:
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
-def test_order_partly_swallowed_by_the_line_is_stopped(mount: str) -> None:
+def test_arrow_whose_command_lost_a_byte_is_stopped(mount: str) -> None:
     order = Case(mount, "lx200", "arrow", b":Q#", "order", "byte", 4)
     for case in losses(order) if sampling.WHOLE else [order]:
         outcome = play(case)

@@ -196,7 +196,7 @@ async def test_drive_returns_to_its_previous_state_after_a_motion(mount: Mount) 
     assert not wrong
 
 
-async def test_transparent_program_reads_and_sets_every_tracking_mode_unchanged() -> None:
+async def test_tracking_modes_pass_unchanged_between_a_program_and_a_synscan() -> None:
     bridge = Bridge("synscan", "4.39.05", presented="nexstar", surface=None, config=OPEN)
     bridge.sim.feed(b"T\3")
     async with bridge:

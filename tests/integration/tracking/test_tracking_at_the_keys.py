@@ -21,7 +21,7 @@ MOUNTS = [("cpc", None), ("cge", None), ("cgem", "5.31"), ("6-8se", "4.21")]
 
 @pytest.mark.parametrize("mount", ["autostar", "lx200gps"])
 @pytest.mark.parametrize("on", [True, False])
-async def test_tracking_order_is_sent_though_the_mount_seemed_to_obey_already(mount: str, on: bool) -> None:
+async def test_tracking_command_reaches_a_meade_switched_at_its_hand_control(mount: str, on: bool) -> None:
     async with Bridge(mount, driven="lx200") as bridge:
         client, keys = bridge.client(), bridge.sim.connection()
         if not on:

@@ -132,7 +132,7 @@ async def test_tracking_returns_in_its_previous_mode_for_lx200_programs(
         assert await client.ask(b"\x06") == b"P"
 
 
-async def test_order_restores_tracking_switched_off_at_the_keys_a_moment_ago() -> None:
+async def test_tracking_command_undoes_switching_off_at_the_hand_control() -> None:
     for mount in LETTERS:
         async with cge_over(mount) as bridge:
             client = bridge.client()

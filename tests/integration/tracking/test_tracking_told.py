@@ -31,7 +31,7 @@ async def over(mount: str, wedge: bool) -> AsyncIterator[Bridge]:
 
 @pytest.mark.parametrize(("mount", "wedge"), MOUNTS)
 @pytest.mark.parametrize("key", [3, 5, 7])
-async def test_held_key_does_not_change_the_reported_tracking_mode(mount: str, wedge: bool, key: int) -> None:
+async def test_arrow_motion_does_not_change_the_reported_tracking_mode(mount: str, wedge: bool, key: int) -> None:
     mode = bytes((2 if wedge else 1,)) + b"#"
     async with over(mount, wedge) as bridge:
         client = bridge.client()
@@ -63,7 +63,7 @@ async def test_restoring_the_mode_that_was_read_leaves_tracking_on(mount: str, w
 
 
 @pytest.mark.parametrize(("mount", "wedge"), MOUNTS)
-async def test_tracking_that_is_off_reads_as_off_during_a_goto_or_a_key(mount: str, wedge: bool) -> None:
+async def test_tracking_that_is_off_is_reported_as_off_during_a_goto_or_an_arrow(mount: str, wedge: bool) -> None:
     async with over(mount, wedge) as bridge:
         client = bridge.client()
         assert await client.ask(b"T\0") == b"#"
@@ -85,7 +85,7 @@ async def test_tracking_that_is_off_reads_as_off_during_a_goto_or_a_key(mount: s
 
 
 @pytest.mark.parametrize(("mount", "wedge"), MOUNTS)
-async def test_tracking_switched_off_during_a_key_stays_off(mount: str, wedge: bool) -> None:
+async def test_tracking_switched_off_during_an_arrow_stays_off(mount: str, wedge: bool) -> None:
     async with over(mount, wedge) as bridge:
         client = bridge.client()
         assert await client.ask(b"P\x02\x10\x24\x04\0\0\0") == b"#"

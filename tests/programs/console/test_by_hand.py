@@ -141,7 +141,7 @@ def test_space_typed_into_a_field_stops_nothing(console: Console, visit: Callabl
     assert page.page.input_value("#object").endswith("m 31") and console.truth.goto_running()
 
 
-def test_page_shows_and_releases_a_held_mount(visit: Callable[..., Visit]) -> None:
+def test_release_button_ends_hold_still_and_its_banner(visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("control")
     page.page.get_by_role("button", name="Hold still").click()

@@ -24,7 +24,7 @@ def test_conversation_shows_each_command_beside_its_translation(console: Console
         program.say(b":Q#")
 
 
-def test_conversation_is_filled_when_the_page_opens_on_it(console: Console, visit: Callable[..., Visit]) -> None:
+def test_protocol_log_is_shown_after_the_page_is_reloaded(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("talk")
     page.page.reload()
@@ -49,7 +49,7 @@ def test_refusals_filter_shows_refusals_only(console: Console, visit: Callable[.
         page.until("only that is", lambda: page.page.locator(".exchange").count() == 1)
 
 
-def test_conversation_pauses_and_resumes(console: Console, visit: Callable[..., Visit]) -> None:
+def test_protocol_log_on_the_page_pauses_and_resumes(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("talk")
     with console.program() as program:

@@ -101,7 +101,7 @@ def test_page_shows_an_arrival_while_values_are_being_read_again(visit: Callable
     page.until("it was moved away", lambda: page.text("#go") == "Go there")
 
 
-def test_page_shows_no_arrival_after_a_step_beside_the_target(visit: Callable[..., Visit]) -> None:
+def test_page_announces_no_arrival_after_a_small_step_off_the_target(visit: Callable[..., Visit]) -> None:
     page = visit(told=UNHEARD)
     page.find("Aldebaran")
     beside = {**AT_ALDEBARAN, "dec": 16.577, "dec2000": 16.527}
@@ -214,7 +214,7 @@ def test_page_asks_for_confirmation_before_a_sync(console: Console, visit: Calla
     assert not console.moved_from(before)
 
 
-def test_unknown_or_ambiguous_text_leaves_no_target_to_start(visit: Callable[..., Visit]) -> None:
+def test_unknown_or_ambiguous_object_name_cannot_start_a_goto(visit: Callable[..., Visit]) -> None:
     """A name that nobody knows, and coordinates that can be meant in two ways, leave no target."""
     page = visit()
     page.find("m 31")
@@ -261,7 +261,7 @@ def test_page_offers_a_similar_name_to_tap(visit: Callable[..., Visit]) -> None:
     assert page.text("#asks") == "" and not page.page.locator("#suggestions").is_visible()
 
 
-def test_tonight_list_leads_to_a_target_and_keeps_marks_in_the_browser(visit: Callable[..., Visit]) -> None:
+def test_list_of_tonights_objects_opens_a_target_and_keeps_the_users_marks(visit: Callable[..., Visit]) -> None:
     """From the list to a target; its night, its field, the observer's marks and own list, which the browser keeps."""
     page = visit(optics='{"telescope": 1000, "eyepiece": 25, "apparent": 60}')
     assert not any("deepsky" in url for url in page.asked)

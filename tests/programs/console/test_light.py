@@ -21,7 +21,9 @@ def not_red(picture: Image.Image) -> int:
 
 
 @pytest.mark.parametrize("size", [PHONE, DESK])
-def test_every_view_is_red_by_night(console: Console, visit: Callable[..., Visit], size: tuple[int, int]) -> None:
+def test_every_page_view_is_red_in_night_mode(
+    console: Console, visit: Callable[..., Visit], size: tuple[int, int]
+) -> None:
     page = visit(size, light_mode="night", light_shown="night", light_step="4")
     with console.program() as program:
         for view in VIEWS:
@@ -40,7 +42,7 @@ def test_every_view_is_red_by_night(console: Console, visit: Callable[..., Visit
             assert np.asarray(picture)[..., 0].max() > 150, view
 
 
-def test_questions_refusals_suggestions_and_lists_are_red_by_night(visit: Callable[..., Visit]) -> None:
+def test_dialogs_notices_and_lists_of_the_page_are_red_in_night_mode(visit: Callable[..., Visit]) -> None:
     page = visit(light_mode="night", light_shown="night")
     page.page.fill("#object", "al")
     page.until("names are offered", lambda: page.page.locator("#suggestions li").count() > 1)

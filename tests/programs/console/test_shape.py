@@ -95,7 +95,7 @@ def test_page_messages_cover_no_control_and_a_tablet_shows_every_panel(visit: Ca
 
 
 @pytest.mark.parametrize("size", [(320, 568), PHONE, (844, 390), (1024, 768)])
-def test_buttons_of_a_card_keep_their_places(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
+def test_target_card_buttons_stay_put_during_a_goto(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
     """Before a goto, on its way and at its end; then no button is the next thing to press."""
     page = visit(size, told=UNHEARD)
     page.find("Aldebaran")
@@ -267,7 +267,7 @@ def test_page_leaks_no_memory_when_values_change(visit: Callable[..., Visit]) ->
     page.until("nothing of it stays", lambda: heap() - before < 300_000)
 
 
-def test_page_labels_are_all_in_one_table() -> None:
+def test_console_labels_are_all_in_the_labels_file() -> None:
     """Also names for screen readers; the page itself has but what must be there before its scripts."""
     made = re.compile(
         r'(?:\bbutton|\bgroup|\brow|\bchips|\blist)\([`"]\w|\bel\("(?:h\d|dt|label|summary)", \{[^}]*\}, "'

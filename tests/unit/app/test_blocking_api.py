@@ -127,7 +127,7 @@ def test_blocking_api_raises_errors_in_the_caller_and_leaves_no_thread() -> None
     assert not threads()
 
 
-def test_end_of_a_script_saves_its_last_change(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_last_sync_of_a_script_is_saved_when_it_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
     script = tmp_path / "script.py"
     again = "ra, dec = gateway.position()\nfor away in 1, 2:\n    gateway.sync(ra + away, dec)\n"

@@ -24,7 +24,7 @@ WHERE = "tcp://0.0.0.0:4030"
         (["192.168.1.0/24", "::1"], True, WHERE, "10.42.0.0/24"),
     ],
 )
-def test_caution_names_the_network_of_the_printed_address(
+def test_open_port_warning_names_the_network_of_the_printed_address(
     allow: list[str] | None, read_only: bool, where: str, says: str
 ) -> None:
     surface = SurfaceConfig(at=f"lx200@{where}", allow=allow, read_only=read_only)
@@ -32,5 +32,5 @@ def test_caution_names_the_network_of_the_printed_address(
     assert says in words and bool(words) is bool(says)
 
 
-def test_caution_without_a_network_names_this_computer_only() -> None:
+def test_open_port_warning_without_a_network_names_only_this_computer() -> None:
     assert "--allow 127.0.0.1" in exposure_warning(WHERE, SurfaceConfig(at=f"lx200@{WHERE}"), lambda _: [])

@@ -37,7 +37,7 @@ DONE: dict[op.Operation, bool] = {
 MOUNTS = [("nexstar", "6-8se"), ("nexstar", "cge"), ("lx200", "lx200"), ("lx200", "autostar"), ("lx200", "lx200gps")]
 
 
-def test_every_operation_is_declared_allowed_or_refused_on_a_held_mount() -> None:
+def test_stop_hold_allows_or_refuses_every_operation_as_declared() -> None:
     assert {type(operation) for operation in DONE} == set(SEQUENTIAL)
     held, free = Hold(), Hold()
     held.is_on = True
@@ -76,7 +76,7 @@ NEXSTAR = (b"P\2\x10\x24\x09\0\0\0", b"P\2\x11\x25\x09\0\0\0", b"P\3\x10\x06\x40
 
 @pytest.mark.parametrize(("driven", "mount"), MOUNTS)
 @pytest.mark.parametrize(("presented", "said"), [("lx200", LX200), ("nexstar", NEXSTAR)])
-async def test_held_mount_is_moved_by_no_program(
+async def test_no_program_moves_a_mount_locked_by_stop_hold(
     tmp_path: Path, driven: str, mount: str, presented: str, said: tuple[bytes, ...]
 ) -> None:
     async with Bridge(mount, driven=driven, presented=presented, surface=None, state=tmp_path) as bridge:
@@ -98,7 +98,7 @@ async def test_held_mount_is_moved_by_no_program(
         assert not await _rests(bridge)
 
 
-async def test_goto_to_a_held_mount_is_refused_in_words_while_settings_are_accepted(tmp_path: Path) -> None:
+async def test_mount_locked_by_stop_hold_refuses_gotos_but_accepts_settings(tmp_path: Path) -> None:
     async with Bridge(state=tmp_path) as bridge:
         assert await _order(bridge, HoldRequest()) == HELD
         client = bridge.client()
@@ -108,7 +108,7 @@ async def test_goto_to_a_held_mount_is_refused_in_words_while_settings_are_accep
         assert await client.ask(b":Q#:GVP#") == b"Autostar#"
 
 
-async def test_hold_stops_the_mount_first_and_reports_rest_only_if_observed(tmp_path: Path) -> None:
+async def test_stop_hold_reports_the_mount_stopped_only_if_observed(tmp_path: Path) -> None:
     async with Bridge("cge", state=tmp_path) as bridge:
         client = bridge.client()
         client.send(b":RS#:Mn#")
@@ -129,7 +129,7 @@ async def test_hold_stops_the_mount_first_and_reports_rest_only_if_observed(tmp_
         assert logged == ["Hold: stopped and held", "Release: released", f"Hold: {answer.text}"]
 
 
-async def test_hold_survives_a_restart_and_is_reported_at_the_start(tmp_path: Path) -> None:
+async def test_stop_hold_survives_a_restart_and_is_reported_at_the_start(tmp_path: Path) -> None:
     async with Bridge(state=tmp_path) as first:
         assert await _order(first, HoldRequest()) == HELD
     async with Bridge(state=tmp_path, on=first) as second:
@@ -144,7 +144,7 @@ async def test_hold_survives_a_restart_and_is_reported_at_the_start(tmp_path: Pa
         assert not third.controller.hold.is_on
 
 
-async def test_hold_that_cannot_be_saved_holds_in_memory_and_says_so(
+async def test_stop_hold_that_cannot_be_saved_still_blocks_motion_and_warns(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(folder: Path) -> None:
@@ -160,7 +160,7 @@ async def test_hold_that_cannot_be_saved_holds_in_memory_and_says_so(
         assert await _order(bridge, ReleaseHoldRequest()) == RELEASED
 
 
-async def test_hold_catches_a_motion_that_is_being_sent(tmp_path: Path) -> None:
+async def test_stop_hold_also_stops_a_motion_that_is_being_sent(tmp_path: Path) -> None:
     for step in range(12):
         async with Bridge("cge", state=tmp_path / str(step)) as bridge:
             bridge.client().send(b":RS#:Mn#:Sr07:00:00#:Sd+30*00:00#:MS#")
@@ -175,7 +175,7 @@ async def test_hold_catches_a_motion_that_is_being_sent(tmp_path: Path) -> None:
     Path.touch, Path.mkdir, lambda path: path.symlink_to("nowhere"),
     *([os.mkfifo] if hasattr(os, "mkfifo") else []),
 ])  # fmt: skip
-def test_any_file_of_the_holds_name_holds_the_mount(tmp_path: Path, make: Callable[[Path], Any]) -> None:
+def test_hold_file_of_any_kind_keeps_the_mount_locked(tmp_path: Path, make: Callable[[Path], Any]) -> None:
     assert not on_disk.is_held(tmp_path)
     make(tmp_path / "hold")
     assert on_disk.is_held(tmp_path)
@@ -183,7 +183,7 @@ def test_any_file_of_the_holds_name_holds_the_mount(tmp_path: Path, make: Callab
     assert on_disk.is_held(tmp_path)
 
 
-def test_hold_file_explains_itself_and_is_removed_by_the_release(tmp_path: Path) -> None:
+def test_hold_file_names_its_command_and_is_removed_by_the_release(tmp_path: Path) -> None:
     folder = tmp_path / "new" / "state"
     on_disk.hold_folder(folder)
     on_disk.hold_folder(folder)

@@ -107,7 +107,7 @@ async def test_python_api_goes_to_objects_parks_moves_and_holds(way: str, tmp_pa
         assert not await mount.moving()
 
 
-async def test_refused_request_raises_the_matching_error(way: str, tmp_path: Path) -> None:
+async def test_python_api_raises_the_matching_error_for_a_refusal(way: str, tmp_path: Path) -> None:
     async with opened(way, tmp_path, lowest=20.0) as (mount, _):
         ra, dec = await mount.position()
         refused: list[tuple[Coroutine[Any, Any, None], type[Exception], str]] = [
@@ -164,7 +164,7 @@ async def test_unknown_operation_is_refused_in_a_sentence(operation: Any, words:
         ("Pulse", {"direction": "n", "ms": -5}, "must not be negative"),
     ],
 )
-async def test_gateway_checks_values_sent_by_other_languages(
+async def test_gateway_refuses_invalid_operation_names_and_values(
     name: str, fields: dict[str, Any], words: str, tmp_path: Path
 ) -> None:
     async with opened(WAYS[1], tmp_path) as (_, bridge):
@@ -172,7 +172,7 @@ async def test_gateway_checks_values_sent_by_other_languages(
         assert not answer.is_ok and answer.fault == "Invalid" and words in answer.text
 
 
-def test_every_read_gives_the_same_answer_in_and_across_processes(tmp_path: Path) -> None:
+def test_every_read_gives_the_same_answer_in_process_and_from_another(tmp_path: Path) -> None:
     kinds = [kind for name in dir(op) if (kind := op.operation_class(name)) is not None]
     for kind in kinds:
         msgspec.json.Decoder(answer_type(kind))  # every answer has a type that JSON can carry
@@ -205,7 +205,7 @@ async def test_numbers_of_numpy_and_similar_libraries_are_accepted(way: str, tmp
         assert await mount.moving()
 
 
-async def test_motion_by_hand_lasts_while_its_program_sends_requests(way: str, tmp_path: Path) -> None:
+async def test_arrow_motion_lasts_while_its_program_sends_requests(way: str, tmp_path: Path) -> None:
     async with opened(way, tmp_path) as (mount, bridge):
         await mount.perform(op.Move(op.Direction.EAST, op.Rate(key=5)))
         for _ in range(100):  # so many others come and go meanwhile
@@ -279,7 +279,7 @@ async def test_program_waiting_for_arrival_is_told_of_a_stop(way: str, tmp_path:
             await waiting
 
 
-async def test_program_may_wait_for_gotos_of_others_after_its_arrival(way: str, tmp_path: Path) -> None:
+async def test_program_can_wait_for_another_programs_goto_after_its_own(way: str, tmp_path: Path) -> None:
     async with opened(way, tmp_path) as (mount, bridge):
         ra, dec = await mount.position()
         await mount.goto(ra + 1.0, dec)

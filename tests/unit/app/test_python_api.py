@@ -107,7 +107,7 @@ def test_python_page_lists_every_operation_with_fields_and_answer() -> None:
         assert f"\n{in_the_table(kind)} " in page
 
 
-def test_importing_the_package_loads_few_modules() -> None:
+def test_importing_the_package_loads_no_submodule() -> None:
     code = "import sys, gateway; print([name for name in sys.modules if name.startswith('gateway.')])"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=20)
     assert said.stdout.strip() == "[]"
@@ -140,7 +140,7 @@ def test_example_scripts_end_without_error_and_print_their_result(
 # --- frames -----------------------------------------------------------------------------------------------------------
 
 
-def test_values_survive_encoding_and_decoding_in_both_protocols() -> None:
+def test_command_values_survive_encoding_in_lx200_and_nexstar() -> None:
     assert encode("lx200", "Sd", dec=-5.5) == b":Sd-05*30:00#"
     assert decode("nexstar", encode("nexstar", "r", ra=83.5, dec=-5.5)).values == pytest.approx(
         {"ra": 83.5, "dec": -5.5}, abs=1e-4
@@ -170,14 +170,14 @@ def test_values_survive_encoding_and_decoding_in_both_protocols() -> None:
         (lambda: encode_reply("lx200", "GR", dec=1.0), "no reply with dec; ra or ra"),
     ],
 )
-def test_frame_functions_explain_values_that_do_not_fit(call: object, words: str) -> None:
+def test_encode_and_decode_errors_explain_the_wrong_value(call: object, words: str) -> None:
     assert callable(call)
     with pytest.raises(FrameError) as caught:
         call()
     assert words in str(caught.value)
 
 
-def test_byte_stream_is_cut_into_commands() -> None:
+def test_nexstar_bytes_are_split_into_whole_commands() -> None:
     clock = [0.0]
     splitter = Splitter("nexstar", lambda: clock[0])
     assert splitter.feed(b"e" + b"r12AB0500,") == [b"e"]
@@ -187,7 +187,7 @@ def test_byte_stream_is_cut_into_commands() -> None:
 # --- a gateway inside a program ---------------------------------------------------------------------------------------
 
 
-async def test_program_points_a_simulated_mount_and_another_finds_it(tmp_path: Path) -> None:
+async def test_python_program_finds_and_points_a_running_simulated_mount(tmp_path: Path) -> None:
     seen: list[Entry] = []
     settings = {"site": (48.1, 11.6), "lowest": -90, "sun": 0, "speed": 20, "name": "pier"}
     async with open_gateway(SIM, [{"at": SURFACE, "read_only": True}], watch=seen.append, **settings) as inside:
@@ -215,7 +215,7 @@ async def test_program_points_a_simulated_mount_and_another_finds_it(tmp_path: P
         connect()
 
 
-def test_stop_may_take_as_long_as_the_gateway_allows() -> None:
+def test_answer_timeout_is_no_shorter_than_the_stop_timeout() -> None:
     assert ANSWER_TIMEOUT >= STOP_TIMEOUT
 
 
@@ -234,7 +234,7 @@ async def test_mount_in_use_is_reported_with_the_gateways_process() -> None:
             await second.ready(10)
 
 
-async def test_program_needs_no_surface_and_may_give_one_without_a_list() -> None:
+async def test_python_gateway_opens_without_or_with_a_single_surface() -> None:
     async with open_gateway(SIM) as alone, open_gateway("lx200@sim", SURFACE) as serving:
         await alone.ready()
         assert await alone.addresses() == []
@@ -270,7 +270,7 @@ def test_unusable_setting_raises_a_user_error(surface: str, settings: dict[str, 
     ("example", "arguments"),
     [("tiny_client", ["127.0.0.1:4030"]), ("tiny_client", ["127.0.0.1", "lx200"]), ("like_skysafari", ["a", "4030"])],
 )
-def test_example_script_explains_wrong_arguments(
+def test_example_script_shows_its_usage_for_wrong_arguments(
     example: str, arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys, "argv", [example, *arguments])

@@ -61,7 +61,7 @@ def test_status_shows_current_network_addresses(addresses: list[str]) -> None:
     assert next(served_surfaces(here)).words == "on your phone: 10.0.0.5, port 4030"
 
 
-def test_address_line_is_printed_once_and_again_when_it_changes(addresses: list[str]) -> None:
+def test_phone_address_is_printed_once_and_again_when_it_changes(addresses: list[str]) -> None:
     phone, offers = (
         PhoneInstructions(),
         [Offer("lx200", "tcp", "0.0.0.0", 4030), Offer("lx200", "tcp", "127.0.0.1", 1)],

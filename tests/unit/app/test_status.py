@@ -54,7 +54,7 @@ def seen(**others: Any) -> StatusLine:
          "cpc  down: the mount does not answer  2 programs  0.0/s"),
     ],
 )  # fmt: skip
-def test_status_line_shows_every_value(line: StatusLine, text: str) -> None:
+def test_status_line_shows_position_and_state(line: StatusLine, text: str) -> None:
     assert status_text([line]) == text
 
 
@@ -160,7 +160,7 @@ async def test_status_counts_programs_as_they_connect_and_leave() -> None:
         assert len(acceptor.present_hosts()) == 0
 
 
-async def test_status_survives_an_impossible_position() -> None:
+async def test_status_line_reports_an_impossible_declination() -> None:
     async with Bridge() as bridge:
         bridge.controller.cache.put(Position, Equatorial(0.0, 95.0), bridge.controller.now())
         onlooker = StatusLines([gateway(bridge)])

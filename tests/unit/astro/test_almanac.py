@@ -100,7 +100,7 @@ def exact() -> Almanac:
 
 
 @each("part", PARTS)
-def test_almanac_file_has_every_part_of_every_day(part: str, exact: Almanac) -> None:
+def test_almanac_file_keeps_every_value_of_every_day(part: str, exact: Almanac) -> None:
     kept = decoded(exact.encoded())
     for moment in (TODAY * DAY, (TODAY + 1.3) * DAY, (TODAY + 2) * DAY - 1.0):
         assert kept.values_at(part, moment) == exact.values_at(part, moment) is not None
@@ -136,7 +136,7 @@ def test_almanac_file_writable_by_another_user_is_not_trusted(tmp_path: Path, mo
         read(path)
 
 
-def test_package_contains_the_almanac_days_of_the_rehearsal() -> None:
+def test_package_contains_the_almanac_days_that_the_tests_use() -> None:
     """Made by ``mount-gateway almanac - --dates 20481,20482,20483``."""
     go_offline()
     from gateway.astro.ephemeris import by_astropy
@@ -349,7 +349,7 @@ def test_failed_almanac_is_retried_after_an_hour_and_reported_once(
     assert serving.has(TODAY)
 
 
-def test_program_that_sets_many_dates_fills_neither_memory_nor_disk(process: Process) -> None:
+def test_number_of_stored_almanac_days_is_limited_for_many_dates(process: Process) -> None:
     serving = Serving()
     for day in range(2000, 22000, 500):
         serving.sky.sun(day * DAY)
@@ -360,7 +360,7 @@ def test_program_that_sets_many_dates_fills_neither_memory_nor_disk(process: Pro
 # --- from another computer --------------------------------------------------------------------------------------------
 
 
-def test_almanac_may_come_from_another_computer(
+def test_almanac_file_made_by_the_command_is_used_at_start(
     process: Process, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "year.almanac"
@@ -379,7 +379,7 @@ def test_almanac_may_come_from_another_computer(
 
 
 @each(("content", "says"), [(None, "No such file"), (b"something else", "it is not an almanac of this version")])
-def test_unusable_configured_almanac_ends_the_start(
+def test_gateway_start_fails_with_an_unusable_almanac_file(
     content: bytes | None, says: str, process: Process, tmp_path: Path
 ) -> None:
     path = tmp_path / "year.almanac"

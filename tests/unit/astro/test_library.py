@@ -50,7 +50,7 @@ def test_number_outside_its_catalogue_is_unknown(catalog: str, number: int) -> N
     assert deepsky.look_up(catalog, number) is None
 
 
-def test_duplicate_catalogue_entry_gives_its_original() -> None:
+def test_duplicate_catalogue_entry_has_its_originals_position() -> None:
     duplicate, original = deepsky.look_up("IC", 11), deepsky.look_up("NGC", 281)
     assert duplicate is not None
     assert original is not None
@@ -182,7 +182,7 @@ def test_object_search_skips_objects_where_gotos_are_forbidden() -> None:
     assert deepsky.neighbour([], lambda ra, dec: True, 0.0, 0.0, 1) is None
 
 
-def test_field_search_is_round_and_lists_the_centre_first() -> None:
+def test_field_search_keeps_its_radius_and_lists_the_nearest_first() -> None:
     found = deepsky.candidates_in_field(deepsky.matching(EVERYTHING), 83.82, -5.39, 0.5)
     assert deepsky.object_by_row(found[0][0]).name == "M42"
     distances = [separation(83.82, -5.39, c[1], c[2]) for c in found]

@@ -124,7 +124,7 @@ def test_unknown_name_is_answered_with_similar_names(typed: str, told: str) -> N
     assert told in str(refused.value)
 
 
-def test_common_names_are_known_without_the_library(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_common_object_names_are_known_without_the_library(monkeypatch: pytest.MonkeyPatch) -> None:
     def missing(*_: object) -> None:
         raise NotInstalled
 

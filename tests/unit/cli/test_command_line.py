@@ -58,7 +58,7 @@ def test_demo_serves_tcp_and_a_virtual_serial_port(tmp_path: Path, started: list
     assert not pty.is_symlink()
 
 
-def test_run_obeys_a_config_file(tmp_path: Path, started: list[Running]) -> None:
+def test_run_applies_a_config_files_settings(tmp_path: Path, started: list[Running]) -> None:
     path = tmp_path / "gateway.toml"
     path.write_text(
         '[mount]\nat = "nexstar:cge@sim"\nsite = [-34.0, 18.5]\n'

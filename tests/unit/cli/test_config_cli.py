@@ -38,7 +38,7 @@ def test_sim_help_lists_every_model(capsys: pytest.CaptureFixture[str]) -> None:
             assert line.split()[1:] == row.get("versions", []) + ["starsense-1.20"] * row.get("starsense", False)
 
 
-def test_signal_ends_the_search_for_a_mute_mount() -> None:
+def test_interrupt_ends_the_search_for_a_silent_mount() -> None:
     with socket.create_server(("127.0.0.1", 0)) as mute:
         mute.settimeout(60)
         mount = f"nexstar@socket://127.0.0.1:{mute.getsockname()[1]}"

@@ -30,7 +30,7 @@ def terminal() -> Iterator[str]:
     os.close(slave)
 
 
-def test_demo_leaves_the_live_link_of_another_program_alone(tmp_path: Path, terminal: str) -> None:
+def test_demo_refuses_to_replace_a_serial_port_link_in_use(tmp_path: Path, terminal: str) -> None:
     path = tmp_path / "lx200"
     path.symlink_to(terminal)
     assert f"link of that name to {terminal}" in refused("demo", "--port", "0", "--pty", str(path))
@@ -86,7 +86,7 @@ def test_demo_takes_the_next_free_port(monkeypatch: pytest.MonkeyPatch) -> None:
         assert number < demo.free_port(number) < number + demo.MAX_TRIES
 
 
-def test_demo_prints_the_address_that_it_uses_instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_demo_prints_the_free_port_and_link_it_takes_instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[str] = []
     monkeypatch.setattr(demo, "free_port", lambda first: first + 1)
     monkeypatch.setattr(demo, "free_pty_path", lambda path: str(tmp_path / "lx200-2"))
@@ -102,7 +102,7 @@ def test_demo_prints_the_address_that_it_uses_instead(tmp_path: Path, monkeypatc
     assert told[1:] == ["any@tcp://127.0.0.1:4042", "lx200@tcp://127.0.0.1:4031", f"lx200@pty:{tmp_path / 'lx200-2'}"]
 
 
-def test_demo_does_not_replace_an_explicitly_chosen_port() -> None:
+def test_demo_fails_if_the_explicitly_chosen_port_is_in_use() -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()

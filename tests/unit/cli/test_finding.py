@@ -53,7 +53,7 @@ async def test_cable_is_suspected_only_where_no_byte_ever_arrived() -> None:
     assert words.startswith("lx200@/dev/ttyUSB0: ") and "is it switched on" in words and "--wait" in words
 
 
-async def test_failed_search_says_what_was_sent_and_received() -> None:
+async def test_failed_mount_search_says_what_was_sent_and_received() -> None:
     began = asyncio.get_running_loop().time()
     found, _, words = await met(Bridge("lx200", driven="lx200"), "lx200@socket://10.0.0.2:4030", b"hello\r\n")
     assert not found
@@ -83,7 +83,7 @@ async def test_push_to_mount_is_waited_for_only_if_named() -> None:
 
 
 @pytest.mark.parametrize(("named", "seconds"), [(True, 4.0), (False, 9.0)])
-async def test_first_position_of_a_slow_classic_is_waited_for(named: bool, seconds: float) -> None:
+async def test_run_waits_for_the_first_position_of_a_slow_classic_lx200(named: bool, seconds: float) -> None:
     """Half a second for each answer, and no answer to what a classic does not know."""
     now = asyncio.get_running_loop().time
     bridge = Bridge("lx200", driven="lx200", latency=0.5, named=named)
@@ -136,7 +136,7 @@ async def test_slowly_starting_hand_control_is_waited_for(monkeypatch: pytest.Mo
 @pytest.mark.parametrize(
     ("longest", "least", "most", "hints"), [(finding.SEARCH_TIMEOUT, 40.0, 40.5, [4.0]), (0.0, 8.5, 9.5, [])]
 )
-async def test_silent_port_is_given_up_after_a_while(
+async def test_search_for_a_mount_on_a_silent_port_is_given_up(
     longest: float, least: float, most: float, hints: list[float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("gateway.diagnostics.detect.scan_port.answering_protocol", nobody)
@@ -166,7 +166,7 @@ async def test_address_of_an_unsupported_protocol_is_refused_without_further_sea
     await bridge.controller.close()
 
 
-def test_other_protocol_garbage_or_aux_bytes_are_reported_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_run_reports_a_mount_with_a_wrong_protocol_or_garbage_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     async def program() -> None:
         now = asyncio.get_running_loop().time
 

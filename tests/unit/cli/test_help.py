@@ -105,7 +105,7 @@ def test_config_command_takes_the_flags_of_run_without_repeating_their_help(
     assert "--lowest DEG" in told(capsys, monkeypatch, "run")
 
 
-def test_example_in_the_help_works() -> None:
+def test_example_command_in_the_help_parses() -> None:
     page = make_parser().format_help().replace(" \\\n", " ")
     example = next(line for line in page.splitlines() if "run --mount" in line)
     arguments = make_parser().parse_args(example.split()[1:])

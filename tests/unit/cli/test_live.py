@@ -93,7 +93,7 @@ def test_run_on_a_terminal_notifies_systemd_and_shows_its_status_line(systemd: s
     assert any(re.search(r"STATUS=6-8se  \d\d:\d\d:\d\d .*no programs", text) for text in told)
 
 
-async def test_systemd_watchdog_is_fed_only_while_the_line_has_its_worker(
+async def test_systemd_watchdog_is_fed_only_while_the_mount_line_task_runs(
     systemd: socket.socket, capsys: pytest.CaptureFixture[str]
 ) -> None:
     async with Bridge() as bridge:
@@ -173,7 +173,7 @@ def test_terminal_without_a_degree_sign_gets_a_substitute() -> None:
     assert terminal.bytes.getvalue() == b"\r+22?"
 
 
-def test_status_line_is_shown_only_on_a_terminal_that_can_return(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_status_line_is_shown_only_on_a_cursor_capable_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", "xterm")
     assert find_terminal() is None  # both are captured
     terminal = Terminal()

@@ -96,7 +96,7 @@ def test_log_kind_may_be_given_as_a_separate_word(word: str) -> None:
     assert _escape_for_argparse(["run", f"--log={word}", word]) == ["run", f"--log={word}", word]
 
 
-def test_word_after_log_that_is_no_kind_stays_the_config_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_config_file_name_after_the_log_flag_is_no_log_kind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for word in ("evening.toml", "./evening"):
         assert _escape_for_argparse(["run", "--log", word]) == ["run", "--log=true", word]

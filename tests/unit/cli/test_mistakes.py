@@ -195,7 +195,7 @@ def test_advice_for_a_silent_network_port_asks_whether_it_is_switched_on() -> No
     assert "mount-gateway detect" in port_advice("/dev/ttyUSB9")
 
 
-def test_bytes_that_are_no_recording_are_not_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_decode_refuses_a_file_that_is_no_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     noise = tmp_path / "noise.bin"
     noise.write_bytes(b"\x7fELF" + bytes(range(256)) * 64)
     assert main(["decode", "--protocol", "nexstar", str(noise)]) == 2
@@ -222,7 +222,7 @@ def test_suspended_gateway_is_reported_as_suspended(started: list[Running], tmp_
     assert gateway.end() == 0
 
 
-def test_state_folder_that_is_a_file_is_reported_as_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_run_reports_a_state_folder_that_is_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "file").touch()
     with socket.create_server(("127.0.0.1", 0)) as taken:
         where = f"lx200@tcp://127.0.0.1:{taken.getsockname()[1]}"

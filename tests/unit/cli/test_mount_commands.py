@@ -76,7 +76,7 @@ def test_status_ends_quietly_when_its_reader_closes_the_pipe(
         assert capsys.readouterr().err == ""
 
 
-def test_shell_commands_control_the_mount_through_a_night(say: Say, tmp_path: Path, started: list[Running]) -> None:
+def test_shell_commands_query_and_control_a_running_mount(say: Say, tmp_path: Path, started: list[Running]) -> None:
     """One gateway, every command; a recording of it shows what was asked."""
     which = ("--state", str(tmp_path))
     running = gateway(started, tmp_path, "--record", str(tmp_path / "night.rec"))
@@ -197,7 +197,7 @@ def test_command_lists_processes_of_mounts_with_the_same_name(
     assert "end one of them" in told
 
 
-def test_gateways_of_two_state_folders_are_separate(
+def test_status_with_a_state_folder_lists_only_its_gateway(
     tmp_path: Path, started: list[Running], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folders = [tmp_path / name for name in ("east", "west")]

@@ -86,7 +86,7 @@ def test_prove_configures_its_gateway_to_keep_far_from_the_sun() -> None:
         config_for_check(Config([mount, mount]))
 
 
-def test_prove_summary_names_each_difference() -> None:
+def test_prove_summary_lists_each_value_that_differs() -> None:
     findings = Findings(
         stages={"reads": [Finding("identity", SAME), Finding("rate 9", DIFFERS, "3°/s", "5°/s", "Slow.")]}
     )
@@ -97,7 +97,9 @@ def test_prove_summary_names_each_difference() -> None:
 
 
 @pytest.mark.parametrize("where", ["sim", "/dev/ttyUSB0"])
-def test_prove_begins_nothing_after_a_signal(where: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_prove_starts_no_further_check_after_ctrl_c(
+    where: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     """Ctrl-C ends the whole check, and nobody is asked anything; what was found is told and written."""
     save(tmp_path / "findings.json", Findings("mount", "m", stages={"motions": [RATES]}))
     monkeypatch.setattr("gateway.cli.serve.serving.run_on_loop", lambda *arguments: 0)
@@ -126,7 +128,7 @@ def test_prove_refuses_a_mount_used_by_a_gateway(
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
-def test_prove_runs_to_its_end_in_a_terminal(tmp_path: Path) -> None:
+def test_prove_ends_and_writes_its_file_in_a_terminal(tmp_path: Path) -> None:
     """It writes the file for the maintainers, and shows the lines that adapt gateway.toml."""
     import pty
 

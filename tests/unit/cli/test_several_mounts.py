@@ -27,7 +27,7 @@ def ready(one: Running) -> tuple[str, str]:
     return name, where
 
 
-def test_absent_or_dying_mount_leaves_the_others_alone(tmp_path: Path, started: list[Running]) -> None:
+def test_absent_or_failing_mount_does_not_disturb_other_mounts(tmp_path: Path, started: list[Running]) -> None:
     simulator = Running("sim", "lx200:autostar", "--at", "tcp://127.0.0.1:0")
     started.append(simulator)
     address = simulator.ready().removeprefix("tcp://")
@@ -63,7 +63,9 @@ def test_absent_or_dying_mount_leaves_the_others_alone(tmp_path: Path, started: 
     assert both.end() == 0
 
 
-def test_one_port_in_use_ends_run_before_it_is_ready(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_run_with_one_port_in_use_exits_before_printing_ready(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         path = tmp_path / "gateway.toml"
@@ -79,7 +81,7 @@ def test_one_port_in_use_ends_run_before_it_is_ready(tmp_path: Path, capsys: pyt
     assert len(error.splitlines()) == 1
 
 
-def test_ready_is_the_last_line_of_a_start(started: list[Running]) -> None:
+def test_ready_lines_are_the_last_of_a_gateway_start(started: list[Running]) -> None:
     one = Running(
         "run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0", "--console", "tcp://127.0.0.1:0"
     )

@@ -137,7 +137,7 @@ def test_stop_hold_lasts_over_a_restart_until_released(tmp_path: Path, started: 
     assert stop(*here)[0] == 0
 
 
-def test_stop_hold_applies_to_a_whole_state_folder(stop: Stop, seen: list[GatewayProcess], tmp_path: Path) -> None:
+def test_stop_hold_cannot_be_limited_to_one_mount(stop: Stop, seen: list[GatewayProcess], tmp_path: Path) -> None:
     assert stop("--hold", "--mount", "x")[0] == 2
     assert stop("--hold", "--release")[0] == 2
     (tmp_path / "file").write_text("")
@@ -231,7 +231,7 @@ def test_stop_names_a_gateway_of_another_user(
     assert stop("--state", str(tmp_path)) == (0, NOTHING), "a folder of one's own is no other user's"
 
 
-def test_stop_names_an_own_gateway_that_does_not_answer(stop: Stop, seen: list[GatewayProcess]) -> None:
+def test_stop_names_a_gateway_of_the_user_that_does_not_answer(stop: Stop, seen: list[GatewayProcess]) -> None:
     seen.append(GatewayProcess(4711, os.getuid()))
     code, words = stop()
     assert code == 1

@@ -44,7 +44,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (["-V"], "mount-gateway "),
     ],
 )
-def test_help_page_requested_in_other_words_is_shown(
+def test_help_and_version_are_shown_for_other_usual_spellings(
     typed: list[str], page: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as end:
@@ -74,14 +74,14 @@ def test_run_reads_the_config_file_of_the_current_folder(here: Path, capsys: pyt
     assert "(gateway.toml of this folder is not" in capsys.readouterr().err
 
 
-def test_flags_that_name_a_mount_leave_the_local_file_unread(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_mount_flags_leave_the_config_file_of_the_folder_unread(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "gateway.toml").write_text("not even TOML")
     assert main(["config", *PLAIN]) == 0
     assert capsys.readouterr().err == ""
     assert "gateway.toml:1" in refused("config")  # a mistake in it stands alone on stderr
 
 
-def test_surface_takes_its_keys_from_flags(capsys: pytest.CaptureFixture[str]) -> None:
+def test_surface_settings_can_be_given_as_flags(capsys: pytest.CaptureFixture[str]) -> None:
     words = ["--client", "stellarium", "--allow", "10.0.0.0/8,127.0.0.1", "--max-clients", "3", "--precision=low"]
     assert main(["config", *PLAIN, *words, "--read-only"]) == 0
     told = capsys.readouterr().out
@@ -97,19 +97,19 @@ def test_surface_takes_its_keys_from_flags(capsys: pytest.CaptureFixture[str]) -
     assert 'read-only = ["10.0.0.0/8"]  # --read-only\n' in capsys.readouterr().out
 
 
-def test_names_flag_applies_to_the_surface_that_speaks_http(capsys: pytest.CaptureFixture[str]) -> None:
+def test_names_flag_applies_only_to_the_http_surface(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["config", *PLAIN, "--surface", "any@tcp://:0", "--names", "pier,[2001:db8::7]"]) == 0
     first, second = capsys.readouterr().out.split("[[surface]]")[1:]
     assert "names = []\n" in first and 'names = ["pier", "[2001:db8::7]"]  # --names\n' in second
 
 
-def test_allow_flag_applies_to_the_surface_on_the_network(capsys: pytest.CaptureFixture[str]) -> None:
+def test_allow_flag_applies_only_to_the_network_surface(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["config", "--surface", "lx200@pty:/tmp/x", *PLAIN, "--allow", "127.0.0.1"]) == 0
     first, second = capsys.readouterr().out.split("[[surface]]")[1:]
     assert "# allow: not set" in first and 'allow = ["127.0.0.1"]  # --allow\n' in second
 
 
-def test_flag_changes_the_only_surface_of_a_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_flag_overrides_the_only_surface_of_a_config_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "gateway.toml").write_text(FILE)
     assert main(["config", "--client", "stellarium"]) == 0
     told = capsys.readouterr().out
@@ -207,7 +207,7 @@ def test_popular_names_are_accepted_in_every_subcommand(
         ("nexstar@", "nexstar@/dev/ttyUSB0"),
     ],
 )
-def test_refusal_of_half_an_endpoint_shows_it_whole(half: str, says: str) -> None:
+def test_incomplete_mount_address_is_refused_with_an_example(half: str, says: str) -> None:
     with pytest.raises(UserError) as refusal:
         parse_endpoint(half)
     assert str(refusal.value).endswith(f"for example {says}")
@@ -235,7 +235,7 @@ def test_network_address_without_a_scheme_is_taken_for_a_socket() -> None:
 # --- places as people write them -------------------------------------------------------------------------------------
 
 
-def test_device_without_its_folder_is_suggested_with_it(tmp_path: Path) -> None:
+def test_serial_device_typed_without_its_folder_gets_a_suggestion(tmp_path: Path) -> None:
     (tmp_path / "ttyUSB7").touch()
     assert suggest_address("ttyUSB7", False, tmp_path) == str(tmp_path / "ttyUSB7")
     for where, listening in [
@@ -262,7 +262,7 @@ def test_privileged_port_is_refused_with_a_reason(monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.parametrize("quotes", ["“”", "„“", "‘’", "«»"])
-def test_typographic_quotes_are_named(quotes: str, here: Path) -> None:
+def test_typographic_quotes_in_config_are_named(quotes: str, here: Path) -> None:
     (here / "gateway.toml").write_text(f"[mount]\nat = {quotes[0]}nexstar@sim{quotes[1]}\n", "utf-8")
     assert "gateway.toml:2: column 6: " in (line := refused("run"))
     assert "write plain ones" in line
@@ -284,7 +284,7 @@ def test_typographic_quotes_are_named(quotes: str, here: Path) -> None:
         ("45.5,240.5", (45.5, 240.5)),
     ],
 )
-def test_site_may_be_written_as_on_a_map(text: str, place: tuple[float, float]) -> None:
+def test_site_is_accepted_in_usual_map_notations(text: str, place: tuple[float, float]) -> None:
     assert parse_site(text) == pytest.approx(place, abs=1e-6)
 
 
@@ -324,7 +324,7 @@ def test_stop_accepts_a_mounts_popular_name(monkeypatch: pytest.MonkeyPatch, tmp
 
 
 @pytest.mark.skipif(os.name != "posix", reason="there are no pseudo-terminals")
-def test_second_gateway_on_a_port_is_referred_to_the_first(tmp_path: Path, started: list[Running]) -> None:
+def test_second_gateway_on_a_mount_port_names_the_first_ones_process(tmp_path: Path, started: list[Running]) -> None:
     mount = Running("sim", "nexstar:cpc", "--at", f"pty:{tmp_path / 'mount'}")
     started.append(mount)
     mount.ready()

@@ -93,7 +93,7 @@ async def test_surplus_connection_is_closed_until_another_leaves() -> None:
         two[1][1].close()
 
 
-async def test_one_address_gets_three_quarters_of_the_connections_and_this_computer_all() -> None:
+async def test_one_remote_address_may_use_only_three_quarters_of_the_connections() -> None:
     async with AnyBridge(keys={"max_clients": 8}) as bridge:
         first = [bridge.call("10.0.0.1") for _ in range(6)]
         for caller in first[:3]:  # what these speak is known; the others have sent nothing
@@ -109,7 +109,7 @@ async def test_one_address_gets_three_quarters_of_the_connections_and_this_compu
             bridge.call("10.0.0.1")
 
 
-async def test_pending_commands_of_a_closed_connection_count_until_done() -> None:
+async def test_pending_commands_of_a_closed_client_count_against_the_limit() -> None:
     """Else whoever closes and comes again could have any number of commands under way."""
     async with Bridge(latency=0.2, access=AccessRules(max_clients=3), presented="nexstar", surface="6-8se") as bridge:
         for _ in range(3):
@@ -182,7 +182,7 @@ def test_allow_list_accepts_ipv4_ipv6_and_serial_clients() -> None:
         ("max-clients = 0", "write a whole number from 1 to 10000"),
     ],
 )
-def test_mistake_in_allow_is_reported_with_a_correct_value(line: str, words: str) -> None:
+def test_mistake_in_an_access_setting_is_reported_with_a_correction(line: str, words: str) -> None:
     import tomli
 
     text = f'[mount]\nat = "nexstar@sim"\n[[surface]]\nat = "lx200@tcp://:4030"\n{line}\n'
@@ -201,7 +201,7 @@ def test_allow_and_read_only_networks_are_refused_on_a_serial_line(key: str) -> 
 # --- who may only look ------------------------------------------------------------------------------------------------
 
 
-def test_only_reads_and_stops_count_as_harmless() -> None:
+def test_read_only_access_allows_only_reads_and_stops() -> None:
     every = {kind for kind in vars(op).values() if isinstance(kind, type) and issubclass(kind, op.Operation)}
     allowed = {kind for kind in every if issubclass(kind, op.Read)} | {op.AbortMotion, op.StopAxis, op.AbortSlew}
     examples = {op.Focus: [op.Focus(1), op.Focus(-1)], op.PassThrough: [op.PassThrough("x")]}
@@ -248,7 +248,7 @@ LX200_ALLOWED = [
 ]  # fmt: skip
 
 
-async def test_look_only_lx200_client_changes_nothing() -> None:
+async def test_read_only_lx200_client_cannot_change_the_mount() -> None:
     async with Bridge(access=LOOKS, speed=20) as bridge:
         client = bridge.client()
         for command in LX200_ALLOWED:
@@ -273,7 +273,7 @@ async def test_look_only_lx200_client_changes_nothing() -> None:
         assert "SetSite refused: read only" in notes or "a setting refused: read only" in notes
 
 
-async def test_look_only_client_selects_no_site_and_shifts_no_zone() -> None:
+async def test_read_only_client_cannot_change_the_site_or_time_zone() -> None:
     """Neither for itself nor for others; what it is told of both is what was there before."""
     async with Bridge(access=AccessRules(read_only=parse_networks(["10.9.0.0/16"])), surface="lx200gps") as bridge:
         owner, looker = bridge.client("10.0.0.1"), bridge.client("10.9.0.1")
@@ -294,7 +294,7 @@ async def test_look_only_client_selects_no_site_and_shifts_no_zone() -> None:
 
 
 @pytest.mark.parametrize("stop", [b":Q#", b":Qn#", b":I#"])
-async def test_look_only_client_may_stop(stop: bytes) -> None:
+async def test_read_only_client_may_stop_the_mount(stop: bytes) -> None:
     access = AccessRules(read_only=parse_networks(["10.9.0.0/16"]))
     async with Bridge(access=access) as bridge:
         mover, looker = bridge.client("10.0.0.1"), bridge.client("10.9.0.1")
@@ -309,7 +309,7 @@ async def test_look_only_client_may_stop(stop: bytes) -> None:
         assert bridge.controller.wanted.axes_moved_by_hand == set()
 
 
-async def test_look_only_nexstar_client_changes_nothing() -> None:
+async def test_read_only_nexstar_client_cannot_change_the_mount() -> None:
     access = AccessRules(read_only=parse_networks(["10.9.0.0/16"]))
     async with Bridge("cge", access=access, presented="nexstar", surface="cge") as bridge:
         mover, looker = bridge.client("10.0.0.1"), bridge.client("10.9.0.1")

@@ -35,7 +35,7 @@ async def test_commands_sent_before_a_stop_begin_no_motion_after_it(who: str) ->
         assert bridge.sim.tracking
 
 
-async def test_client_that_has_caught_up_moves_the_mount_again() -> None:
+async def test_client_with_no_backlog_left_moves_the_mount_again() -> None:
     async with Bridge("cge") as bridge:
         bully, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
         bully.send(shares(ARROWS)[0])
@@ -49,7 +49,7 @@ async def test_client_that_has_caught_up_moves_the_mount_again() -> None:
         assert bridge.controller.wanted.axes_moved_by_hand == {1}
 
 
-async def test_long_backlog_is_forgotten_when_its_time_is_over() -> None:
+async def test_client_can_move_the_mount_again_long_after_a_backlog() -> None:
     async with Bridge("cge") as bridge:
         client, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
         client.send(b":GR#" * (READ_BYTES // 4))

@@ -39,7 +39,7 @@ async def test_command_read_long_after_it_was_sent_moves_nothing() -> None:
         assert len(said) == 1
 
 
-async def test_backlog_of_a_gone_client_ends_motions_and_is_answered() -> None:
+async def test_backlog_of_a_gone_client_stops_motion_but_starts_none() -> None:
     async with Bridge("cge") as bridge:
         gone, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
         await flood(gone, b":GR#" * 20_000, 2.0)
@@ -56,7 +56,7 @@ async def test_backlog_of_a_gone_client_ends_motions_and_is_answered() -> None:
         assert not bridge.controller.moving
 
 
-async def test_client_that_has_caught_up_moves_the_mount_and_keeps_its_arrow() -> None:
+async def test_client_with_no_backlog_left_can_hold_an_arrow_again() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client("10.0.0.1")
         await flood(client, b":GR#" * 10_000, 3.0)
@@ -69,7 +69,7 @@ async def test_client_that_has_caught_up_moves_the_mount_and_keeps_its_arrow() -
         client.send(b":Q#")
 
 
-async def test_client_that_stopped_sending_keeps_no_arrow_alive() -> None:
+async def test_arrow_motion_ends_after_its_client_stopped_sending() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client("10.0.0.1")
         client.send(b":RM#:Me#")
@@ -79,7 +79,7 @@ async def test_client_that_stopped_sending_keeps_no_arrow_alive() -> None:
         assert not bridge.controller.moving
 
 
-async def test_backlog_of_a_late_client_keeps_no_arrow_alive() -> None:
+async def test_late_arrow_of_a_disconnected_client_does_not_keep_moving() -> None:
     async with Bridge("cge") as bridge:
         client = bridge.client("10.0.0.1")
         await flood(client, b":GR#" * 10_000, 3.0)

@@ -116,7 +116,7 @@ async def test_arrow_begins_though_no_file_can_be_opened(tmp_path: Path, monkeyp
         assert not any("internal error" in entry.note for entry in bridge.entries)
 
 
-async def test_defect_in_an_abandoned_request_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_internal_error_in_an_arrow_request_is_logged(monkeypatch: pytest.MonkeyPatch) -> None:
     async with Bridge() as bridge:
         client = bridge.client()
         client.send(b":RM#:Me#")

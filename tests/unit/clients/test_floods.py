@@ -66,7 +66,7 @@ async def seconds(client: RehearsalClient, command: bytes, until: bytes = b"#") 
 # --- the mount's line -------------------------------------------------------------------------------------------------
 
 
-def test_stop_goes_before_everything_that_a_flood_requested() -> None:
+def test_stop_is_sent_before_all_requests_of_a_flooding_client() -> None:
     async def stopped(bridge: Bridge, other: RehearsalClient) -> None:
         for _ in range(3):
             await asyncio.sleep(1.3)
@@ -80,7 +80,7 @@ def test_stop_goes_before_everything_that_a_flood_requested() -> None:
     flooded(COSTLY, stopped)
 
 
-def test_stop_goes_before_pending_orders_that_survive_it() -> None:
+def test_stop_is_not_delayed_by_a_flood_of_tracking_mode_orders() -> None:
     async def stopped(bridge: Bridge, other: RehearsalClient) -> None:
         for _ in range(5):
             await asyncio.sleep(0.7)
@@ -105,7 +105,7 @@ def test_hundred_simultaneous_stops_are_sent_as_one() -> None:
     flooded(b":GVP#", stopped, presented="lx200", surface="autostar")
 
 
-def test_joystick_does_not_queue_more_than_the_line_carries() -> None:
+def test_joystick_rate_changes_do_not_pile_up_on_a_busy_line() -> None:
     async def steered(bridge: Bridge, other: RehearsalClient) -> None:
         for key in (1, 2, 3, 4, 5, 6, 7, 8, 9, 7):
             other.send(bytes((80, 2, 17, 36, key, 0, 0, 0)))
@@ -119,7 +119,7 @@ def test_joystick_does_not_queue_more_than_the_line_carries() -> None:
 
 
 @pytest.mark.parametrize("flood", [COSTLY, COSTLY[:320], COSTLY[320:344], COSTLY[344:]], ids=lambda f: str(len(f)))
-def test_flood_leaves_positions_for_other_clients(flood: bytes) -> None:
+def test_flooding_client_does_not_starve_others_of_answers(flood: bytes) -> None:
     async def told(bridge: Bridge, other: RehearsalClient) -> None:
         waits = []
         for command in (b"e", b"z", b"t", b"L", b"J") * 2:
@@ -151,7 +151,7 @@ def test_number_of_pending_commands_of_one_client_is_bounded() -> None:
     flooded(COSTLY * 4, bounded)
 
 
-def test_released_rate_ends_at_once_however_many_came_before() -> None:
+def test_zero_rate_ends_an_arrow_at_once_behind_300_rate_commands() -> None:
     async def ended(bridge: Bridge, other: RehearsalClient) -> None:
         other.send(bytes((80, 2, 17, 36, 9, 0, 0, 0)) * 300 + bytes((80, 2, 17, 36, 0, 0, 0, 0)))
         await asyncio.sleep(2.0)
@@ -174,7 +174,7 @@ def test_repeated_stops_leave_room_for_reads() -> None:
     flooded(b":Q#", read, presented="lx200", surface="autostar")
 
 
-async def test_newer_goto_wins_in_any_protocol_and_both_programs_see_it() -> None:
+async def test_newer_goto_of_another_protocol_replaces_a_goto_for_all_programs() -> None:
     async with Bridge() as bridge, _SecondFace(bridge) as celestron:
         meade = bridge.client("10.0.0.1")
         assert await meade.ask(b":Sr%s#:Sd+40*00:00#:MS#" % _hours(up(bridge, 50.0)[0]), ending=b"110") == b"110"
@@ -219,7 +219,7 @@ class _SecondFace:
 
 
 @pytest.mark.real_time
-async def test_many_connections_and_two_floods_are_all_served() -> None:
+async def test_position_requests_of_many_clients_are_answered_in_a_flood() -> None:
     async with serving("lx200@tcp://127.0.0.1:0") as gateway:
         links = [await asyncio.open_connection(*address(gateway)) for _ in range(as_a_rule(100, whole=300))]
         loop, done = asyncio.get_running_loop(), asyncio.Event()
@@ -328,7 +328,7 @@ async def _some(port: Any) -> list[Any]:
 
 
 @pytest.mark.real_time
-async def test_operating_system_checks_connections_of_vanished_clients() -> None:
+async def test_client_sockets_have_tcp_keepalive_of_at_most_a_minute() -> None:
     async with serving("lx200@tcp://127.0.0.1:0") as gateway:
         link = await asyncio.open_connection(*address(gateway))
         await ask(link, b":GR#")

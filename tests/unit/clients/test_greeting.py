@@ -89,12 +89,12 @@ def can_begin(grammar: list[list[Bytes]], first: tuple[Bytes, ...]) -> bool:
 
 
 @pytest.mark.parametrize("grammar", [NEXSTAR, LX200], ids=["nexstar", "lx200"])
-def test_no_greeting_of_a_stranger_begins_a_program_command(grammar: list[list[Bytes]]) -> None:
+def test_no_known_http_or_telnet_greeting_begins_like_a_mount_command(grammar: list[list[Bytes]]) -> None:
     assert [greeting for greeting in greetings() if can_begin(grammar, greeting.pattern)] == []
     assert can_begin(NEXSTAR, tuple(letters("EHe")[:1])) and can_begin(LX200, tuple(letters("#:GR#")))
 
 
-def test_greeting_table_has_a_row_for_every_greeting_and_none_in_vain() -> None:
+def test_every_known_non_telescope_greeting_is_recognised() -> None:
     for name, data in [*GREETINGS.items(), ("Telnet", TELNET)]:
         for before in (b"", b"#", b"\r\n", b"\0 ?#"):
             assert isinstance(StrangerRecogniser().feed(before + data), Greeting), name
@@ -138,7 +138,7 @@ def openings() -> Iterator[tuple[str, bytes]]:
     yield "lx200", b"$$$"
 
 
-def test_every_command_of_the_manuals_is_handled_by_its_last_byte() -> None:
+def test_command_filter_passes_every_command_of_the_manuals_at_its_last_byte() -> None:
     found = list(openings())
     assert len(found) > 190
     for protocol, form in found:
@@ -164,7 +164,7 @@ def test_every_command_of_the_manuals_is_handled_by_its_last_byte() -> None:
 @pytest.mark.parametrize("apart", [False, True], ids=["one after the other", "each the first of its connection"])
 @pytest.mark.parametrize("transport", ["tcp", "rfc2217"])
 @pytest.mark.parametrize("path", files("*.txt"), ids=lambda path: path.stem)
-def test_program_on_a_network_is_answered_as_soon_as_on_a_line(path: Path, transport: str, apart: bool) -> None:
+def test_program_gets_the_same_replies_as_fast_over_tcp_as_over_serial(path: Path, transport: str, apart: bool) -> None:
     """The first ten packets of every program."""
     lines = [line for line in read(path).lines if line.mark == ">"][:10]
     protocol = path.stem.partition("-")[0]
@@ -206,7 +206,7 @@ def test_bytes_held_back_as_a_possible_greeting_are_bounded() -> None:
                 assert len(beginning._held_pieces) <= longest
 
 
-async def test_held_back_bytes_are_framed_by_their_arrival_time() -> None:
+async def test_incomplete_command_is_dropped_though_it_may_become_http() -> None:
     """Half an ``H`` is dropped after a second of quiet, although it might have become HEAD."""
     async with Bridge(presented="nexstar", surface="6-8se") as bridge:
         caller = Caller(bridge.acceptor)
@@ -215,14 +215,14 @@ async def test_held_back_bytes_are_framed_by_their_arrival_time() -> None:
         assert await caller.ask(b"Kx") == b"x#"
 
 
-async def test_motion_behind_a_stop_in_one_packet_is_begun_on_a_network() -> None:
+async def test_move_command_after_a_stop_in_one_tcp_packet_starts_motion() -> None:
     async with Bridge() as bridge:
         Caller(bridge.acceptor).tell(b"#:RS#:Q#:Me#")
         await asyncio.sleep(1.0)
         assert bridge.controller.wanted.axes_moved_by_hand == {1}
 
 
-async def test_client_on_a_serial_line_is_never_taken_for_a_stranger() -> None:
+async def test_client_on_a_serial_line_is_never_treated_as_a_web_browser() -> None:
     async with Bridge() as bridge:
         client = bridge.client()
         assert re.fullmatch(rb"\d\d:\d\d:\d\d#", await client.ask(b"GET / HTTP/1.1\r\nHost: scope\r\n\r\n#:GR#"))

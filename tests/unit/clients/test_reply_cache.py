@@ -15,7 +15,7 @@ class Controller:
         return 5.0 if op.Position in kinds else 9.0
 
 
-def test_cached_reply_expires_with_its_readings_though_others_are_fresh() -> None:
+def test_cached_reply_expires_with_the_readings_that_it_is_made_of() -> None:
     controller: Any = Controller()
     cache = ReplyCache(controller)
     cache.store(b"e", b"position", [op.Position], 0.0)

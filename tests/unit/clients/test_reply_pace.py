@@ -94,7 +94,7 @@ async def test_paced_reply_waits_while_its_command_acts_at_once() -> None:
     assert heard == [(pytest.approx(began + 0.006), b":GR#")] and port.all_answered
 
 
-async def test_pace_delays_a_burst_once_and_a_stream_does_not_starve() -> None:
+async def test_paced_continuous_stream_of_bytes_is_delayed_only_by_one_pace() -> None:
     port, _, heard, _ = await paced_echo(0.006)
     began = asyncio.get_running_loop().time()
     for _ in range(20):

@@ -45,7 +45,7 @@ async def own(mount: str, surface: str) -> set[bytes]:
 @pytest.mark.parametrize("transport", ["tcp", "rfc2217"])
 @pytest.mark.parametrize("surface", ["nexstar", "lx200"])
 @pytest.mark.parametrize("mount", ["nexstar", "lx200"])
-async def test_stranger_moves_and_sets_nothing(mount: str, surface: str, transport: str, way: str) -> None:
+async def test_web_or_telnet_client_moves_and_sets_nothing(mount: str, surface: str, transport: str, way: str) -> None:
     allowed = await own(mount, surface) | (MAY_ASK[mount] if way == "byte by byte" else set())
     settings = {"hibernate": True}
     async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None, config=settings) as bridge:
@@ -74,7 +74,7 @@ async def test_stranger_moves_and_sets_nothing(mount: str, surface: str, transpo
 
 
 @pytest.mark.parametrize(("gone", "seconds"), [(True, 8), (False, 34)])
-async def test_stranger_of_the_same_host_keeps_no_arrow_alive(gone: bool, seconds: int) -> None:
+async def test_web_request_of_the_same_host_keeps_no_arrow_moving(gone: bool, seconds: int) -> None:
     """A web page that asks again and again must not keep an arrow going whose program is gone, or has died."""
     async with Bridge() as bridge:
         mover = Caller(bridge.acceptor)
@@ -89,7 +89,7 @@ async def test_stranger_of_the_same_host_keeps_no_arrow_alive(gone: bool, second
         assert bridge.controller.wanted.axes_moved_by_hand == set()
 
 
-async def test_stranger_does_not_count_as_a_program_or_take_over_its_session() -> None:
+async def test_web_client_is_not_counted_as_a_program_and_takes_over_no_session() -> None:
     """What a program keeps for its next connection is kept for a minute, whoever calls meanwhile."""
     async with Bridge() as bridge:
         first = Caller(bridge.acceptor)

@@ -84,7 +84,7 @@ async def test_browser_gets_an_explanation_and_the_next_program_is_answered() ->
             link[1].close()
 
 
-async def test_large_request_of_a_stranger_is_answered_to_the_end() -> None:
+async def test_large_request_of_a_web_client_is_answered_to_the_end() -> None:
     """What is never read would have the system reset the connection, and the browser show nothing."""
     async with serving() as (ports, _):
         body = b"#:Me#" * 20_000
@@ -94,7 +94,7 @@ async def test_large_request_of_a_stranger_is_answered_to_the_end() -> None:
         assert "telescope programs" in whole((await visit(ports[1], b"OPTIONS * HTTP/1.0\r\n\r\n", 64))[0])
 
 
-async def test_stranger_that_stays_is_disconnected(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_web_client_that_does_not_leave_is_disconnected(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tcp, "LINGER_TIME", 0.2)
     async with serving() as (ports, _):
         reader, writer = await asyncio.open_connection("127.0.0.1", ports[1])
@@ -107,7 +107,7 @@ async def test_stranger_that_stays_is_disconnected(monkeypatch: pytest.MonkeyPat
                 await asyncio.sleep(0.02)
 
 
-async def test_strangers_take_no_connection_of_a_program() -> None:
+async def test_web_clients_do_not_use_up_the_client_limit_of_a_port() -> None:
     """They are not counted among the clients, though they have not left yet."""
     async with serving(max_clients=PLACES) as (ports, _):
         strangers = []

@@ -58,7 +58,7 @@ class Line:
         return await self.ask(GOTO)
 
 
-async def test_refusal_text_is_dropped_when_the_program_asks_anew() -> None:
+async def test_refusal_text_is_dropped_if_the_program_sends_another_request() -> None:
     line = Line()
     assert await line.refused() == b"1"
     assert await line.ask(b":GR#") == b"12:34:56#"
@@ -88,7 +88,7 @@ async def test_stop_is_answered_at_once_and_drops_the_refusal_text() -> None:
     assert await line.after(10.0) == b""
 
 
-async def test_replies_to_commands_sent_together_are_whole() -> None:
+async def test_refusal_text_splits_no_reply_to_commands_sent_together() -> None:
     line = Line()
     assert await line.ask(TARGET + GOTO + b":GR#") == b"111" + TEXT + b"12:34:56#"
 
@@ -128,7 +128,7 @@ async def test_pending_refusal_text_is_sent_when_the_connection_ends() -> None:
     assert await line.after(10.0) == b""
 
 
-async def test_unread_restart_reply_shifts_no_later_reply() -> None:
+async def test_unread_reply_to_a_meade_restart_shifts_no_later_reply() -> None:
     """:I# of an LX200GPS: one program waits for its X, another goes on at once."""
     line = Line("lx200gps")
     assert await line.ask(b":I#", HOLD_TIME + 0.1) == b"X"

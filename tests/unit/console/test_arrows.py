@@ -57,7 +57,7 @@ def refusals(own: RehearsalGateway) -> list[str]:
     return [notice.text for notice in own.controller.wire_log.recent_notices if "console" in notice.side]
 
 
-def test_tap_on_the_page_moves_as_far_as_at_the_keypad(scripts: Node) -> None:
+def test_short_press_on_the_page_moves_as_far_as_on_the_keypad(scripts: Node) -> None:
     """As the taps of programs do, which ``integration/motion/test_taps.py`` tries on every mount."""
     mount = "cpc"
 
@@ -85,7 +85,9 @@ def test_tap_on_the_page_moves_as_far_as_at_the_keypad(scripts: Node) -> None:
 
 @pytest.mark.parametrize("delay", [0.0, *DELAYS])
 @pytest.mark.parametrize("gap", [0.1, 0.2])
-async def test_double_tap_on_the_page_leaves_nothing_moving(scripts: Node, delay: float, gap: float) -> None:
+async def test_arrow_pressed_twice_quickly_on_the_page_stops_on_release(
+    scripts: Node, delay: float, gap: float
+) -> None:
     """A tap, and before its answer has come the same arrow is pressed again, held, and let go."""
     async with opened(scripts, delay) as (own, [page]):
         page.press("north")
@@ -101,7 +103,7 @@ async def test_double_tap_on_the_page_leaves_nothing_moving(scripts: Node, delay
         assert page.words == [] and refusals(own) == []
 
 
-def test_random_plays_of_pages_leave_nothing_moving(scripts: Node) -> None:
+def test_random_arrow_presses_on_pages_leave_no_mount_moving(scripts: Node) -> None:
     moved = 0.0
     for seed in range(as_a_rule(2, whole=60)):
         delay, jitter = DELAYS[seed % len(DELAYS)], JITTERS[seed % len(JITTERS)]
@@ -111,13 +113,13 @@ def test_random_plays_of_pages_leave_nothing_moving(scripts: Node) -> None:
     assert moved > 5.0
 
 
-def test_arrow_that_another_page_cannot_take_over_ends(scripts: Node) -> None:
+def test_arrow_of_a_page_ends_if_another_page_fails_to_continue_it(scripts: Node) -> None:
     """A page that still holds the arrow of another one may be refused to go on with it: the mount is slow to answer."""
     outcome = run(play(scripts, 85, 0.05, 0.5, "cpc", 0.3))
     assert not outcome.run_away and outcome.moved > 1.0, outcome
 
 
-async def test_frozen_network_ends_an_arrow_of_the_page(scripts: Node) -> None:
+async def test_arrow_of_the_page_ends_when_its_network_freezes(scripts: Node) -> None:
     async with opened(scripts) as (own, [page]):
         page.press("north")
         await asyncio.sleep(2.0)
@@ -147,7 +149,7 @@ async def test_release_on_one_page_leaves_the_arrow_of_another_alone(scripts: No
 
 
 @pytest.mark.parametrize("end", [b":Q#", b":Sr02:00:00#:Sd+40*00:00#:MS#"])
-async def test_ended_arrow_is_not_restarted_by_a_finger_that_stays(scripts: Node, end: bytes) -> None:
+async def test_stopped_arrow_does_not_restart_while_the_finger_stays_on_it(scripts: Node, end: bytes) -> None:
     """A stop or a goto of another program: neither another rate nor the release of a second page begins a motion."""
     async with opened(scripts, pages=2) as (own, [page, other]):
         page.press("north")
@@ -185,7 +187,7 @@ class _Nobody:
         """Drop what the page is sent."""
 
 
-async def test_heartbeat_halts_an_arrow_that_it_does_not_name() -> None:
+async def test_page_heartbeat_stops_an_arrow_missing_from_its_list() -> None:
     async with stage("lx200", "cpc", 0.1) as own:
         session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", may_act=True)
         session.receive('{"do":"jog","direction":"north","rate":7,"press":1}')
@@ -203,7 +205,7 @@ async def test_heartbeat_halts_an_arrow_that_it_does_not_name() -> None:
         assert not own.controller.wanted.axes_moved_by_hand
 
 
-async def test_heartbeat_leaves_a_released_tap_alone() -> None:
+async def test_page_heartbeat_leaves_a_short_arrow_press_alone() -> None:
     async with stage("lx200", "cpc", 0.3) as own:
         axes = Axes(own)
         await axes.begin()
@@ -217,7 +219,7 @@ async def test_heartbeat_leaves_a_released_tap_alone() -> None:
         assert not moving(own.sim)
 
 
-async def test_lost_page_cancels_a_pending_press() -> None:
+async def test_closed_page_cancels_an_unsent_arrow_press() -> None:
     async with stage("lx200", "cpc", 0.3) as own:
         axes = Axes(own)
         await axes.begin()

@@ -35,7 +35,7 @@ def read(do: str, **fields: Any) -> Any:
         ({"do": "let_go", "direction": "north", "press": 3}, messages.ReleaseArrow("north", 3)),
     ],
 )
-def test_page_message_is_read_as_the_request_that_it_names(
+def test_page_message_is_parsed_into_the_matching_request(
     sent: dict[str, Any], wish: object, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(requests, "new_request_number", lambda: "n")

@@ -64,7 +64,7 @@ async def test_console_serves_every_mount_as_a_numbered_alpaca_device(tmp_path: 
 
 
 @pytest.mark.parametrize("rules", [{"pin": "4711"}, {"read_only": True}, {"read_only": ["127.0.0.0/8"]}])
-async def test_look_only_console_makes_alpaca_programs_look_only(tmp_path: Path, rules: dict[str, Any]) -> None:
+async def test_alpaca_programs_cannot_move_mounts_at_a_read_only_console(tmp_path: Path, rules: dict[str, Any]) -> None:
     async with opened(tmp_path, **rules) as (_, ask):
         assert (await ask("GET", f"{API}0/declination"))["ErrorNumber"] == 0
         assert (await ask("PUT", f"{API}0/slewtocoordinatesasync", data=PLACE))["ErrorNumber"] == 0x40B

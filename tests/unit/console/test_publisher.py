@@ -139,7 +139,7 @@ def test_publisher_does_not_read_the_mounts_abilities_for_every_message(
     played(tmp_path, work)
 
 
-def test_page_shows_planets_once_the_astronomy_is_exact(tmp_path: Path) -> None:
+def test_page_shows_planets_once_the_precise_astronomy_is_loaded(tmp_path: Path) -> None:
     async def work(busy: Busy, mounts: Mounts) -> None:
         page = Page(mounts)
         await asyncio.sleep(1.0)
@@ -152,7 +152,7 @@ def test_page_shows_planets_once_the_astronomy_is_exact(tmp_path: Path) -> None:
     played(tmp_path, work)
 
 
-def test_publisher_without_pages_costs_nothing(tmp_path: Path) -> None:
+def test_publisher_listens_to_no_log_while_no_page_is_open(tmp_path: Path) -> None:
     async def work(busy: Busy, mounts: Mounts) -> None:
         sinks = busy.gateway.wire_log.sinks
         before = len(sinks)
@@ -175,7 +175,7 @@ def test_publisher_without_pages_costs_nothing(tmp_path: Path) -> None:
     played(tmp_path, work)
 
 
-def test_page_that_fell_behind_gets_every_stored_row(tmp_path: Path) -> None:
+def test_page_that_fell_behind_gets_every_missed_log_note(tmp_path: Path) -> None:
     async def work(busy: Busy, mounts: Mounts) -> None:
         page = Page(mounts)
         page.session.receive('{"do":"talk","on":true}')
@@ -190,7 +190,7 @@ def test_page_that_fell_behind_gets_every_stored_row(tmp_path: Path) -> None:
     played(tmp_path, work)
 
 
-def test_publisher_defect_ends_every_page_and_the_next_page_starts_anew(
+def test_publisher_exception_disconnects_pages_and_a_reopened_page_is_served(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def work(busy: Busy, mounts: Mounts) -> None:

@@ -201,7 +201,7 @@ async def test_invalid_page_message_is_answered_with_an_error(tmp_path: Path) ->
             assert not answer["ok"] and "does not understand" in answer["words"], do
 
 
-def test_surplus_page_is_told_to_come_later(tmp_path: Path) -> None:
+def test_page_beyond_the_limit_is_told_to_come_later(tmp_path: Path) -> None:
     """Two places are for another address; a page that goes leaves its place."""
 
     async def work() -> None:
@@ -225,7 +225,7 @@ def test_surplus_page_is_told_to_come_later(tmp_path: Path) -> None:
 # --- what a page sees and does --------------------------------------------------------------------------------------
 
 
-async def test_page_sees_a_goto_from_begin_to_end(tmp_path: Path) -> None:
+async def test_page_shows_a_goto_until_the_mount_arrives(tmp_path: Path) -> None:
     async with opened(tmp_path) as there, there.page() as page:
         start = page.mount["position"]
         goal = {"ra": (start["ra2000"] + 15.0) % 360.0, "dec": start["dec2000"] + 10.0}

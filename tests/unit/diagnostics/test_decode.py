@@ -75,7 +75,9 @@ def words(path: Path, data: bytes, capsys: pytest.CaptureFixture[str], protocol:
     return capsys.readouterr().out
 
 
-def test_decode_cuts_a_timed_capture_as_the_surface_does(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_decode_drops_half_a_command_after_a_pause_as_a_surface_does(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     spied = b"""000000.100 TX   0000  FF 45                                             .E
 000000.150 TX   0000  45                                                E
 000000.400 TX   0000  4A                                                J

@@ -86,7 +86,7 @@ def test_explain_describes_a_goto_in_an_owners_terms() -> None:
     assert told[-1] == "reply: 0"
 
 
-def test_explain_writes_values_and_replies_as_people_do() -> None:
+def test_explain_shows_values_and_replies_in_sexagesimal_form() -> None:
     told = explain("lx200", "etx", ":Sr05:34:32#").text.splitlines()
     assert told[1] == "  RA 05:34:32" and told[2].startswith("answered by the gateway")
     assert explain("lx200", "nexstar", ":GD#").text.splitlines()[-1] == "reply: +00*00:00#  (Dec +00°00'00\")"
@@ -101,14 +101,14 @@ def test_explain_shows_the_requests_of_a_goto_on_an_alpaca_telescope() -> None:
     assert ordered.endswith("RA 05:34:32, Dec +22°00'52\"") and reply == "reply: 0"
 
 
-def test_explain_covers_every_outcome() -> None:
+def test_explain_has_text_for_any_command_outcome() -> None:
     from gateway.diagnostics.command_outcomes import OUTCOME_MEANINGS
 
     assert tuple(OUTCOME_MEANINGS) == get_args(Outcome)
     assert "mount: refused" in explain("lx200gps", "cge/3.02", ":gT#").text
 
 
-def test_explained_outcome_matches_the_bytes_on_the_wire() -> None:
+def test_explain_describes_the_reply_that_a_program_really_gets() -> None:
     """Of the model that is presented because it fits; where a refusal has no reply, that is said."""
     gps = explain("nexstar", "lx200gps", "P\\x01\\xb0\\x37\\x00\\x00\\x00\\x01").text
     assert "on an lx200gps mount: translated (" in gps and gps.endswith("reply: \\x01#  (linked)")
@@ -140,7 +140,7 @@ def test_explain_says_when_values_make_a_command_refused() -> None:
         ("cpc", ":hP#", ["outcome on a cpc/4.21 mount: translated (", "  before the alignment: refused"]),
     ],
 )
-def test_explained_outcome_matches_the_rehearsal(mount: str, command: str, lines: list[str]) -> None:
+def test_explain_names_the_outcome_of_a_command_on_a_mount(mount: str, command: str, lines: list[str]) -> None:
     text = explain("lx200" if command.startswith(":") else "nexstar", mount, command).text
     for line in lines:
         assert f"\n{line}" in text

@@ -12,7 +12,7 @@ from tests.support.sampling import as_a_rule
 
 
 @pytest.mark.parametrize(("client", "mount"), protocol_pairs())
-def test_every_table_row_can_be_explained(client: str, mount: str) -> None:
+def test_explain_describes_each_command_of_a_protocol(client: str, mount: str) -> None:
     asked = [item for item in load(client).commands.items() if item[1].requested]
     for name, command in asked[:: as_a_rule(18, whole=1)]:
         told = explain(client, mount, "".join(f"\\x{byte:02x}" for byte in example_request(command))).text
@@ -21,7 +21,7 @@ def test_every_table_row_can_be_explained(client: str, mount: str) -> None:
         assert "\nreply: " in told, name
 
 
-def test_explained_requests_are_those_sent_to_the_mount() -> None:
+def test_explain_lists_the_requests_sent_to_the_mount_for_a_command() -> None:
     told = explain("lx200gps", "cge", ":TL#").text  # FFFD hexadecimal is the lunar rate of the azimuth motor
     assert "P\\x03\\x10\\x06\\xff\\xfd\\x00\\x00" in told
     assert explain("lx200", "cge", "\\x06").text.endswith("reply: P  (polar)")

@@ -53,7 +53,7 @@ def test_surplus_mount_events_are_counted() -> None:
     assert there.told[-2]["words"].startswith("40 events")
 
 
-def test_event_texts_are_shortened_and_names_made_printable() -> None:
+def test_mount_event_texts_are_shortened_and_client_names_escaped() -> None:
     there = There()
     there.events.publish("refused", "a\x1bb", "x" * 5000)
     assert there.told[0]["who"] == "a\\x1bb" and len(there.told[0]["words"]) == MAX_TEXT_LENGTH

@@ -58,7 +58,7 @@ def test_roster_shows_outcomes_of_orders_and_no_other_events() -> None:
 
 
 @each("payload", [b"[]", b"{", b"\xff", b'{"online": 3}', b'{"ra_hours": "x"}', b"[" * 60000])
-def test_roster_ignores_messages_of_another_form(payload: bytes) -> None:
+def test_fleet_roster_ignores_malformed_messages(payload: bytes) -> None:
     assert not roster(("a/b/state", payload)).mounts()
 
 
@@ -70,7 +70,7 @@ def test_roster_ignores_other_topics(topic: str) -> None:
     assert not made.mounts()
 
 
-def test_roster_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fleet_roster_size_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rosters, "MAX_MOUNTS", 3)
     states = [(f"a/{number}/state", {}) for number in range(9)]
     made = roster(*states, *((f"{name}/availability", b"online") for name in "xyzw"))

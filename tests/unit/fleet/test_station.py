@@ -66,7 +66,7 @@ def play(work: Coroutine[Any, Any, None]) -> None:
     asyncio.run(work)
 
 
-async def test_station_publishes_the_known_values_of_a_mount(tmp_path: Path) -> None:
+async def test_gateway_publishes_every_known_mount_value_to_the_broker(tmp_path: Path) -> None:
     async with shown(tmp_path) as there:
         told = there.state
         assert {"ra_hours", "dec_degrees", "altitude_degrees", "azimuth_degrees", "tracking", "moving", "aligned",

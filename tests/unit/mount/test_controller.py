@@ -102,7 +102,7 @@ def test_site_and_time_are_sent_to_unaligned_mounts_only() -> None:
         run(program(aligned))
 
 
-async def test_first_bars_read_while_another_program_starts_a_goto_show_the_slew() -> None:
+async def test_lx200_distance_bars_show_a_goto_that_another_program_just_started() -> None:
     async with Bridge(latency=0.1) as bridge:
         one, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
         assert await other.ask(b":GR#")
@@ -112,7 +112,7 @@ async def test_first_bars_read_while_another_program_starts_a_goto_show_the_slew
         assert await other.ask(b":GR#")
 
 
-async def test_half_a_nexstar_echo_is_completed_by_the_next_byte() -> None:
+async def test_next_byte_completes_an_unfinished_nexstar_echo_command() -> None:
     async with Bridge(presented="nexstar", surface="6-8se") as bridge:
         client = bridge.client()
         assert len(await client.ask(b"e")) == 18

@@ -23,7 +23,7 @@ CHANGES: dict[str, Callable[[MountController], object]] = {
 
 
 @each("change", CHANGES)
-async def test_stored_replies_expire_when_their_sources_change(change: str) -> None:
+async def test_stored_replies_expire_after_new_readings_or_settings(change: str) -> None:
     async with Bridge() as bridge:
         before = bridge.controller.answer_version
         CHANGES[change](bridge.controller)

@@ -57,7 +57,7 @@ def _literals(tree: ast.AST) -> Iterator[str]:
             yield node.name
 
 
-def test_only_the_registry_names_protocols() -> None:
+def test_core_modules_contain_no_protocol_names() -> None:
     wrong, seen = [], set()
     for path in sorted(ROOT.rglob("*.py")):
         place = path.relative_to(ROOT).as_posix()
@@ -135,6 +135,6 @@ def test_registry_lists_the_protocols_with_their_roles() -> None:
 
 
 @each("device", ["lx200:autostar/new", "nexstar:cpc/new", "nexstar:cpc/0.5", "nexstar:starsense/9"])
-def test_nonexistent_version_is_refused(device: str) -> None:
+def test_nonexistent_firmware_version_is_refused(device: str) -> None:
     with pytest.raises(UserError, match="version"):
         parse_device(device)

@@ -22,7 +22,7 @@ TREE, FIRMWARE = "proc/device-tree/model", "sys/firmware/devicetree/base/model"
     ("files", "without"),
     [((), False), ((TREE,), True), ((FIRMWARE,), True), ((TREE, "dev/rtc0"), False), (("dev/rtc",), False)],
 )
-def test_board_is_recognised_by_its_device_tree(files: tuple[str, ...], without: bool, tmp_path: Path) -> None:
+def test_board_without_a_hardware_clock_is_recognised(files: tuple[str, ...], without: bool, tmp_path: Path) -> None:
     tmp_path /= f"{len(files)}{without}{files}".replace("/", "-")
     for name in files:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -31,7 +31,7 @@ def test_board_is_recognised_by_its_device_tree(files: tuple[str, ...], without:
     assert lacks_hardware_clock(tmp_path) is without
 
 
-def test_container_without_access_to_the_device_tree_is_no_board(
+def test_unreadable_device_tree_does_not_count_as_lack_of_a_hardware_clock(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whoever may read everything (root) is refused here by a stand-in, as the system refuses others."""
@@ -44,7 +44,7 @@ def test_container_without_access_to_the_device_tree_is_no_board(
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other kernels do not tell")
-def test_clock_is_doubted_only_on_a_board_whose_kernel_reports_it_unset(
+def test_computer_time_is_doubted_on_a_board_until_the_kernel_reports_it_set(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     said = [False, True]
@@ -59,7 +59,7 @@ def test_clock_is_doubted_only_on_a_board_whose_kernel_reports_it_unset(
     assert not board()
 
 
-def test_clock_state_is_read_from_the_kernel() -> None:
+def test_kernel_query_for_clock_sync_gives_true_or_false() -> None:
     assert is_clock_synchronised() in (True, False)
 
 
@@ -73,13 +73,13 @@ def test_clock_state_is_read_from_the_kernel() -> None:
         ("doubtful", EARLIEST_VALID_TIME + 1.0, False, True),
     ],
 )
-def test_owner_setting_overrides_date_and_kernel_for_the_clock(
+def test_computer_clock_setting_overrides_date_and_kernel_state(
     choice: str, now: float, kernel: bool, doubtful: bool
 ) -> None:
     assert SiteClock(lambda: 0.0, lambda: now, None, choice, lambda: kernel).doubts_computer_time(now) is doubtful
 
 
-async def test_computer_clock_setting_reaches_the_mount() -> None:
+async def test_computer_clock_setting_decides_if_time_is_doubted() -> None:
     for choice, doubtful in (("auto", False), ("right", False), ("doubtful", True)):
         async with Bridge("cge", config={"computer_clock": choice}) as bridge:
             assert bridge.site_clock.doubts_computer_time(bridge.pc_time()) is doubtful

@@ -39,7 +39,9 @@ def test_log_lines_have_levels_in_the_journal_and_times_elsewhere(
     assert timed_note == f"22:00:00.500 {note[3:]}"
 
 
-def test_messages_name_the_program_only_outside_the_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_messages_name_mount_gateway_only_outside_the_systemd_journal(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "stream"
     with path.open("w") as stream:
         assert streams.message_line("no such port", streams.WARNING, stream) == "mount-gateway: no such port"

@@ -118,7 +118,7 @@ def test_lock_names_its_holder_and_ends_with_the_process(tmp_path: Path) -> None
 
 
 @POSIX
-def test_lock_is_a_file_and_never_follows_a_link(tmp_path: Path) -> None:
+def test_lock_that_is_a_link_pipe_or_folder_is_refused(tmp_path: Path) -> None:
     target = tmp_path / "target"
     (tmp_path / "a.lock").symlink_to(target)
     os.mkfifo(tmp_path / "b.lock")
@@ -164,7 +164,7 @@ def test_lock_of_an_address_ignores_its_spelling(where: str, name: str | None) -
 
 
 @POSIX
-def test_link_of_the_virtual_port_has_no_name_predictable_for_another_user(base: Path) -> None:
+def test_virtual_port_link_is_made_though_predictable_names_are_taken(base: Path) -> None:
     path = base / "lx200"
     for taken in (path.with_name(f"lx200.{os.getpid()}"), *base.glob("mount-gateway-*.lock")):
         taken.mkdir()
@@ -178,7 +178,7 @@ def test_link_of_the_virtual_port_has_no_name_predictable_for_another_user(base:
 
 
 @ROOT
-def test_live_link_of_another_user_is_left_alone(base: Path) -> None:
+def test_live_port_link_of_another_user_is_not_replaced(base: Path) -> None:
     master, slave = os.openpty()
     path = base / "lx200"
     path.symlink_to(os.ttyname(slave))

@@ -9,7 +9,7 @@ import pytest
 from gateway.system import own_commands
 
 
-def test_single_file_program_starts_itself_without_an_interpreter(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_single_file_mount_gateway_starts_itself_without_python_options(monkeypatch: pytest.MonkeyPatch) -> None:
     """It takes no ``-m``: whatever it is started with are arguments of mount-gateway."""
     monkeypatch.setattr(sys, "frozen", True, raising=False)
     assert own_commands.gateway_argv() == [sys.executable]

@@ -59,12 +59,12 @@ def test_pipe_device_or_folder_instead_of_a_file_is_refused_in_a_sentence(
         does(folder / name)
 
 
-def test_pipe_beside_a_state_file_does_not_block(folder: Path) -> None:
+def test_named_pipe_as_state_file_is_refused_at_once(folder: Path) -> None:
     with pytest.raises(OSError, match="a plain file is needed"):
         replace(folder / "pipe")
 
 
-def test_invalid_motion_marker_counts_as_an_unknown_moving_mount(folder: Path) -> None:
+def test_unreadable_motion_marker_file_counts_as_a_mount_in_motion(folder: Path) -> None:
     assert [read_marker(folder / name) for name in ("pipe", "zero", "folder")] == [MarkerContent("", 9600)] * 3
 
 

@@ -19,7 +19,7 @@ print(ask_for_short_slices(), os.nice(0) == before, os.sched_getscheduler(0) == 
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_getscheduler"), reason="not Linux")
-def test_short_time_slices_keep_niceness_and_policy() -> None:
+def test_asking_for_short_time_slices_keeps_niceness_and_policy() -> None:
     said = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True).stdout
     assert said in ("True True True\n", "False True True\n")
 

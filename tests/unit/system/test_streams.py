@@ -96,7 +96,7 @@ def test_command_with_broken_output_reports_why_it_failed(
     assert said.count("\n") == 1
 
 
-def test_closed_pipe_of_a_reader_is_no_error() -> None:
+def test_output_pipe_closed_by_its_reader_is_no_error() -> None:
     running = shell("", "config", "--example")
     assert running.stdout is not None
     running.stdout.close()

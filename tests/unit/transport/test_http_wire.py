@@ -79,7 +79,7 @@ async def server(answer: Answer) -> AsyncIterator[tuple[HttpWire, asyncio.Queue[
         listening.close()
 
 
-async def test_http_line_becomes_a_request_and_its_answer_a_line() -> None:
+async def test_alpaca_driver_line_becomes_an_http_request_with_its_reply() -> None:
     async def answer(request: bytes, writer: asyncio.StreamWriter) -> None:
         await value(writer, "12.5" if request.startswith(b"GET") else "null")
 
@@ -220,7 +220,7 @@ def test_line_breaks_in_an_http_answer_do_not_split_the_line(status: int, body: 
     assert TelescopeHttp("http://127.0.0.1:1").reply(status, body) == line
 
 
-def test_gateway_refuses_to_drive_itself() -> None:
+def test_gateway_refuses_itself_as_an_alpaca_server() -> None:
     told = json.dumps({"Value": {"ServerName": "mount-gateway", "Gateways": [chain.own_token(os.getpid())]}})
     telescope = TelescopeHttp("http://127.0.0.1:1/7")
     telescope.check_first_answer(telescope.first_requests[0], 404, b"")

@@ -46,7 +46,9 @@ async def test_paced_bytes_that_arrive_too_fast_are_lost_and_closing_drops_the_r
 @pytest.mark.parametrize(
     ("baud", "latency", "seconds"), [(9600, 0.0, 19 * BYTE), (9600, 0.2, 0.2 + 19 * BYTE), (None, 0.0, 0.0)]
 )
-async def test_paced_exchange_takes_the_time_of_its_bytes(baud: int | None, latency: float, seconds: float) -> None:
+async def test_simulator_answer_takes_as_long_as_its_baud_rate_needs(
+    baud: int | None, latency: float, seconds: float
+) -> None:
     """``e`` is one byte, its answer eighteen."""
     loop = asyncio.get_running_loop()
     heard = b""
@@ -70,7 +72,7 @@ async def test_paced_exchange_takes_the_time_of_its_bytes(baud: int | None, late
 @pytest.mark.parametrize(("place", "baud", "least"), [
     ("tcp://127.0.0.1:0", None, 0.0), ("tcp://127.0.0.1:0", 1200, 0.15), ("pty", None, 0.019), ("pty", 1200, 0.15),
 ])  # fmt: skip
-def test_pseudo_terminals_have_the_pace_of_a_line_and_tcp_by_option(
+def test_simulator_delays_bytes_on_pseudo_terminals_and_on_tcp_by_option(
     place: str, baud: int | None, least: float, tmp_path: Path
 ) -> None:
     """Nineteen bytes: 0.02 s at 9600 baud, 0.16 s at 1200."""

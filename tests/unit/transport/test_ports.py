@@ -45,7 +45,7 @@ async def ask(link: tuple[asyncio.StreamReader, asyncio.StreamWriter], data: byt
         return await link[0].readuntil(until)
 
 
-async def test_misbehaving_clients_do_not_affect_another() -> None:
+async def test_misbehaving_tcp_clients_do_not_disturb_another_one() -> None:
     async with serving("lx200@tcp://127.0.0.1:0") as gateway:
         steady = await asyncio.open_connection(*address(gateway))
         assert len(await ask(steady, b":GR#")) == 9
@@ -83,7 +83,7 @@ async def test_virtual_serial_port_can_be_opened_and_closed_at_will(tmp_path: Pa
 
 
 @each(("model", "reply"), [("lx200gps", b"\x01#"), ("autostar", b"\x00\x00#")])
-async def test_gps_unit_is_presented_where_the_telescope_has_one(model: str, reply: bytes) -> None:
+async def test_nexstar_surface_reports_a_gps_only_if_the_telescope_has_one(model: str, reply: bytes) -> None:
     async with serving("nexstar@tcp://127.0.0.1:0", mount=f"lx200:{model}@sim") as gateway:
         link = await asyncio.open_connection(*address(gateway))
         assert await ask(link, b"P\x01\xb0\x37\x00\x00\x00\x01") == reply
@@ -91,7 +91,7 @@ async def test_gps_unit_is_presented_where_the_telescope_has_one(model: str, rep
 
 
 @pytest.mark.parametrize("where", ["tcp://", "tcp://127.0.0.1:99999", "tcp://127.0.0.1:x", "/dev/does-not-exist"])
-async def test_impossible_port_is_reported(where: str) -> None:
+async def test_invalid_or_missing_port_is_reported(where: str) -> None:
     with pytest.raises(UserError, match=where.replace("/", ".")):
         async with serving(f"lx200@{where}"):
             raise AssertionError("opened")

@@ -96,7 +96,7 @@ def test_every_opening_of_a_virtual_port_is_a_new_connection(tmp_path: Path, fas
 
 
 @LINUX
-def test_program_inherits_nothing_from_the_previous_one_on_a_virtual_port(tmp_path: Path) -> None:
+def test_next_program_on_a_virtual_port_gets_no_old_bytes_or_settings(tmp_path: Path) -> None:
     path = tmp_path / "lx200"
 
     async def program(port: PtyPort, book: list[str]) -> None:
@@ -170,7 +170,7 @@ def test_exclusive_use_of_a_virtual_port_ends_with_the_program(tmp_path: Path, m
     {"baudrate": 115200}, {"baudrate": 31250}, {"rtscts": True, "dsrdtr": True}, {"xonxoff": False, "exclusive": True},
     {"bytesize": 7, "parity": "E", "stopbits": 2},
 ])  # fmt: skip
-def test_virtual_port_accepts_whatever_a_program_sets(tmp_path: Path, settings: dict[str, Any]) -> None:
+def test_virtual_port_works_at_any_baud_rate_and_parity(tmp_path: Path, settings: dict[str, Any]) -> None:
     path = tmp_path / "lx200"
 
     def ask() -> bytes:
@@ -211,7 +211,7 @@ def test_virtual_port_has_the_mode_and_group_of_a_serial_port(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("what", ["no directory", "a file", "a directory", "a link to"])
-def test_link_name_that_cannot_be_taken_is_reported_and_left_alone(
+def test_virtual_port_path_that_cannot_be_used_is_reported_and_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str
 ) -> None:
     locks = tmp_path / "locks"
@@ -251,7 +251,7 @@ def test_link_of_a_crashed_gateway_is_replaced_but_not_a_live_link(tmp_path: Pat
     on_a_port(path, program)
 
 
-def test_endless_writer_on_a_virtual_port_leaves_others_their_turn(tmp_path: Path) -> None:
+def test_endless_writer_on_a_virtual_port_does_not_block_the_gateway(tmp_path: Path) -> None:
     path = tmp_path / "lx200"
 
     async def program(port: PtyPort, book: list[str]) -> None:
@@ -287,7 +287,7 @@ def test_transport_modules_import_on_windows_without_virtual_ports() -> None:
 
 @pytest.mark.real_time
 @pytest.mark.skipif(not hasattr(select, "epoll"), reason="nothing tells that it is closed")
-async def test_next_program_reads_no_answers_to_the_previous_ones_flood(tmp_path: Path) -> None:
+async def test_next_program_on_a_virtual_port_reads_no_answers_to_the_last_one(tmp_path: Path) -> None:
     """What the flood has left on either side of the terminal is gone: answers nobody read, and those still to come."""
     book: list[str] = []
     port = PtyPort(str(tmp_path / "p"), lambda connected: Visitor(book, connected.write))

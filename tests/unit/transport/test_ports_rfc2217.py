@@ -174,7 +174,7 @@ def test_endless_telnet_subnegotiation_is_not_stored() -> None:
 
 @settings(max_examples=as_a_rule(20, whole=50))
 @given(st.lists(st.binary(max_size=12), max_size=12))
-def test_rfc2217_bytes_arrive_however_they_are_cut(pieces: list[bytes]) -> None:
+def test_rfc2217_bytes_split_anywhere_arrive_whole(pieces: list[bytes]) -> None:
     """Escaped as a client must, cut anywhere; and with anything at all nothing is raised."""
     telnet, whole = Telnet(), b"".join(pieces)
     for piece in [HELLO, *pieces]:

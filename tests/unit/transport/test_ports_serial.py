@@ -37,7 +37,7 @@ async def read(descriptor: int, count: int) -> bytes:
     return heard
 
 
-async def test_surface_on_one_half_of_a_port_pair_serves_the_other() -> None:
+async def test_gateway_on_one_end_of_a_serial_port_pair_answers_at_the_other() -> None:
     """The gateway opens one half, the program has the other; it may fall silent and come back."""
     program_side, gateway_side = os.openpty()
     tty.setraw(gateway_side)
@@ -104,7 +104,7 @@ async def test_loopback_port_receives_what_it_sends() -> None:
 
 
 @each("where", ["COM5", "com5", "\\\\.\\COM12", "/dev/none", "./none"])
-async def test_port_names_are_recognised_as_ports(where: str) -> None:
+async def test_serial_port_names_are_recognised(where: str) -> None:
     with pytest.raises(UserError, match=r"^cannot open "):
         await open_port(where, lambda connected: Echo(connected.write))
 

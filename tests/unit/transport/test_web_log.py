@@ -19,7 +19,7 @@ from gateway.transport.web_server import web_log
         (b"GET /broken HTTP/1.1\r\nHost: here\r\n\r\n", b" 500 ", True),
     ],
 )
-def test_web_log_reports_only_failures_of_the_server(
+def test_web_log_reports_server_errors_but_no_bad_requests(
     request_: bytes, status: bytes, told: bool, caplog: pytest.LogCaptureFixture
 ) -> None:
     async def broken(request: web.Request) -> web.Response:

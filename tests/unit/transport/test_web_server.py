@@ -113,7 +113,7 @@ async def test_http_request_sent_byte_by_byte_is_closed_after_the_timeout(sent: 
         assert line.closed_after == REQUEST_TIMEOUT and line.heard == b""
 
 
-async def test_slowly_answered_http_client_stays_and_an_idle_one_is_closed() -> None:
+async def test_http_client_is_closed_when_idle_but_not_while_awaiting_a_reply() -> None:
     async with serving() as server:
         line = Line(server)
         for number in range(1, 4):
@@ -240,7 +240,7 @@ async def test_first_http_byte_loads_the_application_and_is_not_lost() -> None:
 
 
 @each(("why", "told"), [("none", b"404"), ("ends", b"404"), ("too much", b"503"), ("too late", b"503")])
-async def test_surplus_http_client_is_told_to_come_later(why: str, told: bytes) -> None:
+async def test_http_client_that_cannot_be_served_gets_404_or_503(why: str, told: bytes) -> None:
     server = WebServer(None if why == "none" else Site().load)
     line = Line(server, sent=GET)
     if why == "too much":

@@ -117,7 +117,7 @@ def test_config_error_names_the_line(tmp_path: Path, text: str, line: int, says:
         ("lx200@tcp://:4030", "lx200@/dev/ttyUSB0", True),
     ],
 )
-def test_two_surfaces_cannot_use_one_address(tmp_path: Path, one: str, other: str, clash: bool) -> None:
+def test_config_refuses_two_surfaces_on_one_address(tmp_path: Path, one: str, other: str, clash: bool) -> None:
     text = f'[mount]\nat = "nexstar@/dev/ttyUSB0"\n[[surface]]\nat = "{one}"\n[[surface]]\nat = "{other}"\n'
     if not clash:
         assert len(read(tmp_path, text).surface) == 2
@@ -133,7 +133,7 @@ def test_two_mounts_cannot_use_one_port(tmp_path: Path) -> None:
         read(tmp_path, text + A + B)
 
 
-def test_each_of_several_mounts_has_its_surfaces(tmp_path: Path) -> None:
+def test_each_surface_belongs_to_the_mount_that_it_names(tmp_path: Path) -> None:
     config = read(tmp_path, TWO + A + B.replace(":0", ":4040") + A.replace(":0", ":4050"))
     assert [[surface.at for surface in config.surfaces_of(mount)] for mount in config.mount] == [
         ["lx200@tcp://:0", "lx200@tcp://:4050"],
@@ -186,7 +186,7 @@ def test_every_config_key_of_the_mount_is_a_flag() -> None:
 
 
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
-def test_config_ranges_refuse_toml_values_that_are_no_numbers(tmp_path: Path, value: str) -> None:
+def test_config_refuses_nan_and_infinity_for_numeric_keys(tmp_path: Path, value: str) -> None:
     numbers = [key.name for key in keys_of("mount") if isinstance(key.default, float)] + ["lowest", "highest"]
     assert "sun" in numbers
     for name in numbers:
@@ -206,7 +206,7 @@ def test_flags_override_the_config_file(tmp_path: Path) -> None:
     assert source.origin_of(("mount", 0, "speed")) is None
 
 
-def test_surface_from_a_flag_inherits_nothing_from_the_file(tmp_path: Path) -> None:
+def test_surface_flag_takes_no_settings_from_the_config_file(tmp_path: Path) -> None:
     path = tmp_path / "gateway.toml"
     path.write_text(f"{MOUNT}{SURFACE}client = 'indi'\n")
     parser = argparse.ArgumentParser()
@@ -217,7 +217,7 @@ def test_surface_from_a_flag_inherits_nothing_from_the_file(tmp_path: Path) -> N
     assert source.origin_of(("surface", 0, "client")) is None
 
 
-def test_flag_for_one_of_several_mounts_is_refused(tmp_path: Path) -> None:
+def test_mount_flag_is_refused_with_a_config_of_several_mounts(tmp_path: Path) -> None:
     path = tmp_path / "gateway.toml"
     path.write_text(TWO + A + B)
     parser = argparse.ArgumentParser()

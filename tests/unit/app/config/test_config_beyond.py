@@ -39,7 +39,7 @@ NUL, ESCAPE = "\\u0000", "\\u001b"
         (f"{MOUNT}[[surface]]\nat = 'lx200@tcp://127.0.0.1:\N{SUPERSCRIPT TWO}'\n", 4, "write tcp://HOST:PORT"),
     ],
 )  # fmt: skip
-def test_odd_config_value_is_reported_in_one_line_with_its_place(
+def test_malformed_config_value_is_reported_in_one_line_with_its_line_number(
     text: str, line: int, says: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "gateway.toml"
@@ -66,7 +66,7 @@ def test_odd_config_value_is_reported_in_one_line_with_its_place(
         ["sim", "nexstar", "--latency", "inf"],
     ],
 )
-def test_odd_flag_value_is_reported_in_one_line_with_its_place(
+def test_malformed_flag_value_is_reported_in_one_printable_line(
     words: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(words) == 2

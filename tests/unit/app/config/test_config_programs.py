@@ -64,14 +64,14 @@ def test_named_client_program_gets_the_settings_that_it_needs(
     assert getattr(with_needs(SurfaceConfig(at=at, client=client)), key) == value
 
 
-def test_client_profile_leaves_user_settings_unchanged() -> None:
+def test_client_profile_does_not_override_an_explicit_setting() -> None:
     surface = SurfaceConfig(at=TCP, client="stellarium-mobile", equinox="jnow")
     assert with_needs(surface).equinox == "jnow"
     assert unmet_needs(surface) == []
 
 
 @pytest.mark.parametrize("protocol", ["lx200", "nexstar"])
-def test_every_client_profile_sets_a_valid_key_and_says_why(protocol: str) -> None:
+def test_every_client_profile_sets_only_valid_keys_and_gives_reasons(protocol: str) -> None:
     """Its key is one of the surface's, its value is allowed there, and it says why."""
     for name, row in programs(protocol).items():
         assert bool(row.first) == bool(row.evidence), name
@@ -82,7 +82,7 @@ def test_every_client_profile_sets_a_valid_key_and_says_why(protocol: str) -> No
             assert need.why, name
 
 
-def test_conversation_with_a_named_stellarium_matches_its_recording() -> None:
+def test_stellarium_profile_sets_the_sync_text_of_its_recording() -> None:
     """The whole file, with the profile in the place of its own ``sync_text``."""
     [path] = files("lx200-stellarium.txt")
     conversation = read(path)
@@ -90,7 +90,7 @@ def test_conversation_with_a_named_stellarium_matches_its_recording() -> None:
     assert given.sync_text == conversation.settings["sync_text"]
 
 
-def test_starry_night_begins_in_low_precision() -> None:
+def test_starry_night_profile_starts_in_low_precision() -> None:
     given = with_needs(SurfaceConfig(at=TCP, client="starry-night"))
     assert Talk(precision=given.precision).send(b":GR#") == b"12:34.9#"
 
@@ -113,7 +113,7 @@ async def test_only_stellarium_mobile_gets_j2000_coordinates() -> None:
     assert (target.ra, target.dec) == pytest.approx(sky, abs=1e-6)  # type: ignore[attr-defined]
 
 
-async def test_programs_that_release_arrows_by_a_full_stop_have_a_profile() -> None:
+async def test_clients_that_end_arrows_by_stopping_all_motion_are_known() -> None:
     built, _ = gateway()
     mobile, other = built.connect(), built.connect()
     for data in MOBILE:
@@ -135,7 +135,7 @@ async def test_stellarium_mobile_is_recognised_byte_by_byte() -> None:
     assert await connection.ask(b"#:GR#") != b"12:34:56#"
 
 
-async def test_recognised_stellarium_gets_a_reply_that_it_can_read() -> None:
+async def test_recognised_stellarium_gets_a_sync_reply_that_it_can_read() -> None:
     built, _ = gateway()
     stellarium, other = built.connect(), built.connect()
     for data in DESKTOP:
@@ -146,7 +146,7 @@ async def test_recognised_stellarium_gets_a_reply_that_it_can_read() -> None:
         assert await connection.ask(b":CM#") == text
 
 
-async def test_explicit_key_overrides_recognition_of_a_program() -> None:
+async def test_explicit_setting_overrides_the_recognised_client_profile() -> None:
     for keys in ({"equinox": "jnow"}, {"client": "any"}, {"client": "skysafari"}):
         built, _ = gateway(**keys)
         connection = built.connect()
@@ -156,7 +156,7 @@ async def test_explicit_key_overrides_recognition_of_a_program() -> None:
 
 
 @each("path", files("lx200-*.txt"))
-async def test_recognition_picks_only_the_right_program(path: Path) -> None:
+async def test_recognition_of_a_client_program_picks_the_right_one(path: Path) -> None:
     """Every conversation that is known, from its first byte on."""
     built, entries = gateway()
     connection = built.connect()
@@ -174,7 +174,7 @@ def test_programs_are_recognised_only_on_lx200_network_surfaces() -> None:
         assert first_bytes(SurfaceConfig(at=at)) == {}
 
 
-async def test_command_without_a_reply_logs_one_reason_per_host() -> None:
+async def test_unknown_command_without_a_reply_is_logged_once_per_host() -> None:
     built, entries = gateway()
     for host in ("192.168.4.2", "192.168.4.2", "192.168.4.3"):
         connection = built.connect(host)

@@ -71,7 +71,7 @@ def test_printed_configuration_says_where_each_changed_value_comes_from(tmp_path
     assert "# mode: not set" in lines
 
 
-def test_printed_configuration_shows_defaults_without_a_mark() -> None:
+def test_printed_configuration_adds_no_origin_comment_to_defaults() -> None:
     flags: dict[Place, str] = {("mount", 0, "at"): "--mount", ("surface", 0): "--surface"}
     tables = {"mount": [{"at": "nexstar@sim"}], "surface": [{"at": "lx200@tcp://:0"}]}
     source = Source("command line", flags=flags)

@@ -91,7 +91,7 @@ def test_malformed_control_request_is_refused_in_words(tmp_path: Path, line: str
     assert "has another version" in asyncio.run(program())
 
 
-def test_control_answer_may_be_long(tmp_path: Path) -> None:
+def test_long_control_answer_arrives_whole(tmp_path: Path) -> None:
     assert _asked(tmp_path, _long) == asyncio.run(_long(requests.StopRequest()))  # type: ignore[arg-type]
 
 
@@ -169,7 +169,7 @@ async def test_random_datagrams_do_not_harm_the_control_port(tmp_path: Path) -> 
     await served.close()
 
 
-def test_control_seal_depends_on_secret_number_and_text() -> None:
+def test_forged_or_altered_control_message_is_rejected() -> None:
     assert verify("s", sign("s", "7", "ask stop")) == ("7", "ask stop")
     assert verify("t", sign("s", "7", "ask stop")) is None
     assert verify("s", sign("s", "7", "ask stop") + b"!") is None
@@ -208,7 +208,7 @@ def _nobodys_port() -> int:
         return int(probe.getsockname()[1])
 
 
-async def test_files_of_a_killed_gateway_are_removed_and_junk_is_ignored(tmp_path: Path) -> None:
+async def test_control_file_of_a_killed_gateway_is_removed_and_junk_ignored(tmp_path: Path) -> None:
     endpoint = ControlEndpoint("lx200@COM3", 2**22 + 1, _nobodys_port(), "s")
     stale = tmp_path / "lx200@COM3.77.control"
     (tmp_path / "garbage.control").write_bytes(b"{")
@@ -227,7 +227,7 @@ async def test_files_of_a_killed_gateway_are_removed_and_junk_is_ignored(tmp_pat
     await served.close()
 
 
-async def test_gateway_is_found_though_one_of_its_folders_takes_no_file(tmp_path: Path) -> None:
+async def test_gateway_is_found_though_one_of_its_folders_is_not_writable(tmp_path: Path) -> None:
     (tmp_path / "full").write_text("")
     served = ControlServer([tmp_path / "full", tmp_path], "m", "m", _good)
     await served.open()

@@ -24,7 +24,7 @@ MOST = 12
         ("ring neb", "Ring Nebula"),
     ],
 )
-def test_best_match_is_suggested_first(typed: str, first: str) -> None:
+def test_best_object_match_is_suggested_first(typed: str, first: str) -> None:
     assert completions(typed, MOST)[0] == first
 
 
@@ -38,5 +38,5 @@ def test_alignment_stars_are_suggested_first() -> None:
 
 
 @pytest.mark.parametrize("typed", ["", "m999", "ngc 9999", "xyz 12", "m0"])
-def test_unknown_text_suggests_nothing(typed: str) -> None:
+def test_unknown_text_suggests_no_object(typed: str) -> None:
     assert completions(typed, MOST) == []

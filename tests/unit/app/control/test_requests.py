@@ -127,7 +127,7 @@ async def test_goto_from_the_command_line_beyond_a_limit_is_refused_in_words() -
         assert (await owner.see()).lately == ()
 
 
-async def test_refusals_of_programs_are_shown_without_a_log() -> None:
+async def test_status_shows_refused_client_requests_without_a_log() -> None:
     async with Bridge() as bridge:
         bridge.wire_log.sinks.clear()
         client = bridge.client("192.168.1.23")
@@ -163,7 +163,7 @@ async def test_move_of_a_parked_mount_reports_that_it_is_no_longer_parked() -> N
         assert "parked" not in await owner.wish(NORTH)
 
 
-async def test_move_is_never_longer_than_the_dead_mans_time() -> None:
+async def test_move_command_longer_than_the_dead_man_time_is_refused() -> None:
     async with Bridge(config={"dead_man": 5.0}) as bridge:
         answer = await Owner(bridge).wish(requests.MoveRequest(Direction.NORTH, 7, 6.0, number="m"))
         assert answer.startswith("failed ") and "5 s (--dead-man)" in answer and "1 to 9" in answer
@@ -224,7 +224,7 @@ async def test_waiting_requester_is_told_of_a_stop_by_a_program() -> None:
         assert "move: Move ended by a stop" in " ".join((await owner.see()).lately)
 
 
-async def test_held_arrow_stays_ended_after_a_stop() -> None:
+async def test_arrow_kept_pressed_through_a_stop_stays_ended() -> None:
     """Whoever holds it learns that it moves nothing any more, and must press anew."""
     async with Bridge() as bridge:
         owner, client = Owner(bridge), bridge.client()
@@ -237,7 +237,7 @@ async def test_held_arrow_stays_ended_after_a_stop() -> None:
         assert await owner.wish(requests.PressKeyRequest(Direction.NORTH, 7, number="q")) == "done it is moved north"
 
 
-async def test_order_being_sent_is_not_listed_as_not_yet_begun() -> None:
+async def test_goto_being_sent_is_not_listed_as_not_yet_begun() -> None:
     async with Bridge(latency=0.5) as bridge:
         owner = Owner(bridge)
         wish = asyncio.ensure_future(owner.wish(requests.GotoRequest(CRAB, number="g")))
@@ -247,7 +247,7 @@ async def test_order_being_sent_is_not_listed_as_not_yet_begun() -> None:
         assert (await wish).startswith("done")
 
 
-async def test_held_or_unaligned_mount_is_reported() -> None:
+async def test_goto_refusal_says_how_to_align_or_release_mount() -> None:
     async with Bridge(aligned=False) as bridge:
         owner = Owner(bridge)
         assert "Align it at the hand control" in await owner.wish(requests.GotoRequest(CRAB, number="g"))
@@ -256,7 +256,7 @@ async def test_held_or_unaligned_mount_is_reported() -> None:
         assert any("stop --release" in limit for limit in (await owner.see()).allowed)
 
 
-async def test_status_names_every_value() -> None:
+async def test_status_lists_site_clock_and_tracking() -> None:
     async with Bridge() as bridge:
         owner = Owner(bridge, "pier")
         state = await owner.see()
@@ -274,7 +274,7 @@ async def test_status_names_every_value() -> None:
         assert state.clock == "2026-01-15 22:00:01 UTC, from the mount"
 
 
-def test_contradicted_site_is_reported_once() -> None:
+def test_site_conflict_with_the_config_is_reported_once() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             state = mount_state(bridge.controller)
@@ -304,7 +304,7 @@ def test_wrong_clock_is_reported_with_both_times_and_how_to_set_each() -> None:
     run(program())
 
 
-async def test_command_line_requests_work_on_a_meade() -> None:
+async def test_meade_obeys_move_goto_cancel_and_park_requests() -> None:
     sky = Sky()
     exact_sky.load(sky)
     async with Bridge(driven="lx200", mount="lx200gps", presented="nexstar", surface=None, sky=sky) as bridge:

@@ -95,7 +95,7 @@ def test_start_message_warns_of_another_model_than_configured(
     assert [line for line in warned if "named" in line] == (words if told else [])
 
 
-def test_start_message_is_silent_about_the_configured_model() -> None:
+def test_start_message_does_not_warn_of_the_configured_model() -> None:
     for driven, mount in (
         ("nexstar", "6-8se"),
         ("nexstar", "cge"),
@@ -139,7 +139,7 @@ def test_start_message_warns_of_a_suspicious_site(site: tuple[float, float], hin
     assert "look" in warned or not hint
 
 
-async def test_end_message_says_how_the_mount_was_left() -> None:
+async def test_end_message_says_whether_tracking_is_on() -> None:
     async with Bridge() as bridge:
         client = bridge.client()
         await client.ask(b":RS#:Mn#:GVP#")

@@ -87,7 +87,7 @@ def test_old_script_path_is_not_served_after_an_update(tmp_path: Path) -> None:
     assert get(after, "js/x/one.js").headers["Cache-Control"] == "no-cache"
 
 
-def test_page_modules_run_once_and_in_order() -> None:
+def test_bundled_page_modules_run_once_in_import_order() -> None:
     made = bundle_scripts(
         {
             "js/main.js": 'import * as b from "./b.js";\nimport { a as first, two } from "./x/a.js";\nb.start(first);\n'

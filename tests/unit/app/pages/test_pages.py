@@ -52,7 +52,7 @@ def test_console_accepts_only_host_names_of_this_computer(header: str | None, al
         ("", "127.0.0.1", False),
     ],
 )
-def test_console_accepts_only_its_origin(origin: str | None, host: str, allowed: bool) -> None:
+def test_console_refuses_foreign_origins(origin: str | None, host: str, allowed: bool) -> None:
     assert pages.same_origin(origin, host) is allowed
 
 
@@ -64,7 +64,7 @@ def test_console_refuses_cross_site_requests_by_fetch_metadata(site: str | None,
     assert pages.from_other_site({} if site is None else {"Sec-Fetch-Site": site}) is elsewhere
 
 
-def test_console_compares_the_whole_token() -> None:
+def test_console_refuses_a_partial_or_missing_token() -> None:
     assert pages.same_token("abc", "abc")
     assert not pages.same_token("ab", "abc")
     assert not pages.same_token(None, "abc")

@@ -75,7 +75,7 @@ def test_recording_of_an_earlier_run_is_renamed_and_made_private(tmp_path: Path)
     assert _mode(path) == _mode(tmp_path / "night.rec.1") == 0o600
 
 
-def test_recorder_leaves_a_file_of_another_kind_alone(tmp_path: Path) -> None:
+def test_recorder_does_not_overwrite_a_file_that_is_no_recording(tmp_path: Path) -> None:
     path = tmp_path / "gateway.toml"
     path.write_text("[mount]\n")
     with pytest.raises(UserError, match="not a recording"):
@@ -216,7 +216,7 @@ async def test_line_breaks_in_names_and_notes_do_not_break_recording_lines(tmp_p
 
 
 @pytest.mark.real_time
-async def test_foreign_file_that_appears_at_night_ends_the_recording(tmp_path: Path) -> None:
+async def test_recording_ends_when_a_foreign_file_replaces_its_file(tmp_path: Path) -> None:
     path, said = tmp_path / "night.rec", list[str]()
     recorder = Recorder(path, SETTINGS, max_bytes=1000, warn=said.append)
     path.unlink()

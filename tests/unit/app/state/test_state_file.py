@@ -59,7 +59,7 @@ def test_saved_state_is_restored(
     assert state.msgspec.json.decode(state.encode(kept), type=SavedState) == kept
 
 
-def test_state_file_is_replaced_whole_and_private(tmp_path: Path) -> None:
+def test_state_file_is_replaced_with_owner_only_permissions(tmp_path: Path) -> None:
     path = tmp_path / "mount.json"
     for flush in (True, False):
         replace_file(path, state.encode(FULL), flush=flush)
@@ -78,7 +78,7 @@ def test_state_file_is_replaced_whole_and_private(tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems have other places")
-def test_state_folder_follows_the_platforms_rules(
+def test_linux_state_folder_follows_systemd_and_xdg_variables(
     variables: dict[str, str], where: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("STATE_DIRECTORY", "XDG_STATE_HOME"):
@@ -162,7 +162,7 @@ def test_unknown_keys_in_a_state_file_are_ignored(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b'{"mount": 3}', b'{"mount": "", "baud": 1, "memory": {"version": 7}}'])
-async def test_unreadable_motion_mark_still_counts_as_a_mark(tmp_path: Path, content: bytes) -> None:
+async def test_unreadable_motion_mark_still_stops_the_mount_at_start(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "nexstar@bridge.moving").write_bytes(content)
     async with Bridge(state=tmp_path) as bridge:
         assert bridge.sent_requests()[:4] == [b"Kx", b"P\2\x10$\0\0\0\0", b"P\2\x11$\0\0\0\0", b"M"]

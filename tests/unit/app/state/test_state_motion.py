@@ -67,7 +67,7 @@ async def test_motion_mark_is_written_before_a_motion_and_removed_after_it(
 
 
 @pytest.mark.parametrize("kind", [os.mkfifo, os.mkdir, Path.touch])
-async def test_unreadable_motion_mark_is_named(tmp_path: Path, kind: Callable[[Path], None]) -> None:
+async def test_warning_names_an_unreadable_motion_mark(tmp_path: Path, kind: Callable[[Path], None]) -> None:
     """The mount is stopped; a pipe is replaced by the next mark, and a folder is told once more."""
     kind(mark := tmp_path / "nexstar@bridge.moving")
     async with Bridge(state=tmp_path) as bridge:
@@ -186,7 +186,7 @@ async def test_first_command_to_a_meade_after_a_kill_is_a_stop(tmp_path: Path, m
             assert _mark(tmp_path) is None
 
 
-async def test_motion_that_was_never_stopped_stays_marked(tmp_path: Path) -> None:
+async def test_motion_mark_stays_if_the_mount_never_heard_the_stop(tmp_path: Path) -> None:
     """The line is dead when the gateway ends: whoever comes next must stop the mount."""
     async with Bridge(state=tmp_path) as bridge:
         bridge.client().send(b":RS#:Mn#")
@@ -199,7 +199,7 @@ async def test_motion_that_was_never_stopped_stays_marked(tmp_path: Path) -> Non
         assert _mark(tmp_path) is None
 
 
-async def test_motion_mark_says_how_to_stop_without_a_gateway(tmp_path: Path) -> None:
+async def test_motion_mark_names_the_mount_its_baud_rate_and_tracking(tmp_path: Path) -> None:
     async with Bridge("cge", state=tmp_path) as bridge:
         bridge.client().send(b":RS#:Mn#")
         await asyncio.sleep(2)

@@ -256,7 +256,7 @@ def test_watchdog_repeats_the_stop_until_another_gateway_has_the_mount(process: 
     assert process.heard() in (b"", b"MP\x02\x10"), "the mount is another gateway's"
 
 
-def test_watchdog_needs_no_heartbeat_at_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_watchdog_needs_no_heartbeat_while_mount_rests(monkeypatch: pytest.MonkeyPatch) -> None:
     here, there = socket.socketpair()
     waits = []
 
@@ -315,7 +315,7 @@ def test_watchdog_that_was_paused_does_not_call_the_gateway_silent(
         ((True, True), 1.0, 5.0),
     ],
 )
-def test_watchdog_waits_longer_for_a_starved_gateway_on_a_clear_path(
+def test_watchdog_gives_a_cpu_starved_gateway_more_time_on_a_safe_path(
     monkeypatch: pytest.MonkeyPatch, clear: tuple[bool, ...], share: float, until: float
 ) -> None:
     here, there = socket.socketpair()
@@ -343,7 +343,7 @@ def test_watchdog_waits_longer_for_a_starved_gateway_on_a_clear_path(
     assert stopped == pytest.approx([100.0 + until])
 
 
-def test_watchdog_stops_a_starved_gateway_that_then_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_watchdog_stops_the_mount_of_a_starved_gateway_that_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
     here, there = socket.socketpair()
     clock = [100.0]
 
@@ -367,14 +367,14 @@ def test_watchdog_stops_a_starved_gateway_that_then_hangs(monkeypatch: pytest.Mo
     assert clock[0] < 102.3
 
 
-def test_watchdog_reads_the_wait_for_a_processor_from_linux() -> None:
+def test_watchdog_reads_the_cpu_wait_of_a_process_from_linux() -> None:
     told = cpu_wait(str(os.getpid()))
     assert told >= 0.0 or not Path("/proc/self/schedstat").exists()
     assert math.isnan(cpu_wait("0"))
 
 
 @pytest.mark.safety_line(7)
-def test_watchdog_survives_a_gateway_that_ends_while_its_wait_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_watchdog_survives_a_gateway_that_ends_while_its_cpu_wait_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its file in /proc can be opened still, and reading it fails: the mount is stopped all the same."""
     child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
     descriptor = os.open(f"/proc/{child.pid}/schedstat", os.O_RDONLY)
@@ -388,7 +388,7 @@ def test_watchdog_survives_a_gateway_that_ends_while_its_wait_is_read(monkeypatc
 
 
 @pytest.mark.parametrize("moving", [b":RS#:Mn#", b":Sr07:00:00#:Sd+30*00:00#:MS#"])
-async def test_stop_commands_of_the_watchdog_change_nothing_in_the_driver(moving: bytes) -> None:
+async def test_making_watchdog_stop_commands_leaves_the_driver_unchanged(moving: bytes) -> None:
     """Celestron's manual: both motors at rate 0, M for a goto, and tracking as it was (T 2 on a CGE)."""
     async with Bridge("cge") as bridge:
         client = bridge.client()
@@ -437,7 +437,7 @@ GOTO = b":Sr07:00:00#:Sd+30*00:00#:MS#"
         (GOTO, False, {"hour_angle_limit": 0.5}),  # the way to the goal is not examined for this one
     ],
 )
-async def test_only_a_checked_goto_counts_as_a_clear_path_for_the_watchdog(
+async def test_watchdog_treats_only_a_checked_goto_as_a_safe_path(
     said: bytes, told: bool, config: dict[str, float]
 ) -> None:
     async with Bridge("cpc", site=(45.0, 10.0), config=config) as bridge:
@@ -449,7 +449,7 @@ async def test_only_a_checked_goto_counts_as_a_clear_path_for_the_watchdog(
         assert bridge.controller.watch.on_clear_path is told
 
 
-async def test_path_beyond_a_limit_is_not_clear_for_the_watchdog() -> None:
+async def test_watchdog_does_not_treat_a_goto_beyond_a_limit_as_safe() -> None:
     async with Bridge("cge", site=(45.0, 10.0), config={"lowest": 20.0}) as bridge:
         client, seen = bridge.client(), set[bool]()
         for hour in (1, 3, 5, 7, 9, 11):
@@ -462,7 +462,7 @@ async def test_path_beyond_a_limit_is_not_clear_for_the_watchdog() -> None:
         assert seen == {True, False}
 
 
-def test_gateway_tells_the_watchdog_of_a_clear_path() -> None:
+def test_gateway_tells_the_watchdog_when_a_motion_path_is_safe() -> None:
     told, clear = list[str](), [False]
     watchdog: Any = SimpleNamespace(
         start=lambda: None, send=lambda text, descriptors=(): told.append(text), start_heartbeats=lambda: None

@@ -48,7 +48,7 @@ async def test_any_port_answers_a_program_in_its_protocol(sent: bytes, end: byte
 
 
 @pytest.mark.parametrize("idle", [b"#", b"?", b"##", b"\r\n", b"\0", b" "])
-async def test_any_port_decides_nothing_by_idle_bytes(idle: bytes) -> None:
+async def test_any_port_decides_no_protocol_from_idle_bytes(idle: bytes) -> None:
     async with AnyBridge() as bridge:
         one, other = bridge.call("10.0.0.1"), bridge.call("10.0.0.2")
         for caller in (one, other):
@@ -78,7 +78,7 @@ async def test_any_port_sends_positions_to_a_silent_client_until_its_first_byte(
 
 
 @pytest.mark.parametrize("first", [b"#", b"P", b"H", b"R"])
-async def test_any_port_ends_pushes_at_a_byte_that_decides_nothing(first: bytes) -> None:
+async def test_any_port_stops_sending_positions_at_the_first_client_byte(first: bytes) -> None:
     async with AnyBridge() as bridge:
         caller = bridge.call()
         await asyncio.sleep(4.0)
@@ -169,7 +169,7 @@ async def test_any_port_disconnects_a_port_scanner() -> None:
         assert len(bridge.any.present_hosts()) == 0
 
 
-async def test_look_only_any_port_moves_nothing_in_any_protocol() -> None:
+async def test_read_only_any_port_lets_no_protocol_move_the_mount() -> None:
     async with AnyBridge(keys={"read_only": True}) as bridge:
         for sent in (b":Mn#", GOTO, b"P\x02\x10\x24\x05\0\0\0", b"r34AB0500,12CE0500"):
             bridge.call().tell(sent)
@@ -206,7 +206,7 @@ async def test_any_port_closes_a_connection_of_undecided_protocol() -> None:
     pauses=st.lists(st.sampled_from([0.0, 0.05, 1.2, 3.5]), min_size=12, max_size=12),
 )
 @settings(max_examples=as_a_rule(15, whole=30))
-def test_any_port_bounds_memory_and_ends_on_any_bytes(pieces: list[bytes], pauses: list[float]) -> None:
+def test_any_port_keeps_memory_bounded_for_random_bytes(pieces: list[bytes], pauses: list[float]) -> None:
     async def program(bridge: AnyBridge) -> None:
         caller = bridge.call()
         for piece, pause in zip(pieces, pauses, strict=False):

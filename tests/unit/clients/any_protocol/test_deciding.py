@@ -47,7 +47,7 @@ FIRST = [
 
 @each("more", [b"", b":GR#", b"e", b"\r\n", b"\xff"])
 @each(("sent", "protocol"), FIRST)
-def test_protocol_is_decided_from_whole_commands_with_more_behind(sent: bytes, protocol: str, more: bytes) -> None:
+def test_protocol_is_recognised_though_more_bytes_follow_the_command(sent: bytes, protocol: str, more: bytes) -> None:
     found = decide(sent + more)
     assert found is not None and found == (protocol, "")
 
@@ -61,7 +61,7 @@ def test_protocol_is_decided_the_same_byte_by_byte(sent: bytes, protocol: str) -
     assert first < 8, "it is told soon"
 
 
-def test_every_command_of_every_table_decides_its_protocol_at_once() -> None:
+def test_every_plain_command_is_recognised_as_its_protocol_at_once() -> None:
     for name in surfaces():
         for command in load(name).commands.values():
             if command.requested and command.request.length is None and not command.request.fields:
@@ -84,7 +84,7 @@ def test_http_method_that_begins_with_a_nexstar_command_counts_as_nexstar() -> N
 
 
 @each("sent", [b"P", b"H", b"R", b"S", b"G", b"PO", b"HEA", b"T", b"K", b"\x14"])
-def test_ambiguous_beginning_waits_for_more_bytes(sent: bytes) -> None:
+def test_ambiguous_first_bytes_decide_no_protocol(sent: bytes) -> None:
     found = decide(sent)
     assert found is None or sent in (b"K", b"\x14"), "one letter of two protocols"
 
@@ -94,7 +94,7 @@ def test_bytes_of_no_protocol_are_taken_for_lx200_with_a_logged_reason(sent: byt
     assert decide(sent) == ("lx200", "because no protocol has a command that begins like this")
 
 
-def test_unknown_command_decides_its_protocol() -> None:
+def test_unknown_lx200_command_is_recognised_as_lx200() -> None:
     assert decide(b":ZZ") == ("lx200", "")
 
 
@@ -105,5 +105,5 @@ def test_nexstar_echo_decides_no_protocol() -> None:
     assert protocol_may_change("stellarium", b"") and not protocol_may_change("lx200", b":GR#")
 
 
-def test_stellarium_is_the_protocol_whose_clients_wait_for_the_first_bytes() -> None:
+def test_any_port_greets_a_silent_client_as_stellarium() -> None:
     assert greeting_protocol() == "stellarium"

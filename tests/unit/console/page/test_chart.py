@@ -45,7 +45,7 @@ def test_chart_places_stars_where_the_gateway_computes_them(sky: Sky, latitude: 
         assert separation(*told, *right) < LEFT_OUT
 
 
-def test_chart_turns_the_sky_between_two_messages(sky: Sky) -> None:
+def test_chart_turns_the_sky_correctly_for_an_hour_of_silence(sky: Sky) -> None:
     [told] = ask(("later", mount(sky), 3600.0, UNIX + 3600.0, *PLACES[0]))
     right = sky.az_alt(*sky.from_j2000(*PLACES[0], UNIX + 3600.0), *MUNICH, UNIX + 3600.0)
     assert separation(*told, *right) < LEFT_OUT
@@ -150,7 +150,7 @@ def test_chart_tap_selects_star_planet_or_place(sky: Sky) -> None:
     assert below is None
 
 
-def test_chart_tap_selects_nothing_without_a_sky(sky: Sky) -> None:
+def test_chart_tap_selects_nothing_while_the_site_is_unknown(sky: Sky) -> None:
     assert ask(("picked", PHONE, {**mount(sky), "site": None}, UNIX, 195, 300, 24)) == [None]
 
 

@@ -17,7 +17,7 @@ def places(speed: float | None, *steps: tuple[float, ...]) -> list[list[str]]:
     return [step["places"] for step in told]
 
 
-def test_gamepad_moves_only_with_its_shoulder_button_and_from_the_centre() -> None:
+def test_gamepad_moves_only_with_shoulder_button_and_after_centring_the_stick() -> None:
     assert places(1.0, (0, *UP, 1), (50, *CENTRE, 1), (100, *UP, 1), (150, *UP, 0), (200, 0.1, -0.14, 1)) == [
         [], [], ["up"], [], [],
     ]  # fmt: skip
@@ -29,7 +29,7 @@ def test_gamepad_moves_only_with_its_shoulder_button_and_from_the_centre() -> No
 @pytest.mark.parametrize(
     ("speed", "still"), [(3.0, 5_000), (0.51, 5_000), (None, 5_000), (0.5, 30_000), (0.01, 30_000)]
 )
-def test_hanging_gamepad_moves_nothing(speed: float | None, still: float) -> None:
+def test_gamepad_with_frozen_input_moves_nothing(speed: float | None, still: float) -> None:
     steps: list[Any] = [(0, *CENTRE, 0), (50, *UP, 1), (still + 40, *UP, 1), (still + 60, *UP, 1)]
     assert places(speed, *steps) == [[], ["up"], ["up"], []]
     # It must go back to its centre, not only change.
@@ -38,7 +38,7 @@ def test_hanging_gamepad_moves_nothing(speed: float | None, still: float) -> Non
     ]  # fmt: skip
 
 
-def test_gamepad_user_who_rests_is_not_locked_out() -> None:
+def test_gamepad_user_who_rests_for_a_minute_can_move_again() -> None:
     assert places(3.0, (0, *CENTRE, 0), (60_000, *CENTRE, 0), (60_050, *UP, 1)) == [[], [], ["up"]]
 
 

@@ -152,7 +152,7 @@ def test_detect_lists_only_values_that_the_mount_reported() -> None:
     assert "no reply: site, clock" in describe_port(finding)
 
 
-def test_detect_finds_a_controller_that_reads_k_as_a_command() -> None:
+def test_detect_finds_a_controller_that_reads_the_probe_k_as_a_command() -> None:
     """It reads from any letter to the next ``#``, and answers ACK only between two commands."""
 
     def device() -> Device:
@@ -207,7 +207,7 @@ def test_detect_does_not_hibernate_a_hand_control_that_wakes_late() -> None:
     assert not {4800, 2400} & {baud for baud, _ in wire.log}
 
 
-async def test_detect_does_not_complete_half_a_command() -> None:
+async def test_detect_does_not_complete_an_unfinished_slew_command() -> None:
     """Six of the eight bytes of a slew at the highest rate: two more, and the mount would run away."""
     sim = mount("nexstar:6-8se/4.21")
     before = sim.true_position()
@@ -310,7 +310,7 @@ async def test_detect_ignores_a_stray_byte_when_the_port_opens() -> None:
 # --- with the protocol named --------------------------------------------------------------------------------------
 
 
-def test_detect_finds_a_named_classic_that_does_not_know_ack() -> None:
+def test_detect_finds_a_declared_classic_lx200_that_does_not_answer_ack() -> None:
     def device() -> Device:
         sim = mount("lx200:lx200")
         return lambda data: b"" if data in (b"\x06", b"#\x06") else bytes(sim.feed(data))
@@ -324,13 +324,13 @@ def test_detect_finds_a_named_classic_that_does_not_know_ack() -> None:
     )
 
 
-def test_detect_sends_a_named_hand_control_only_its_requests() -> None:
+def test_detect_sends_only_nexstar_requests_to_a_port_declared_nexstar() -> None:
     finding, wire = seen(lambda: silent, place=parse_port("nexstar@socket://127.0.0.1:1"))
     assert finding.state == "silent"
     assert wire.sent() == [b"Kx"]
 
 
-def test_detect_sends_a_misnamed_hand_control_nothing_that_it_could_misread() -> None:
+def test_detect_sends_no_lx200_command_to_a_nexstar_wrongly_declared_as_lx200() -> None:
     finding, wire = seen(lambda: mount("nexstar:cpc").feed, place=parse_port("lx200:autostar@/dev/ttyUSB0"))
     assert finding.mount is not None
     assert b":" not in b"".join(wire.sent())

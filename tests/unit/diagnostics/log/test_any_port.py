@@ -26,24 +26,24 @@ def shown(entries: Iterator[Entry], kept: str = "all") -> list[str]:
     return [f"{row.arrow} {row.text}".partition(",")[0] for entry in entries for row in rows.process(entry)]
 
 
-def test_log_of_any_port_shows_the_first_poll_and_counts_the_rest() -> None:
+def test_log_of_an_any_protocol_port_shows_the_first_poll_and_counts_the_rest() -> None:
     first = ["+ connected", "~ speaks nexstar", "> precise right ascension and declination", "< e: RA 04:56:15"]
     assert shown(visits(1))[:4] == first
     assert [row for row in shown(visits(20)) if row[0] in "+~"] == first[:2]
 
 
 @pytest.mark.parametrize(("kept", "arrows"), [("refusals", ""), ("changes", "+~-")])
-def test_log_of_any_port_shows_only_the_selected_kinds(kept: str, arrows: str) -> None:
+def test_log_of_an_any_protocol_port_shows_only_the_selected_kinds(kept: str, arrows: str) -> None:
     assert {row[0] for row in shown(visits(5), kept)} <= set(arrows)
 
 
-def test_log_of_any_port_shows_a_refusal_with_the_protocol() -> None:
+def test_log_of_an_any_protocol_port_shows_a_refusal_with_the_protocol() -> None:
     entries = [*visits(1)]
     entries[3:4] = [Entry(0.5, "10.0.0.1:5000", "!", b"", "refused: why")]
     assert shown(iter(entries), "refusals")[:2] == ["+ connected", "~ speaks nexstar"]
 
 
-def test_log_of_any_port_tells_why_a_protocol_was_chosen() -> None:
+def test_log_of_an_any_protocol_port_tells_why_a_protocol_was_chosen() -> None:
     silent = Entry(3.0, "10.0.0.1:5000", "~", b"", "stellarium, because the program has sent nothing for 3 s")
     rows = RowBuilder("lx200", ["any"])
     assert [row.text.partition(",")[0] for row in rows.process(silent)] == ["speaks stellarium"]

@@ -25,7 +25,7 @@ LONG = [
 
 @each("columns", [1, 40, 60, 80, 100, 132, 250])
 @each("row", LONG)
-def test_log_lines_fit_the_width_and_lose_nothing(row: Row, columns: int) -> None:
+def test_log_line_is_wrapped_to_the_width_without_losing_text(row: Row, columns: int) -> None:
     lines = wrapped(row, columns)
     assert max(len(line) for line in lines) <= max(columns, 40)
     assert all(line.startswith("    ") for line in lines[1:])

@@ -50,7 +50,7 @@ async def test_log_folds_a_program_that_polls_twice_a_second_into_a_few_lines() 
         assert sum(int(words.split()[0]) for words in counts) >= 40
 
 
-async def test_log_shows_every_order_and_setting_and_ends_the_fold_there() -> None:
+async def test_log_shows_every_move_and_setting_even_between_folded_polls() -> None:
     async with Bridge() as bridge:
         client, log, normal = bridge.client("127.0.0.1:5"), Log(bridge), Log(bridge, "normal")
         await _poll(client, 2.0)
@@ -166,7 +166,7 @@ async def test_log_leaves_out_kinds_that_are_not_selected(shown: str, sides: set
         assert [row.data for row in log.rows if row.side.startswith("127.") and row.data] == told
 
 
-async def test_log_shows_a_goto_as_a_change_on_both_sides() -> None:
+async def test_log_shows_a_goto_of_a_program_and_its_mount_command() -> None:
     async with Bridge() as bridge:
         log, client = Log(bridge, "changes"), bridge.client("127.0.0.1:5")
         for said in (b":Sr05:34:32#", b":Sd+22*00:52#", b":MS#", b":GR#"):

@@ -86,7 +86,7 @@ def test_log_describes_commands_and_replies_in_words(
 
 
 @pytest.mark.parametrize("protocol", ["lx200", "nexstar"])
-def test_only_commands_without_an_effect_count_as_reads(protocol: str) -> None:
+def test_no_command_that_sets_or_moves_is_classified_as_a_read(protocol: str) -> None:
     table = load(protocol)
     acting = {
         name
@@ -100,7 +100,7 @@ def test_only_commands_without_an_effect_count_as_reads(protocol: str) -> None:
             assert not [one for one in row.operations if one.startswith(does)]
 
 
-def test_every_description_row_names_an_existing_field_or_command() -> None:
+def test_every_row_of_log_descriptions_names_an_existing_field_or_command() -> None:
     for protocol in ("lx200", "nexstar"):
         table = load(protocol)
         fields = {

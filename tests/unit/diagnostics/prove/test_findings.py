@@ -44,7 +44,7 @@ def prepare(replies: set[bytes], proven: Proven) -> None:
 
 @pytest.mark.sampled(every=4)
 @pytest.mark.parametrize("mount", KINDS)
-def test_prove_file_is_independent_of_place_and_time(mount: str, tmp_path: Path) -> None:
+def test_prove_file_does_not_depend_on_the_site_or_the_date(mount: str, tmp_path: Path) -> None:
     replies = set[bytes]()
     here = write_proof_file(tmp_path, checked(mount, (9,)), simulated=True).read_text("utf-8")
     findings = checked(mount, (9,), change=partial(prepare, replies), **elsewhere(mount))

@@ -70,7 +70,7 @@ async def rests(proven: Proven, soon: float = RESTS) -> None:
 
 @pytest.mark.parametrize("seed", range(as_a_rule(1, whole=CHECKS)))
 @pytest.mark.parametrize("mount", as_a_rule(["nexstar:6-8se", "lx200:lx200gps", "alpaca:polar"], whole=TRUE))
-def test_prove_reports_no_difference_on_a_true_mount_and_restores_it(mount: str, seed: int) -> None:
+def test_prove_reports_no_false_difference_and_restores_the_mount(mount: str, seed: int) -> None:
     assert alarms(mount, seed, (9, 6, 1)) == []
 
 
@@ -209,7 +209,7 @@ CONDITIONS: dict[str, tuple[dict[str, Any], tuple[float, float], str]] = {
 
 @pytest.mark.parametrize("what", CONDITIONS)
 @pytest.mark.parametrize("mount", MOUNTS)
-def test_prove_respects_limits_the_sun_and_a_hold(mount: str, what: str) -> None:
+def test_prove_obeys_altitude_limits_the_sun_limit_and_a_hold(mount: str, what: str) -> None:
     settings, (low, high), words = CONDITIONS[what]
 
     async def play() -> None:
@@ -269,7 +269,7 @@ def test_prove_names_a_limit_that_ends_tracking_and_changes_no_setting() -> None
     run_calm(play())
 
 
-def test_space_between_two_prove_questions_stops_the_mount() -> None:
+def test_space_key_between_two_prove_questions_stops_the_mount() -> None:
     """Pressed while a stage ends, as the mount is asked what it does."""
 
     async def play() -> None:
@@ -439,7 +439,7 @@ def test_every_prove_stage_is_announced_in_one_sentence() -> None:
     assert [stage.name for stage in STAGES if stage.moves_mount] == ["place", "motions", "goto", "guiding"]
 
 
-def test_prove_ignores_findings_in_files_of_another_form(tmp_path: Path) -> None:
+def test_prove_treats_a_findings_file_that_is_not_json_as_empty(tmp_path: Path) -> None:
     (tmp_path / "findings.json").write_text("no findings")
     assert load(tmp_path / "findings.json") == Findings()
     assert SAME == "same"

@@ -114,7 +114,7 @@ def _checked(what: str, **config: object) -> tuple[Findings, dict[str, str]]:
 
 
 @pytest.mark.parametrize("what", DIFFERENCES)
-def test_prove_names_each_deliberate_difference_of_a_mount(what: str) -> None:
+def test_prove_reports_each_simulated_deviation_of_a_mount(what: str) -> None:
     *_, expected, keys = DIFFERENCES[what]
     found, verdicts = _checked(what)
     assert {name: verdicts.get(name) for name in expected} == expected, verdicts

@@ -167,7 +167,7 @@ def test_report_shows_day_and_night_behind_the_altitude_curve(seen: Night) -> No
 # --- what is written ------------------------------------------------------------------------------------------------
 
 
-def test_report_page_is_complete_and_described_in_words(seen: Night) -> None:
+def test_report_page_has_its_charts_its_tables_and_a_text_summary(seen: Night) -> None:
     text = report_page(seen, "night.rec")
     tags = judged(text)
     assert tags.count("svg") == 3 and tags.count("table") == 3

@@ -50,7 +50,7 @@ def test_reads_over_a_faulty_line_are_never_wrong(driven: str, model: str, seed:
 # --- one fault at a time ------------------------------------------------------------------------------------------
 
 
-async def test_line_comes_back_at_the_second_check() -> None:
+async def test_mount_line_is_up_again_after_the_second_check() -> None:
     deaf = 2  # the question and the first echo
 
     def answers(data: bytes) -> list[tuple[float, bytes]]:
@@ -84,7 +84,7 @@ async def test_duplicate_reply_is_not_taken_for_the_next_one(after: float) -> No
     await line.close()
 
 
-async def test_acknowledgement_followed_by_another_is_rejected() -> None:
+async def test_doubled_acknowledgement_of_a_stop_is_rejected_as_garbled() -> None:
     line, _ = await opened(lambda data: [(0.01, b"#"), (0.02, b"#")] if data == b"M" else hand_control(data))
     with pytest.raises(Garbled):
         await line.exchange(Send("M"), STOP)
@@ -93,7 +93,7 @@ async def test_acknowledgement_followed_by_another_is_rejected() -> None:
 
 
 @each("reply", [b"+45*30:15#", b"12:3x:56#", b"2:34:56#", b"1#"])
-def test_reply_of_another_form_is_rejected(reply: bytes) -> None:
+def test_malformed_right_ascension_reply_is_rejected(reply: bytes) -> None:
     """What a client may write and a declination are no right ascension."""
     outcome = Lx200ReplyRules().parse_reply(Send("GR"), reply)
     assert outcome is not None
@@ -262,7 +262,7 @@ async def test_lost_acknowledgement_of_a_goto_does_not_hide_the_slew() -> None:
         assert await client.ask(b"L") == b"1#"
 
 
-async def test_reads_are_repeated_only_after_a_change() -> None:
+async def test_unchanged_mount_reply_is_not_read_twice() -> None:
     """Steady answers cost one exchange each."""
     async with Bridge("cge") as bridge:
         await bridge.controller.verifier.exchange(Send("t"), READ)

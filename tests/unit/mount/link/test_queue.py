@@ -140,7 +140,7 @@ async def test_reply_time_is_measured_though_a_stop_follows_at_once() -> None:
     await line.close()
 
 
-async def test_late_answer_is_never_taken_for_the_next() -> None:
+async def test_late_mount_answer_is_never_taken_for_the_next_reply() -> None:
     """``J`` is answered after 4 s: too late. Echoes follow until the line is in step, then the next command."""
 
     def answers(data: bytes) -> list[tuple[float, bytes]]:
@@ -208,7 +208,7 @@ async def test_lost_port_is_opened_again() -> None:
     ],
 )
 @each("way", ["whole", "byte by byte"])
-async def test_replies_are_framed_by_length(ask: Send, reply: bytes, expected: Any, way: str) -> None:
+async def test_nexstar_replies_are_delimited_by_length(ask: Send, reply: bytes, expected: Any, way: str) -> None:
     pieces = [reply] if way == "whole" else [bytes((byte,)) for byte in reply]
     line, _ = await opened(lambda data: [(0.01 * n, piece) for n, piece in enumerate(pieces)])
     if expected is NoDevice:
@@ -242,7 +242,7 @@ async def test_unanswered_request_leaves_the_line_up_after_a_check() -> None:
     await line.close()
 
 
-async def test_garbled_answer_is_a_fault_and_the_line_stays_up() -> None:
+async def test_garbled_reply_fails_only_its_own_request_on_the_mount_line() -> None:
     line, _ = await opened(lambda data: [(0.01, b"34AZ0500,12CE0500#")] if data == b"e" else hand_control(data))
     with pytest.raises(Exception, match="Garbled"):
         await line.exchange(Send("e"))

@@ -37,7 +37,7 @@ def priorities(*waiting: Waits, motions: int = 0, passed_over: int = 0) -> list[
 
 
 @each("priority", [POSITION, READ])
-def test_long_waiting_read_goes_before_settings_and_between_motions(priority: int) -> None:
+def test_long_waiting_read_precedes_settings_and_is_not_starved_by_motions(priority: int) -> None:
     aged = Waits(priority, 1, NOW - AGING_TIMES[priority] - 0.01)
     assert priorities(Waits(SETTING), aged) == [priority, SETTING]
     assert priorities(Waits(MOTION), aged) == [MOTION, priority]
@@ -45,14 +45,14 @@ def test_long_waiting_read_goes_before_settings_and_between_motions(priority: in
     assert priorities(Waits(STOP), aged, motions=MAX_MOTIONS_IN_A_ROW) == [STOP, priority]
 
 
-def test_read_waits_for_urgent_and_imminent_orders() -> None:
+def test_read_waits_if_a_more_urgent_order_is_about_to_come() -> None:
     assert hold_back_time(Waits(READ), NOW, NOW + 0.1, typical_rtt=0.1) == pytest.approx(0.15)
     assert hold_back_time(Waits(READ), NOW, NOW + 0.2, typical_rtt=0.1) is None
     assert hold_back_time(Waits(READ), NOW, None, typical_rtt=0.1) is None
     assert hold_back_time(Waits(MOTION), NOW, NOW + 0.1, typical_rtt=0.1) is None
 
 
-def test_late_motion_by_hand_is_not_sent() -> None:
+def test_overdue_arrow_command_is_not_sent_to_mount() -> None:
     arrow = Send("move", at_once_or_never=True)
     assert is_too_late(Waits(MOTION, queued_at=NOW - MAX_START_DELAY - 0.01, command=arrow), NOW)
     assert not is_too_late(Waits(MOTION, queued_at=NOW - MAX_START_DELAY + 0.01, command=arrow), NOW)

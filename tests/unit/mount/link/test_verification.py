@@ -13,7 +13,7 @@ from gateway.mount.link.transaction import LateReplies
 from tests.support.in_process_gateway import Bridge
 
 
-async def test_order_waiting_for_verification_times_out(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_setting_that_is_never_verified_fails_in_20_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
     def never(late: LateReplies, ask: object, now: float) -> float:
         return now + 1e6
 
@@ -36,7 +36,7 @@ async def test_missing_device_keeps_no_request_in_memory() -> None:
         assert not [fault for fault in gc.get_objects() if isinstance(fault, NoDevice) and fault.__traceback__]
 
 
-async def test_verification_memory_is_bounded_for_any_client() -> None:
+async def test_replies_kept_for_verification_are_limited_for_any_client() -> None:
     async with Bridge("6-8se", presented="nexstar", surface=None) as bridge:
         client = bridge.client()
         for device in range(256):

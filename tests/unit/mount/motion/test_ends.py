@@ -30,7 +30,7 @@ def looks(*places: tuple[float, float], axis: int = 1, resolution: float = 1 / 3
     return [AxisSample(at, (place, 0.0) if axis == 1 else (0.0, place), resolution) for at, place in places]
 
 
-def test_stop_check_ends_when_the_axes_rest_after_running_on() -> None:
+def test_stop_check_ends_only_when_the_axes_have_come_to_rest() -> None:
     going = looks((99.6, 10.0), (100.0, 11.6), (100.4, 12.9), (100.8, 13.4))
     assert next_step(FAST, going[:2], 100.1) is EndStep.READ_POSITION, "the looks before the end say nothing"
     assert next_step(FAST, going[:3], 100.4) is EndStep.READ_POSITION, "it runs on"
@@ -61,7 +61,7 @@ def test_stop_check_looks_only_at_the_axes_that_should_rest() -> None:
     assert next_step(one, looks((100.1, 0.0), (100.5, 1.6), (100.9, 3.2), axis=1), 103.0) is EndStep.SEND_AGAIN
 
 
-def test_azimuth_passing_north_is_not_taken_for_a_jump() -> None:
+def test_azimuth_passing_north_is_not_computed_as_a_fast_motion() -> None:
     assert speed_since_end(FAST, looks((100.1, 359.99), (100.5, 0.01))) == pytest.approx(0.05)
 
 

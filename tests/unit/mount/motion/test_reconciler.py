@@ -15,7 +15,7 @@ EAST = op.Move(op.Direction.EAST, op.Rate(name="max"))
 
 
 @pytest.mark.parametrize("fails", [False, True])
-def test_arrow_interrupted_by_an_end_does_not_cancel_the_end(fails: bool) -> None:
+def test_axis_stop_that_interrupts_an_arrow_is_not_cancelled_with_it(fails: bool) -> None:
     """The cancellation comes too late for the arrow, and would arrive at the next thing that the loop waits for."""
 
     async def program() -> None:
@@ -44,7 +44,7 @@ def test_arrow_interrupted_by_an_end_does_not_cancel_the_end(fails: bool) -> Non
 
 
 @pytest.mark.parametrize("newer", [op.Goto(80.0, 40.0), EAST])
-async def test_order_stopped_before_it_begins_is_not_begun(newer: op.Operation) -> None:
+async def test_motion_stopped_before_sending_is_not_sent_to_the_mount(newer: op.Operation) -> None:
     """Both in one call: the loop is started for the order, and has not run yet."""
     async with Bridge("6-8se", config={"sun": 0.0, "lowest": -90.0}) as bridge:
         controller, begun = bridge.controller, list[op.Operation]()

@@ -8,7 +8,7 @@ from gateway.mount.motion.run_on import RunOn, RunOnWatch, TimedPosition, after_
 HERE = op.Equatorial(120.0, 30.0)
 
 
-def test_only_positions_requested_after_the_end_show_rest() -> None:
+def test_only_positions_requested_after_a_stop_show_a_mount_at_rest() -> None:
     run_on: RunOn | None = RunOn(10.0, True, 10.0)
     for asked, rests in ((9.9, False), (10.4, False), (10.8, True)):
         assert run_on is not None
@@ -16,7 +16,7 @@ def test_only_positions_requested_after_the_end_show_rest() -> None:
         assert (run_on is None) is rests
 
 
-def test_second_end_leaves_a_run_on_that_of_a_goto() -> None:
+def test_second_stop_keeps_a_run_on_attributed_to_the_goto() -> None:
     watch = RunOnWatch(lambda: 10.0)
     watch.may_move.emit(None)
     watch.begin(after_goto=True)

@@ -29,13 +29,13 @@ def moves(operation: op.Move, since: float, asked: float = 0.0) -> HandMove:
     return HandMove(AxisMotion(operation, ME, since, 1.0, asked, since - 0.1))
 
 
-def test_release_of_a_waiting_arrow_makes_it_a_tap() -> None:
+def test_early_release_of_a_queued_arrow_leaves_a_short_move() -> None:
     for active in (0, 1):
         [tap] = after(Wanted(pending=(press(1, 0.0),), active=active), release(2, 0.125)).pending
         assert (tap.number, tap.held) == (1, 0.125)
 
 
-def test_halt_of_another_client_or_late_release_cancels_a_tap() -> None:
+def test_other_clients_halt_or_late_release_cancels_a_queued_arrow_press() -> None:
     waiting = Wanted(pending=(press(1, 0.0),))
     for order in (release(2, 0.1, OTHER), release(2, 0.1, None), release(2, taps.MAX_TAP_TIME + 0.1)):
         assert [one.operation for one in after(waiting, order).pending] == [STOP]
@@ -43,7 +43,7 @@ def test_halt_of_another_client_or_late_release_cancels_a_tap() -> None:
     assert taps.dropped_press(waiting, after(waiting, late), late) == waiting.pending[0]
 
 
-def test_end_of_a_tap_leaves_the_next_held_arrow_alone() -> None:
+def test_end_of_a_short_arrow_press_does_not_cancel_the_next_press() -> None:
     wanted = Wanted(motion=moves(EAST, 1.0), taps=(Tap(1, ME, 2.0),), pending=(press(3, 0.5, WEST),))
     end = release(4, 2.0, ends_tap=True)
     changed = after(wanted, end)
@@ -52,7 +52,7 @@ def test_end_of_a_tap_leaves_the_next_held_arrow_alone() -> None:
     assert wanted.due_at(wanted.pending[0]) == float("inf")
 
 
-def test_begun_motion_ends_at_once_unless_it_was_short() -> None:
+def test_released_arrow_runs_on_only_to_complete_a_short_press() -> None:
     for seconds, until in ((0.2, 0.5), (0.3, 0.6), (0.5, 0.675), (2.0, None)):
         changed = after(Wanted(motion=moves(EAST, 0.4)), release(2, seconds + 0.2 if until is None else seconds))
         if until is None:
@@ -61,7 +61,7 @@ def test_begun_motion_ends_at_once_unless_it_was_short() -> None:
             assert [round(tap.until, 6) for tap in changed.taps] == [until] and not changed.pending
 
 
-def test_equal_taps_are_joined_and_different_ones_are_not() -> None:
+def test_short_arrow_presses_are_joined_only_in_the_same_direction() -> None:
     first = press(1, 0.0, held=0.1)
     joined = after(Wanted(pending=(first, press(2, 0.2))), release(3, 0.4))
     assert [(one.number, round(one.held or 0.0, 6), one.came_at) for one in joined.pending] == [(1, 0.3, 0.2)]
@@ -72,13 +72,13 @@ def test_equal_taps_are_joined_and_different_ones_are_not() -> None:
     assert [round(tap.until, 6) for tap in after(begun, release(3, 0.45)).taps] == [0.65]
 
 
-def test_newest_arrow_of_an_axis_belongs_to_its_client_until_release() -> None:
+def test_axis_belongs_to_the_client_of_its_newest_unreleased_arrow() -> None:
     assert taps.arrow_holder(Wanted(motion=moves(EAST, 0.4)), 1) is ME
     assert taps.arrow_holder(Wanted(motion=moves(EAST, 0.4), pending=(Order(1, WEST, OTHER),)), 1) is OTHER
     assert taps.arrow_holder(Wanted(motion=moves(EAST, 0.4), taps=(Tap(1, ME, 0.5),)), 1) is None
     assert taps.arrow_holder(Wanted(pending=(press(1, 0.0, held=0.1),)), 1) is None
 
 
-def test_repeated_release_leaves_the_tap_alone() -> None:
+def test_repeated_release_leaves_a_short_arrow_move_alone() -> None:
     wanted = Wanted(pending=(press(1, 0.0, held=0.1),))
     assert after(wanted, release(2, 0.2)) == wanted

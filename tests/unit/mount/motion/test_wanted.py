@@ -98,7 +98,7 @@ def waiting(desk: Desk) -> list[op.Operation]:
     return [order.operation for order in desk.wanted.pending]
 
 
-def test_orders_are_done_in_sequence_and_ends_first() -> None:
+def test_motions_are_sent_in_sequence_but_axis_stops_first() -> None:
     desk = Desk().ask(op.SetTracking(on=False), NORTH, EAST)
     assert desk.do() == op.SetTracking(on=False)
     desk.ask(op.StopAxis(2))
@@ -120,7 +120,7 @@ def test_newer_rate_replaces_a_waiting_one_but_not_a_running_one() -> None:
     assert desk.do() == NORTH
 
 
-def test_stop_cancels_every_wanted_motion_but_no_setting() -> None:
+def test_stop_cancels_every_queued_motion_but_no_queued_setting() -> None:
     desk = Desk().ask(NORTH, GOTO, PULSE, op.TrackRate(name="solar"), op.Sync(1.0, 1.0))
     desk.wanted = after_stop(desk.wanted)
     assert waiting(desk) == [op.TrackRate(name="solar")]
@@ -130,7 +130,7 @@ def test_stop_cancels_every_wanted_motion_but_no_setting() -> None:
 
 
 @each("halt", [op.StopAxis(1), op.StopAxis(2)])
-def test_halt_without_an_arrow_cancels_a_goto_as_a_whole(halt: op.Operation) -> None:
+def test_axis_halt_without_an_arrow_stops_a_goto_on_both_axes(halt: op.Operation) -> None:
     for under_way in (False, True):
         desk = Desk().ask(GOTO)
         if under_way:
@@ -140,7 +140,7 @@ def test_halt_without_an_arrow_cancels_a_goto_as_a_whole(halt: op.Operation) -> 
         assert waiting(desk) == []
 
 
-def test_release_of_an_arrow_from_before_the_goto_changes_nothing() -> None:
+def test_release_of_an_arrow_pressed_before_a_goto_does_not_stop_the_goto() -> None:
     hand, other = HostActivity("10.0.0.1", 0.0), HostActivity("10.0.0.2", 0.0)
     desk = Desk().ask(NORTH, by=hand)
     desk.do()
@@ -152,7 +152,7 @@ def test_release_of_an_arrow_from_before_the_goto_changes_nothing() -> None:
     assert desk.wanted.stop_owed
 
 
-def test_arrow_is_released_after_a_refused_goto() -> None:
+def test_arrow_released_during_a_refused_goto_is_stopped() -> None:
     hand = HostActivity("10.0.0.1", 0.0)
     desk = Desk().ask(NORTH, by=hand)
     desk.do()
@@ -164,7 +164,7 @@ def test_arrow_is_released_after_a_refused_goto() -> None:
     assert desk.wanted.motion == NoOrderedMove()
 
 
-def test_equal_halts_are_joined_and_repeated_ones_wait_their_turn() -> None:
+def test_identical_queued_axis_halts_are_joined_and_repeats_get_no_priority() -> None:
     desk = Desk().ask(op.StopAxis(1), op.StopAxis(1), op.StopAxis(1))
     assert waiting(desk) == [op.StopAxis(1)]
     ranks = []
@@ -180,7 +180,7 @@ def test_equal_halts_are_joined_and_repeated_ones_wait_their_turn() -> None:
     assert isinstance(last, Halt) and not last.keeps_repeating
 
 
-def test_arrow_in_preparation_restarts_behind_the_halt_of_the_other_axis() -> None:
+def test_arrow_not_yet_sent_restarts_after_a_halt_of_the_other_axis() -> None:
     desk = Desk().ask(EAST)
     desk.begin()
     desk.ask(op.StopAxis(2))
@@ -200,7 +200,7 @@ def test_pulses_of_one_axis_run_in_sequence_and_end_in_time() -> None:
     assert desk.do(op.Pulsed(0.3, ends=True)) == op.PulseAxis(1, -1, 300)
 
 
-def test_remainder_of_a_long_pulse_follows_and_a_halt_ends_it() -> None:
+def test_long_guide_pulse_is_sent_in_parts_until_a_halt() -> None:
     long = op.PulseAxis(1, 1, 6000)
     desk = Desk().ask(long)
     desk.do(op.Pulsed(2.55, ends=True, left=3450))
@@ -210,14 +210,14 @@ def test_remainder_of_a_long_pulse_follows_and_a_halt_ends_it() -> None:
     assert waiting(desk) == [op.StopAxis(1)] and desk.wanted.pulses == ()
 
 
-def test_end_of_a_pulse_is_timed_from_its_sending() -> None:
+def test_end_of_a_guide_pulse_is_timed_from_when_it_was_sent() -> None:
     desk = Desk().ask(PULSE)
     desk.now = 7.0
     desk.do(op.Pulsed(0.5, ends=False, since=6.75))
     assert desk.wanted.next_due_time() == 7.25
 
 
-def test_arrow_replaces_a_pulse_whose_end_does_not_end_the_arrow() -> None:
+def test_arrow_is_not_stopped_by_the_end_of_the_pulse_that_it_replaces() -> None:
     desk = Desk().ask(PULSE)
     desk.do(op.Pulsed(0.5, ends=False))
     desk.ask(EAST)
@@ -227,7 +227,7 @@ def test_arrow_replaces_a_pulse_whose_end_does_not_end_the_arrow() -> None:
     assert desk.wanted.by_hand == {1: EAST}
 
 
-def test_goto_ends_guiding_and_more_than_a_few_pulses_are_refused() -> None:
+def test_goto_ends_guide_pulses_and_surplus_guide_pulses_are_refused() -> None:
     desk = Desk().ask(PULSE)
     desk.do(op.Pulsed(0.5, ends=False))
     desk.ask(GOTO)
@@ -296,7 +296,7 @@ def test_motion_by_hand_of_both_axes_is_reported_as_one_motion() -> None:
     assert {axis for axis, _ in desk.wanted.motion} == {1}
 
 
-async def test_client_of_a_motion_does_not_depend_on_earlier_reads() -> None:
+async def test_run_on_after_a_goto_is_not_attributed_to_a_client() -> None:
     """A stopped mount that runs on reports that it slews: that is no motion that a client ordered."""
     line: Any = SimpleNamespace(state="up", times=SimpleNamespace(typical_rtt=0.02))
     wanted, cache = WantedState(), ReadingsCache(line)

@@ -40,7 +40,7 @@ def test_extrapolated_right_ascension_wraps_at_0h_both_ways() -> None:
     assert predict(west, 100.5) == pytest.approx((359.0, 0.0))
 
 
-def test_halves_read_in_sequence_are_extrapolated_to_one_instant() -> None:
+def test_ra_and_dec_read_one_after_the_other_are_extrapolated_to_one_time() -> None:
     before, last = at(100.0, 10.0, 99.5, late=0.2), at(104.0, 14.0, 100.0, late=0.2)
     assert predict(extrapolate(before, last, max_speed=FAST * 2), 100.0) == pytest.approx((105.6, 14.0))
 
@@ -83,7 +83,7 @@ def test_motion_away_from_the_target_is_extrapolated_the_other_way_round() -> No
     assert predict(extrapolate(*two((4.0, 0.0)), max_speed=FAST, goal=(60.0, 30.0)), 101.0)[0] == pytest.approx(124.0)
 
 
-def test_change_of_the_last_digit_is_no_motion() -> None:
+def test_change_of_one_resolution_step_is_not_extrapolated() -> None:
     going = extrapolate(*two((4.0, 0.02)), max_speed=FAST, resolution=20.0 / 3600.0)
     assert predict(going, 101.0) == (pytest.approx(124.0), 30.0)
 

@@ -26,7 +26,7 @@ def cut(bridge: Bridge) -> None:
 
 
 @pytest.mark.parametrize("presented", PLACES)
-async def test_read_during_a_classics_calculation_gets_the_last_value(presented: str) -> None:
+async def test_position_request_is_answered_while_a_classic_lx200_calculates(presented: str) -> None:
     async with Bridge("lx200", driven="lx200", presented=presented, surface=None) as bridge:
         question, length = PLACES[presented]
         client = bridge.client()

@@ -34,7 +34,7 @@ def played(mount: str, driven: str, order: op.Operation, after: float, speed: fl
 
 
 @MOUNTS
-def test_tracking_state_is_never_unknown_after_a_switch(mount: str, driven: str) -> None:
+def test_tracking_state_is_never_unknown_after_tracking_is_switched(mount: str, driven: str) -> None:
     first, then = played(mount, driven, op.SetTracking(False), 2.0)
     assert first in ("tracking", "not tracking") and then == "not tracking"
 

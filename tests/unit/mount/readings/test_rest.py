@@ -121,7 +121,7 @@ def test_stop_waits_for_a_mount_that_runs_on() -> None:
 
 
 @pytest.mark.parametrize("question", [b"e", b"E"])
-async def test_invisible_mount_is_not_reported_as_stopped(question: bytes) -> None:
+async def test_stop_is_not_reported_done_while_positions_are_unread(question: bytes) -> None:
     async with bridge_of("nexstar", "cge", None, {}) as bridge:
         bridge.client().send(NORTH)
         await asyncio.sleep(3)

@@ -42,7 +42,7 @@ def test_stop_of_a_motion_not_yet_begun_cancels_no_shared_read(presented: str) -
         run(program(0.04 * step))
 
 
-async def test_client_that_gives_up_a_read_cancels_it_for_nobody() -> None:
+async def test_client_that_gives_up_a_read_does_not_cancel_it_for_others() -> None:
     async with Bridge("cge") as bridge:
         waiting = asyncio.create_task(bridge.controller.read_now(op.Position()))
         other = asyncio.create_task(bridge.controller.read_now(op.Position()))

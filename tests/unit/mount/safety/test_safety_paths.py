@@ -35,7 +35,9 @@ def nearest(start: Pair, turn: Pair, sun: Pair, looks: int = 500) -> float:
 
 @some
 @given(readings, st.tuples(angles, angles), st.tuples(angles, st.floats(-90.0, 90.0)), st.floats(1.0, 60.0))
-def test_path_is_clear_exactly_when_it_keeps_its_distance(start: Pair, turn: Pair, sun: Pair, limit: float) -> None:
+def test_path_is_allowed_only_if_it_keeps_the_distance_from_the_sun(
+    start: Pair, turn: Pair, sun: Pair, limit: float
+) -> None:
     least = nearest(start, turn, sun)
     if least > limit + PATH_STEP:
         assert is_clear(start, turn, sun, limit)
@@ -107,7 +109,7 @@ NUMBERS = st.one_of(st.floats(), st.floats(-400, 400))
 
 @some
 @given(st.tuples(NUMBERS, NUMBERS), st.tuples(NUMBERS, NUMBERS), st.tuples(NUMBERS, NUMBERS), NUMBERS)
-def test_path_of_any_numbers_is_judged_and_one_without_numbers_is_not_clear(
+def test_path_with_infinite_or_nan_values_is_not_allowed_past_the_sun(
     start: tuple[float, float], turn: tuple[float, float], place: tuple[float, float], limit: float
 ) -> None:
     free = is_clear(start, turn, place, limit)  # it ends

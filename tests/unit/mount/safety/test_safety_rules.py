@@ -65,7 +65,7 @@ def test_sinking_mount_is_stopped_where_the_next_reading_would_be_too_late(lowes
     ("moving", "ends"),
     [(MotionState(False, {2: DOWN}), True), (MotionState(True, {}), False), (MotionState(False, {}), False)],
 )
-def test_contradicting_clock_ends_only_arrows_at_a_configured_limit(moving: MotionState, ends: bool) -> None:
+def test_altitude_limit_ends_arrows_but_no_goto_when_the_clocks_disagree(moving: MotionState, ends: bool) -> None:
     sunk = seen(
         PositionSample(0.0, HERE, 60.0, other_altitudes=(23.0,)),
         PositionSample(0.5, HERE, 59.0, other_altitudes=(22.0,)),
@@ -81,7 +81,7 @@ def test_running_goto_above_the_limit_is_not_stopped_for_its_speed() -> None:
     assert not judge_motion(view(sinking(22.0, 4.0), Limits(lowest=19.99), MotionState(True, {}))).reason
 
 
-def test_slow_approach_to_the_sun_is_judged_from_the_farthest_distance() -> None:
+def test_slow_approach_to_the_sun_is_stopped_though_each_step_is_tiny() -> None:
     far = seen(PositionSample(0.0, HERE, sun_distances=(60.0,)), PositionSample(1.0, HERE, sun_distances=(59.0,)))
     assert not judge_motion(view(far, Limits())).reason
     assert farthest_from_suns(view(far, Limits())) == (59.0,)
@@ -133,7 +133,7 @@ def test_goto_is_not_judged_by_its_hour_angle(moving: MotionState) -> None:
     ).reason
 
 
-def test_goto_of_the_mount_itself_may_end_just_before_a_limit() -> None:
+def test_goto_begun_at_the_mount_itself_may_brake_just_before_a_limit() -> None:
     """At 4 degrees a second it may brake in the remaining 2; it is stopped when it gets there."""
     by_itself = MotionState(True, {}, ordered_by_client=False)
     verdict = judge_motion(view(sinking(24.0, 4.0), Limits(lowest=20.0), by_itself))
@@ -150,7 +150,7 @@ def test_goto_of_the_mount_itself_may_end_just_before_a_limit() -> None:
         (Limits(20.0, key_limits=(20.0, 90.0)).narrowed(30.0, 60.0), 20.0, 90.0),
     ],
 )
-def test_motion_at_the_mounts_keys_is_judged_by_configured_limits_only(
+def test_motion_by_the_hand_control_is_stopped_only_at_configured_limits(
     limits: Limits, lowest: float, highest: float
 ) -> None:
     assert (limits.for_keypad().lowest, limits.for_keypad().highest) == (lowest, highest)
@@ -169,7 +169,7 @@ def test_first_reading_of_a_motion_is_due_before_it_can_reach_a_limit() -> None:
     assert first_position_deadline(looked, 50.0, 0.05).stop_in is None
 
 
-def test_motion_from_rest_starts_at_the_last_reading_and_forgets_its_rate() -> None:
+def test_motion_from_rest_is_timed_from_its_start_without_an_old_rate() -> None:
     before = sinking(40.0, 1.0)
     assert begin_motion(before, 130.0, 4.0, at_rest=True).last == replace(before.last, time=130.0)
     assert begin_motion(before, 130.0, 4.0, at_rest=False).last == before.last
@@ -185,11 +185,13 @@ def test_motion_from_rest_starts_at_the_last_reading_and_forgets_its_rate() -> N
         (MotionState(True, {}), 1.5, 9.0, False),
     ],
 )
-def test_only_motion_by_hand_ends_without_positions(moving: MotionState, age: float, since: float, ends: bool) -> None:
+def test_arrow_but_no_goto_is_stopped_if_positions_are_missing(
+    moving: MotionState, age: float, since: float, ends: bool
+) -> None:
     assert bool(blind_reason(moving, age, since)) is ends
 
 
-def test_axis_readings_need_an_alignment_unless_the_owner_allows_them() -> None:
+def test_park_and_sync_of_an_unaligned_mount_are_refused_unless_permitted() -> None:
     assert needs_alignment(op.Park(), sync_aligns=False, unaligned_policy="refuse")
     assert not needs_alignment(op.Park(), sync_aligns=False, unaligned_policy="allow")
     assert needs_alignment(op.Sync(1.0, 2.0), sync_aligns=False, unaligned_policy="allow")

@@ -66,7 +66,7 @@ async def test_arrow_with_visible_motion_is_not_ended(mount: str, driven: str, m
         assert not [entry.note for entry in bridge.entries if "shows nothing" in entry.note]
 
 
-def test_motion_over_the_pole_is_measured_piecewise() -> None:
+def test_motion_over_the_pole_is_not_reported_as_stalled() -> None:
     watch = StallWatch()
     for tick in range(40):
         dec = 85.0 + tick

@@ -41,7 +41,7 @@ def test_cancelled_gotos_do_not_delay_position_readings(every: float) -> None:
 
 @pytest.mark.parametrize(("motor", "limits"), [(UP, {"highest": 80.0}), (DOWN, {"lowest": 20.0})])
 @pytest.mark.parametrize("from_the_first", [True, False])
-async def test_motion_without_positions_ends_before_the_limit(
+async def test_motion_without_positions_ends_before_the_altitude_limit(
     motor: bytes, limits: dict[str, float], from_the_first: bool
 ) -> None:
     async with Bridge("6-8se", presented="nexstar", surface="cpc", config=limits) as bridge:

@@ -44,7 +44,7 @@ def refused(so_far: SyncSum, distance: float, *turns: tuple[float, float], limit
     return ""
 
 
-def test_sync_sum_is_taken_on_the_sky_and_at_the_axes() -> None:
+def test_sum_of_syncs_counts_degrees_on_the_sky_and_axis_turns() -> None:
     east = SyncSum().with_sync(place(350.0, 60.0), place(10.0, 60.0), [(20.0, 0.0)])
     assert (east.east, east.axis_turns) == (pytest.approx(10.0), ((20.0, 0.0),))
     assert SyncSum(3.0, 1.0).with_sync(place(), place(0.0, 3.0), [(0.0, 3.0)]).size == pytest.approx(5.0)
@@ -77,7 +77,7 @@ def test_sync_sum_on_the_sky_stays_within_the_limit() -> None:
     assert refused(after, -0.9, (0.0, -0.9)) == ""
 
 
-def test_both_sync_sums_count_where_the_axes_may_be_reversed() -> None:
+def test_sync_beyond_the_pole_is_summed_for_both_possible_axis_turns() -> None:
     """Beyond the pole a mount may keep the way in which its tube points there, or turn it around."""
     around = (0.0, 0.9), (-180.0, -6.9)
     then = SyncSum().with_sync(place(), place(0.0, 0.9), around)

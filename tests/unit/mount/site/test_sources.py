@@ -103,7 +103,7 @@ async def test_no_nexstar_program_switches_a_limit_off(mount: str, wrong: str) -
 
 @pytest.mark.parametrize("mount", ["cpc", "cge"])
 @pytest.mark.parametrize("wrong", ["Greenwich", "morning instead of evening", "another latitude"])
-async def test_no_program_makes_the_sun_set(mount: str, wrong: str) -> None:
+async def test_wrong_site_or_time_permits_no_sun_goto(mount: str, wrong: str) -> None:
     """In June, when the Sun is 63 degrees high at 6h +23 26'."""
     async with Bridge(mount, start=JUNE) as bridge:
         client = bridge.client()
@@ -115,7 +115,7 @@ async def test_no_program_makes_the_sun_set(mount: str, wrong: str) -> None:
 
 
 @pytest.mark.parametrize("mount", ["cpc", "cge"])
-async def test_no_program_causes_tracking_to_end_far_from_a_limit(mount: str) -> None:
+async def test_wrong_time_from_a_program_ends_no_tracking_far_from_a_limit(mount: str) -> None:
     async with Bridge(mount, config={"lowest": LIMIT}) as bridge:
         client = bridge.client()
         await client.ask(as_lx200(*low_target(bridge, 55.0)), ending=b"0")
@@ -147,7 +147,7 @@ async def test_reported_altitude_is_the_true_one_and_the_set_site_is_read_back()
         (None, -21600.0, b"the computer (6.0 hours from the mount)"),
     ],
 )
-def test_goto_forbidden_by_one_of_two_sources_is_refused_and_both_are_named(
+def test_goto_too_low_by_one_of_two_site_or_time_sources_is_refused(
     site: tuple[float, float] | None, ahead: float, words: bytes
 ) -> None:
     """30 degrees high in the south-east by the mount, below a written limit by the other source."""
@@ -174,7 +174,9 @@ def test_goto_forbidden_by_one_of_two_sources_is_refused_and_both_are_named(
         (b"H" + bytes((3, 0, 0, 1, 16, 26, 0, 0)), b":GC#", b"01/16/26#"),
     ],
 )
-async def test_change_at_the_hand_control_is_noticed_within_a_minute(changed: bytes, asked: bytes, told: bytes) -> None:
+async def test_site_or_time_set_at_the_hand_control_is_noticed_within_a_minute(
+    changed: bytes, asked: bytes, told: bytes
+) -> None:
     """Also after a program has set something else."""
     async with Bridge("cpc") as bridge:
         client = bridge.client()
@@ -225,7 +227,7 @@ def test_sources_rank_mount_gps_configuration_or_computer_and_programs_last() ->
         (0.0, None, True, [COMPUTER]),
     ],
 )
-def test_computer_without_a_clock_counts_only_where_no_better_source_exists(
+def test_unset_computer_clock_counts_only_where_no_better_time_source_exists(
     host: float, ahead: float | None, told: bool, sources: list[str]
 ) -> None:
     """``host`` and ``ahead`` are by how much this computer's and the mount's clocks are ahead, None if it has none."""
@@ -259,7 +261,9 @@ def test_gps_without_a_fix_and_small_differences_cause_no_warning() -> None:
     ("ahead", "doubted", "contradicts"),
     [(-7200.0, False, True), (20 * 86400.0, False, True), (-7200.0, True, False), (20 * 86400.0, True, False)],
 )
-def test_computer_without_a_clock_battery_contradicts_no_source(ahead: float, doubted: bool, contradicts: bool) -> None:
+def test_doubtful_computer_clock_is_not_reported_to_contradict_the_mount(
+    ahead: float, doubted: bool, contradicts: bool
+) -> None:
     """A Raspberry Pi without a clock of its own begins where it was switched off."""
     site_clock = SiteClock(lambda: 0.0, lambda: EVENING + ahead, None, "doubtful" if doubted else "auto")
     site_clock.take_mount_site(op.Place(45.0, 10.0))
@@ -273,7 +277,7 @@ SINCE_1970 = -EVENING + 1000.0
 
 
 @pytest.mark.parametrize(("sun", "told", "done"), [(20.0, False, False), (20.0, True, True), (0.0, False, True)])
-async def test_goto_needs_the_time_where_the_sun_counts(sun: float, told: bool, done: bool) -> None:
+async def test_goto_is_refused_at_unknown_time_if_sun_is_avoided(sun: float, told: bool, done: bool) -> None:
     config = {"lowest": -90.0, "sun": sun, "site": [45.0, 10.0]}
     async with Bridge("gt", "101.0", config=config, host_ahead=SINCE_1970) as bridge:
         client = bridge.client()

@@ -66,7 +66,7 @@ def _free(family: socket.AddressFamily, host: str) -> int:
         return int(tried.getsockname()[1])
 
 
-async def test_alpaca_discovery_finds_surfaces_that_speak_alpaca(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_alpaca_discovery_offers_only_ports_that_speak_alpaca(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[list[tuple[str, int]]] = []
     ended: list[bool] = []
 

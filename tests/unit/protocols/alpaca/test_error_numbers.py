@@ -28,7 +28,7 @@ def test_every_refusal_has_the_error_number_of_ascom() -> None:
     assert number_by_fault() == {name: told for told, names in ASCOM.items() for name in names}
 
 
-def test_held_mount_is_not_reported_as_a_telescope_without_gotos() -> None:
+def test_temporary_alpaca_refusal_is_not_reported_as_not_implemented() -> None:
     assert error_number(errors.Held()) == 0x40B
     assert error_number(errors.NearSun()) == 0x40B
     assert error_number(errors.NoAnswer()) == 0x500

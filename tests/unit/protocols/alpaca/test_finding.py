@@ -89,7 +89,7 @@ def test_detect_prints_the_run_command_for_an_alpaca_telescope() -> None:
     assert f'at = "alpaca@{where}"' in as_toml(finding_there)
 
 
-def test_alpaca_server_may_be_given_by_name() -> None:
+def test_alpaca_server_is_found_by_its_host_name() -> None:
     sim = SimulatedAlpaca(clock=lambda: EVENING)
 
     async def look(where: list[str]) -> list[OfferedMount]:
@@ -117,7 +117,7 @@ def test_detect_reports_that_no_alpaca_server_answered(capsys: pytest.CaptureFix
     assert "no mount was found" in capsys.readouterr().out
 
 
-def test_detect_names_a_gateway_among_alpaca_servers() -> None:
+def test_detect_says_that_an_alpaca_server_is_itself_a_gateway() -> None:
     async def program() -> str:
         async def load() -> web.Application:
             app = make_app()
@@ -138,7 +138,7 @@ def test_detect_names_a_gateway_among_alpaca_servers() -> None:
     assert "mount-gateway" in text and "it needs no second gateway: nexstar@sim" in text
 
 
-def test_gateway_recognises_itself_by_its_token_in_a_row_of_gateways(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_gateway_refuses_a_chain_of_gateways_that_contains_itself(monkeypatch: pytest.MonkeyPatch) -> None:
     """The tokens of gateways in a row are all there; one's own is refused."""
     monkeypatch.setattr(chain, "_tokens", {})
     (

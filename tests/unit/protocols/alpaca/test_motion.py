@@ -47,7 +47,7 @@ def driver(**facts: Any) -> AlpacaDriver:
     return mount
 
 
-def test_alpaca_driver_stops_a_moving_axis_whatever_speeds_are_known() -> None:
+def test_alpaca_driver_stops_a_moving_axis_reported_as_not_movable() -> None:
     mount = driver(hand_rates={2: 4.0}, movable={1: False, 2: False})
     assert play(abort_motion(mount, op.AbortMotion()), moveaxis=None, abortslew=None)[0] == ["moveaxis1", "abortslew"]
     mount.hand_rates[1] = 4.0
@@ -55,7 +55,7 @@ def test_alpaca_driver_stops_a_moving_axis_whatever_speeds_are_known() -> None:
 
 
 @pytest.mark.parametrize("able", [ABSENT, Refused("busy"), True])
-def test_alpaca_axis_counts_as_moving_until_the_server_denies_it(able: Any) -> None:
+def test_alpaca_axis_counts_as_movable_until_canmoveaxis_is_false(able: Any) -> None:
     mount = driver()
     assert mount.may_move(1) and mount.may_move(2)
     play(identity(mount, op.GetIdentity()), connected=True, canmoveaxis=able, axisrates=[])
@@ -65,7 +65,7 @@ def test_alpaca_axis_counts_as_moving_until_the_server_denies_it(able: Any) -> N
 
 
 @pytest.mark.parametrize("place", [("NaN", "NaN"), (1.0, float("inf")), (25.0, 10.0), (-1.0, 10.0), (1.0, 90.5)])
-def test_impossible_position_in_the_device_state_is_requested_singly(place: tuple[Any, Any]) -> None:
+def test_position_is_read_anew_if_alpaca_device_state_holds_an_impossible_one(place: tuple[Any, Any]) -> None:
     mount = driver(lists_state=True)
     state = [{"Name": "RightAscension", "Value": place[0]}, {"Name": "Declination", "Value": place[1]}]
     answers = {"devicestate": state, "rightascension": {"ra": 15.0}, "declination": {"dec": 20.0}}
@@ -74,7 +74,7 @@ def test_impossible_position_in_the_device_state_is_requested_singly(place: tupl
 
 
 @pytest.mark.parametrize("state", [[], [{"Name": "RightAscension", "Value": 1.0}], Refused("busy")])
-def test_value_missing_from_the_device_state_is_requested_or_stays_unchanged(state: Any) -> None:
+def test_tracking_or_park_state_missing_from_alpaca_devicestate_is_requested(state: Any) -> None:
     mount = driver(lists_state=True, tracks=True, parked=False)
     play(read_status(mount), devicestate=state, tracking=False, atpark=True)
     assert (mount.tracks, mount.parked) == (False, True)
@@ -113,7 +113,7 @@ def test_alpaca_arrow_is_never_faster_than_the_fastest_rate() -> None:
     assert mount.ranges[1] == () and not mount.supports("moveaxis")
 
 
-def test_abandoned_alpaca_goto_is_ended() -> None:
+def test_unconfirmed_alpaca_goto_is_aborted() -> None:
     """The server may take it so late that nobody would watch it."""
     answers = {"slewtocoordinatesasync": Silence(), "slewing": False, "abortslew": None}
     sent, fault = play(goto(driver(model="german"), op.Goto(10.0, 20.0)), **answers)

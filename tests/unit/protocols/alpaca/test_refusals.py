@@ -63,7 +63,7 @@ async def test_tracking_that_does_not_begin_is_an_alpaca_error_and_gotos_still_p
         assert own.sim.slewing
 
 
-async def test_alpaca_stop_reaches_a_parked_mount_and_is_then_refused() -> None:
+async def test_alpaca_abort_on_a_parked_mount_is_sent_and_answered_as_parked() -> None:
     async with stage(speed=20.0) as own:
         client, other = await connected(own), own.client("192.0.2.7")
         await ask(client, "put park")
@@ -74,7 +74,7 @@ async def test_alpaca_stop_reaches_a_parked_mount_and_is_then_refused() -> None:
         assert b"M" in own.rx_data and await ask(client, "get atpark") is True
 
 
-async def test_alpaca_rate_between_two_of_the_mount_uses_the_slower_one() -> None:
+async def test_alpaca_moveaxis_between_two_rates_moves_at_the_slower_one() -> None:
     async with stage("lx200gps", "lx200") as own:
         client = await connected(own)
         rates = [one["Maximum"] for one in await ask(client, "get axisrates Axis=1")]
@@ -93,7 +93,7 @@ async def test_alpaca_rate_between_two_of_the_mount_uses_the_slower_one() -> Non
         assert "0.5 degrees a second is done at" in told
 
 
-def test_alpaca_error_has_a_value_of_the_type_of_its_member() -> None:
+def test_alpaca_error_reply_has_an_empty_value_of_its_members_type() -> None:
     commands = load("alpaca").commands
     values = {name: empty_value(commands[name]).get("Value") for name in ("atpark", "altitude", "rightascension",
               "sideofpier", "axisrates", "utcdate", "name", "trackingrates")}  # fmt: skip

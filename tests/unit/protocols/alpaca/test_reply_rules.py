@@ -47,7 +47,7 @@ async def stopped_after(line: MountLink, wire: Wire, seconds: float, before: Sen
 
 
 @each("seconds", [0.5, 4.9, 5.1, 5.5])
-async def test_stop_does_not_wait_for_a_read_over_http_or_the_check_after_it(seconds: float) -> None:
+async def test_alpaca_stop_does_not_wait_for_an_unanswered_read(seconds: float) -> None:
     """Its late reply cannot be mistaken for another one."""
     assert HttpWire.newest_only
     line, wire = await opened(alpaca(b"get"))
@@ -56,7 +56,7 @@ async def test_stop_does_not_wait_for_a_read_over_http_or_the_check_after_it(sec
     await line.close()
 
 
-async def test_stop_does_not_wait_for_the_check_after_an_unanswered_order() -> None:
+async def test_alpaca_stop_is_sent_at_once_after_an_unanswered_command() -> None:
     line, wire = await opened(alpaca(b""))
     assert await stopped_after(line, wire, 1.8, Send("abortslew", timeout=1.5)) < 0.25
     await line.close()

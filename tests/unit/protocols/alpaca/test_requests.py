@@ -58,7 +58,7 @@ def test_alpaca_request_with_the_wrong_method_is_rejected(method: str, member: s
     assert refused.value.allowed_methods == allow
 
 
-def test_text_in_an_alpaca_request_cannot_end_the_line() -> None:
+def test_line_break_in_an_alpaca_parameter_starts_no_new_command() -> None:
     asked = parse_request("PUT", "action", [("Action", "a b\nput park\n"), ("Parameters", "%#ä")])
     assert asked.line.count(b"\n") == 1 and asked.line.count(b" ") == 3
     assert asked.command.request.decode(asked.line) == {"action": "a b\nput park\n", "parameters": "%#ä"}

@@ -270,7 +270,7 @@ async def test_alpaca_request_without_a_host_is_answered_as_http_1_0(first: str,
         writer.close()
 
 
-async def test_alpaca_preflight_is_refused() -> None:
+async def test_alpaca_cors_preflight_is_refused() -> None:
     async with served() as own:
         asks = {"Origin": "http://evil.example", "Access-Control-Request-Method": "PUT"}
         async with own.http.options(own.url + API + "park", headers=asks) as response:
@@ -309,7 +309,7 @@ async def test_awaited_alpaca_goto_blocks_only_its_request() -> None:
         assert status == 200 and answer["ErrorNumber"] == 0
 
 
-async def test_alpaca_goto_that_ended_short_is_an_error_for_its_waiter() -> None:
+async def test_synchronous_alpaca_goto_that_ends_short_of_its_target_is_an_error() -> None:
     async with served() as own:
         own.mount.answers[programs.ENDED_SHORT_LINE] = b'"the goto ended 26.0 degrees from its goal"\n'
         own.mount.answers[b"get slewing\n"] = b"false\n"
@@ -320,7 +320,7 @@ async def test_alpaca_goto_that_ended_short_is_an_error_for_its_waiter() -> None
         assert answer["ErrorNumber"] == 0
 
 
-async def test_waiting_for_arrival_keeps_no_arrow_alive() -> None:
+async def test_alpaca_goto_wait_does_not_feed_the_dead_man_switch() -> None:
     """The dead man's switch would let a motion by hand of a vanished program go on for ever."""
     async with served() as own:
         own.mount.answers[b"get slewing\n"] = b"true\n"
@@ -367,7 +367,7 @@ async def test_alpaca_server_remembers_a_bounded_number_of_programs(monkeypatch:
         assert [guest.closed for guest in own.mount.guests] == [True] * 3 + [False] * 3
 
 
-async def test_reading_alpaca_clients_do_not_displace_a_connected_program(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_alpaca_clients_that_only_read_do_not_displace_a_connected_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """A web page may send GETs without end, each with another ClientID."""
     monkeypatch.setattr(programs, "MAX_PROGRAMS", 3)
     async with served() as own:
@@ -380,7 +380,7 @@ async def test_reading_alpaca_clients_do_not_displace_a_connected_program(monkey
 @pytest.mark.parametrize(
     "sent", [b"GET / HTTP/1.1\r\n\r\n", b"GET / HTTP/1.1\r\nA: " + b"a" * 9000, b":Mn#\x01##\r\n\r\n"]
 )
-async def test_bytes_that_are_no_http_are_answered_without_a_traceback(
+async def test_bytes_that_are_no_http_get_status_400_without_a_traceback(
     sent: bytes, caplog: pytest.LogCaptureFixture
 ) -> None:
     async with served() as own:
@@ -412,7 +412,7 @@ async def test_alpaca_management_describes_server_and_devices() -> None:
         assert (await own.ask("GET", "/setup/v1/telescope/1/setup"))[0] == 400
 
 
-async def test_early_alpaca_client_is_answered_when_the_server_is_loaded() -> None:
+async def test_alpaca_request_sent_before_the_server_is_loaded_is_answered() -> None:
     """The request comes in two pieces, before aiohttp is loaded; another connection breaks off."""
     async with served() as own:
         host, port = own.url.removeprefix("http://").split(":")

@@ -33,7 +33,7 @@ async def connected(own: RehearsalGateway, host: str = "127.0.0.1") -> Rehearsal
     return client
 
 
-async def test_vanished_alpaca_program_moves_nothing_after_half_a_minute() -> None:
+async def test_axis_moved_by_a_vanished_alpaca_program_stops_after_half_a_minute() -> None:
     """Half a minute after its last request the axis rests; the requests of another program do not hold it."""
     async with stage() as own:
         client, other = await connected(own), await connected(own, "192.0.2.7")
@@ -56,7 +56,7 @@ async def test_alpaca_abort_ends_all_motion_of_any_program() -> None:
         assert not own.sim.slewing and await ask(client, "get slewing") is False
 
 
-async def test_look_only_alpaca_program_changes_nothing() -> None:
+async def test_read_only_alpaca_program_can_stop_but_change_nothing() -> None:
     async with stage(access=AccessRules(read_only=True)) as own:
         client = await connected(own)
         assert isinstance(await ask(client, "get rightascension"), float)

@@ -41,7 +41,7 @@ def apart(made: Mechanics, now: float, ra: float, dec: float) -> float:
 
 @each("latitude", SITES)
 @each("build", BUILDS)
-def test_simulated_tracking_holds_for_an_hour_and_rest_drifts(build: Build, latitude: float) -> None:
+def test_simulated_mount_holds_a_star_only_while_tracking(build: Build, latitude: float) -> None:
     made = mount(build, latitude)
     ra, dec = made.true_position(START)
     before = made.axes(START)
@@ -102,7 +102,7 @@ def test_simulation_speed_shortens_only_gotos() -> None:
 
 
 @each("speed", [4.0, 20.0])
-def test_unobserved_sped_up_goto_ends_at_its_target(speed: float) -> None:
+def test_sped_up_simulated_goto_arrives_even_if_never_read(speed: float) -> None:
     made = mount(Build.ALTAZ, 48.1)
     made.speedup = speed
     ra, dec = made.true_position(START + 1.0)
@@ -155,7 +155,7 @@ def test_simulated_alt_az_motor_keeps_its_rate_while_the_other_is_moved() -> Non
     assert later[1] - after[1] == pytest.approx(1.0)
 
 
-def test_stopping_one_simulated_axis_of_a_goto_leaves_the_other() -> None:
+def test_stopping_one_simulated_axis_does_not_end_the_goto_of_the_other() -> None:
     made = mount(Build.GERMAN, 45.0)
     made.goto_axes(START, 100.0, 60.0)
     made.move(START + 1, 2, 0.0)
@@ -174,7 +174,7 @@ def test_newer_simulated_goto_replaces_the_running_one() -> None:
     assert apart(made, START + 300, 50.0, 30.0) < 0.01
 
 
-def test_simulated_sync_changes_coordinates_but_not_the_tube() -> None:
+def test_simulated_sync_changes_coordinates_and_turns_no_axis() -> None:
     for build in BUILDS:
         made = mount(build, -34.0)
         truth, axes = made.true_position(START), made.axes(START)
@@ -186,7 +186,7 @@ def test_simulated_sync_changes_coordinates_but_not_the_tube() -> None:
         assert separation(*made.believed_position(START + 300), 210.0, -35.0) < 1e-6
 
 
-def test_simulated_german_mount_chooses_its_side_and_shows_the_pole_passed() -> None:
+def test_simulated_german_mount_reports_declination_over_90_beyond_the_pole() -> None:
     made = mount(Build.GERMAN, 45.0, ramps=False)
     lst = sidereal_time(START, 10.0)
     made.goto_sky(START, lst + 30.0, 60.0)
@@ -198,7 +198,7 @@ def test_simulated_german_mount_chooses_its_side_and_shows_the_pole_passed() -> 
     assert made.true_position(START + 320)[1] == pytest.approx(80.0)
 
 
-def test_simulated_motor_sent_alone_rests_at_its_goal() -> None:
+def test_simulated_goto_of_one_axis_leaves_the_other_tracking() -> None:
     made = mount(Build.GERMAN, 45.0)
     made.goto_axis(START, 2, 80.0)
     assert made.slewing(START + 1, 2) and not made.slewing(START + 1, 1)
@@ -207,7 +207,7 @@ def test_simulated_motor_sent_alone_rests_at_its_goal() -> None:
     assert turned * 3600 == pytest.approx(150.41, abs=0.01)  # the other one tracks on
 
 
-def test_simulated_rates_have_a_maximum() -> None:
+def test_simulated_axis_rate_has_an_upper_limit() -> None:
     made = mount(Build.ALTAZ, 45.0, on=False, ramps=False)
     made.set_rate(START, 1, 50.0)
     assert wrap180(made.axes(START + 1)[0] - made.axes(START)[0]) == pytest.approx(4.0)
@@ -223,7 +223,7 @@ def test_simulated_fork_put_on_its_wedge_keeps_pointing() -> None:
     assert apart(made, START + 3600, *place) < 0.1
 
 
-def test_new_site_leaves_simulated_axes_and_tracks_the_visible_place() -> None:
+def test_new_site_turns_no_simulated_axis_and_keeps_tracking_the_same_place() -> None:
     for build in BUILDS:
         made = mount(build, 45.0)
         axes = made.axes(START)

@@ -71,7 +71,7 @@ def test_simulated_goto_accelerates_creeps_and_arrives_exactly() -> None:
     assert not made.is_moving(START + 99.0)
 
 
-def test_cancelled_simulated_goto_runs_on_and_then_tracks() -> None:
+def test_cancelled_simulated_goto_brakes_for_a_second_and_then_tracks() -> None:
     made = mount(on=True)
     made.goto_axes(START, 60.0, 60.0)
     assert second(made, 3.0) == pytest.approx(30.0)
@@ -82,7 +82,7 @@ def test_cancelled_simulated_goto_runs_on_and_then_tracks() -> None:
     assert made.speeds(START + 4.1)[0] == pytest.approx(SIDEREAL_RATE, abs=1e-6)
 
 
-def test_sped_up_simulated_goto_brakes_as_fast() -> None:
+def test_sped_up_simulated_goto_brakes_at_the_same_speedup() -> None:
     made = mount()
     made.speedup = 6.0
     made.goto_axes(START, 60.0, 80.0)
@@ -93,7 +93,7 @@ def test_sped_up_simulated_goto_brakes_as_fast() -> None:
 
 
 @each("build", list(Build))
-def test_simulated_guide_pulses_are_exact(build: Build) -> None:
+def test_simulated_guide_pulse_moves_the_exact_angle(build: Build) -> None:
     made, other = mount(build, on=True), mount(build, on=True)
     made.pulse(START + 1.0, 2, 0.5 * SIDEREAL_RATE, 2.0)
     guided, followed = made.axes(START + 3.0), other.axes(START + 3.0)
@@ -138,7 +138,7 @@ def order(made: Mechanics, now: float, chance: Random) -> None:
 
 @pytest.mark.parametrize("build", list(Build))
 @pytest.mark.parametrize("seed", range(as_a_rule(2, whole=4)))
-def test_no_order_makes_a_simulated_motor_jump(build: Build, seed: int) -> None:
+def test_no_order_changes_a_simulated_motor_speed_abruptly(build: Build, seed: int) -> None:
     """Places follow speeds, and speeds change at twice the acceleration at most: off one order and on to another."""
     chance, made = Random(seed), mount(build, on=True)
     step = 1.0 / 64.0

@@ -60,7 +60,7 @@ def test_true_position_of_a_new_alt_az_fork_is_its_switch_on_position() -> None:
     assert (seen.rate1, seen.rate2, seen.moving, seen.tracking) == (0.0, 0.0, False, False)
 
 
-def test_true_position_of_a_fork_over_the_zenith_is_on_the_other_side() -> None:
+def test_true_azimuth_of_a_fork_tilted_beyond_the_zenith_is_turned_by_180() -> None:
     simulator, _ = mount("nexstar", "6-8se")
     seen = put(simulator, 180.0, 100.0)
     assert (seen.axis2, seen.altitude) == pytest.approx((100.0, 80.0))
@@ -131,7 +131,7 @@ def test_true_position_agrees_with_pyephem(protocol: str, model: str, site: tupl
         assert seen.altitude == pytest.approx(math.degrees(height), abs=0.02)
 
 
-def test_truth_reports_rates_and_turning_axes() -> None:
+def test_truth_file_shows_the_rate_of_a_turning_axis() -> None:
     """Four degrees a second, reached in a second; the fork's other motor rests."""
     simulator, clock = mount("nexstar", "nexstar-gps", aligned=False)
     simulator.feed(b"P\x02\x11\x24\x09\0\0\0")
@@ -151,7 +151,7 @@ def test_truth_reports_rates_and_turning_axes() -> None:
     assert not rests.moving and rests.rate2 == 0.0 and rests.axis2 == pytest.approx(53.0, abs=1e-4)
 
 
-def test_truth_counts_a_pulse_as_motion_but_not_tracking() -> None:
+def test_truth_file_reports_a_guide_pulse_as_moving_but_not_tracking() -> None:
     simulator, clock = mount("nexstar", "cge")
     seen = truth_of(simulator)
     assert seen.tracking and not seen.moving
@@ -239,7 +239,7 @@ def test_no_lx200_setting_changes_the_true_position(model: str) -> None:
     unmoved(simulator, clock, LX200)
 
 
-def test_wrong_site_turns_a_tracking_alt_az_mount_in_truth() -> None:
+def test_simulated_alt_az_mount_with_a_wrong_site_drifts_off_its_star() -> None:
     """What the motors really do counts: told that it stands in the south, it follows a sky that is not there."""
     simulator, clock = mount("nexstar", "cpc")
     simulator.feed(b"W\x21\x38\x33\x01\x97\x0c\x07\x00")
@@ -253,7 +253,7 @@ def test_wrong_site_turns_a_tracking_alt_az_mount_in_truth() -> None:
 # --- sampling ---------------------------------------------------------------------------------------------------
 
 
-async def test_suspended_computer_leaves_out_the_missed_time_in_the_truth_file() -> None:
+async def test_truth_file_skips_the_time_for_which_the_computer_was_suspended() -> None:
     clock = Clock()
     simulator, seen = SimulatedHandControl("cge", clock=clock), []
     sampler = asyncio.get_running_loop().create_task(sample(simulator, seen.append))
@@ -265,7 +265,7 @@ async def test_suspended_computer_leaves_out_the_missed_time_in_the_truth_file()
     assert [round(one.t - EVENING, 1) for one in seen] == [0.0, 0.1, 60.1, 60.2]
 
 
-def test_truth_line_is_one_object_with_documented_names() -> None:
+def test_truth_file_line_is_one_json_object_with_documented_names() -> None:
     simulator, _ = mount("nexstar", "cpc")
     line = truth_of(simulator).json_line()
     assert line.endswith("}\n") and line.count("\n") == 1
@@ -277,7 +277,7 @@ def test_truth_line_is_one_object_with_documented_names() -> None:
     assert told["past_meridian"] is None and told["tracking"] is True and told["altitude"] == 45.0
 
 
-def test_sim_command_writes_the_truth_while_several_programs_use_the_mount(tmp_path: Path) -> None:
+def test_sim_command_writes_a_truth_file_while_two_programs_use_the_mount(tmp_path: Path) -> None:
     """The site is set and the mount synced to over one connection; another one sees that, and the file does not."""
     file = tmp_path / "truth.jsonl"
     sim = Running(

@@ -84,7 +84,7 @@ def test_byte_that_cannot_end_the_interrupted_command_begins_a_new_one() -> None
 
 
 @each("release", RELEASES)
-def test_release_after_an_interruption_is_always_carried_out_at_once(release: bytes) -> None:
+def test_key_release_after_an_interrupted_nexstar_command_is_carried_out_at_once(release: bytes) -> None:
     start = release[:4] + b"\x05\0\0\0"
     for length in range(1, 8):
         for gap in (1.1, 2.0):
@@ -98,7 +98,7 @@ def test_release_after_an_interruption_is_always_carried_out_at_once(release: by
         assert after(half, (1.2, release)) == [release]
 
 
-def test_cancel_after_an_interruption_is_always_carried_out() -> None:
+def test_cancel_after_an_interrupted_nexstar_command_is_carried_out() -> None:
     for half in (b"K", b"T", b"P\x02", b"W", b"r34A", b"r34AB0500,12CE05"):
         framer = NexStarFramer()
         framer.feed(half, 0.0)

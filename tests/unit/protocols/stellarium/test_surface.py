@@ -54,7 +54,7 @@ def stage(
 
 
 @pytest.mark.parametrize(("mount", "driven"), [("6-8se", "nexstar"), ("lx200gps", "lx200"), ("lx200", "lx200")])
-async def test_stellarium_gets_positions_twice_a_second_and_its_goto_runs(mount: str, driven: str) -> None:
+async def test_stellarium_reads_its_target_position_after_a_goto(mount: str, driven: str) -> None:
     async with stage(mount, driven) as own:
         exact_sky.load(own.controller.astrometry.sky)
         client = own.client()
@@ -99,7 +99,7 @@ async def test_stellarium_goto_beyond_a_pole_is_refused(dec: int) -> None:
         assert not own.sim.slewing and heard(client)[-1].status == -1
 
 
-async def test_look_only_stellarium_gets_positions_and_moves_nothing() -> None:
+async def test_read_only_stellarium_client_is_refused_a_goto() -> None:
     async with stage(access=AccessRules(read_only=True)) as own:
         client = own.client()
         client.send(goto(*CRAB))
@@ -107,7 +107,7 @@ async def test_look_only_stellarium_gets_positions_and_moves_nothing() -> None:
         assert not own.sim.slewing and heard(client)[-1].status == -1
 
 
-async def test_dead_man_leaves_a_stellarium_goto_alone() -> None:
+async def test_dead_man_switch_does_not_stop_a_stellarium_goto() -> None:
     """A program of this protocol says nothing after its goto."""
     async with stage(config={"dead_man": 2.0, "dead_man_closed": 1.0}) as own:
         client, other = own.client(), own.client("192.0.2.7")
@@ -132,7 +132,7 @@ async def test_stellarium_coordinates_are_j2000() -> None:
         client.close()
 
 
-def test_stellarium_bytes_count_as_a_strangers_on_other_surfaces() -> None:
+def test_stellarium_client_on_a_port_of_another_protocol_is_recognised() -> None:
     for name, spec in PROTOCOLS.items():
         beginning = StrangerFilter(spec.opening_pattern, name)
         pieces = beginning.feed(ReceivedBytes(goto(*CRAB), 0.0, 0))

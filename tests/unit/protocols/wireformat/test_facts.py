@@ -72,7 +72,7 @@ def test_command_tables_say_which_commands_end_motions() -> None:
     assert LX200.commands["Q"].urgent_mark == b":Q"
 
 
-def test_stop_sequence_contains_every_indispensable_command() -> None:
+def test_driver_stop_includes_every_command_that_ends_motion() -> None:
     assert [way.ends for way in LX200.driver_rows["AbortMotion"]] == [["Q"]]
     assert [way.ends for way in NEXSTAR.driver_rows["AbortMotion"]] == [["M", "slew_azm_pos", "slew_alt_pos", "pulse"]]
 
@@ -86,13 +86,13 @@ def mistakes(folder: Path) -> list[str]:
     return found
 
 
-def test_command_table_whose_stop_lists_no_ends_is_rejected(tmp_path: Path) -> None:
+def test_driver_table_whose_abort_names_no_ending_command_is_rejected(tmp_path: Path) -> None:
     (tmp_path / "commands.toml").write_text('[Q]\nrequest = ":Q#"\nhelp = "stop"\n', "utf-8")
     (tmp_path / "driver.toml").write_text('[[AbortMotion]]\ncall = "pointing.abort"\nuses = ["Q"]\n', "utf-8")
     assert any("it needs ends" in mistake for mistake in mistakes(tmp_path))
 
 
-def test_command_tables_say_what_takes_long_and_what_a_busy_mount_hears() -> None:
+def test_command_tables_mark_long_commands_and_those_allowed_while_busy() -> None:
     assert having(LX200, "long").items() >= {"SC": 14.0, "gT": 600.0}.items()
     assert having(LX200, "allowed_while_homing").keys() >= {"hS", "hF", "Q", "h?"}
     asleep = {name for name, command in LX200.commands.items() if command.allowed_while_asleep is False}
@@ -115,7 +115,7 @@ def test_command_tables_say_what_takes_long_and_what_a_busy_mount_hears() -> Non
         ('urgent = "part"\nurgent_at = { rate = 0 }', "the request has no field rate"),
     ],
 )
-def test_missing_or_wrong_command_fact_is_named(tmp_path: Path, row: str, says: str) -> None:
+def test_mistake_in_a_row_of_commands_toml_is_reported(tmp_path: Path, row: str, says: str) -> None:
     (tmp_path / "commands.toml").write_text(f'[ZZ]\nrequest = ":ZZ#"\nhelp = "trial"\n{row}\n', "utf-8")
     assert any("[ZZ]" in mistake and re.search(says, mistake) for mistake in mistakes(tmp_path))
 
@@ -127,7 +127,7 @@ def test_missing_or_wrong_command_fact_is_named(tmp_path: Path, row: str, says: 
         ('Q = { say = {}, outcome = "kept" }', "needs ask, which names the operation"),
     ],
 )
-def test_impossible_surface_row_is_named(tmp_path: Path, row: str, says: str) -> None:
+def test_impossible_row_in_surface_toml_is_reported(tmp_path: Path, row: str, says: str) -> None:
     (tmp_path / "commands.toml").write_text(
         '[ZZ]\nrequest = ":ZZ#"\nhelp = "trial"\n[Q]\nrequest = ":Q#"\nhelp = "stop"\nurgent = "stop"\n', "utf-8"
     )
@@ -135,7 +135,7 @@ def test_impossible_surface_row_is_named(tmp_path: Path, row: str, says: str) ->
     assert any(re.search(says, mistake) for mistake in mistakes(tmp_path))
 
 
-def test_further_command_changes_one_line_of_each_printed_table(
+def test_adding_a_command_changes_only_one_line_of_each_printed_table(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two files by hand: what it looks like, and what is done with it."""

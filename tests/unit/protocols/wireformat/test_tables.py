@@ -32,7 +32,7 @@ TABLES = script("docs/tools/tables.py")
 
 
 @each("protocol", PROTOCOLS)
-def test_every_request_matches_only_its_command(protocol: CommandSet) -> None:
+def test_every_request_is_recognised_as_its_own_command(protocol: CommandSet) -> None:
     for command in protocol.commands.values():
         for picture in command.requests:
             frame = picture.encode({name: sample_value(command, name, field) for name, field in picture.fields.items()})
@@ -43,7 +43,7 @@ def test_every_request_matches_only_its_command(protocol: CommandSet) -> None:
 
 
 @each("protocol", PROTOCOLS)
-def test_no_reply_is_the_beginning_of_another(protocol: CommandSet) -> None:
+def test_no_reply_of_a_command_is_a_prefix_of_another(protocol: CommandSet) -> None:
     for command in protocol.commands.values():
         wires = {  # several faults may have one form
             (
@@ -71,7 +71,7 @@ def _called_and_there(spec: ProtocolSpec) -> Iterator[tuple[set[str], set[str]]]
 
 
 @pytest.mark.parametrize("spec", SPECS.values(), ids=SPECS)
-def test_every_function_available_to_tables_is_used(spec: ProtocolSpec) -> None:
+def test_no_function_available_to_command_tables_is_unused(spec: ProtocolSpec) -> None:
     protocols = Path(gateway.__file__).parent / "protocols"
     files = [path for folder in ("base", spec.name) for path in (protocols / folder).rglob("*.py")]
     words = Counter(word for path in files for word in re.findall(r"\w+", path.read_text("utf-8")))
@@ -155,7 +155,7 @@ def test_mistake_in_a_table_is_reported_with_file_and_row(
     assert [line for line in check().splitlines() if re.search(says, line) and f"lx200/{file}" in line]
 
 
-def test_unknown_kind_of_mount_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unknown_mount_kind_in_a_table_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     row = replace(load("lx200").surface_rows["Mg"], outcome={"germann": "refused", "else": "translated"})
     monkeypatch.setitem(load("lx200").surface_rows, "Mg", row)
     assert "mappings/lx200/surface.toml: [Mg]: outcome: no mount is 'germann'" in TABLES.problems()
@@ -173,13 +173,13 @@ def test_outdated_printed_tables_are_reported(tmp_path: Path, monkeypatch: pytes
     assert [problem.partition(" is old")[0] for problem in TABLES.problems()] == ["TARGET", "KEYS", "PROVE"]
 
 
-def test_missing_surface_row_fails_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_row_in_surface_toml_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     kept = {name: row for name, row in load("lx200").surface_rows.items() if name != "LM"}
     monkeypatch.setattr(load("lx200"), "surface_rows", kept)
     assert "mappings/lx200/surface.toml: [LM]: it has no outcome on a nexstar mount" in TABLES.problems()
 
 
-def test_explain_uses_the_named_model() -> None:
+def test_explain_command_uses_the_named_model() -> None:
     told = explain("lx200:lx200gps", "nexstar:cpc/4.21", ":gT#").text
     assert "outcome on a cpc/4.21 mount: kept (" in told and "\n  before the alignment: translated\n" in told
     assert "outcome on a cge/3.02 mount: refused" in explain("lx200:lx200gps", "nexstar:cge/3.02", ":gT#").text
@@ -191,7 +191,7 @@ def test_explain_uses_the_named_model() -> None:
         explain("lx200", "nexstar:cgx9", ":CM#")
 
 
-def test_surface_row_missing_on_one_old_version_fails_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_command_without_outcome_on_one_old_version_fails_the_table_check(monkeypatch: pytest.MonkeyPatch) -> None:
     kept = {name: ways[:1] if name == "Sync" else ways for name, ways in load("nexstar").driver_rows.items()}
     monkeypatch.setattr(load("nexstar"), "driver_rows", kept)
     assert TABLES.missing("lx200", "nexstar") == ["CL", "CM"]
@@ -217,7 +217,7 @@ def test_surface_row_missing_on_one_old_version_fails_the_check(monkeypatch: pyt
     ],
 )
 @each(("model", "version"), [("nexstar-gps", "1.2"), ("gt", "101.0")])
-def test_printed_outcomes_on_the_oldest_hand_controls_match_reality(
+def test_command_outcomes_printed_for_the_oldest_hand_controls_are_true(
     model: str, version: str, said: bytes, outcome: str
 ) -> None:
     """What is kept there sends nothing but questions; what is translated moves the mount."""

@@ -78,7 +78,7 @@ class Judged(Telescope):
 
 @pytest.mark.parametrize("latitude", [45.0, -33.5])
 @pytest.mark.parametrize("kind", KINDS)
-async def test_simulated_alpaca_telescope_passes_ascoms_judge(kind: str, latitude: float) -> None:
+async def test_simulated_alpaca_telescope_passes_ascom_conformance_checks(kind: str, latitude: float) -> None:
     loop = asyncio.get_running_loop()
     scope, found = Judged(SimulatedAlpaca(kind, clock=lambda: EVENING + loop.time(), site=(latitude, 10.0))), {}
     for name, check in CHECKS.items():
@@ -122,7 +122,7 @@ def test_simulated_alpaca_server_answers_400_to_a_malformed_request() -> None:
     assert program.sim.request("PUT", DEVICE + "tracking", b'{"Tracking": true}', "application/json")[0] == 400
 
 
-def test_simulated_alpaca_telescope_connects_in_both_ways() -> None:
+def test_simulated_alpaca_telescope_obeys_both_connect_and_connected() -> None:
     program = Program(connected=False)
     assert program.answer("GET", "tracking")["ErrorNumber"] == NOT_CONNECTED and program.get("connected") is False
     program.put("connect")
@@ -174,7 +174,7 @@ def test_simulated_alpaca_telescope_uses_the_equinox_that_it_reports() -> None:
     assert 0.2 < ra - 82.5 < 0.5 and abs(dec - 22.0) < 0.1 and program.get("equatorialsystem") == 1
 
 
-def test_simulated_alpaca_server_can_answer_a_slew_at_its_end() -> None:
+def test_simulated_alpaca_server_answers_slewtocoordinates_on_arrival() -> None:
     later: list[tuple[float, bytes]] = []
     program = Program()
     feed = program.sim.connection(lambda seconds, reply: later.append((seconds, reply)))

@@ -50,7 +50,7 @@ def test_simulated_meade_reports_its_alignment_mode_by_gw(tells_altaz: bool, sai
 
 @pytest.mark.parametrize("tells_altaz", [False, True])
 @pytest.mark.parametrize("model", ["autostar", "lx200gps"])
-async def test_tracking_off_and_on_leaves_a_polar_meade_polar(model: str, tells_altaz: bool) -> None:
+async def test_tracking_off_and_on_keeps_a_meade_in_polar_alignment(model: str, tells_altaz: bool) -> None:
     """Asked for its mode in between, as INDIGO does: :AA# would end the polar alignment."""
     bridge = Bridge(model, driven="lx200", presented="nexstar", surface="6-8se", latency=0.02)
     bridge.sim.land_tells_altaz = tells_altaz
@@ -72,7 +72,7 @@ async def test_tracking_off_and_on_leaves_a_polar_meade_polar(model: str, tells_
 
 
 @pytest.mark.parametrize("tells_altaz", [False, True])
-async def test_meade_taken_off_its_wedge_is_noticed(tells_altaz: bool) -> None:
+async def test_meade_set_to_alt_az_at_its_keys_is_noticed(tells_altaz: bool) -> None:
     """At its keys, tracking off before and afterwards: the alignment mode tells that the A is meant."""
     bridge = Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se", latency=0.02)
     bridge.sim.land_tells_altaz = tells_altaz
@@ -87,7 +87,7 @@ async def test_meade_taken_off_its_wedge_is_noticed(tells_altaz: bool) -> None:
         assert not bridge.driver.equatorial
 
 
-async def test_program_is_told_that_the_meade_sleeps() -> None:
+async def test_goto_on_a_sleeping_meade_is_refused_with_a_text() -> None:
     """It would say yes to the goto and stay where it is."""
     async with Bridge("lx200gps", driven="lx200", presented="lx200", surface=None, latency=0.02) as bridge:
         client = bridge.client()

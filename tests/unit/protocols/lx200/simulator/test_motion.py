@@ -114,7 +114,7 @@ def test_polar_meade_tracks_once_its_east_key_is_released(model: str, site: tupl
 
 
 @each("model", MODELS)
-def test_simulated_guiding_adds_to_tracking(model: str) -> None:
+def test_simulated_meade_guiding_adds_to_tracking(model: str) -> None:
     sim, clock = meade(model)
     before = sim.true_position()
     sim.feed(b":RG#:Mn#")
@@ -130,7 +130,7 @@ def test_simulated_guiding_adds_to_tracking(model: str) -> None:
     assert separation(*sim.true_position(), *still) / ARCSECOND == pytest.approx(guided, abs=0.5)
 
 
-def test_simulated_lx200gps_moves_at_its_rates() -> None:
+def test_simulated_lx200gps_moves_at_the_commanded_rates() -> None:
     sim, clock = meade("lx200gps", ramps=False)
     sim.feed(b":RS#")
     for command, axis, rate in ((b":RE03.0#:Mn#", 1, 3.0), (b":RA02.0#:Mw#", 0, 2.0), (b":RA00.0#:Mw#", 0, 8.0)):
@@ -161,7 +161,7 @@ def test_simulated_classic_counts_distance_bars_for_each_axis() -> None:
 
 
 @each("model", ["autostar", "lx200gps"])
-def test_simulated_meade_parks_and_sleeps(model: str) -> None:
+def test_simulated_meade_stops_tracking_when_parked(model: str) -> None:
     sim, clock = meade(model)
     sim.feed(b":hP#")
     assert sim.feed(b":D#") == b"\x7f#"

@@ -15,7 +15,7 @@ from tests.support.simulated_meade import MODELS, SITES, Line, meade, overhead
 
 
 @each("model", ["lx200", "lx200-16"])
-def test_simulated_classic_sends_the_second_date_text_after_calculating(model: str) -> None:
+def test_simulated_classic_lx200_sends_the_second_date_text_5_seconds_later(model: str) -> None:
     sim, clock = meade(model)
     line = Line(sim)
     assert line.send(b":SC03/20/26#") == b"1Updating        planetary data. #"
@@ -46,7 +46,7 @@ def test_simulated_lx200gps_says_nak_while_busy(command: bytes, seconds: float) 
     assert line.send(b":D#") == b"#"
 
 
-def test_simulated_meade_finishes_long_work_at_once_for_a_caller_that_cannot_wait() -> None:
+def test_simulated_lx200gps_answers_gps_and_align_commands_at_once_if_replies_cannot_wait() -> None:
     sim, _ = meade("lx200gps")
     assert sim.feed(b":gT#:Aa#:D#") == b"11#"
 
@@ -84,7 +84,7 @@ def test_simulated_classic_drops_unreadable_bytes() -> None:
     assert other.feed(b":Sd+22\xdf00#") == b"1"
 
 
-def test_half_commands_of_two_connections_do_not_mix() -> None:
+def test_half_lx200_commands_of_two_connections_do_not_mix() -> None:
     sim, _ = meade("lx200")
     one, other = Line(sim), Line(sim)
     assert one.send(b":G") == b""
@@ -174,7 +174,7 @@ def test_simulated_meade_refuses_the_moon_below_the_horizon() -> None:
     assert seen == {b"00", b"11"}
 
 
-def test_simulated_meade_refuses_limits_in_the_words_of_its_model() -> None:
+def test_simulated_meade_refuses_goto_beyond_limits_in_words_of_its_model() -> None:
     for model, low, high in (
         ("lx200", b"1Object below    horizon.        #", b"2Object above    higher limit.  #"),
         ("autostar", b"1Object Below Horizon.#", b"2Object Below Higher.#"),

@@ -75,7 +75,7 @@ def test_simulated_meade_answers_every_form_of_the_manual_as_real_ones_do(model:
 
 
 @each("way", ["whole", "byte by byte", "with trailing bytes"])
-def test_simulated_meade_frames_commands_at_the_hash(way: str) -> None:
+def test_simulated_meade_splits_commands_at_the_hash_mark(way: str) -> None:
     sim, _ = meade()
     data = b"#:GVP#\x06:GC#"
     if way == "byte by byte":
@@ -97,7 +97,7 @@ def test_simulated_lx200gps_replies_as_recorded_on_the_wire() -> None:
     assert sim.feed(b":GX..#:V#") == b""
 
 
-def test_simulated_classic_replies_as_recorded() -> None:
+def test_simulated_classic_lx200_replies_as_recorded_ones() -> None:
     sim, _ = meade("lx200", utc_offset=-8.0)
     assert sim.feed(b":GVP#:GW#:Mgn0500#:MA#:h?#") == b""
     assert sim.feed(b":GG#") == b"+8#"

@@ -154,7 +154,7 @@ def test_lx200_clock_is_set_two_quiet_seconds_after_the_last_piece() -> None:
     assert len(talk.mount.of(op.SetClock)) == 1
 
 
-def test_lx200_offset_alone_changes_no_clock() -> None:
+def test_lx200_utc_offset_alone_changes_no_clock() -> None:
     talk = Talk()
     talk.send(b":SG+05#")
     talk.wait(10)
@@ -163,7 +163,7 @@ def test_lx200_offset_alone_changes_no_clock() -> None:
     assert told(talk) == unix("2026-03-21 04:15:40")
 
 
-def test_lx200_offset_set_a_minute_after_the_time_changes_no_clock() -> None:
+def test_lx200_utc_offset_set_a_minute_after_the_time_changes_no_clock() -> None:
     talk = Talk()
     for seconds, changes in ((59.0, 2), (61.0, 3)):
         talk.send(b":SG+06#:SL21:30:00#:SC07/04/26#")
@@ -174,7 +174,7 @@ def test_lx200_offset_set_a_minute_after_the_time_changes_no_clock() -> None:
     assert told(talk) == unix("2026-07-05 03:30:00") + 71.0
 
 
-def test_lx200_clock_set_anew_behind_a_new_offset_is_sent_at_once() -> None:
+def test_second_lx200_date_time_and_offset_set_the_mount_clock_at_once() -> None:
     talk = Talk()
     talk.send(b":SG+06#:SL21:30:00#:SC07/04/26#")
     talk.send(b":SG+05#:SL21:31:00#:SC07/04/26#")
@@ -182,7 +182,7 @@ def test_lx200_clock_set_anew_behind_a_new_offset_is_sent_at_once() -> None:
 
 
 @each("question", [b":GL#", b":GC#", b":GG#", b":Ga#", b":GS#"])
-def test_lx200_time_query_first_applies_the_pieces_already_set(question: bytes) -> None:
+def test_lx200_time_query_first_applies_a_date_and_time_already_sent(question: bytes) -> None:
     talk = Talk()
     talk.send(b":SL23:00:00#:SC03/22/26#")
     assert talk.mount.of(op.SetClock) == []
@@ -194,7 +194,7 @@ def test_lx200_time_query_first_applies_the_pieces_already_set(question: bytes) 
     assert talk.send(b":GC#:GL#") == b"03/22/26#23:00:00#"
 
 
-def test_refused_piece_of_an_lx200_clock_leaves_the_others_alone() -> None:
+def test_refused_lx200_date_time_or_offset_does_not_spoil_later_valid_ones() -> None:
     talk = Talk()
     assert talk.send(b":SG+05#:SL24:00:00#:SC02/30/26#:SC13/01/26#:SL12:61:00#:SGabc#:SG+15#") == b"1000000"
     assert talk.send(b":SL21:30:00#") == b"1"
@@ -202,7 +202,7 @@ def test_refused_piece_of_an_lx200_clock_leaves_the_others_alone() -> None:
     assert instants(talk.mount) == [unix("2026-07-05 02:30:00")]
 
 
-def test_lx200_stamp_sets_local_date_and_time_at_once() -> None:
+def test_lx200_hi_command_sets_local_date_and_time_at_once() -> None:
     talk = Talk(model="lx200gps")
     talk.now = unix("2023-01-01 00:00:00")
     assert talk.send(b":SG+05#:hI260704213000#") == b"11"
@@ -240,7 +240,7 @@ def test_twelve_hour_format_belongs_to_one_lx200_client() -> None:
         assert one.send(b":Ga#") == b"%s:05:07#" % shown
 
 
-def test_every_accepted_lx200_offset_can_be_reported() -> None:
+def test_every_accepted_lx200_utc_offset_can_be_reported() -> None:
     """In tenths of an hour, those of no zone on Earth, too."""
     talk = Talk(Mount())
     for tenths in range(-160, 161):

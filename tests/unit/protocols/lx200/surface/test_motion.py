@@ -44,7 +44,7 @@ def test_lx200_arrow_moves_at_the_chosen_rate(letter: bytes, direction: Directio
     assert asked(choice + b":M%s#" % letter) == [op.Move(direction, rate)]
 
 
-def test_lx200_rate_belongs_to_one_client() -> None:
+def test_lx200_arrow_rate_applies_to_its_client_only() -> None:
     one, other = Talk(mount := Mount()), Talk(mount)
     one.send(b":RS#")
     other.send(b":RG#:Mn#")
@@ -153,7 +153,7 @@ def test_lx200_tracking_rate_that_the_mount_lacks_is_refused_by_a_reply(frame: b
 
 
 @each(("start", "step", "told"), [(b":T050.2#", b":T-#", b"50.0#"), (b":T069.8#", b":T+#", b"70.0#")])
-def test_lx200_tracking_rate_steps_end_at_the_range(start: bytes, step: bytes, told: bytes) -> None:
+def test_lx200_tracking_rate_steps_stop_at_50_and_70_hertz(start: bytes, step: bytes, told: bytes) -> None:
     talk = Talk()
     assert talk.send(start + step * 5 + b":GT#") == b"1" + told
     assert all(0 < rate.factor < 1.7 for rate in talk.mount.of(op.TrackRate))
@@ -171,7 +171,7 @@ def test_lx200_land_mode_turns_tracking_off_and_other_modes_on() -> None:
     assert asked(b":AP#") == asked(b":AA#") == [op.SetTracking(on=True)]
 
 
-def test_lx200_park_home_and_sleep_commands_become_operations() -> None:
+def test_lx200_park_home_and_sleep_commands_reach_the_mount() -> None:
     assert asked(b":hP#:hF#:hS#:hN#:hW#", model="lx200gps") == [
         op.Park(),
         op.Home(),

@@ -42,7 +42,7 @@ def test_four_digits_of_an_lx200_limit_are_read_as_arcminutes() -> None:
         b":SCab/cd/ef#", b":SGab#",
     ],
 )  # fmt: skip
-def test_letters_instead_of_a_number_get_one_lx200_answer(bad: bytes) -> None:
+def test_lx200_setter_with_letters_for_digits_is_answered_by_one_0(bad: bytes) -> None:
     """A program waits for its one character."""
     talk = Talk()
     assert talk.send(bad) == b"0"
@@ -98,7 +98,7 @@ def test_unexpected_sign_or_decimals_in_an_lx200_number_are_refused(bad: bytes) 
 
 
 @each("model", WITH_HORIZON)
-def test_sixty_carries_over_where_programs_round_to_it(model: str) -> None:
+def test_sixty_arcminutes_carry_over_in_lx200_alt_az_and_site(model: str) -> None:
     talk = Talk(model=model)
     assert talk.send(b":Sz 179*60#:Sa+29*60#:MA#") == b"110"
     assert talk.mount.asked[-1].az == 180.0  # type: ignore[attr-defined]
@@ -167,12 +167,12 @@ def test_altitude_outside_the_slew_range_is_refused_and_selects_nothing(model: s
     assert not talk.mount.slewing
 
 
-def test_slew_range_is_narrowed_by_its_client() -> None:
+def test_altitude_beyond_the_clients_limits_is_refused() -> None:
     talk = Talk()
     assert talk.send(b":So20*#:Sh70#:Sa+19*50#:Sa+20*00#:Sa+70*00#:Sa+70*10#") == b"110110"
 
 
-def test_slew_range_is_bounded_by_the_owner() -> None:
+def test_altitude_below_the_configured_limit_is_refused() -> None:
     talk = Talk()
     talk.session.settings = replace(talk.session.settings, limits=Limits(lowest=-5.0))
     assert talk.send(b":Sa-04*00#:Sa-06*00#") == b"10"
@@ -181,7 +181,7 @@ def test_slew_range_is_bounded_by_the_owner() -> None:
 # --- small commands without a reply ----------------------------------------------------------------------------------
 
 
-def test_invalid_focus_speed_changes_nothing() -> None:
+def test_invalid_lx200_focus_speed_keeps_the_earlier_one() -> None:
     talk = Talk(model="lx200gps")
     assert talk.send(b":F3#:F0#:F5#:F9#:F+#") == b""
     assert talk.mount.asked[-1].speed == 3  # type: ignore[attr-defined]

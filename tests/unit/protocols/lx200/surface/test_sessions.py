@@ -73,7 +73,7 @@ async def test_open_connection_hands_its_lx200_session_to_nobody(gateway: FakeGa
 
 
 @gateway
-async def test_continued_lx200_session_is_a_copy(gateway: FakeGateway) -> None:
+async def test_change_in_a_continued_lx200_session_is_kept(gateway: FakeGateway) -> None:
     first = gateway.connect()
     await first.ask(SETTINGS)
     first.close()
@@ -84,7 +84,7 @@ async def test_continued_lx200_session_is_a_copy(gateway: FakeGateway) -> None:
 
 
 @gateway
-async def test_last_closed_connection_hands_on_its_lx200_session(gateway: FakeGateway) -> None:
+async def test_new_connection_continues_the_lx200_session_that_closed_last(gateway: FakeGateway) -> None:
     first, second = gateway.connect(), gateway.connect()
     await first.ask(b":Sr01:00:00#")
     await second.ask(b":Sr02:00:00#")
@@ -135,7 +135,7 @@ async def test_clock_set_over_three_connections_makes_one_instant(gateway: FakeG
 
 
 @gateway
-async def test_clock_pieces_of_a_closed_connection_are_applied_after_the_pause(gateway: FakeGateway) -> None:
+async def test_lx200_date_and_time_of_a_closed_connection_set_the_clock_after_a_pause(gateway: FakeGateway) -> None:
     connection = gateway.connect()
     await connection.ask(b":SC07/04/26#:SL21:30:00#")
     connection.close()
@@ -147,7 +147,7 @@ async def test_clock_pieces_of_a_closed_connection_are_applied_after_the_pause(g
 
 
 @gateway
-async def test_clock_pieces_are_applied_on_a_mount_that_tells_no_time(gateway: FakeGateway) -> None:
+async def test_lx200_date_and_time_are_set_on_a_mount_that_reports_no_time(gateway: FakeGateway) -> None:
     perform = gateway.mount.perform
 
     def timeless(operation: op.Operation) -> object:
@@ -165,7 +165,7 @@ async def test_clock_pieces_are_applied_on_a_mount_that_tells_no_time(gateway: F
 
 
 @gateway
-async def test_repeated_query_is_answered_anew_after_any_change(gateway: FakeGateway) -> None:
+async def test_repeated_lx200_query_shows_a_changed_position_or_precision(gateway: FakeGateway) -> None:
     connection = gateway.connect()
     assert [await connection.ask(b":GR#") for _ in range(3)] == [b"12:34:56#"] * 3
     assert await connection.ask(b":U#") + await connection.ask(b":GR#") == b"12:34.9#"

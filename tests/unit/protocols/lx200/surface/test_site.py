@@ -90,7 +90,7 @@ def test_lx200_site_name_is_cut_to_the_models_length_and_saved(model: str, longe
     assert len(saved) == 4
 
 
-def test_lx200_site_names_are_shared_and_never_empty() -> None:
+def test_all_lx200_clients_read_the_same_nonempty_site_names() -> None:
     one, other = Talk(), Talk()
     other.session.settings_holder = one.session.settings_holder
     assert one.send(b":SNHOME#") == b"1"

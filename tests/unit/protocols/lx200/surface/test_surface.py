@@ -168,7 +168,7 @@ def test_lx200_surface_tells_the_identity_of_the_presented_model(model: str, pro
     assert talk.mount.asked == []
 
 
-def test_lx200_restart_unparks_and_resets_its_client() -> None:
+def test_lx200_restart_unparks_mount_and_clears_client_settings() -> None:
     talk = Talk(model="lx200gps")
     talk.send(b":U#:H#:AL#:Sr05:34:32#:Sd+22*00:52#:So30#")
     assert talk.send(b":I#") == b"X"

@@ -23,7 +23,7 @@ REFUSED_DEC = (b":Sd+91*00:00#", b":Sd+90*00:01#", b":Sd-90*00:01#", b":Sd+45*99
 
 
 @each("half", REFUSED_RA + REFUSED_DEC)
-def test_refused_half_clears_the_whole_lx200_target(half: bytes) -> None:
+def test_refused_coordinate_clears_the_whole_lx200_target(half: bytes) -> None:
     talk = Talk()
     assert talk.send(TARGET) == b"11"
     assert talk.send(half) == b"0"
@@ -33,7 +33,7 @@ def test_refused_half_clears_the_whole_lx200_target(half: bytes) -> None:
 
 
 @each("other", [b":Sd+22*00:52#", b":Sr05:34:32#"])
-def test_half_a_target_after_a_refusal_is_no_target(other: bytes) -> None:
+def test_lx200_goto_needs_both_coordinates_after_a_refusal(other: bytes) -> None:
     talk = Talk()
     talk.send(TARGET + b":Sr25:00:00#")
     assert talk.send(other + b":MS#") == b"11No target set.#"
@@ -61,7 +61,7 @@ def test_lx200_target_is_read_back_as_set(ra: int, dec: int) -> None:
     assert sync.dec == pytest.approx(dec / 3600)
 
 
-def test_lx200_goto_carries_its_target_and_the_clients_limits() -> None:
+def test_lx200_goto_passes_its_target_and_altitude_limits_to_the_mount() -> None:
     talk = Talk()
     talk.send(TARGET + b":So10#:Sh80#:MS#")
     (goto,) = talk.mount.of(op.Goto)
@@ -166,7 +166,7 @@ def test_lx200_limits_belong_to_one_client() -> None:
 # --- sync, bars ---------------------------------------------------------------------------------------------------
 
 
-def test_lx200_sync_text_says_whether_it_was_done() -> None:
+def test_lx200_sync_text_tells_success_from_refusal() -> None:
     near, far = b":Sr12:40:00#:Sd+45*00:00#", b":Sr05:34:32#:Sd+22*00:52#"
     assert Talk().send(near + b":CM#") == b"11 M31 EX GAL MAG 3.5 SZ178.0'#"
     assert Talk(model="lx200").send(near + b":CM#") == b"11Coordinates     matched.        #"

@@ -114,7 +114,7 @@ def test_stop_inside_or_behind_an_unterminated_setter_is_carried_out(stop: bytes
 
 
 @each("cut", range(1, 15))
-def test_stop_is_carried_out_wherever_the_line_pauses(cut: int) -> None:
+def test_lx200_stop_is_carried_out_after_a_pause_at_any_byte(cut: int) -> None:
     sent = b":Sr07:00:MS:Q#"
     talk = aimed()
     say(talk, sent[:cut])
@@ -128,7 +128,7 @@ def test_stop_is_carried_out_wherever_the_line_pauses(cut: int) -> None:
     st.lists(st.sampled_from([b":", b"S", b"Sr", b"SM", b"Q", b"#", b"\x06", b"$", b"M", b"07", b"x" * 40, b"\r"])),
     st.lists(st.sampled_from([0.0, 0.05, 0.2, 2.0]), min_size=1),
 )
-def test_stop_is_passed_on_whatever_precedes_it(before: list[bytes], pauses: list[float]) -> None:
+def test_lx200_stop_is_passed_on_whatever_bytes_precede_it(before: list[bytes], pauses: list[float]) -> None:
     framer, now, frames = Lx200Framer(), 0.0, list[bytes]()
     for number, piece in enumerate([*before, b":", b"Q", b"#"]):
         now += pauses[number % len(pauses)]
@@ -174,13 +174,13 @@ def test_unterminated_command_with_an_argument_lets_no_motion_through(name: str,
         assert say(talk, b":GR#", way) == b"12:34:56#"
 
 
-def test_framing_lists_as_many_setters_as_the_tables() -> None:
+def test_lx200_framing_knows_every_command_with_an_argument() -> None:
     with_argument = {name for name, command in load("lx200").commands.items() if command.request.fields}
     assert {name for name, _ in SETTERS} == with_argument
 
 
 @each("way", WAYS)
-def test_unterminated_setter_of_another_maker_is_refused_silently(way: str) -> None:
+def test_unterminated_setter_of_another_maker_gets_no_reply_and_moves_nothing(way: str) -> None:
     talk = aimed()
     assert say(talk, b":SX99,1:Mn#:Me#:GR#", way) == b"12:34:56#"
     assert done(talk) == []
@@ -226,13 +226,15 @@ def test_endless_lx200_command_takes_no_memory(endless: bytes) -> None:
         (b":RM#:Mn#:Qn#", b"", 2),
     ],
 )
-def test_commands_without_an_argument_are_split_as_usual(sent: bytes, reply: bytes, moved: int, way: str) -> None:
+def test_lx200_commands_without_a_hash_mark_are_split_at_the_colon(
+    sent: bytes, reply: bytes, moved: int, way: str
+) -> None:
     talk = aimed()
     assert say(talk, sent, way) == reply
     assert len(done(talk)) == moved
 
 
-def test_old_half_of_a_setter_is_dropped_silently() -> None:
+def test_half_an_lx200_setter_is_dropped_silently_after_5_s() -> None:
     """Its sender has given up, and would take a late 0 for the answer to what it asks next."""
     for late in (b":GR#", b"\x06"):
         talk = aimed()
@@ -246,14 +248,14 @@ def test_old_half_of_a_setter_is_dropped_silently() -> None:
     assert talk.send(b":GR#:MS#") == b"12:34:56#1No target set.#"
 
 
-def test_half_a_setter_becomes_old_only_by_a_pause_before_the_next_command() -> None:
+def test_half_an_lx200_setter_completed_after_a_pause_is_refused_and_moves_nothing() -> None:
     talk = aimed()
     say(talk, b":Sr07:0")
     talk.now += QUIET
     assert say(talk, b"0:00:MS#:Me#") == b"0" and done(talk) == []
 
 
-def test_swallowed_command_is_not_completed_after_a_pause() -> None:
+def test_motion_split_by_a_pause_in_an_unterminated_setter_is_ignored() -> None:
     for cut in (b":SMfoo:M", b":SMfoo:"):
         talk = aimed()
         say(talk, cut)

@@ -130,7 +130,7 @@ def forms() -> list[list[str]]:
 
 
 @each("form", forms())
-def test_simulated_hand_control_replies_as_the_manual_writes(form: list[str]) -> None:
+def test_simulated_hand_control_replies_as_the_celestron_manual_says(form: list[str]) -> None:
     _, request, _, reply = form
     answer = manual_state()(typed(request)).decode("latin-1")
     if reply.startswith("re:"):
@@ -185,7 +185,7 @@ def test_simulated_hand_control_ignores_a_command_without_a_handler(monkeypatch:
 
 
 @each("model", list(load("nexstar").models))
-def test_simulated_hand_control_has_the_devices_of_its_model(model: str) -> None:
+def test_simulated_hand_control_has_only_the_gps_and_rtc_of_its_model(model: str) -> None:
     bench, row = Bench(model, "4.21"), load("nexstar").models[model]
     assert bench(b"m") == bytes((row["id"],)) + b"#"
     assert (bench("50 01 B0 37 00 00 00 01") == b"\0\0#") == ("gps" not in row["has"])
@@ -204,7 +204,7 @@ def test_simulated_hand_control_has_the_devices_of_its_model(model: str) -> None
     assert bench(b"t") == (b"\x02#" if row["mount"] == "german" else b"\x01#")
 
 
-def test_simulated_gt_counts_its_versions_from_a_hundred() -> None:
+def test_simulated_gt_reports_version_101_as_byte_101() -> None:
     old, new = Bench("gt", "101.0"), Bench("gt", "104.0")
     assert old(b"V") == b"\x65\x00#" and new(b"V") == b"\x68\x00#"
     assert old(b"e") == b"" and old(b"E") != b""
@@ -299,7 +299,7 @@ def test_simulated_pier_side_letters_swap_in_the_south_from_5_28_on() -> None:
     assert bench.settle()(b"p") == b"E#"
 
 
-def test_simulated_fork_moves_by_hand_in_azimuth_and_altitude() -> None:
+def test_arrow_keys_of_a_simulated_fork_move_in_azimuth_and_altitude() -> None:
     bench = Bench(site=(45.0, 10.0), ramps=False)
     bench(b"T\x00")
     bench("50 02 10 24 07 00 00 00")
@@ -312,7 +312,7 @@ def test_simulated_fork_moves_by_hand_in_azimuth_and_altitude() -> None:
     assert int(alt, 16) * 360 / 65536 == pytest.approx(43, abs=0.01)
 
 
-def test_simulated_tracking_codes_track_instead_of_slewing() -> None:
+def test_rate_codes_ffff_to_fffd_make_a_simulated_mount_track() -> None:
     for code, arcseconds in (("FF", 15.041), ("FE", 15.0), ("FD", 14.685)):
         bench = Bench("cge", site=(45.0, 10.0))
         bench(b"T\x00B2000,2000")
@@ -335,7 +335,7 @@ def test_simulated_variable_rates_turn_the_axes_at_that_rate() -> None:
     assert ((first - 180) * 360, (second - 45) * 360) == pytest.approx((150, -150))
 
 
-def test_simulated_suspended_tracking_comes_back() -> None:
+def test_simulated_tracking_resumes_after_a_hand_motion() -> None:
     """By ``T``, after a goto, after 20 s of silence; in alt-az after 30 s in any case."""
     bench = Bench("cge")
     bench("50 02 10 24 09 00 00 00")
@@ -364,7 +364,7 @@ def test_simulated_clock_runs_on_from_the_time_that_was_set() -> None:
     assert int(bench(b"l")[:8], 16) * 360 / 2**32 == pytest.approx(west, abs=1e-4)
 
 
-def test_simulated_rtc_is_set_in_parts() -> None:
+def test_simulated_real_time_clock_is_set_in_parts() -> None:
     bench = Bench("cge")
     bench("50 03 B2 84 07 EA 00 00")
     bench("50 03 B2 83 01 0F 00 00")

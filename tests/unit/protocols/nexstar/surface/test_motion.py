@@ -55,7 +55,7 @@ def test_unknown_nexstar_key_rate_moves_nothing() -> None:
         assert talk.mount.asked == []
 
 
-def test_nexstar_motion_by_hand_reports_no_goto() -> None:
+def test_nexstar_arrow_motion_is_not_reported_as_a_goto() -> None:
     assert talk_to().send(b"P\x02\x10\x24\x09\0\0\0L") == b"#0#"
 
 
@@ -198,7 +198,7 @@ def test_nexstar_mount_that_cannot_stop_tracking_still_reports_tracking() -> Non
 # --- gotos and axes -------------------------------------------------------------------------------------------------
 
 
-def test_nexstar_z_means_azimuth_on_a_fork_and_axes_on_a_german_mount() -> None:
+def test_nexstar_z_reports_azimuth_on_a_fork_and_axis_angles_on_a_german_mount() -> None:
     mount = Mount()
     mount.horizontal, mount.axes = op.Horizontal(180.0, 40.0), op.Horizontal(270.0, 100.0)
     assert talk_to("6-8se", mount).send(b"Zz") == b"8000,1C72#80000000,1C71C700#"
@@ -249,7 +249,7 @@ def test_nexstar_goto_of_one_motor_leaves_the_other_on_its_course() -> None:
     assert german.mount.of(op.GotoAxes) == [op.GotoAxes(90.0, -22.5)]
 
 
-def test_nexstar_sky_goto_forgets_earlier_gotos_of_the_motors() -> None:
+def test_nexstar_sky_goto_discards_an_earlier_goto_of_a_single_motor() -> None:
     talk = talk_to()
     talk.send(b"P\4\x10\2\x40\0\0\0" + b"r35555500,20000000" + b"P\4\x11\2\x20\0\0\0")
     assert talk.mount.of(op.GotoHorizontal)[-1] == op.GotoHorizontal(180.0, 45.0)

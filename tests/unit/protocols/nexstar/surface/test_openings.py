@@ -69,7 +69,7 @@ def _after(opening: bytes, behind: bytes) -> list[bytes]:
     return NexStarFramer().feed(opening + behind, 100.0)
 
 
-def test_no_opening_of_one_or_two_bytes_moves_the_mount_unless_it_is_a_command() -> None:
+def test_first_two_bytes_on_a_nexstar_port_move_nothing_unless_they_are_commands() -> None:
     """65,792 openings, each with a goto right behind it, and each with a question after a quiet.
 
     As a rule only every eighth byte behind what begins no command, which is taken for no more than noise.
@@ -115,7 +115,7 @@ def _cut(data: bytes) -> list[bytes]:
 
 
 @each("way", WAYS)
-def test_stranger_bytes_are_dropped_until_the_line_is_quiet(way: str) -> None:
+def test_bytes_that_are_no_nexstar_are_dropped_until_the_line_is_quiet(way: str) -> None:
     framer, at = NexStarFramer(), 0.0
     for piece in WAYS[way](b"\xffR34AB,12CExEKz"):
         assert framer.feed(piece, at) == []
@@ -126,7 +126,7 @@ def test_stranger_bytes_are_dropped_until_the_line_is_quiet(way: str) -> None:
 
 
 @each("way", WAYS)
-def test_known_extra_bytes_of_programs_are_dropped_alone(way: str) -> None:
+def test_stray_bytes_between_nexstar_commands_drop_no_command(way: str) -> None:
     sent = b"?E#e\r\n\0 Kyy1#xt\x02LB7FFF,FFFFF1C7ZP\x02\x10\x24\x00\x00\x00\x00\x00e"
     framer, frames, at = NexStarFramer(), list[bytes](), 0.0
     for piece in WAYS[way](sent):
@@ -138,7 +138,7 @@ def test_known_extra_bytes_of_programs_are_dropped_alone(way: str) -> None:
     assert NexStarFramer().feed(b"y1", 0.0) == [b"y"] and NexStarFramer().feed(b"1E", 0.0) == []
 
 
-def test_digit_behind_a_nexstar_wake_is_dropped_once() -> None:
+def test_only_one_digit_after_a_nexstar_wake_is_dropped() -> None:
     assert NexStarFramer().feed(b"y11E", 0.0) == [b"y"]
     assert NexStarFramer().feed(b"y1E", 0.0) == [b"y", b"E"]
     assert NexStarFramer().feed(b"yE1E", 0.0) == [b"y", b"E"]
@@ -156,7 +156,7 @@ def test_lx200_query_of_a_common_driver_becomes_no_nexstar_goto(way: str) -> Non
 
 
 @each("model, version", CASES)
-def test_first_byte_unknown_to_a_version_is_never_passed_on(model: str, version: str) -> None:
+def test_nexstar_command_unknown_to_a_version_never_reaches_the_mount(model: str, version: str) -> None:
     """Only what the version knows is handed on, whatever the rest of it says."""
     for byte in range(256):
         talk = Talk(protocol="nexstar", model=model, version=version)
@@ -192,7 +192,7 @@ def test_simulated_hand_control_drops_unknown_bytes_until_the_line_is_quiet() ->
     assert sim.feed(b"?Kz") == b"z#"
 
 
-def test_typed_command_lengths_match_the_nexstar_table() -> None:
+def test_nexstar_framing_and_command_table_agree_on_lengths() -> None:
     for command in load("nexstar").commands.values():
         letter = chr(command.request.prefix[0])
         assert command.request.length == LENGTHS[letter]

@@ -57,7 +57,7 @@ def test_nexstar_coordinates_in_either_case_mean_the_same_place(ra: int, dec: in
 
 
 @each(("aligned", "reply"), [(True, b"\1#"), (False, b"\0#")])
-def test_nexstar_alignment_is_a_number_and_slewing_a_letter(aligned: bool, reply: bytes) -> None:
+def test_nexstar_reports_alignment_as_a_byte_and_slewing_as_a_digit(aligned: bool, reply: bytes) -> None:
     talk = talk_to()
     talk.mount.status = op.Status(op.Tracking.ALTAZ, aligned=aligned, equatorial=False)
     assert talk.send(b"JL") == reply + b"0#"
@@ -65,7 +65,7 @@ def test_nexstar_alignment_is_a_number_and_slewing_a_letter(aligned: bool, reply
     assert talk.send(b"L") == b"1#"
 
 
-def test_default_nexstar_version_is_one_that_most_programs_know() -> None:
+def test_default_nexstar_hand_control_version_is_4_21() -> None:
     """At least 4.10 for syncs, 4.15 for the side of the pier, not 4.20, less than 5.28."""
     assert talk_to().send(b"Vm") == b"\x04\x15#\x0c#"
     assert talk_to("cge").send(b"Vm") == b"\x04\x15#\x05#"
@@ -84,7 +84,7 @@ def test_nexstar_position_is_reported_of_date_without_precession() -> None:
     assert talk.mount.of(op.Goto) == [op.Goto(0x355555 / 2**24 * 360, 45.0)]
 
 
-def test_nexstar_sidereal_time_is_a_turn_in_eight_digits() -> None:
+def test_nexstar_sidereal_time_is_a_part_of_a_turn_in_hex_digits() -> None:
     talk = talk_to()
     reply = talk.send(b"l")
     wanted = talk.mount.perform(op.SiderealTime())
@@ -92,7 +92,7 @@ def test_nexstar_sidereal_time_is_a_turn_in_eight_digits() -> None:
     assert int(reply[:8], 16) / 2**32 * 360 == pytest.approx(wanted, abs=360 / 2**24)
 
 
-def test_every_nexstar_command_has_a_surface_row() -> None:
+def test_every_nexstar_command_has_a_row_in_surface_toml() -> None:
     protocol = load("nexstar")
     assert set(protocol.commands) == set(protocol.surface_rows)
 
