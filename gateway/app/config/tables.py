@@ -1,4 +1,4 @@
-"""The tables of ``gateway.toml`` other than mount and surface, declared as in ``keys.py``; the whole configuration."""
+"""Declares the tables of ``gateway.toml`` other than mount and surface, and `Config`, which contains all tables."""
 
 from typing import Annotated, Literal
 

@@ -48,14 +48,14 @@ class MotionMarker:
         self._write_task: asyncio.Task[None] | None = None
         self._watch_task: asyncio.Task[None] | None = None
         if exists:
-            self._watch()
+            self._start_watch()
 
     async def before_motion(self) -> None:
         """Write the marker; return once it is written, or after ``WRITE_TIMEOUT`` seconds on a busy disk."""
         marked = self._written_content is not None and self._wanted_content is not None
         self._request_write(msgspec.json.encode(self._get_content()))
         self._quiet_time = 0.0
-        self._watch()
+        self._start_watch()
         if not marked and self._write_task is not None:
             await asyncio.wait({self._write_task}, timeout=WRITE_TIMEOUT)
 
@@ -91,7 +91,7 @@ class MotionMarker:
         else:
             replace_file(self.path, content, flush=False)
 
-    def _watch(self) -> None:
+    def _start_watch(self) -> None:
         if self._watch_task is None or self._watch_task.done():
             self._watch_task = asyncio.get_running_loop().create_task(self._delete_at_rest())
 

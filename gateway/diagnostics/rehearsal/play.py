@@ -203,7 +203,7 @@ class Tracer:
         return Trace(frame, tuple(self._events), reply, acts, refusals != self.stage.wire_log.refusal_count)
 
     def on_play_begin(self) -> None:
-        """Called when the trace begins, after the preceding commands; for subclasses."""
+        """For subclasses: called after the preceding commands, before the frame that is traced."""
 
     async def _wait_for_replies(self, visitor: RehearsalClient, min_wait: float) -> None:
         """Wait until all commands that have a reply are answered, for `REPLY_TIMEOUT` at most."""

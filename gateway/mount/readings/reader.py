@@ -226,8 +226,8 @@ class Reader:
     # --- answers that may take an exchange --------------------------------------------------------------------------
 
     async def answer(self, operation: op.Operation) -> object:
-        """Ask the mount for a client; return the last answer if no new answer comes in time. Raises Fault if neither
-        exists.
+        """Answer a client's read by asking the mount, or by the last answer if no new one comes in time. Raises Fault
+        if neither exists.
         """
         kind = type(operation)
         try:

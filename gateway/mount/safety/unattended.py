@@ -222,7 +222,7 @@ class SunApproachWatch:
         return ""
 
     def _distance(self, position: op.Equatorial, sun: Sun, seconds: float) -> float:
-        """Return the degrees between the future ``sun`` and a tube that does not track for ``seconds`` until then."""
+        """Return the degrees from the tube to ``sun``, the Sun in ``seconds``, if the tube does not track till then."""
         tube = self._mount.suns.tube(position, sun.sync_shift)
         return separation(tube.ra + SIDEREAL_RATE * seconds, tube.dec, sun.ra, sun.dec)
 

@@ -54,7 +54,7 @@ class ReplyParser(Protocol):
         """The commands of the mount, in its dialect if that is known."""
 
     def parse_reply(self, request: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
-        """Return the values or the fault of the reply that the buffer begins with, its length; None if incomplete."""
+        """Return the values or the fault of the first reply in the buffer, and its length; None if incomplete."""
 
 
 class TableReplyParser:

@@ -1,7 +1,7 @@
 """Sites, their names, and altitude limits. Longitudes are west positive on the wire and east positive in the gateway.
 
-Site 1 is the mount's own. The gateway stores it when a client selects another site, and sets it on the mount again only
-if the other site was set on the mount; a site that was entered on the hand control meanwhile is kept.
+Site 1 is the mount's own. The gateway stores it when a client selects another site. When the client returns to site 1,
+the mount gets it back only if the mount was given the other site: a site entered on its hand control meanwhile is kept.
 """
 
 from __future__ import annotations
