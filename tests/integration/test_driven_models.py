@@ -210,7 +210,7 @@ def test_hand_control_does_each_operation_or_gives_a_reason(model: str, version:
     assert wrong(run(outcomes("nexstar", model, version)), NEXSTAR[model][version]) == {}
 
 
-def test_tables_list_every_operation_model_and_version() -> None:
+def test_driven_models_are_tried_with_every_operation_model_and_version() -> None:
     def below(kind: type[Any]) -> set[type[Any]]:
         return {kind}.union(*(below(one) for one in kind.__subclasses__()))
 

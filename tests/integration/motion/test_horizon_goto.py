@@ -51,7 +51,7 @@ def over(mount: tuple[str, str, tuple[float, float], bytes], presented: str) -> 
 @pytest.mark.parametrize("hours", [-3.0, 3.0])
 @pytest.mark.parametrize(("az", "alt"), [(150.0, 45.0), (250.0, 30.0), (20.0, 60.0)])
 @pytest.mark.parametrize("mount", MOUNTS, ids=lambda one: f"{one[0]}{one[2][0]:+.0f}")
-async def test_equatorial_drive_stays_off_after_a_goto_over_the_horizon(
+async def test_equatorial_drive_stays_off_after_an_alpaca_alt_az_goto(
     mount: Any, az: float, alt: float, hours: float
 ) -> None:
     async with over(mount, "alpaca") as own:
@@ -75,7 +75,7 @@ async def test_equatorial_drive_stays_off_after_a_goto_over_the_horizon(
 
 
 @pytest.mark.parametrize("mount", MOUNTS[:2], ids=lambda one: f"{one[0]}{one[2][0]:+.0f}")
-async def test_equatorial_drive_stays_off_after_an_lx200_goto_over_the_horizon(mount: Any) -> None:
+async def test_equatorial_drive_stays_off_after_an_lx200_alt_az_goto(mount: Any) -> None:
     async with over(mount, "lx200") as own:
         exact_sky.load(own.controller.astrometry.sky)
         client = own.client()
@@ -89,7 +89,7 @@ async def test_equatorial_drive_stays_off_after_an_lx200_goto_over_the_horizon(m
         assert (await client.ask(b":GW#"))[1:2] == b"N"
 
 
-async def test_equatorial_drive_stays_off_after_a_goto_with_an_emulated_sync() -> None:
+async def test_equatorial_drive_stays_off_after_an_alt_az_goto_with_emulated_sync() -> None:
     """The mount itself goes to where the place is without that sync, by its axes."""
     async with over(("gt", "nexstar", NORTH, b""), "alpaca") as own:
         exact_sky.load(own.controller.astrometry.sky)

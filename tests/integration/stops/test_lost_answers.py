@@ -131,7 +131,7 @@ async def test_land_mode_set_right_after_an_arrow_stays_set() -> None:
         assert not bridge.sim.tracking
 
 
-async def test_wrongly_set_clock_can_be_corrected() -> None:
+async def test_lx200_program_can_set_date_and_time_a_second_time() -> None:
     async with Bridge() as bridge:
         client = bridge.client()
         await client.ask(b":SG+00#:SL05:00:00#:SC01/10/26#", ending=b" #")

@@ -142,7 +142,7 @@ def test_page_refuses_a_sync_while_the_mount_moves(visit: Callable[..., Visit]) 
         ({'"aligned":true': '"aligned":false'}, "Not aligned", "up"),
     ],
 )  # fmt: skip
-def test_page_shows_a_lost_mount_before_slewing_and_greys_unknown_numbers(
+def test_page_says_lost_and_not_slewing_and_greys_unknown_numbers(
     visit: Callable[..., Visit], told: dict[str, str], heading: str, state: str
 ) -> None:
     greys = (

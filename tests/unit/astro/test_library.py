@@ -130,7 +130,7 @@ def test_object_description_leaves_out_unmeasured_values() -> None:
         SearchLimits(-5.5, 20.0, 0, 200, "G", "GD"),
     ],
 )
-def test_object_search_keeps_its_size_and_brightness_limits(wanted: SearchLimits) -> None:
+def test_object_search_finds_only_objects_within_its_size_and_magnitude_limits(wanted: SearchLimits) -> None:
     found = deepsky.matching(wanted)
     assert 3 < len(found) < 2000
     assert [deepsky.search_order(c) for c in found] == sorted(deepsky.search_order(c) for c in found)

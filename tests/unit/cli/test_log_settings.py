@@ -91,7 +91,7 @@ def test_json_log_makes_every_line_on_stderr_an_object(log: str, tmp_path: Path)
 
 
 @pytest.mark.parametrize("word", [*find_key("", "log").choices, "true", "false"])  # type: ignore[union-attr]
-def test_log_kind_may_be_given_as_a_separate_word(word: str) -> None:
+def test_log_flag_accepts_its_value_after_a_space(word: str) -> None:
     assert _escape_for_argparse(["run", "--log", word, "gateway.toml"]) == ["run", f"--log={word}", "gateway.toml"]
     assert _escape_for_argparse(["run", f"--log={word}", word]) == ["run", f"--log={word}", word]
 

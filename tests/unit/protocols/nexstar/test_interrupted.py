@@ -72,7 +72,7 @@ def test_bytes_of_another_length_after_an_interruption_are_a_new_command() -> No
     assert after(b"K", (1.5, RELEASE + b"e")) == [RELEASE, b"e"]
 
 
-def test_part_of_the_late_end_of_an_interrupted_command_is_ignored() -> None:
+def test_late_rest_of_an_interrupted_nexstar_command_is_ignored_in_parts_too() -> None:
     assert after(b"r34A", (1.5, b"B05"), (1.8, b"00,12CE0500")) == []
     assert after(b"r34A", (1.5, b"B0500,12C"), (1.8, b"E0500")) == []
 

@@ -72,7 +72,7 @@ async def test_tracking_off_and_on_keeps_a_meade_in_polar_alignment(model: str, 
 
 
 @pytest.mark.parametrize("tells_altaz", [False, True])
-async def test_meade_set_to_alt_az_at_its_keys_is_noticed(tells_altaz: bool) -> None:
+async def test_gateway_notices_a_meade_switched_to_alt_az_at_its_keypad(tells_altaz: bool) -> None:
     """At its keys, tracking off before and afterwards: the alignment mode tells that the A is meant."""
     bridge = Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se", latency=0.02)
     bridge.sim.land_tells_altaz = tells_altaz
