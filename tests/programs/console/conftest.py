@@ -60,12 +60,14 @@ def visit(console: Console, browser: Browser, unused_pages: dict[bool, list[Page
         return opened[-1][0]
 
     yield open_page
-    for one, unused in opened:
-        if unused is None:
-            one.close()
-        else:
-            one.leave()
-            unused.append(one.page)
-    with console.program() as program:
-        program.say(b":Q#")
-    console.at_rest()
+    try:
+        for one, unused in opened:
+            if unused is None:
+                one.close()
+            else:
+                one.leave()
+                unused.append(one.page)
+    finally:  # also if a page complained: the next test begins at rest
+        with console.program() as program:
+            program.say(b":Q#")
+        console.at_rest()
