@@ -206,21 +206,28 @@ async def test_gps_position_found_late_is_reported_at_once() -> None:
         assert bridge.site_clock.gps_site is not None
 
 
-@pytest.mark.parametrize("forget", ["forget", "outdate"])
-async def test_position_dropped_from_the_cache_is_not_reported(forget: str) -> None:
+@pytest.mark.parametrize(
+    ("question", "forget"),
+    [
+        (b":GR#", lambda bridge: bridge.controller.cache.forget(op.Position)),
+        (b":GR#", lambda bridge: bridge.controller.reader.outdate()),
+        (b":D#", lambda bridge: bridge.controller.cache.forget(op.Slewing)),
+    ],
+    ids=["position forgotten", "position outdated", "slewing forgotten"],
+)
+async def test_reading_dropped_from_the_cache_is_not_reported(
+    question: bytes, forget: Callable[[Bridge], None]
+) -> None:
     async with Bridge("cge", surface=None) as bridge:
         client = bridge.client()
         for _ in range(3):
-            assert await client.ask(b":GR#", ending=b"#")
+            assert await client.ask(question, ending=b"#")
         client.received = b""
-        client.send(b":GR#")
+        client.send(question)
         assert client.received, "it is told again"
         client.received = b""
-        if forget == "forget":
-            bridge.controller.cache.forget(op.Position)
-        else:
-            bridge.controller.reader.outdate()
-        client.send(b":GR#")
+        forget(bridge)
+        client.send(question)
         assert client.received == b"", "the mount is asked"
 
 
