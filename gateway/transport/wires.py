@@ -118,7 +118,7 @@ class SerialTransport:
             raise OSError(errno.EIO, f"only {written} of {len(data)} bytes could be written")
 
     def set_baud(self, baud: int) -> None:
-        """Change the baud rate of the open port at once. Raises OSError for a rate that the port does not support."""
+        """Change the baud rate of the port at once. Raises OSError if it is not open or does not support the rate."""
         try:
             assert self._port is not None
             self._port.baudrate = baud
