@@ -64,7 +64,7 @@ async def test_prove_accepts_single_keys_and_a_space_at_any_question() -> None:
     assert terminal.stop.is_set()
 
 
-async def test_q_during_a_prove_stage_stops_and_answers_the_next_question() -> None:
+async def test_q_during_a_prove_stage_stops_the_mount_and_then_quits() -> None:
     terminal = Terminal()
     for key in "qy":
         terminal.on_key(key)

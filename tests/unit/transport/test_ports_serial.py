@@ -115,7 +115,7 @@ async def test_text_that_is_no_port_name_is_answered_with_the_valid_forms(where:
         await open_port(where, lambda connected: Echo(connected.write))
 
 
-async def test_reply_over_a_socket_arrives_in_one_piece() -> None:
+async def test_socket_bytes_that_arrive_together_are_delivered_at_once() -> None:
     """18 bytes that arrive together wake the loop once; a byte and the end of the connection lose nothing."""
     heard, lost = list[bytes](), list[str]()
     with socket.create_server(("127.0.0.1", 0)) as server:

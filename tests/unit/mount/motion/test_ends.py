@@ -75,7 +75,7 @@ def test_coarse_position_is_not_judged_before_it_could_change() -> None:
 
 @some
 @given(st.floats(0.0, 2 * MIN_VISIBLE_SPEED - 1e-9))
-def test_motion_too_slow_to_be_seen_is_not_checked(rate: float) -> None:
+def test_end_of_a_motion_too_slow_to_be_seen_is_not_checked_by_positions(rate: float) -> None:
     ending = MotionEnd(frozenset({1}), rate, (0.0,))
     assert not is_visible(ending)
     assert next_step(ending, [], 100.0) is EndStep.DONE
