@@ -89,7 +89,7 @@ def unharmed(tap: Tap, truth: HandControl, before: int) -> None:
 
 
 def test_foreign_web_page_gives_no_order_by_alpaca(workshop: Workshop) -> None:
-    requires("chromium")
+    requires("chromium-headless-shell")
     ports, tap, truth = start(workshop, "alpaca@tcp://127.0.0.1:0", "any@tcp://127.0.0.1:0")
     for port in ports:
         connected(port)
@@ -103,7 +103,7 @@ def test_foreign_web_page_gives_no_order_by_alpaca(workshop: Workshop) -> None:
 
 
 def test_web_page_rebound_to_this_computers_name_gives_no_order_by_alpaca(workshop: Workshop) -> None:
-    requires("chromium")
+    requires("chromium-headless-shell")
     site, browser = Site(workshop, {"/": REBOUND % (json.dumps(ORDERS), API, WHO, API, WHO)}), Browser(workshop, NAME)
     port = int(site.url.rpartition(":")[2])
     tab = browser.visit(f"http://{NAME}:{port}/")

@@ -48,7 +48,7 @@ def test_auto_detecting_port_serves_stellarium(workshop: Workshop) -> None:
 
 def test_hostile_web_page_moves_no_mount_over_port_any(workshop: Workshop) -> None:
     """What it posts begins as HTTP does, so that all of it is HTTP's, and the console refuses it."""
-    requires("chromium")
+    requires("chromium-headless-shell")
     wire, truth = start_simulator(workshop, "nexstar:cpc", NORTH)
     tap = Tap(workshop, wire.port)
     surface = start_any_gateway(workshop, Endpoint(wire.speaks, f"tcp://127.0.0.1:{tap.port}"), "nexstar")
@@ -66,7 +66,7 @@ def test_hostile_web_page_moves_no_mount_over_port_any(workshop: Workshop) -> No
 
 def test_auto_detecting_port_serves_all_kinds_of_programs_at_once(workshop: Workshop) -> None:
     """Two drivers, a browser and Stellarium's own protocol: each sees the mount, and a goto of one is every one's."""
-    requires("indiserver", LX200[0], NEXSTAR[0], "chromium")
+    requires("indiserver", LX200[0], NEXSTAR[0], "chromium-headless-shell")
     surface, truth = start(workshop, "nexstar")
     drivers = [Telescope(workshop, *driver, surface) for driver in (LX200, NEXSTAR)]
     browser = Browser(workshop)

@@ -99,7 +99,7 @@ def reads(browser: Browser, tab: str, page: tuple[str, str]) -> bool:
 
 
 def test_hostile_web_pages_and_browser_visits_move_no_mount(workshop: Workshop) -> None:
-    requires("chromium")
+    requires("chromium-headless-shell")
     setups = [set_up(workshop, mount) for mount in ("nexstar", "lx200")]
     programs = {
         (setup.mount, surface): Program(workshop, surface, port)

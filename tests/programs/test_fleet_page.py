@@ -24,10 +24,10 @@ expect.set_options(timeout=PATIENCE * 1000)
 @pytest.fixture
 def page() -> Iterator[Page]:
     """A page of Chromium; whatever goes wrong in it fails the test."""
-    requires("chromium")
+    requires("chromium-headless-shell")
     with sync_playwright() as play:
         arguments = ["--no-sandbox"] if os.geteuid() == 0 else []
-        browser = play.chromium.launch(executable_path="/usr/bin/chromium", args=arguments)
+        browser = play.chromium.launch(executable_path="/usr/bin/chromium-headless-shell", args=arguments)
         tab = browser.new_page()
         tab.add_init_script("localStorage.setItem('light-shown', 'day')")  # else the hour decides how it opens
         wrong: list[str] = []

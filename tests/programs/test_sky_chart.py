@@ -55,7 +55,7 @@ class Served:
 
 
 def test_sky_chart_obeys_fingers_wheel_and_keys_without_redundant_drawing(workshop: Workshop) -> None:
-    requires("chromium")
+    requires("chromium-headless-shell")
     served, browser = Served(workshop), Browser(workshop)
     browser.visit(served.url)
     wait_until("the page has used the chart", lambda: bool(served.told))

@@ -66,7 +66,7 @@ class Console:
     """The gateway's processes, and the truth about the mount read past it."""
 
     def __init__(self, workshop: Workshop, *more: str, moment: datetime.datetime = NIGHT) -> None:
-        requires("chromium")
+        requires("chromium-headless-shell")
         mount, self.truth = start_simulator(workshop, "nexstar:cpc", NORTH, speed=4.0, moment=moment)
         argv = [*PRODUCT, "run", "--mount", f"nexstar@socket://127.0.0.1:{mount.port}", "--sun", "0", "--lowest", "10"]
         argv += ["--computer-clock", "doubtful"]  # the night is the mount's, at whatever hour this runs
@@ -266,4 +266,4 @@ def new_page(browser: Browser, size: tuple[int, int]) -> Page:
 def open_browser(chromium: BrowserType, *more: str) -> Browser:
     """Debian's Chromium without a window."""
     args = [*(_WARDED if os.geteuid() == 0 else _WARDED[1:]), *more]
-    return chromium.launch(executable_path="/usr/bin/chromium", args=args)
+    return chromium.launch(executable_path="/usr/bin/chromium-headless-shell", args=args)
