@@ -43,7 +43,7 @@ MakeFramer = Callable[[], Framer]
 def make_driver(
     endpoint: Endpoint, config: MountConfig, now: Callable[[], float], warn: Callable[[str], None] | None = None
 ) -> MadeDriver:
-    """Make the driver of a mount."""
+    """Make the driver of a mount with its settings; ``now`` returns the seconds of a monotonic clock."""
     make = PROTOCOLS[endpoint.protocol].make_driver
     assert make is not None  # by the check of the configuration
     settings = DriverSettings(
@@ -62,7 +62,7 @@ def make_driver(
 
 
 def _speed_factor(endpoint: Endpoint, speed: float, warn: Callable[[str], None] | None) -> float:
-    """Return how many times faster than a real mount this one slews: 1.0, unless it is simulated, here or elsewhere."""
+    """Return how many times faster than a real mount this one slews: 1.0 on a serial port, else ``speed``."""
     elsewhere = "://" in endpoint.where
     if elsewhere and speed != 1.0 and warn is not None:
         warn(
@@ -126,10 +126,7 @@ Acceptor: TypeAlias = "ConnectionAcceptor | AnyProtocolAcceptor"
 
 
 class AcceptorFactory:
-    """Makes the acceptor for each surface of a gateway.
-
-    ``warn`` gets messages for the user, ``web`` serves the HTTP protocols on ``any@`` surfaces.
-    """
+    """Makes acceptors for surfaces. ``warn`` gets messages for the user; ``web`` serves HTTP on ``any@`` surfaces."""
 
     def __init__(
         self,
@@ -164,7 +161,7 @@ class AcceptorFactory:
     def _make_one(
         self, surface_number: int, endpoint: Endpoint, surface: SurfaceConfig, protocol_titles: str = ""
     ) -> ConnectionAcceptor:
-        """Make the acceptor of one protocol. ``protocol_titles`` lists all protocols of the surface, if several."""
+        """Make a surface's acceptor for one protocol. ``protocol_titles`` lists all, if there are several."""
         entry, bind = access_rules(surface, self._config), partial(self._bind, endpoint, surface, protocol_titles)
         later = endpoint.where == WEB_ADDRESS and endpoint.protocol != self._mount.protocol  # with the web server
         made, where, only = bind if later else bind(), endpoint.where, not protocol_titles
@@ -191,10 +188,7 @@ class AcceptorFactory:
 
 
 def framer_and_parser(protocol: str, model: str | None = None) -> tuple[MakeFramer, ReplyParser]:
-    """Return the factory of a protocol's framer, and the parser of a mount's replies.
-
-    The replies of some models differ: ``model`` is the mount's, None if it is not known.
-    """
+    """Return the factory of a protocol's framer, and a parser for the replies of a mount's model (None: unknown)."""
     spec = PROTOCOLS[protocol]
     if spec.reply_rules is None:
         return spec.new_framer, TableReplyParser(spec.commands)
@@ -226,7 +220,7 @@ def access_networks(config: SurfaceConfig | ConsoleConfig) -> tuple[Networks | N
 def exposure_warning(address: str, surface: SurfaceConfig, networks_of: Callable[[str], Sequence[IPv4Network]]) -> str:
     """Return the warning for a port that other computers can reach; empty if there is nothing to warn of.
 
-    ``networks_of`` returns the networks from which phones reach the addresses that the gateway prints for them.
+    ``networks_of`` returns the networks of this computer from which phones reach an address.
     """
     if not is_exposed(address):
         return ""
@@ -264,7 +258,7 @@ def add_watch(
     controller: Callable[[], MountController],
     on_stop: Callable[[], None],
 ) -> WatchedMount:
-    """Register the mount with the watchdog process. ``controller`` is called only once something moves."""
+    """Register the mount with the watchdog process. ``controller`` is not called before something moves."""
 
     @cache
     def encode_for_wire(url: str, protocol: str, command: bytes) -> bytes:

@@ -96,7 +96,7 @@ class Gateway:
         self.store = StateStore(self.mount.protocol, self.mount.where, marked, self.config.state, self.warn)
 
     async def open(self) -> None:
-        """Open the ports of the surfaces and the line to the mount. Raises UserError."""
+        """Open the ports of the surfaces and the line to the mount. Raises UserError if a surface cannot be opened."""
         if self.store is None:
             self.open_state_store()
         self._connect_watchdog()
@@ -130,7 +130,7 @@ class Gateway:
         self.controller.begin_stop()
 
     def prepare(self, make_line: Callable[[ReplyRules, WireLog], MountLink]) -> None:
-        """Assemble all parts; this opens nothing yet."""
+        """Assemble all parts around the line that ``make_line`` makes; this opens nothing yet."""
         config, loop = self.config, asyncio.get_running_loop()
         driver, follow_ups, reply_rules = make_driver(self.mount, config, loop.time, self.warn)
         shared = SharedSettings() if self.store is None else self.store.shared
@@ -209,7 +209,7 @@ class Gateway:
         return mount_state(self.controller, self.config.name or "", str(self.mount), programs)
 
     def start_warnings(self) -> Iterator[str]:
-        """Yield warnings, to be shown after the start: before it they would hide the reason if the start fails."""
+        """Yield warnings to show after the start: shown earlier, they would hide the reason of a failed start."""
         for port, surface in zip(self.ports, self.surfaces, strict=True):
             if warning := exposure_warning(port.address, surface, reachable_networks):
                 yield warning

@@ -124,7 +124,7 @@ HEADERS = {
 
 
 class Pages:
-    """Files by their paths on the server; ``index.html`` is the page itself."""
+    """Serves the page ``index.html`` and its files. ``paths`` are all files on disk by their paths on the server."""
 
     def __init__(self, paths: Mapping[str, Path]) -> None:
         self._files = {
@@ -158,7 +158,7 @@ class Pages:
         return _INLINABLE.sub(inline_file, _LINKS.sub(rf'\1="{self._files_path}\2"', _SCRIPT.sub(bundle_module, page)))
 
     async def index(self, request: web.Request, **texts: str) -> web.Response:
-        """Return the page with each ``{{name}}`` replaced by its value."""
+        """Return the page; each ``{{name}}`` in it is replaced by the argument of that name."""
         page = self._index
         for name, word in texts.items():
             page = page.replace(f"{{{{{name}}}}}", html.escape(word))
@@ -177,7 +177,7 @@ class Pages:
     async def _answer(
         self, request: web.Request, name: str, body: bytes, mime: str, headers: dict[str, str]
     ) -> web.Response:
-        """Return a response: text is compressed if the browser accepts that, and the copy is kept under ``name``."""
+        """Return a response: text is compressed if the browser accepts that; the result is kept under ``name``."""
         if mime in _TEXTS:
             headers["Vary"] = "Accept-Encoding"
             if "gzip" in request.headers.get("Accept-Encoding", ""):
@@ -239,7 +239,7 @@ def require_own_page(handler: Handler, refusal: Callable[[web.Request], str] = l
 
 
 def same_origin(origin: str | None, host: str | None) -> bool:
-    """Whether a request comes from the page itself, or from no page: browsers send ``Origin`` for foreign pages."""
+    """Whether ``Origin`` is this host or missing: browsers always send it with the requests of foreign pages."""
     if origin is None:
         return True
     scheme, _, rest = origin.partition("://")
@@ -252,11 +252,11 @@ def from_other_site(headers: Mapping[str, str]) -> bool:
 
 
 def from_own_page(headers: Mapping[str, str], path: str) -> bool:
-    """Whether the page itself sends a request. For the path ``/``, a link on another site may also be the origin."""
+    """Whether the page itself sends a request. The path ``/`` may also be requested by a link on another site."""
     same = same_origin(headers.get("Origin"), headers.get("Host"))
     return same and (path == "/" or not from_other_site(headers))
 
 
 def same_token(offered_token: str | None, token: str) -> bool:
-    """Compare two tokens in constant time."""
+    """Whether two tokens are equal. The comparison takes constant time."""
     return hmac.compare_digest((offered_token or "").encode(), token.encode())

@@ -116,7 +116,7 @@ async def serve_simulator(
 ) -> list[Listener]:
     """Open ports on which any number of programs connect to one simulated mount.
 
-    Serial ports and pseudo-terminals are paced at 9600 baud, or at ``baud``: then they understand that rate only.
+    Serial ports and pseudo-terminals are paced at 9600 baud. With ``baud`` they are paced at and accept only that rate.
     TCP ports are paced at ``baud`` if it is given, else not at all.
     """
 

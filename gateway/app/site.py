@@ -58,7 +58,7 @@ def _rules_by_port(gateways: Sequence[Gateway]) -> dict[int, AccessRules]:
 
 
 def _load_web_server(gateways: Sequence[Gateway], load_page: LoadPage | None) -> Callable[[web.Application], object]:
-    """Load the web server and the page, on a thread; the event loop gets its turn five times as often as usual."""
+    """Load the web server and the page, on a thread that yields to the event loop five times as often as usual."""
     usual = sys.getswitchinterval()
     sys.setswitchinterval(usual / 5.0)
     try:

@@ -53,17 +53,18 @@ class Geometry(NamedTuple):
 
     @property
     def _meridian_reading(self) -> float:
+        """The reading of the first axis on the meridian, where the hour angle is 0."""
         return 180.0 if self.build is Build.WEDGE and self.pole_sign > 0 else 0.0
 
     def ha_dec_of_axes(self, axis1: float, axis2: float) -> Pair:
-        """Return the hour angle and declination (within the poles) that these axes point at."""
+        """Return the hour angle and the declination (-90 to 90) of the direction in which these axes point."""
         if self.build is Build.ALTAZ:
             return horizon_to_hour_angle(axis1, axis2, self.latitude)
         hour_angle, dec = fold_declination(self.pole_sign * (axis1 - self._meridian_reading), self.pole_sign * axis2)
         return wrap180(hour_angle), dec
 
     def unfolded_ha_dec(self, axis1: float, axis2: float, flipped: bool) -> Pair:
-        """Like ``ha_dec_of_axes``, but for a polar mount driven past the pole the declination exceeds 90 degrees."""
+        """Like ``ha_dec_of_axes``, but the declination of a polar mount that was driven past the pole is beyond ±90."""
         if self.build is Build.ALTAZ:
             return self.ha_dec_of_axes(axis1, axis2)
         if flipped:
@@ -81,8 +82,9 @@ class Geometry(NamedTuple):
     def axis_readings(self, ha_dec: Pair, readings: Pair, goal: Pair) -> Pair:
         """Return what the axes will read at ``goal``, on the side of the pier where the counterweight is low.
 
-        ``goal`` and ``ha_dec`` are hour angle and declination. The mount's readings have an unknown offset: it is
-        calculated from the ``readings`` readings at the present ``ha_dec``."""
+        ``ha_dec``, the present position, and ``goal`` are hour angle and declination. The present ``readings`` show the
+        unknown offset between readings and axis positions.
+        """
         ways = [self.to_axes(*ha_dec, flipped) for flipped in (False, True)]
         offsets = [(wrap180(readings[0] - first), wrap180(readings[1] - second)) for first, second in ways]
         offset = min(offsets, key=lambda pair: abs(pair[0]) + abs(pair[1]))
@@ -95,7 +97,8 @@ class Geometry(NamedTuple):
 
     def axis_travel(self, axis: int, start: float, end: float) -> float:
         """Return the degrees by which an axis turns from ``start`` to ``end``: by the shorter way, except that the
-        first axis of a German mount goes the way that keeps its counterweight low."""
+        first axis of a German mount goes the way that keeps its counterweight low.
+        """
         if self.build is Build.GERMAN:
             return wrap180(end - 90.0) - wrap180(start - 90.0)
         return wrap180(end - start) if axis == 1 else wrap180(end) - wrap180(start)

@@ -138,9 +138,8 @@ def az_alt_rates_by_ha(az: float, alt: float, lat: float) -> tuple[float, float]
 
 
 def az_alt_rates_by_dec(az: float, alt: float, lat: float) -> tuple[float, float]:
-    """Return by how many degrees (azimuth, altitude) change per degree of declination (by the parallactic angle).
-
-    Limited near the zenith and the poles.
+    """Return by how many degrees (azimuth, altitude) change per degree of declination, calculated by the parallactic
+    angle; limited near the zenith and the poles.
     """
     a, h, phi = math.radians(az), math.radians(alt), math.radians(lat)
     across = -math.cos(phi) * math.sin(a)

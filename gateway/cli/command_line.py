@@ -227,7 +227,7 @@ class _CommandsAction(argparse._SubParsersAction):  # type: ignore[type-arg]
 
 
 def make_parser(argv: Sequence[str] = ()) -> Parser:
-    """Make the parser of the commands in ``argv``, or of all. A help flag at its start leaves their flags out."""
+    """Make the parser of the commands in ``argv``, or of all. If it begins with a help flag, commands get no flags."""
     *shown, rest = COMMAND_GROUPS
     whole = Parser(
         prog="mount-gateway",

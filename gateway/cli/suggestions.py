@@ -62,7 +62,7 @@ def normalized_help(arguments: Sequence[str]) -> list[str]:
 
 
 def unknown_command_error(word: str, commands: Mapping[str, argparse.ArgumentParser]) -> UserError:
-    """Return the error for a first word that is no command; ``commands`` are their parsers by name."""
+    """Return the error for a first word that is no command; ``commands`` maps names of commands to their parsers."""
     if word.startswith("-"):
         flag = word.partition("=")[0]
         if (bare := flag.lstrip("-")) in commands:

@@ -25,13 +25,14 @@ from gateway.transport.handler import NewConnection
 
 #: Seconds for which the state of a closed connection is saved for the next connection from its host.
 MAX_STATE_AGE = 60.0
-#: Seconds after its last byte for which a client on a serial line, or one that connects per command, counts as present.
+#: Seconds for which a client counts as present after it has disconnected or, on a serial line, after its last byte.
 PRESENCE_TIME = 10.0
 
 
 class ConnectionAcceptor:
-    """Accepts the connections to a port, and creates a ``ClientConnection`` for each. ``binding``: the surface as
-    presented there, or a function that returns it when the first connection comes."""
+    """Accepts the connections to a port, and creates a ``ClientConnection`` for each.
+    ``binding``: how this port presents its surface, or a function that returns this when the first connection comes.
+    """
 
     def __init__(
         self,
@@ -56,7 +57,7 @@ class ConnectionAcceptor:
 
     @cached_property
     def binding(self) -> SurfaceBinding:
-        """The surface as presented on this port."""
+        """How this port presents its surface: with which model, settings, equinox and profiles of client programs."""
         return self._bind if isinstance(self._bind, SurfaceBinding) else self._bind()
 
     @cached_property
@@ -73,7 +74,7 @@ class ConnectionAcceptor:
         return str(self.binding.model["name"]) if self.binding.surface.protocol.models else None
 
     def accept(self, new_connection: NewConnection) -> ConnectionHandler:
-        """Check, log and create a new connection. A refusal is logged once per host. Raises ConnectionRefused."""
+        """Check and log a connection. Return its handler. Raises ConnectionRefused, which is logged once per host."""
         self._admission.check(new_connection, self.client_hosts())
         name, wire_log = new_connection.name, self.controller.wire_log
         wire_log.put(name, "+", note=f"surface {self.surface_number}, host {new_connection.host}")
@@ -82,9 +83,8 @@ class ConnectionAcceptor:
     def create_connection(
         self, new_connection: NewConnection, on_closed: Callable[[], None] = lambda: None, first_bytes: bytes = b""
     ) -> ConnectionHandler:
-        """Create a connection without checking the access rules or logging it.
-
-        ``on_closed`` is called at its end. ``first_bytes``: bytes of this client that another handler has answered.
+        """Create a connection that the caller has checked and logged; call ``on_closed`` when it ends.
+        ``first_bytes``: bytes of this client that another handler has already answered.
         """
         binding, controller, host = self.binding, self.controller, new_connection.host
         rights = Rights(self.access.is_read_only(host), self.access.may_hibernate or new_connection.hang_up is None)
@@ -118,9 +118,8 @@ class ConnectionAcceptor:
         return [client.activity.host for client in self._clients]
 
     def present_hosts(self) -> list[str]:
-        """Return the hosts of the clients that seem present.
-
-        A client on a serial line, or between two connections, counts as present for some seconds after its last byte.
+        """Return the hosts of the clients that are connected, or were within the last ``PRESENCE_TIME`` seconds.
+        On a serial line, a client counts as connected for as long after its last byte.
         """
         now, connected = self.controller.now(), self.connected_hosts()
         present = [
@@ -134,7 +133,7 @@ class ConnectionAcceptor:
         return [connection.host for connection in self._connections]
 
     def reconnecting_hosts(self) -> list[str]:
-        """Return the hosts whose last connection ended a few seconds ago."""
+        """Return the hosts that disconnected at most ``PRESENCE_TIME`` seconds ago."""
         return [host for host, (at, _) in self._saved_states.items() if self.controller.now() - at <= PRESENCE_TIME]
 
     def connections(self) -> list[ClientConnection]:

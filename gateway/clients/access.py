@@ -73,7 +73,7 @@ class Refusal(NamedTuple):
 
 
 class Rights(Struct, frozen=True):
-    """The rights of a client: ``read_only``, and whether it may hibernate the mount."""
+    """The rights of a client: whether it may only read and stop, and whether it may hibernate the mount."""
 
     read_only: bool = False
     may_hibernate: bool = True
@@ -124,7 +124,7 @@ def _is_in(host: str, networks: Networks) -> bool:
 
 
 def is_harmless(operation: Operation) -> bool:
-    """Whether a read-only client may request this: reads, and operations that end a motion."""
+    """Whether an operation only reads or ends a motion, so that a read-only client may request it."""
     if isinstance(operation, Focus):
         return operation.direction == 0
     return isinstance(operation, Read | AbortMotion | StopAxis | AbortSlew)

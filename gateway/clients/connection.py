@@ -32,7 +32,9 @@ DeliverBytes = Callable[[bytes, int | None, float | None], None]
 
 
 class Backlog:
-    """Tracks whether a connection is behind; ``is_late``: for more than a second. Times are loop times in seconds."""
+    """Tracks whether a connection is behind: whether more of its bytes wait than one read takes. ``is_late``: it is
+    behind for more than a second. Times are loop times in seconds.
+    """
 
     def __init__(self) -> None:
         self.is_late = False
@@ -41,7 +43,7 @@ class Backlog:
         self._behind_since = self._last_data_at = -1e9
 
     def stop_count_when_sent(self, now: float) -> int | None:
-        """Return the smallest number of stops that may precede the next bytes; -1 if late, None if not behind."""
+        """Return how many stops there were, at least, when the next bytes were sent; -1 if late, None if not behind."""
         if self._stop_count is not None and now - self._last_data_at > (LATE_AFTER if self.is_late else CATCH_UP_TIME):
             self._stop_count, self.is_late = None, False
         self.is_late = self.is_late or (self._stop_count is not None and now - self._behind_since > LATE_AFTER)
@@ -58,11 +60,10 @@ class Backlog:
 
 
 class ClientConnection:
-    """A client's connection. Its first bytes identify the client program; on a network they are checked first.
+    """A client's connection. Its first bytes identify the client program; on a network they may show a stranger.
 
     ``is_serial_line``: its clients do not visibly connect or disconnect. ``last_received_at``: the loop time of its
-    last bytes. ``first_bytes``: bytes of this client that another handler has answered; they help to identify the
-    program, too.
+    last bytes. ``first_bytes``: bytes of this client that another handler has answered; they identify the program, too.
     """
 
     def __init__(

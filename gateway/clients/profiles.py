@@ -34,7 +34,7 @@ class EquinoxConverter:
         return operation
 
     def to_client(self, operation: op.Operation, value: object) -> object:
-        """Return the controller's answer with its coordinates converted to J2000."""
+        """Return ``value``, the controller's answer to an operation, with its coordinates converted to J2000."""
         if isinstance(value, op.Chosen) and value.place is not None:
             place = op.Equatorial(*self._sky.to_j2000(value.place.ra, value.place.dec, self._unix_time()))
             return replace(value, place=place)
@@ -59,7 +59,7 @@ class ClientProfile(Struct, frozen=True):
 
 
 class SurfaceBinding(Struct, frozen=True):
-    """A surface as it is presented on one port."""
+    """A surface, and how one port presents it to clients."""
 
     #: The title of the port's protocol, or those of all its protocols.
     protocol_titles: str
@@ -72,17 +72,17 @@ class SurfaceBinding(Struct, frozen=True):
     equinox: EquinoxConverter | None = None
     #: The converter to use if the presented model has J2000 coordinates; None if the user has chosen the equinox.
     model_equinox: EquinoxConverter | None = None
-    #: The equinox of its clients if the user does not set it: ``jnow`` or ``j2000``.
+    #: The equinox of the port's clients if the user does not set it: ``jnow`` or ``j2000``.
     default_equinox: str = "jnow"
     #: Seconds for which the text of a refusal is held back on the network, from a program that was not recognised.
     hold_time: float = 0.0
     #: Whether the client program sends a command that stops all motion when an arrow is released.
     releases_by_stop: bool = False
-    #: Returns the model for a mount (is equatorial, is German or None, has GPS); None if the user has named a model.
+    #: Chooses the model, by whether the mount is equatorial, is German (None: unknown), has GPS; None if the user did.
     fit: Callable[[bool, bool | None, bool], Model] | None = None
     profiles: tuple[ClientProfile, ...] = ()
 
     @property
     def converter(self) -> EquinoxConverter | None:
-        """The converter for the coordinates of its clients; None if these use the equinox of date."""
+        """Converts the coordinates of the port's clients; None if these use the equinox of date."""
         return self.equinox or (self.model_equinox if self.model.get("equinox") == "j2000" else None)

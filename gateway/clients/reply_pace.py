@@ -1,7 +1,7 @@
 """Answers at the pace of a serial line: a reply leaves some milliseconds after the last byte of its request.
 
 Programs that were developed with real hand controls write a command, discard their unread input, and then read. A real
-hand control never answers before the input is discarded; over a pseudo-terminal it would. Only replies wait.
+hand control never answers before the input is discarded; over a pseudo-terminal it would. Commands take effect at once.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ HARDWARE_REPLY_TIME = 0.006
 
 
 class ReplyPace:
-    """Delays the replies of a connection by ``delay``; ``accept`` makes the handler that replies."""
+    """Sends a connection's replies ``delay`` seconds after the last request; ``accept`` makes the real handler."""
 
     def __init__(
         self, connection: NewConnection, accept: Callable[[NewConnection], ConnectionHandler], delay: float
@@ -43,7 +43,7 @@ class ReplyPace:
         self._handler.feed(data)
 
     def _send(self, data: bytes) -> int | None:
-        """Send a reply when it is due. Return how many bytes are unsent, if that is known."""
+        """Send a reply when it is due. Return how many bytes are unsent; None if unknown."""
         if data and (self._delayed_bytes or self._loop.time() < self._reply_due_at):
             self._delayed_bytes += data
             if self._timer is None:
@@ -82,5 +82,5 @@ class ReplyPace:
 def delayed(
     accept: Callable[[NewConnection], ConnectionHandler], delay: float
 ) -> Callable[[NewConnection], ConnectionHandler]:
-    """Return ``accept`` with its replies delayed by this number of seconds; unchanged if 0."""
+    """Return a function like ``accept`` whose handlers reply ``delay`` seconds later; ``accept`` itself if 0."""
     return (lambda connected: ReplyPace(connected, accept, delay)) if delay else accept

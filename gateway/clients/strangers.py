@@ -19,7 +19,7 @@ from gateway.core.tables import read_table
 from gateway.protocols.registry import PROTOCOLS
 from gateway.transport.web_server import response_bytes
 
-#: Characters of an HTTP method (RFC 9110), the four characters after it, and the longest method that is examined.
+#: Characters of an HTTP method (RFC 9110), and of each of the four places after it; the longest method examined.
 _METHOD_CHARACTERS = frozenset(b"!#$%&'*+-.^_`|~0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz")
 _PRINTABLE = frozenset(range(0x20, 0x7F))
 _AFTER_METHOD = (frozenset(b" "), frozenset(b"/"), _PRINTABLE, _PRINTABLE)
@@ -36,7 +36,7 @@ class Greeting(Struct, frozen=True):
 
     description: str
     pattern: tuple[ByteValues, ...]
-    #: Whether it is answered over HTTP.
+    #: Whether the stranger gets an answer over HTTP.
     is_http: bool = False
 
 
@@ -137,8 +137,7 @@ class UnknownMethodMatcher:
 
 class StrangerRecogniser:
     """Examines the first bytes of a connection, in pieces of any size, until the client cannot be a stranger.
-
-    ``served_protocol`` is the protocol of the surface. To limit memory, only the progress of each greeting is stored.
+    ``served_protocol`` is the protocol of the surface. To limit memory, the bytes are not stored.
     """
 
     def __init__(self, served_protocol: str = "") -> None:
@@ -200,7 +199,6 @@ class ReceivedBytes(NamedTuple):
 
 class StrangerFilter:
     """Holds back the first bytes of a connection until it is certain that no stranger sent them.
-
     ``command_pattern`` is a regular expression for the well-formed commands and idle bytes of ``served_protocol``.
     """
 
@@ -208,7 +206,7 @@ class StrangerFilter:
         self._command_pattern = command_pattern
         self._recogniser = StrangerRecogniser(served_protocol)
         self._held_pieces: list[ReceivedBytes] = []
-        #: The stranger that was recognised.
+        #: The greeting of the stranger that was recognised; None while there is none.
         self.stranger: Greeting | None = None
 
     @property
@@ -221,7 +219,7 @@ class StrangerFilter:
         return self._recogniser.is_done
 
     def feed(self, piece: ReceivedBytes) -> list[ReceivedBytes]:
-        """Take more bytes. Return those that may be processed now; none if it is a stranger."""
+        """Take more bytes. Return those that may be processed now; none if a stranger sent them."""
         self.stranger = self._recogniser.feed(piece.data)
         if self.stranger is not None:
             self._held_pieces.clear()

@@ -46,7 +46,6 @@ def other_telescope_type(served_protocol: str, received: bytes) -> str:
 
 def advice(served_protocol: str, received: bytes, address: str) -> str:
     """Return advice for the user of a client that has sent only these bytes; empty if no other protocol matches.
-
     ``address`` is the address of the surface; the advice suggests another surface at a similar address.
     """
     match = other_protocol_command(served_protocol, received)
@@ -62,7 +61,7 @@ def advice(served_protocol: str, received: bytes, address: str) -> str:
 
 
 def _neighbouring_address(address: str) -> str:
-    """Return a similar address for another surface."""
+    """Return an address for another surface: the next port number, or the path with ``-2`` appended."""
     start, colon, port = address.rpartition(":")
     if "://" in address and colon and port.isdecimal():
         return f"{start}:{(int(port) + 1) % 65536}"
@@ -140,7 +139,7 @@ class FirstCommandCheck:
         self.is_done = True
 
     def _warn_if_wrong_preset(self, started_at: float) -> None:
-        """Warn if the time is up without a command of the right protocol, here or on another connection of the host."""
+        """Warn if the host has not used the surface's own protocol, on any connection, since ``started_at``."""
         if not self.is_done and not self._preset_watch.used_protocol_since(self._host, started_at):
             self._preset_watch.warn_about(self._connection_name, self._host, self._received)
         self.is_done = True

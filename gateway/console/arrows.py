@@ -18,7 +18,7 @@ from gateway.core.requests import FAILED, Answer, PressKeyRequest, ReleaseKeyReq
 
 
 class ArrowPress(NamedTuple):
-    """An arrow that is held down: the numbers of the press and of its request, the rate, the loop time of the press.
+    """An arrow that is held down: numbers of its press and of the request, rate (1 to 9), and loop time of the press.
 
     ``cancel_counts``: how many stops and gotos there were at the press. Another stop or goto ends the arrow's motion.
     """
@@ -51,9 +51,8 @@ class Arrows:
         return bool(self._presses)
 
     def press(self, direction: Direction, rate: int, press_number: int = 0) -> asyncio.Task[Answer]:
-        """Press an arrow, and release the opposite arrow. If ``press_number`` is still held, only change its rate.
-
-        A press without a number (0) is a new press. Return the task whose result is the answer.
+        """Press an arrow, and release the opposite one. If ``press_number`` (0: a new press) is held already, change
+        only its rate. Return the task whose result is the gateway's answer.
         """
         held = self._presses.get(direction)
         if held is not None and 0 < press_number == held.press_number:
@@ -93,7 +92,6 @@ class Arrows:
 
     def release(self, direction: Direction | None = None, press_number: int = 0, page_is_lost: bool = False) -> None:
         """Release an arrow, or all; with a ``press_number``, only if that press is still held.
-
         If the page has disconnected (``page_is_lost``), a motion that has not begun is dropped.
         """
         for released in list(self._presses) if direction is None else [direction]:
@@ -105,9 +103,8 @@ class Arrows:
                 self._send_release(held, page_is_lost)
 
     def take_over(self, direction: Direction, released_press: ArrowPress, on_refused: Callable[[], None]) -> bool:
-        """Continue a motion for this page if it has held the arrow longer than the page that has just released it.
-
-        Return whether it does. ``on_refused`` is called, and ends the motion, if the mount refuses to continue.
+        """Continue a motion if this page has held the arrow longer than the page that has just released it. Return
+        whether it continues. If the mount refuses that, ``on_refused`` is called, which ends the motion.
         """
         held = self._presses.get(direction)
         if held is None or held.began_at > released_press.began_at or held.cancel_counts != self._cancel_counts():

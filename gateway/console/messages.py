@@ -134,7 +134,7 @@ def answer_number(text: str | bytes) -> int:
 
 
 def decode(text: str | bytes, client_name: str) -> Message:
-    """Decode a message of the page named ``client_name``. Raises ValueError."""
+    """Decode a message of the page named ``client_name``. Raises ValueError if it is not a valid request."""
     fields: dict[str, Any] = msgspec.json.decode(text, type=dict[str, Any])
     head = msgspec.convert(fields, _MessageHeader)
     fields |= {"type": _PAGE_NAMES.get(head.do, head.do), "number": requests.new_request_number(), "who": client_name}

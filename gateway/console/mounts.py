@@ -56,7 +56,7 @@ class Mounts:
         return self.gateways[index]
 
     async def explain(self, gateway: Gateway, surface: str, command: str) -> tuple[bool, str]:
-        """Run ``explain`` for a command on this mount in a subprocess, one at a time. Return success and the text."""
+        """Run ``explain`` for a command on this mount in a subprocess, one at a time. Return (success, text)."""
         named = _surface_argument(surface or gateway.names()[0].partition("@")[0], command)
         argv = [*gateway_argv(), "explain", "--", named, _mount_argument(gateway), command]
         return await self._run(argv, "explanation")
@@ -72,7 +72,7 @@ class Mounts:
         return target
 
     async def _run(self, argv: Sequence[str], result_name: str) -> tuple[bool, str]:
-        """Run a command of the gateway, one at a time. Return whether it had output, and the output or the error."""
+        """Run a subcommand of mount-gateway, one at a time. Return (True, its output), or (False, why it has none)."""
         async with self._explain_lock:
             process = await asyncio.create_subprocess_exec(
                 *argv, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE
@@ -119,7 +119,7 @@ class MountRecorder:
 
     @property
     def state(self) -> dict[str, Any] | None:
-        """The name and start time of the running recording; None if there is none."""
+        """The file name and start time (Unix seconds) of the running recording; None if there is none."""
         if self._recorder is None or self._path is None:
             return None
         return {"name": self._path.name, "since": round(self._started_at)}

@@ -34,8 +34,8 @@ MAX_SUGGESTIONS, NIGHT_LENGTH, NIGHT_STEP = 12, 57600.0, 7200.0
 
 async def look_up(controller: MountController, target: Target) -> dict[str, Any]:
     """Return the coordinates of a target, and whether the mount may go to it (``may``; if not, the reason ``why``).
-
-    For an object, also return its name, kind and magnitude. Raises UserError, Fault.
+    For an object, add its name, kind and magnitude. Raises UserError for an unknown name, and Fault if the
+    target is not on the sky or its position is unknown.
     """
     about: dict[str, Any] = {}
     if isinstance(target, Named):
@@ -183,7 +183,7 @@ class PageSession:
             self._tasks.spawn(self._carry_out(message, self._press_or_release(message)))
 
     def _press_or_release(self, message: Message) -> asyncio.Task[Answer] | None:
-        """Press or release an arrow at once, in the order of the messages. Return the outcome of a press."""
+        """Press or release an arrow at once, in the order of the messages. Return the task that answers a press."""
         if not 0 <= message.mount_index < len(self._arrows):
             return None
         arrows, wish = self._arrows[message.mount_index], message.request

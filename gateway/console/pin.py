@@ -27,7 +27,7 @@ class Pin:
 
     def __init__(self, pin: str, monotonic_time: Callable[[], float], warn: Callable[[str], None]) -> None:
         self._pin, self._monotonic_time, self._warn = pin, monotonic_time, warn
-        #: Address -> number and last time of wrong tries; addresses that gave the right PIN; times of all tries.
+        #: Address -> number and last time of wrong tries; addresses that gave the right PIN; times of wrong tries.
         self._wrong_tries: dict[str, tuple[int, float]] = {}
         self._trusted_hosts: set[str] = set()
         self._wrong_try_times: deque[float] = deque(maxlen=TOTAL_FREE_TRIES)

@@ -41,7 +41,7 @@ def commit() -> str:
 
 
 def full_version(version_number: str | None = None, commit_id: str = "") -> str:
-    """Return a version with its commit, if known: ``0.2.0 (commit 55d337efa1b2)``. Default: that of this program."""
+    """Return a version with its commit, if known: ``0.2.0 (commit 55d337efa1b2)``; by default of this program."""
     if version_number is None:
         version_number, commit_id = version(), commit()
     return f"{version_number} (commit {commit_id})" if commit_id else version_number

@@ -27,7 +27,7 @@ class GatewayError(Exception):
 class UserError(GatewayError):
     """Bad input from a person. The text gives the mistake, its place, and the correction."""
 
-    #: The exit code of a command that ends with it.
+    #: The exit code of a command that ends with this error.
     exit_code = 2
 
 
@@ -60,10 +60,7 @@ def explain_file_error(path: Path | str, error: OSError, *, reading: bool = Fals
 
 
 def similar(word: str, candidates: Iterable[str], max_count: int = 1, min_similarity: float = 0.6) -> list[str]:
-    """Return up to ``max_count`` words similar to a mistyped word, the nearest first.
-
-    ``min_similarity`` is the similarity that they need, from 0 to 1.
-    """
+    """Return at most ``max_count`` candidates similar to a word, nearest first; ``min_similarity`` is from 0 to 1."""
     from difflib import get_close_matches  # imported here because only a mistake needs it
 
     return get_close_matches(word, list(candidates), max_count, min_similarity)
@@ -134,9 +131,8 @@ class TooHigh(Fault):
 
 
 class WayBlocked(TooHigh):
-    """Every path to the target leads beyond an altitude limit. The text says what to do: first slew elsewhere.
-
-    The target itself is allowed. A protocol that distinguishes too low from too high replies that it is too high.
+    """The target is allowed, but every path to it leads beyond an altitude limit; the text says where to slew first.
+    Protocols that distinguish too low from too high reply that the target is too high.
     """
 
     default_text = "The way there leaves the limits."
@@ -170,14 +166,14 @@ class NotAligned(Fault):
 
 
 class SyncTooFar(Fault):
-    """A sync farther from the present position than ``sync_limit``."""
+    """A sync, or the sum of all syncs since the last alignment, is larger than ``sync_limit``."""
 
     default_text = "Sync too far from present position."
     explanation = "All syncs since the last alignment may add up to {sync:g}°."
 
 
 class Stopped(Fault):
-    """A stop arrived before the motion could be started."""
+    """A stop, or another request, arrived before the motion could be started."""
 
     default_text = "Stopped."
     explanation = "A stop or another request came first."
@@ -225,7 +221,7 @@ class Held(Fault):
 
 
 class Busy(Fault):
-    """The mount replied that it cannot take a command now (LX200GPS, NAK)."""
+    """The mount cannot take this command now: it replied so (LX200GPS, NAK), or it is known to be busy."""
 
     default_text = "The mount is busy."
     explanation = "Try again in a moment."

@@ -5,7 +5,7 @@ from __future__ import annotations
 from gateway.core import operations as op
 
 GOTOS = (op.Goto, op.GotoHorizontal, op.GotoAxes, op.Park, op.Home)
-#: Motions that end with the user's key, or by themselves. They are never begun late: the key is released by then.
+#: Motions that end when the user releases a key, or by themselves. They never begin late: by then the key is released.
 HAND_MOTIONS = (op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
 #: Operations whose motion continues if the gateway is killed. (``SetHome``: an LX200GPS moves to find its home.)
 MOVERS = (*GOTOS, op.Move, op.MoveAxis, op.Pulse, op.PulseAxis, op.SetHome)

@@ -93,9 +93,8 @@ class PressKeyRequest(ChangeRequest, frozen=True, tag="press"):
 
 
 class ReleaseKeyRequest(ChangeRequest, frozen=True, tag="let go"):
-    """End the motion that ``PressKeyRequest`` began under this number.
-
-    A motion that has not begun yet becomes a short tap. With ``lost`` (the user did not release the key) it is dropped.
+    """End the motion that ``PressKeyRequest`` began under this number. A motion not yet begun becomes a short tap; with
+    ``lost`` (the user did not release the key) it is dropped.
     """
 
     lost: bool = False  # a motion not yet begun is dropped
@@ -136,9 +135,8 @@ class SetGuideRateRequest(ChangeRequest, frozen=True, tag="guide rate"):
 
 
 class NarrowLimitsRequest(ChangeRequest, frozen=True, tag="narrow"):
-    """Narrow the limits of altitude, distance from the Sun and hour angle past the meridian until the gateway ends.
-
-    A field that is None keeps the limit of the configuration. All are degrees.
+    """Narrow the limits of altitude, distance from the Sun and hour angle past the meridian, degrees, until the gateway
+    ends. A field that is None keeps the limit of the configuration.
     """
 
     lowest: Annotated[float, Meta(ge=-90.0, le=90.0)] | None = None

@@ -126,10 +126,7 @@ class WireLog:
 
 
 class ClientLog:
-    """The wire log for a client; ``name`` is its host and port.
-
-    If ``sinks`` is empty, nothing is logged, and callers need not prepare entries.
-    """
+    """The wire log for a client; ``name``: its host and port. Without ``sinks``, callers need not prepare entries."""
 
     def __init__(self, name: str, wire_log: WireLog) -> None:
         self.name, self.wire_log, self.sinks = name, wire_log, wire_log.sinks

@@ -60,7 +60,9 @@ def _traits(mount: CommandSet, model: str, wedge: bool) -> frozenset[str]:
 
 
 def _all_hold(traits: str, mount: CommandSet, kind: MountKind, unable: bool, presented: frozenset[str] | None) -> bool:
-    """Whether all traits of a condition are true; ``unable``: the mount can carry out none of the row's operations."""
+    """Whether all traits of a condition are true. ``unable``: the mount can carry out none of the row's operations;
+    ``presented``: the traits of the presented model, None for any model.
+    """
 
     def is_true(trait: str) -> bool:
         if trait in (ANY_MOUNT, UNABLE, UNALIGNED):

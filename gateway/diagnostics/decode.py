@@ -26,9 +26,8 @@ _SOCAT_BYTES = re.compile(rb"((?: [0-9a-f]{2})+)")
 
 
 class Capture:
-    """A file with captured serial data. ``recording`` is set if ``run --record`` wrote it.
-
-    Raises UserError if the file cannot be read or is not a capture.
+    """A file with captured serial data; ``recording`` is None unless ``run --record`` wrote it. Raises UserError if the
+    file cannot be read or is not a capture.
     """
 
     def __init__(self, path: Path) -> None:

@@ -47,7 +47,8 @@ class Histogram:
 
 class MountCounts:
     """Counts the events of a mount until it is closed. ``stop_count`` counts requested stops; ``stop_times`` are
-    the times from a request until the mount has acknowledged the stop."""
+    the times from a request until the mount has acknowledged the stop.
+    """
 
     def __init__(self, controller: MountController) -> None:
         self._controller = controller
@@ -105,7 +106,7 @@ HISTOGRAMS: tuple[tuple[str, str, Callable[[MountCounts], Histogram]], ...] = (
 
 
 class Metrics:
-    """The metrics of all mounts. Nothing is counted, and ``text`` is None, if prometheus-client is not installed."""
+    """The metrics of all mounts. Without prometheus-client nothing is counted, and ``text`` returns None."""
 
     def __init__(self, gateways: Sequence[Gateway]) -> None:
         installed = find_spec("prometheus_client") is not None
@@ -113,7 +114,7 @@ class Metrics:
         self._registry: Any = None
 
     async def text(self) -> bytes | None:
-        """Return the text for Prometheus."""
+        """Return the metrics in the text format of Prometheus; None without prometheus-client."""
         if not self._mounts:
             return None
         client: Any = await asyncio.to_thread(import_module, "prometheus_client")  # stops must not wait for the import

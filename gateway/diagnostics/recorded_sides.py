@@ -31,8 +31,9 @@ class RecordedSides:
         return number
 
     def protocol_lines_first(self, lines: Iterable[Event]) -> Iterator[Event]:
-        """Yield all lines, but move a client's first bytes behind the line that names the protocol recognised by them:
-        so the protocol is known when they are decoded."""
+        """Yield all lines, but a client's first bytes only after the line with the protocol recognised in them: so the
+        protocol is known when they are decoded.
+        """
         held: dict[str, list[Event]] = {}
         for line in lines:
             side, waiting = line.side, held.get(line.side)
@@ -59,7 +60,7 @@ class RecordedSides:
             yield from waiting
 
     def protocol(self, side: str) -> str:
-        """Return a connection's protocol. If the recording lacks its beginning, return the mount's protocol."""
+        """Return a connection's protocol; the mount's if the connection was open before the recording began."""
         return self.protocols.get(side, self.protocols[MOUNT_SIDE])
 
     def decoder(self, side: str) -> ConnectionDecoder:

@@ -25,7 +25,7 @@ _Arguments = TypeVarTuple("_Arguments")
 
 #: Seconds before the first, second and later attempts to reconnect.
 DELAYS = (0.25, 0.5, 1.0)
-#: After so many failed attempts, or if the broker refuses the connection or sends too many messages: the longer pause.
+#: How many failed attempts are repeated soon; the pause in seconds after more of them, after a refusal or a flood.
 MAX_QUICK_RETRIES, LONG_PAUSE = 300, 5.0
 #: Maximum number of messages that are sent before an acknowledgement, and that a broker may send in a second.
 MAX_IN_FLIGHT, MAX_MESSAGE_RATE = 50, 500

@@ -24,7 +24,7 @@ MAX_EVENTS = 200
 
 
 class MqttMessage(Struct, frozen=True):
-    """A message to publish: an event or a state. A state replaces a queued one of its topic; a reconnect resends it."""
+    """A message to publish: an event or a state. A newer state replaces a queued one; reconnects resend states."""
 
     topic: str
     payload: bytes

@@ -21,7 +21,7 @@ from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.queue import READ
 from gateway.mount.safety.sync_sum import NO_SYNC
 
-#: A mount counts as unchanged within these limits: seconds since the record, seconds of clock, degrees of position.
+#: A mount counts as unchanged up to these limits: seconds since the record, clock (seconds), position (degrees).
 MAX_ABSENCE, MAX_SKEW, PLACE = 3600.0, 30.0, 0.5
 #: Seconds between two records of the mount's position that are written to disk.
 RECORD_PERIOD = 60.0
@@ -40,7 +40,7 @@ class MountSnapshot(Struct, frozen=True):
 
 
 class SameMountCheck:
-    """Compares the mount with its last record, ``snapshot``. ``lasting`` is emitted when the record must be saved."""
+    """Compares the mount with its last record, ``snapshot``. ``save_due`` is emitted when the record must be saved."""
 
     def __init__(self, context: Context, runner: DriverRunner) -> None:
         self._context, self._runner = context, runner
@@ -58,7 +58,7 @@ class SameMountCheck:
         return bool(driver.stale_note) or ((synced != NO_SYNC or any(driver.sync_offset)) and driver.emulates_sync)
 
     def record_position(self, _: op.Equatorial) -> None:
-        """Record the mount's state if the gateway stores values that become wrong when the mount is switched off."""
+        """Record the mount's position, tracking and clock if the gateway stores its sum of syncs or its drive rate."""
         if not (self._checked and self._stores_values):
             return
         context = self._context
@@ -73,7 +73,7 @@ class SameMountCheck:
             self.save_due.emit(None)
 
     async def check(self) -> None:
-        """Compare the mount with its last record; discard the stored values if anything differs or is unknown."""
+        """Compare the mount with its last record; unless they agree, discard the stored sum of syncs and drive rate."""
         keeps, context = not self._stores_values or await self._is_unchanged(), self._context
         self._checked = True
         if keeps:

@@ -149,7 +149,7 @@ class MountController:
         return self.context.policy
 
     def narrow_limits(self, **requested_limits: float | None) -> Limits:
-        """Narrow the owner's limits until the gateway ends; None leaves the owner's value. Raises Invalid."""
+        """Narrow the owner's limits until the gateway ends; None leaves a limit. Raises Invalid for a wider limit."""
         limits = self.owners_limits.narrowed_by_page(**requested_limits)
         self.context.policy = replace(self.policy, limits=limits)
         self.suns.set_min_distance(limits.sun)
@@ -308,7 +308,7 @@ class MountController:
 
 
 async def _wait_for_outcome(outcome: Outcome) -> Any:
-    """Wait for an outcome without cancelling the order. Raises Fault; Stopped if the order was superseded."""
+    """Return the result of an order, which goes on if the caller is cancelled. Raises Fault; Stopped if superseded."""
     try:
         return await result_of(outcome)
     except asyncio.CancelledError:

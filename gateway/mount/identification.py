@@ -81,7 +81,7 @@ class Identification:
         self._status_when_lost = self._cache.value(op.GetStatus)
 
     def leftover_motion(self) -> Leftover | None:
-        """Return the motion under way that the gateway began; None if positions could not show that it continues."""
+        """Return the motion that the gateway has begun; None without one, or if positions cannot show it."""
         return find_leftover(self._reconciler.wanted, self._context.driver.speed, self._end_watch.samples)
 
     def set_leftover_motion(self, motion: Leftover) -> None:

@@ -89,8 +89,7 @@ class Limits(Struct, frozen=True):
         return replace(self, lowest=min(self.lowest, self.key_limits[0]), highest=max(self.highest, self.key_limits[1]))
 
     def without_default_altitudes(self) -> Limits:
-        """Return these limits without the default altitudes: an altitude limit that neither the owner nor a page or
-        program has set becomes -90 or 90 degrees."""
+        """Return these limits with -90 and 90 degrees as the altitude limits that no owner, page or program has set."""
         return replace(
             self,
             lowest=self.lowest if self.lowest > 0.0 or self.key_limits[0] > -90.0 else -90.0,
@@ -122,7 +121,7 @@ class Policy(Struct, frozen=True):
 
 
 def check_unknown_park(operation: op.Park | op.Home, limits: Limits) -> None:
-    """Check whether a mount may park at a position that only the mount knows. Raises Refused.
+    """Check whether a mount may park at a position that only the mount knows. Raises Refused if it may not.
 
     A Meade parks at the position set at its keypad, which no command reads; the default is the horizon. So it may park
     if the limits are no narrower than the horizon, or if the owner allows it with park = "mount".

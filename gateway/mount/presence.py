@@ -26,8 +26,8 @@ NO_PROGRAM = ProgramId("")
 
 
 class HostActivity:
-    """A connection from a client: its host (``client_name``), and the loop times at which it was opened, last active
-    and closed. Any data from the client sets ``sent_data``, and the supervisor resets it.
+    """The activity on one connection: the client's host (``client_name``), and the loop times at which it was opened,
+    last active and closed. Any data from the client sets ``sent_data``, and the supervisor resets it.
 
     ``program`` is equal for all connections of a host to one surface: they share their site and clock settings.
     """

@@ -62,11 +62,10 @@ async def _stop_blindly(context: Context) -> None:
 
 
 def stop_commands(driver: Driver, reply_rules: ReplyRules, without_restores: bool = False) -> list[bytes]:
-    """Return the commands of a stop in the present state, for callers that cannot wait for replies. The driver's state
-    does not change.
+    """Return the commands of a stop in the driver's present state, for callers that cannot wait for replies.
 
-    With ``without_restores``, leave out settings that are restored after the motion, because the mount may have been
-    switched off meanwhile.
+    The driver's state does not change. ``without_restores`` leaves out settings that are restored after the motion:
+    the mount may have been switched off meanwhile.
     """
     twin = copy.copy(driver)
     for name, value in vars(driver).items():

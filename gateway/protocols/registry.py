@@ -56,7 +56,7 @@ def protocol_pairs() -> list[tuple[str, str]]:
 
 
 def other_surface(protocol: str) -> str:
-    """Return the first protocol with a surface that is not the mount's: most clients of such a mount speak it."""
+    """Return the protocol that most clients of such a mount speak: the first with a surface, except the mount's own."""
     return next((name for name in surfaces() if name != protocol), protocol)
 
 

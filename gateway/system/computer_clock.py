@@ -19,7 +19,7 @@ _CHECK_PERIOD = 60.0
 
 
 class _Timex(ctypes.Structure):
-    """The first fields of ``struct timex``; the last is large enough for the others on every architecture."""
+    """The first fields of ``struct timex``; ``rest`` is large enough for all others on every architecture."""
 
     _fields_ = [
         ("modes", ctypes.c_uint), ("offset", ctypes.c_long), ("freq", ctypes.c_long), ("maxerror", ctypes.c_long),

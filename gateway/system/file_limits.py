@@ -27,7 +27,9 @@ def open_file_limit() -> int | None:
 
 
 def raise_limit(client_count: int, port_count: int) -> str:
-    """Raise the limit as the clients and ``port_count`` (mounts and surfaces) need. Return a warning if that fails."""
+    """Raise the limit of open files for these numbers of clients and of ports (mounts and surfaces).
+    Return a warning if the system does not allow that many; empty if it does.
+    """
     wanted = RESERVED_FILES + GATEWAY_FILES + FILES_PER_PORT * port_count + client_count
     most = open_file_limit()
     if most is None or most >= wanted:

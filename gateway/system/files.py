@@ -1,4 +1,4 @@
-"""Finds the folders for state files and caches, opens plain files only, and replaces files atomically."""
+"""Finds the folders for state files and caches, opens only regular files, and replaces files atomically."""
 
 from __future__ import annotations
 
@@ -45,8 +45,7 @@ def _systemd_folder(variable: str) -> str:
 
 
 def plain_fd(path: Path, flags: int = os.O_RDONLY, mode: int = 0o600) -> int:
-    """Open a plain file and return its descriptor. Raises OSError for a pipe, a device or a folder.
-
+    """Open a regular file and return its descriptor. Raises OSError for a pipe, a device or a folder.
     Opening a pipe would block until its other end is open, even for signals; a device such as /dev/zero never ends.
     """
     try:
@@ -65,15 +64,14 @@ def plain_fd(path: Path, flags: int = os.O_RDONLY, mode: int = 0o600) -> int:
 
 
 def open_plain(path: Path) -> BinaryIO:
-    """Open a plain file for reading. Raises OSError."""
+    """Open a regular file for reading. Raises OSError if it is a pipe, a device or a folder, or cannot be opened."""
     return open(plain_fd(path), "rb")
 
 
 def replace_file(path: Path, data: bytes, *, flush: bool = True) -> None:
-    """Replace a file atomically, readable for its user only. Raises OSError.
-
-    With ``flush`` the old or the new content survives a power cut at any time. Without it, it survives only a killed
-    process, but writing is much faster. Each path has one writer, so an unfinished file of a killed writer is replaced.
+    """Replace a file, readable for its user only, so that it has either the old or the new content. Raises OSError.
+    With ``flush``, this holds even after a power cut. Without, it holds if the process is killed, and is much faster.
+    Each path has one writer, so an unfinished file of a killed writer is replaced.
     """
     beside = path.with_name(f".{path.name}.new")
     number = plain_fd(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)

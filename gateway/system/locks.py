@@ -36,7 +36,7 @@ class PidLock:
         self.holder_was_killed = False
 
     def acquire(self) -> None:
-        """Get the lock without waiting. Raises LockHeld, and OSError if the file cannot be created."""
+        """Get the lock at once. Raises LockHeld if another process has it, OSError if the file cannot be created."""
         while self._descriptor is None:
             number = os.open(self.path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
             try:
@@ -108,9 +108,8 @@ def _lock_windows(descriptor: int) -> bool:
 
 
 class NameClaim:
-    """A name that only one process of this user can hold at a time, by lock files in all its runtime folders.
-
-    Raises LockHeld, and OSError with all reasons if there is no usable folder.
+    """A name that one process of this user can hold at a time, through a lock file in each of its runtime folders.
+    Raises LockHeld if another process holds the name, and OSError if no folder is usable.
     """
 
     def __init__(self, name: str) -> None:

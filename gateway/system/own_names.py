@@ -47,8 +47,7 @@ def own_names() -> frozenset[str]:
 
 def is_own_host(header: str | None, local_address: str, extra_names: Iterable[str] = ()) -> bool:
     """Whether a ``Host`` header names this computer: any of its addresses or names, or any of ``extra_names``.
-
-    ``local_address`` is this computer's address of the connection. DNS rebinding sends another name or address.
+    ``local_address`` is the address at which the connection arrived. DNS rebinding sends another name or address.
     """
     host = host_of(header or "")
     if host and host in {host_of(name) for name in extra_names}:

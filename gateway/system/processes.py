@@ -86,7 +86,7 @@ def _argv(pid: int) -> list[str]:
 
 
 def is_gateway_argv(argv: list[str]) -> bool:
-    """Whether a command line is that of a gateway: any name of the program, and a subcommand that serves mounts."""
+    """Whether a command line starts a gateway: any name of the program, then a subcommand that serves mounts."""
     first = os.path.basename(argv[0]) if argv else ""
     if first != "mount-gateway" and not first.startswith(("python", "pypy")):
         return False

@@ -69,9 +69,8 @@ def folders_of_others() -> list[tuple[Path, int]]:
 
 
 def protect_from_cleanup(folder: Path) -> int | None:
-    """Keep a folder in /tmp from being cleaned up by age. Return a descriptor to close at the end, if any.
-
-    systemd-tmpfiles(8) skips the content of a directory on which a process holds a lock.
+    """Lock a folder, so that systemd-tmpfiles(8) does not remove old files from it. Return the lock's descriptor,
+    to close when the folder is used no more; None if it cannot be opened, or on Windows.
     """
     try:
         import fcntl

@@ -31,7 +31,7 @@ WRITE_ERRORS = (errno.ENOSPC, errno.EPIPE, errno.EBADF, errno.EIO, errno.EFBIG)
 
 
 def reopen_closed() -> None:
-    """Open closed standard streams so that no socket gets their descriptor; writing to them fails. Call this first."""
+    """Open closed standard streams, so that no socket gets their descriptors. Writing then fails. Call this first."""
     for number in range(3):
         try:
             os.fstat(number)
@@ -99,7 +99,6 @@ def prefix(syslog_level: int, stream: TextIO) -> str:
 
 def message_line(text: str, syslog_level: int, stream: TextIO) -> str:
     """Return a message of this program as a line, with the program's name unless the journal adds it.
-
     Control characters are escaped, because parts of the text may come from a file or a command line.
     """
     text = _CONTROL_CHARACTERS.sub(lambda match: f"\\x{ord(match.group()):02x}", text)

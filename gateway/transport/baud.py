@@ -87,7 +87,7 @@ class BaudTrial:
             self._change_baud(previous)
 
     def cancel_fallback(self) -> None:
-        """Cancel the fallback; also called when the connection ends."""
+        """Do not change back to the old rate; also called when the connection ends."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -95,7 +95,6 @@ class BaudTrial:
 
 def garbled(data: bytes, send_baud: int, receive_baud: int) -> bytes:
     """Return what a receiver at ``receive_baud`` baud gets if bytes are sent without gaps at ``send_baud`` baud.
-
     The receiver waits for the falling edge of a start bit and samples the middle of every bit by its own clock. A byte
     with a missing stop bit (framing error) is delivered all the same. Rates that differ by a few percent work.
     """
@@ -114,6 +113,6 @@ def garbled(data: bytes, send_baud: int, receive_baud: int) -> bytes:
 
 
 def _next_falling_edge(bits: list[int], start: float) -> float | None:
-    """Return when the line next falls from 1 to 0, or None. A line that is low already must rise first."""
+    """Return the index of the first 0 that follows a 1, from index ``start`` on; None if there is none."""
     falls = (bit for bit in range(math.ceil(start - 1e-9), len(bits)) if bits[bit] == 0 and (not bit or bits[bit - 1]))
     return next(map(float, falls), None)

@@ -10,8 +10,9 @@ from msgspec import Struct
 
 #: Ends a connection after sending these last bytes; the other end gets time to read them.
 HangUp = Callable[[bytes], None]
-#: Takes over an open transport. Gives a connection to such a function, after which its handler gets no more bytes.
+#: Takes over the open transport of a connection.
 TakeOver = Callable[[asyncio.Transport], None]
+#: Gives the transport of a connection to a ``TakeOver`` function; the connection's handler gets no more bytes.
 HandOver = Callable[[TakeOver], None]
 #: Writes to a connection, and returns how many bytes are still to be sent, None if unknown.
 Write = Callable[[bytes], int | None]

@@ -25,7 +25,7 @@ def log_refused_request(request: web.Request, reason: str, logs: Iterable[WireLo
 
 
 def is_for_this_computer(request: web.Request, names: Iterable[str] = ()) -> bool:
-    """Whether a request is addressed to this computer. An HTTP/1.0 request may omit the address."""
+    """Whether a request's ``Host`` names this computer or is in ``names``. An HTTP/1.0 request needs no ``Host``."""
     if "Host" not in request.headers and request.version < HttpVersion11:
         return True
     return is_own_host(request.headers.get("Host"), local_address(request)[0], names)

@@ -33,8 +33,7 @@ PARALLEL_ANSWER_TIME = 1.0
 
 
 class HttpRequest(NamedTuple):
-    """A request: ``GET`` with its ``fields`` in the query, or ``PUT`` with them in the body.
-
+    """A request: ``GET`` with ``params`` in the query, or ``PUT`` with ``params`` in the body.
     ``is_motion``: True if it begins a motion, False if it ends a motion, None for all others.
     """
 
@@ -45,9 +44,8 @@ class HttpRequest(NamedTuple):
 
 
 class HttpDialect(Protocol):
-    """Converts lines to requests, and answers to lines.
-
-    ``first_requests``: sent when the wire opens. ``check_first_answer`` raises OSError if a wrong server answers.
+    """Converts lines to requests, and answers to lines. ``first_requests`` are sent when the connection opens;
+    ``check_first_answer`` raises OSError if their answer shows that this is not the expected kind of server.
     """
 
     @property
@@ -59,7 +57,8 @@ class HttpDialect(Protocol):
 
 class AddressWatcher(Protocol):
     """Is informed when the connection to a server opens and closes. ``answers_in_parallel``: the server
-    answers while another connection is idle."""
+    answers while another connection is idle.
+    """
 
     def reached(self, host: str, port: int, answers_in_parallel: bool) -> None: ...
     def closed(self) -> None: ...
@@ -149,7 +148,8 @@ class HttpWire:
 
     async def _repeat_stops(self, session: ClientSession) -> None:
         """Repeat the stops while earlier motion commands are unanswered, for ``REPEAT_TIMEOUT`` seconds, and once
-        after each of their answers."""
+        after each of their answers.
+        """
         overtaken, now = set(self._motion_tasks), asyncio.get_running_loop().time
         while overtaken:
             ended, _ = await asyncio.wait(overtaken, timeout=REPEAT_DELAY)
@@ -203,7 +203,8 @@ class HttpWire:
 
 def request_bytes(url: str, request: HttpRequest) -> bytes:
     """Return a request as bytes, with its fields in the body, for a process without an HTTP library. The request asks
-    the server to close the connection after the answer, because the server may serve one connection at a time."""
+    the server to close the connection after the answer, because the server may serve one connection at a time.
+    """
     body = urlencode(request.params)
     return (
         f"{request.method} {request.path} HTTP/1.1\r\nHost: {urlsplit(url).netloc}\r\nConnection: close\r\n"

@@ -24,7 +24,7 @@ async def listen(address: str, make: Callable[[], asyncio.BaseProtocol], extras:
     """Listen on ``SCHEME://HOST:PORT``. Return the server and the address with the real port number. Raises UserError.
 
     ``make`` is called for every connection. Without a host only this computer can connect. Port 0 means any free port.
-    If the port is in use, the ``extras`` ports after it are tried. ``[::]`` is every address, IPv4 and IPv6.
+    If the port is in use, those after it are tried, up to ``extras`` in all. ``[::]`` is every address, IPv4 and IPv6.
     """
     host, port = split_address(address)
     try:

@@ -42,7 +42,7 @@ class PtyPort:
         self.baud = baud
         self._accept = accept
         self._handler: ConnectionHandler | None = None
-        #: Whether the sender of these bytes has closed its end; then replies would reach the next program.
+        #: Whether the program that sent the newest bytes has closed its end; a reply would reach the next program.
         self._peer_closed = False
         self._link = DeviceLink(path)
         self.path = self._link.path
@@ -119,7 +119,7 @@ class PtyPort:
 
 
 class _TerminalPair:
-    """The two ends of a pseudo-terminal: ``master``, read by ``on_readable``, and ``device`` for programs."""
+    """A pseudo-terminal: ``master``, the end that ``on_readable`` reads, and ``device``, the path of the other end."""
 
     def __init__(self, on_readable: Callable[[], None]) -> None:
         import tty
@@ -170,7 +170,6 @@ class _TerminalPair:
 
     def reset(self) -> bool:
         """Discard unread bytes and settings of the last program. Return False if it has left the device locked.
-
         The exclusive lock (TIOCEXCL, which INDI sets) of a real port ends when the port is closed. A pseudo-terminal
         that stays open keeps the lock, and then only root can open it.
         """

@@ -68,7 +68,7 @@ class _TelnetFilter:
             self._handler.feed(data)
 
     def _send(self, data: bytes) -> int | None:
-        """Send what the real handler writes. Return how many bytes are pending, if known."""
+        """Send what the real handler writes. Return how many bytes are unsent; None if unknown."""
         return self.write(self._escaped(data))
 
     def _escaped(self, data: bytes) -> bytes:
@@ -113,5 +113,5 @@ class _TelnetFilter:
 
 
 def accept_telnet(accept: Accept) -> Accept:
-    """Return ``accept`` with support for RFC 2217."""
+    """Return a function like ``accept`` whose connections may use Telnet with RFC 2217."""
     return lambda connected: _TelnetFilter(accept, connected)

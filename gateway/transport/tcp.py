@@ -112,9 +112,8 @@ class _Connection(asyncio.BufferedProtocol):
         self.abort()
 
     def _hang_up(self, last_bytes: bytes) -> None:
-        """Send the last bytes, then discard input for a while before closing.
-
-        The system resets a connection that is closed with unread input; then the client might miss the last bytes.
+        """Send the last bytes, then discard input for a while before closing: the system resets a connection that is
+        closed with unread input, and then the client might miss the last bytes.
         """
         loop = asyncio.get_running_loop()
         if last_bytes:
@@ -174,10 +173,7 @@ class TcpPort:
 
     @classmethod
     async def open(cls, address: str, accept: Accept) -> TcpPort:
-        """Open ``SCHEME://HOST:PORT``; without a host on this computer only. Port 0: any free port. Raises UserError.
-
-        The address ``[::]`` means every address of this computer, IPv4 and IPv6.
-        """
+        """Open ``SCHEME://HOST:PORT``, of the form that ``listen`` describes. Raises UserError if that fails."""
         self = cls(accept)
         self._server, self.address = await listen(address, lambda: _Connection(self))
         return self

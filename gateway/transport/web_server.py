@@ -51,7 +51,7 @@ class WebPort:
 
 
 class WebServer:
-    """Serves the aiohttp application that ``load_site`` returns, until ``close``; without it, refuses all requests."""
+    """Serves the aiohttp application that ``load_site`` returns, until ``close``; without one, refuses all requests."""
 
     def __init__(self, load_site: Callable[[], Awaitable[Any]] | None = None) -> None:
         self._load_site = load_site
@@ -63,7 +63,7 @@ class WebServer:
         self.address = ""
 
     async def listen(self, address: str, further_port_count: int = 0) -> WebPort:
-        """Open a port, or the first free port of the ``further_port_count`` that follow it. Raises UserError."""
+        """Open a port; if it is in use, try those after it, ``further_port_count`` in all. Raises UserError."""
         server, real = await listen(address, lambda: HttpConnection(self), further_port_count)
         self._ports.append(WebPort(real, server))
         return self._ports[-1]
@@ -226,7 +226,6 @@ async def _answer_whole_request(request: Any, handler: Callable[[Any], Awaitable
 @cache
 def web_log() -> logging.Logger:
     """Return the logger of the web server's own failures, which shows them on the terminal with their traceback.
-
     It leaves out requests that are not valid HTTP, and clients that leave before their request is whole.
     """
     from aiohttp.http_exceptions import HttpProcessingError

@@ -33,7 +33,7 @@ OnLost = Callable[[str], None]
 READ_TIMEOUT, CHUNK_BYTES = 0.25, 4096
 
 
-#: Why a port cannot be opened: (system error numbers, part of pyserial's message, error number here, message here).
+#: Why a port cannot be opened: (system error numbers, part of pyserial's message, number and message to raise).
 _OPEN_FAILURES = (
     ((errno.ENOENT,), "No such file", errno.ENOENT, "no such port"),
     ((errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK), "lock", errno.EBUSY, "the port is in use by another program"),
@@ -221,7 +221,7 @@ class SimulatedTransport:
         self.feed = connect(self._deliver_later)
 
     def _deliver_later(self, seconds: float, answer: bytes) -> None:
-        """Deliver bytes that the simulated mount sends later."""
+        """Deliver an answer of the simulated mount after these seconds and the latency."""
         asyncio.get_running_loop().call_later(self._latency + seconds, self.deliver, answer)
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
@@ -245,7 +245,7 @@ class SimulatedTransport:
 
 
 def _permission_advice(device: str) -> str:
-    """Return what to do about a port that this user may not use, by its group and mode."""
+    """Return what the user can do, by the port's group and mode, to be allowed to open it."""
     with contextlib.suppress(OSError):
         if os.stat(device).st_mode & 0o060 != 0o060:
             return (

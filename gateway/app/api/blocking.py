@@ -35,7 +35,7 @@ class CoroutineRunner(Protocol):
 def _make_blocking(
     method: Callable[Concatenate[Mount, _P], Coroutine[object, object, _T]],
 ) -> Callable[Concatenate[BlockingMount, _P], _T]:
-    """Return the version for ``BlockingMount`` of a method of ``Mount``: it waits for the result."""
+    """Return a method for ``BlockingMount`` that calls this method of ``Mount`` and waits for the result."""
 
     @functools.wraps(method)
     def wait_for_result(self: BlockingMount, /, *arguments: _P.args, **named: _P.kwargs) -> _T:
@@ -74,8 +74,8 @@ class BlockingMount:
 
 
 class _GatewayThread(threading.Thread):
-    """Runs an event loop on which one gateway is open until ``end`` is called, at the latest by ``atexit``. The thread
-    is a daemon: Python waits for every other thread before it runs ``atexit``, so the program would never end.
+    """Runs an event loop with one open gateway until ``end`` is called, at the latest by ``atexit``. It is a daemon
+    thread: Python waits for every thread but daemons before ``atexit``, so otherwise the program would never end.
     """
 
     mount: Mount
@@ -179,8 +179,8 @@ def _make_blocking_opener(
     def open_blocking_gateway(*arguments: _P.args, **settings: _P.kwargs) -> Iterator[BlockingMount]:
         """Open a mount as ``open_gateway`` does, for a program without an event loop: ``with``, not ``async with``.
 
-        ``warn`` and ``watch`` are called on the gateway's thread. Leaving the block stops the mount and closes
-        everything; if the program ends inside the block, its end does the same.
+        ``warn`` and ``watch`` are called on the gateway's thread. Leaving the block, or ending the program inside it,
+        stops the mount and closes everything.
         """
         thread = _GatewayThread(open_mount(*arguments, **settings))
         thread.start()

@@ -40,7 +40,7 @@ class Frame(Struct, frozen=True):
 
 
 def decode(protocol: str, frame: bytes, /) -> Frame:
-    """Decode one whole command, such as ``b":Sr05:34:32#"``. Raises FrameError.
+    """Decode one whole command, such as ``b":Sr05:34:32#"``. Raises FrameError if it is unknown or invalid.
 
     >>> decode("lx200", b":Sr05:34:32#").values
     {'ra': 83.63333333333334}
@@ -56,7 +56,7 @@ def decode(protocol: str, frame: bytes, /) -> Frame:
 
 
 def encode(protocol: str, name: str, /, **values: object) -> bytes:
-    """Encode the command of this name with these values, as the gateway sends it. Raises FrameError.
+    """Encode the command of this name with these values, as the gateway sends it. Raises FrameError if they do not fit.
 
     >>> encode("lx200", "Sr", ra=83.6333)
     b':Sr05:34:32#'
@@ -70,7 +70,7 @@ def encode(protocol: str, name: str, /, **values: object) -> bytes:
 
 
 def decode_reply(protocol: str, name: str, reply: bytes, /) -> Frame:
-    """Decode a whole reply to the command of this name; a refusal sets ``fault``. Raises FrameError.
+    """Decode a whole reply to the command of this name; a refusal sets ``fault``. Raises FrameError if it is no reply.
 
     >>> decode_reply("lx200", "GD", b"+22*00:52#").values
     {'dec': 22.014444444444443}
@@ -88,7 +88,7 @@ def decode_reply(protocol: str, name: str, reply: bytes, /) -> Frame:
 
 
 def encode_reply(protocol: str, name: str, /, *, precision: str = "high", **values: object) -> bytes:
-    """Encode the reply to the command of this name that carries these values. Raises FrameError.
+    """Encode the reply to the command of this name that carries these values. Raises FrameError if there is none.
 
     ``precision`` is ``high`` or ``low``: an LX200 has two forms of reply for most angles.
 
@@ -145,7 +145,7 @@ def _encode(command: Command, template: FrameTemplate, values: Mapping[str, obje
 
 
 def _mismatch(template: FrameTemplate, values: Mapping[str, object]) -> str:
-    """Return which value does not fit, with the reason if this package, not Python, gives it; empty if all fit."""
+    """Return which value does not fit, and why if a codec says so (Python's texts are left out); empty if all fit."""
     for field, codec in template.fields.items():
         value = values[field]
         try:

@@ -113,7 +113,7 @@ class Mount:
         await self._get_answer_text(requests.GotoRequest(checked(requests.Named(name))))
 
     async def park(self) -> None:
-        """Slew to the park position and turn tracking off; return when the mount has accepted it."""
+        """Slew to the park position and turn tracking off; return when the mount has accepted the command."""
         await self._get_answer_text(requests.ParkRequest())
 
     async def unpark(self) -> None:
@@ -161,7 +161,7 @@ class Mount:
         await self._get_answer_text(requests.MoveRequest(direction=direction, key=key, seconds=seconds), seconds)
 
     async def stop(self) -> None:
-        """End every motion, whoever began it, ahead of all orders; return when the position shows the mount at rest."""
+        """End every motion of any client at once, before waiting orders; return when the mount is seen at rest."""
         await self._get_answer(requests.StopRequest(self._client_name))
 
     async def hold(self) -> None:

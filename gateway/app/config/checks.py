@@ -36,7 +36,7 @@ class Mistake(NamedTuple):
 def mistakes_in(config: Config, must_serve: bool = True, has_file: bool = False) -> Iterator[Mistake]:
     """Yield the mistakes of a configuration whose values all have the right types, the most important first.
 
-    ``must_serve``: at least one surface is required. ``has_file``: the configuration is a file, not only flags.
+    ``must_serve``: at least one surface is required. ``has_file``: the configuration is from a file, not only flags.
     """
     yield from _check_endpoints(config)
     for number, mount in enumerate(config.mount):

@@ -1,7 +1,7 @@
 """Parses endpoints, names of mounts, brokers and sites as users type them, and suggests corrections.
 
-A name such as ``6se``, ``CPC 1100`` or ``lx90`` stands for protocol and model; the names are data, ``called.toml`` of
-each protocol. ``celestron`` stands for a protocol without a model. An endpoint is
+A name such as ``6se``, ``CPC 1100`` or ``lx90`` stands for protocol and model; ``called.toml`` of each protocol lists
+the names. ``celestron`` stands for a protocol without a model. An endpoint is
 ``PROTOCOL[:MODEL[/VERSION]]@WHERE``; a broker ``mqtt://HOST:PORT``, or ``mqtts://`` with TLS; a site ``LAT,LON``.
 """
 
@@ -42,10 +42,7 @@ def resolve_name(text: str) -> str | None:
 
 
 def suggest_name(word: str, candidates: Sequence[str] = tuple(PROTOCOLS)) -> str:
-    """Return a hint for an unknown word: the most similar name, else the protocol of each maker.
-
-    ``candidates`` are the protocols that may be meant.
-    """
+    """Return a hint for an unknown word: the most similar name or candidate protocol, else each maker's protocol."""
     known = [*candidates, *(model for protocol in PROTOCOLS for model in load(protocol).models)]
     plain = _normalised(word)
     names = [name for name, full_name in sorted(_all_names().items()) if full_name.partition(":")[0] in candidates]
@@ -69,7 +66,7 @@ def _all_names() -> Mapping[str, str]:
 
 
 def names_by_model(protocol: str) -> dict[str, Sequence[str]]:
-    """Return the names of each model of a protocol. Raises MappingError."""
+    """Return the owners' names for each model of a protocol. Raises MappingError for an invalid ``called.toml``."""
     return {model: row["words"] for model, row in load(protocol).extra_table("called.toml").items()}
 
 
@@ -92,7 +89,7 @@ def _normalised(word: str) -> str:
 
 
 _ADDRESS = re.compile(r"(?:(tcp|socket|rfc2217):/?)?([\w.-]+|\[[\w:]+\]):(\d{1,5})")
-#: The address of a mount that is reached over HTTP, with its number if it is not the first of its server.
+#: The address of a mount that is reached over HTTP, with its device number if it is not the server's first mount.
 HTTP_ADDRESS = re.compile(r"http://(?:[\w.-]+|\[[\w:]+\]):\d{1,5}(?:/\d{0,10})?")
 #: The default ports of brokers, by scheme.
 BROKER_PORTS = {"mqtt": 1883, "mqtts": 8883}
@@ -130,7 +127,7 @@ def parse_endpoint(text: str, role: str = "") -> Endpoint:
 
 
 def _check_http_address(endpoint: Endpoint, role: str) -> Endpoint:
-    """Return the endpoint. Raises UserError if its protocol needs an HTTP address and it has none, or the reverse."""
+    """Return the endpoint. Raises UserError if an HTTP address is needed and missing, or present and useless."""
     where, over = endpoint.where, [name for name, spec in PROTOCOLS.items() if spec.make_http_dialect is not None]
     meant = "HOST:PORT" if (match := _ADDRESS.fullmatch(where)) is None else f"{match[2]}:{match[3]}"
     if where.startswith("http") and (endpoint.protocol not in over or role == "surface"):
@@ -144,7 +141,7 @@ def _check_http_address(endpoint: Endpoint, role: str) -> Endpoint:
 
 
 def _parse_any_surface(text: str, where: str) -> Endpoint:
-    """Parse an endpoint ``any@…`` of a surface that serves every protocol. Raises UserError."""
+    """Parse ``any@…``, a surface for every protocol. Raises UserError if it has a model or no ``tcp://`` address."""
     if text != ANY:
         raise UserError(f"{text!r}: a surface for every protocol presents no single model; write {ANY}@{where}")
     if not where.startswith("tcp://"):
@@ -159,7 +156,7 @@ def _parse_any_surface(text: str, where: str) -> Endpoint:
 
 
 def _example_of(text: str, role: str) -> str:
-    """Return an example of an endpoint that completes the half that the user wrote."""
+    """Return an example endpoint that completes ``text``, the half that the user wrote."""
     if role == "surface":
         return f"{_serial_names()[0]}@tcp://127.0.0.1:4030"
     if resolve_name(text.partition("/")[0]):
@@ -177,8 +174,8 @@ def _serial_names() -> list[str]:
 def parse_device(text: str, where: str = "", role: str = "") -> Endpoint:
     """Parse ``PROTOCOL[:MODEL[/VERSION]]``, or an owner's name for a mount in place of protocol or model.
 
-    ``role`` is ``mount`` or ``surface``, for the message.
-    A StarSense hand control may be written as a version or as a model. Raises UserError.
+    The error names the protocols for ``role``, ``mount`` or ``surface``. A StarSense hand control may be written as a
+    version or as a model. Raises UserError for a protocol, model or version that does not exist.
     """
     name, slash, version = text.partition("/")
     device = resolve_name(name)

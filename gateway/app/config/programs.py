@@ -17,7 +17,7 @@ from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Version, parse_version
 from gateway.transport.listening import NETWORK_SCHEMES
 
-#: Comparisons use it in place of no version, and for StarSense hand controls, whose own numbers start from 1.
+#: Stands in comparisons for an unknown version, and for StarSense hand controls, whose versions start again from 1.
 NEWEST_VERSION = (99,)
 
 
@@ -41,7 +41,7 @@ class KnownProgram(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     evidence: str = ""
     #: Whether the program leaves the text of a refusal unread.
     leaves_text: bool = False
-    #: Whether it sends a full stop when its user releases an arrow.
+    #: Whether it sends a stop of all motion when its user releases an arrow.
     stops_arrows: bool = False
 
 
@@ -58,7 +58,7 @@ def programs(protocol: str) -> dict[str, KnownProgram]:
 
 
 def unmet_needs(surface: SurfaceConfig, program: str | None = None) -> list[NeededSetting]:
-    """Return a program's needs (default: of the surface's ``client``) for keys that surface and model do not set."""
+    """Return the settings that a program (default: ``client``) needs and neither the surface nor its model sets."""
     endpoint, name = parse_endpoint(surface.at), program or surface.client
     row = None if ANY in (endpoint.protocol, name) or name == "auto" else programs(endpoint.protocol).get(name)
     if row is None:
@@ -89,7 +89,7 @@ def with_needs(surface: SurfaceConfig, program: str | None = None) -> SurfaceCon
 
 
 def as_fields(needs: list[NeededSetting]) -> dict[str, object]:
-    """Return the values of needs by the names of the fields of ``SurfaceConfig``."""
+    """Return the values of needed settings by their field names in ``SurfaceConfig``."""
     return {need.key.replace("-", "_"): need.value for need in needs}
 
 
@@ -102,15 +102,15 @@ def delay(surface: SurfaceConfig, protocol: str, program: str) -> float:
 
 
 def stops_arrows(protocol: str, program: str) -> bool:
-    """Whether a program sends a full stop when its user releases an arrow."""
+    """Whether a program sends a stop of all motion when its user releases an arrow."""
     row = programs(protocol).get(program)
     return row is not None and row.stops_arrows
 
 
 def first_bytes(surface: SurfaceConfig) -> dict[bytes, str]:
-    """Return first bytes -> program, for the programs that need settings that differ from the surface's.
+    """Return the programs that need other settings than the surface's, by the first bytes that each sends.
 
-    Only for network surfaces: on a serial line another program may take over unnoticed.
+    It is empty for a serial line, on which another program may take over unnoticed.
     """
     endpoint = parse_endpoint(surface.at)
     if surface.client != "auto" or not endpoint.where.startswith(NETWORK_SCHEMES):

@@ -48,7 +48,7 @@ _UNREADABLE_TOML: dict[type[Exception], str] = {
 
 
 def read_tables(path: Path) -> tuple[dict[str, object], Source]:
-    """Read a file; return its tables, and the source of their values. Raises UserError with the file and the line."""
+    """Read a file; return its tables, and the source of their values. Raises UserError if it is unreadable."""
     try:
         with open(plain_fd(path), encoding="utf-8-sig") as file:
             text = file.read()
@@ -110,7 +110,7 @@ def _control_characters(tables: object, path: Place = ()) -> Iterator[Mistake]:
 
 
 def make_config(tables: dict[str, object], source: Source, must_serve: bool = True) -> Config:
-    """Make the configuration from plain tables; ``mount`` is a list. Raises UserError that names line and key.
+    """Make the configuration from plain tables; ``mount`` is a list. Raises UserError for a mistake in them.
 
     ``must_serve``: at least one surface is required.
     """
@@ -126,7 +126,7 @@ def make_config(tables: dict[str, object], source: Source, must_serve: bool = Tr
 
 
 def _parse_msgspec_error(message: str) -> tuple[Place, str | None, str]:
-    """Parse msgspec's message: return path, key, and ``unknown`` or ``missing required``; a wrong value has no key."""
+    """Return path and key in msgspec's message, and ``unknown`` or ``missing required``; for a wrong value no key."""
     where = re.search(r" - at `\$\.?([^`]*)`$", message)
     steps = re.findall(r"[^.\[\]]+|\[\d+\]", where.group(1) if where else "")
     place = tuple(int(step[1:-1]) if step.startswith("[") else step for step in steps)

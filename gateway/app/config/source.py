@@ -16,7 +16,7 @@ Place = tuple[str | int, ...]
 
 
 class Source(msgspec.Struct):
-    """The origin of values: a file's name and text, and the flags that were given."""
+    """Where values come from: a file (its name and text), and flags by the paths of the keys that they set."""
 
     name: str
     text: str = ""
@@ -24,7 +24,7 @@ class Source(msgspec.Struct):
     is_file: bool = False
 
     def locate(self, key_path: Place) -> str:
-        """Return ``--lowest``, ``gateway.toml:12``, or only the file's name. A single mount has number 0 in a path."""
+        """Return the flag, the line (``gateway.toml:12``), or else the file of a key; a single mount has number 0."""
         prefixes = [key_path[:length] for length in range(len(key_path), 0, -1)]
         for prefix in prefixes:
             if prefix in self.flags:

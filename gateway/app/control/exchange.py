@@ -56,7 +56,7 @@ class ControlEndpoint(Struct, frozen=True):
 
 
 def read_endpoints(folder: Path, owner: int | None = None) -> list[tuple[Path, ControlEndpoint]]:
-    """Return the endpoint files in a folder, with ``owner`` only those of that user. Raises OSError."""
+    """Return the valid endpoint files in a folder (with ``owner``, only that user's). Raises OSError for the folder."""
     endpoints = []
     for name in sorted(os.listdir(folder)):
         if name.endswith(ENDPOINT_SUFFIX):
@@ -131,7 +131,7 @@ class AnswerParts:
         self._parts_by_index: dict[int, str] = {}
 
     def add(self, text: str) -> str | None:
-        """Add a part; return the answer if it is complete now, else None. Other texts are ignored."""
+        """Add a part; return the answer if it is complete now, else None. A text that is no part is ignored."""
         word, _, rest = text.partition(" ")
         place, _, rest = rest.partition(" ")
         count, _, piece = rest.partition(" ")

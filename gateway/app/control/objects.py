@@ -79,10 +79,7 @@ def describe(text: str) -> SkyObject:
 
 
 def completions(text: str, limit: int) -> list[str]:
-    """Return at most ``limit`` names that begin with a text: planets, catalogue numbers, stars and nebulae.
-
-    If no name begins with the text, return similar names.
-    """
+    """Return up to ``limit`` object names and catalogue numbers that begin with a text; if none does, similar names."""
     typed = supplied.normalized(text)
     bodies = [body for body in (*BODIES, "Sun") if typed and body.lower().startswith(typed)]
     begun = list(dict.fromkeys((*bodies, *_match_ids(text.strip()), *names.names_beginning_with(text, limit))))[:limit]

@@ -33,14 +33,14 @@ def pack_operation(operation: op.Operation[AnswerT], request_number: str) -> req
 
 
 def unpack_operation(request: requests.OperationRequest) -> op.Operation[Any]:
-    """Return the operation of a request. Raises Invalid."""
+    """Return the operation of a request. Raises Invalid if its name or a value is wrong."""
     if (kind := op.operation_class(request.operation)) is None:
         raise Invalid(f"There is no operation {request.operation[:40]!r}.")
     return _check_ranges(_converted(request.fields, kind))
 
 
 def answer_of(operation: op.Operation[AnswerT], reply: str) -> AnswerT:
-    """Return the answer to an operation from its JSON."""
+    """Return the answer to an operation, decoded from JSON."""
     return cast(AnswerT, msgspec.json.decode(reply, type=answer_type(type(operation))))
 
 
@@ -80,7 +80,7 @@ def _check_ranges(operation: op.Operation[AnswerT]) -> op.Operation[AnswerT]:
 
 
 def _correct_form(kind: type[Struct], field: str) -> str:
-    """Return the correct form for a field whose type programs often get wrong at first."""
+    """Return a hint how to write a field whose type programs often get wrong; empty for other fields."""
     hint = str(kind.__annotations__.get(field, ""))
     return next((f"; write op.{right}" for name, right in EXAMPLE_VALUES.items() if name in hint), "")
 

@@ -192,13 +192,13 @@ def _no_answer(reason: str) -> Answer:
 
 
 def running_gateways(mount_name: str | None, folder: str | None) -> list[ControlEndpoint]:
-    """Return the gateways on this computer that accept requests: of one mount or all, of a state folder or all."""
+    """Return the gateways on this computer that accept requests, only of this mount and state folder if given."""
     gateways = search(scope_of(folder)).gateways
     return [endpoint for _, endpoint in gateways if exchange.is_listening(endpoint) and endpoint.matches(mount_name)]
 
 
 async def request(endpoint: ControlEndpoint, request: Request, seconds: float = ANSWER_TIMEOUT) -> Answer:
-    """Send a request and return the answer; without an answer, a failure with ``NoAnswer``."""
+    """Send a request and return the answer; if none comes, return a failed one with the fault ``NoAnswer``."""
     return await ask(endpoint, request, seconds) or _no_answer("the gateway has ended")
 
 

@@ -1,4 +1,4 @@
-"""Carries out requests of people, from every source, under the same limits and rules as the commands of programs.
+"""Carries out requests of people and Python programs, under the same limits and rules as the commands of clients.
 
 A motion belongs to the request that began it: cancelling the request ends that motion, and no other that a program or
 another request has begun since. A timer in the gateway ends a ``move``, even if its command was killed.
@@ -27,7 +27,7 @@ from gateway.mount.policy import Limits
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.reader import missed
 
-#: A motion that could not be begun within so many seconds is dropped: the command does not wait longer.
+#: Seconds after which a motion that could not begin yet is dropped, because its command does not wait longer.
 MAX_START_DELAY = 10.0
 #: Seconds for fresh readings of the mount, before cached ones are shown.
 FRESH_READING_TIMEOUT = 1.5
@@ -101,7 +101,7 @@ async def position_of_date(controller: MountController, target: requests.Target)
 
 
 async def _wait_for_site(controller: MountController) -> None:
-    """Wait for the mount's site if it is unknown; without a site, the operation that needs it is refused."""
+    """Read the mount's site if it is unknown. A failure is ignored: the operation that needs a site is then refused."""
     with contextlib.suppress(Fault):
         await controller.answer(op.GetSite())
 
@@ -122,7 +122,7 @@ class RequestHandler:
         return replace(state, served=ports, folder=folder, unopened=self._gateway.open_failure)
 
     async def carry_out(self, request: requests.Request) -> Answer:
-        """Carry out any request but a stop or a hold. First look up the position of a named object."""
+        """Carry out any request but a stop or a hold. The name of an object is first replaced by its position."""
         named = "It"
         if isinstance(request, requests.GotoRequest | requests.SyncRequest) and isinstance(
             request.where, requests.Named
@@ -300,7 +300,7 @@ class RequestHandler:
         return "let go"
 
     def _owns_arrow(self, active: ActiveRequest) -> bool:
-        """Whether this request has pressed the newest arrow of its axis."""
+        """Whether the arrow that this request pressed is still the newest one of its axis."""
         return (
             active.pressed is not None
             and arrow_holder(self._controller.wanted.value, active.pressed[0].axis) is active.activity

@@ -33,9 +33,10 @@ Requests = dict[str, asyncio.Task[Answer]]
 
 
 class ControlServer(asyncio.DatagramProtocol):
-    """Receives requests, carries them out with ``carry_out``, and sends the answers.
+    """Receives requests for a mount, carries them out with ``carry_out``, and sends the answers.
 
-    Endpoint files are written to ``folders``, the state folder first. ``mount_name`` is the mount's name, or empty.
+    Endpoint files are written to ``folders``, the state folder first. They contain ``mount``, the mount's endpoint, and
+    ``mount_name``, the name that its user gave it, or empty.
     """
 
     def __init__(
@@ -96,7 +97,7 @@ class ControlServer(asyncio.DatagramProtocol):
         task.add_done_callback(lambda done: self._reply(number, SHUTDOWN if done.cancelled() else done.result(), addr))
 
     def error_received(self, exc: Exception) -> None:
-        """Do nothing: the caller has ended."""
+        """Ignore the error: it means that a caller has ended."""
 
     def _drop_done(self) -> bool:
         """Forget the oldest request that is done; return False if none is done."""

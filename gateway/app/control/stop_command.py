@@ -31,8 +31,8 @@ from gateway.core.requests import FAILED, Answer, ReleaseHoldRequest, StopOrHold
 from gateway.mount.readings.rest import wait_for_rest
 from gateway.system.processes import age
 
-#: A gateway process without an endpoint may be starting: how many times to search for its endpoint, and seconds
-#: between two searches. A process older than the third number (seconds) is not starting: search only once more.
+#: A gateway process without an endpoint may be starting: how many times to search for its endpoint, seconds between
+#: two searches, and the age in seconds above which a process is not starting any more.
 TRIES, SEARCH_PERIOD, MAX_START = 9, 0.125, 30.0
 
 

@@ -1,7 +1,7 @@
 """Messages for the user, one line each: some when the mount is identified, and one when the gateway ends.
 
-The first messages say what was found, and whose site and clock are in use. The others say what does not
-fit, the most serious last: another model than the user named, a mount not aligned, sites and clocks that contradict.
+Those for an identified mount say what was found, whose site and clock are in use, and then what does not fit, the most
+serious last: another model than the user named, a mount not aligned, sites and clocks that contradict each other.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The file format of recordings: a log of all that passed on both sides, as text.
+"""The file format of recordings: a log, as text, of all bytes and events on both sides of the gateway.
 
-The header holds the settings; then every line is one event: seconds, side, an arrow, bytes or text. ``>`` is towards
+The header contains the settings; then every line is one event: seconds, side, an arrow, bytes or text. ``>`` is towards
 the mount, ``<`` from it. Received bytes are recorded in the chunks in which they arrived, sent ones as they were
 written. ``ARROWS`` names the other events.
 """
@@ -59,7 +59,7 @@ class Recording:
         self.incomplete_reason = ""
 
     def __iter__(self) -> Iterator[Event]:
-        """Yield the events, reading the files step by step. Raises UserError with file and line."""
+        """Yield the events, reading the files step by step. Raises UserError for an invalid line."""
         self.incomplete_reason, last = "", None
         for part in self.parts:
             with open_plain(part) as file:
@@ -112,10 +112,7 @@ def part_path(path: Path, number: int) -> Path:
 
 
 def read(path: Path) -> Recording:
-    """Open a recording up to the end of this file, including the older files of the same run.
-
-    Raises UserError with file and line.
-    """
+    """Open a recording up to the end of this file, with the older files of its run. Raises UserError if invalid."""
     settings, parts = _read_settings(path), [path]
     base, dot, number = str(path).rpartition(".")
     first, name = (int(number) + 1, Path(base)) if dot and number.isdecimal() else (1, path)
@@ -137,7 +134,7 @@ def is_recording(path: Path) -> bool:
 
 
 def _read_format_version(path: Path) -> int | None:
-    """Return the format number of a recording; None for any other file. Raises UserError."""
+    """Return the format number of a recording; None for any other file. Raises UserError if it cannot be read."""
     try:
         with open_plain(path) as file:
             line = file.readline(len(FILE_HEADER) + 8).decode("latin-1")
@@ -157,7 +154,7 @@ def _read_format_version(path: Path) -> int | None:
 
 
 def _read_settings(path: Path) -> dict[str, Any]:
-    """Return the settings in the header of a file. Raises UserError."""
+    """Return the settings in the header of a file. Raises UserError for any other file."""
     if not is_recording(path):
         raise UserError(f"{path}: this is not a recording of mount-gateway (run --record {path} makes one)")
     with open_plain(path) as file:

@@ -116,12 +116,12 @@ def move_aside(path: Path) -> Path:
 
 
 def is_held(folder: Path) -> bool:
-    """Whether the mounts of a state folder are held. Only the name of the file counts, not its content or owner."""
+    """Whether a state folder contains the hold file, whatever its content or owner: no program may move its mounts."""
     return os.path.lexists(folder / HOLD_FILE)
 
 
 def hold_folder(folder: Path) -> None:
-    """Hold the mounts of a folder; the hold file is flushed to the disk to survive a power failure. Raises OSError."""
+    """Write the hold file of a state folder, flushed to the disk to survive a power failure. Raises OSError."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if is_held(folder):
         return
@@ -135,7 +135,7 @@ def hold_folder(folder: Path) -> None:
 
 
 def release_folder(folder: Path) -> bool:
-    """Release the mounts of a folder; return whether they were held. Raises OSError."""
+    """Delete the hold file of a state folder; return whether there was one. Raises OSError."""
     try:
         os.unlink(folder / HOLD_FILE)
     except (FileNotFoundError, NotADirectoryError):
@@ -164,7 +164,7 @@ def to_saved(
     site: SiteOfProgram | None = None,
     last_observation: MountSnapshot | None = None,
 ) -> SavedState:
-    """Return the lasting part of the shared settings; the rest (a guide pulse, a drive rate) ends with the run."""
+    """Return what outlasts the run: these states, and the shared settings but for a guide pulse or a drive rate."""
     return SavedState(
         FORMAT_VERSION,
         sites={str(index): site for index, site in shared.sites.items() if site != UNNAMED},

@@ -30,7 +30,7 @@ class MountTaken(UserError):
 def claim(mount: Endpoint, warn: Callable[[str], None]) -> NameClaim | None:
     """Take the lock of a mount until it is released; return None for a mount that has no network address.
 
-    Without a folder for locks, ``warn`` gets a message and no lock is taken. Raises MountTaken if it is locked.
+    Without a folder for locks, ``warn`` gets a message and no lock is taken. Raises MountTaken if the mount is in use.
     """
     name = lock_name(mount.where)
     try:

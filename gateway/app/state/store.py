@@ -76,7 +76,7 @@ class StateStore:
         self._simulated = where == "sim"
         self._marker_defaults, self.in_thread = marker_defaults, in_thread
         self._warn, self._has_warned = warn, False
-        #: A warning for the user, once this gateway serves, that another gateway has these files; else empty.
+        #: A warning that another gateway has these files, to be shown once this gateway has started; else empty.
         self.conflict_text = ""
         #: The process that has the lock instead, as text; empty if none is known to have it.
         self.holder = ""
@@ -192,7 +192,7 @@ class StateStore:
     # --- saving -----------------------------------------------------------------------------------------------------
 
     def save_soon(self) -> None:
-        """Save soon: saved state may have changed."""
+        """Write the state soon, because it may have changed."""
         if self._marker is not None:
             self._marker.renew()
         self._has_changes = True

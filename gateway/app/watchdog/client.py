@@ -2,9 +2,10 @@
 
 Every message is one line of ASCII, with texts and commands in hexadecimal. A mount is added by ``line NUMBER TITLE
 LOCK``, with a duplicate of its descriptor, or by ``server NUMBER TITLE LOCK HOST PORT WHEN`` (see ``ServedMount``).
-``gone NUMBER`` removes it. ``moving NUMBER COMMAND…`` gives the commands that stop it; ``clear NUMBER COMMAND…`` does
-the same on a checked path. ``rest NUMBER`` means that it is at rest. ``beat`` is the heartbeat, sent only while a mount
-moves; it costs no exchange with the mount. The process sends ``stopped NUMBER`` after it has stopped a mount.
+``gone NUMBER`` removes it. ``moving NUMBER COMMAND…`` gives the commands that stop a moving mount;
+``clear NUMBER COMMAND…`` replaces it if the motion is only a goto on a path within the limits. ``rest NUMBER`` means
+that the mount is at rest. ``beat`` is the heartbeat, sent only while a mount moves; it costs no exchange with a mount.
+The process sends ``stopped NUMBER`` after it has stopped a mount.
 """
 
 from __future__ import annotations

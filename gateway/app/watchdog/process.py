@@ -3,8 +3,8 @@
 It runs as a script, without ``site``, and imports nothing of the gateway, so it starts within milliseconds and stays
 under 10 MiB. It holds duplicates of the gateway's lines to its mounts and reads the messages that ``client.py``
 describes. While a mount moves, ``MAX_SILENCE`` seconds without a message (``MAX_STARVED_SILENCE`` on a busy computer if
-all paths were checked), or the end of the socket, mean that the gateway no longer supervises it: the process then sends
-stops for some seconds. It leaves a mount alone when another gateway has taken its lock, and it ends with its gateway.
+all slew within the limits), or the end of the socket, mean that the gateway no longer supervises it: the process then
+sends stops for some seconds. It leaves a mount alone when another gateway has taken its lock; it ends with its gateway.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import time
 
 #: Seconds without a heartbeat after which a gateway with a moving mount counts as hung.
 MAX_SILENCE = 1.2
-#: The longer limit if every moving mount is on a checked path and the gateway gets no processor time; the fraction of
+#: The longer limit if every moving mount has a clear path and the gateway gets no processor time; the fraction of
 #: the silence for which the gateway must have waited for a processor; seconds between two checks of this wait.
 MAX_STARVED_SILENCE, MIN_WAITING_TIME, WAITING_CHECK_PERIOD = 5.0, 0.8, 0.25
 #: Seconds between two commands of a stop: a hand control must answer each before it can receive the next.
@@ -53,7 +53,7 @@ class GuardedMount:
             pass  # the stop is repeated a second later
 
     def prepare_stop(self) -> None:
-        """Prepare for a stop that may be needed soon."""
+        """Do nothing: the line is open already. ``ServedMount`` connects to its server here."""
 
     def close(self) -> None:
         """Close the duplicate of a line that the gateway has closed."""
@@ -71,7 +71,7 @@ class GuardedMount:
 
 class ServedMount(GuardedMount):
     """A mount behind a server. Each stop command is a whole HTTP request on a new connection, because servers may close
-    a connection after an answer. With ``beside`` the first is opened in advance: an idle connection does no harm.
+    a connection after an answer. ``connect_mode`` is ``beside`` if the first connection may be opened in advance.
     """
 
     def __init__(self, title: str, lock_path: str, host: str, port: str, connect_mode: str) -> None:
@@ -212,7 +212,7 @@ class Watch:
             mount.close()
 
     def stop_for_ended_gateway(self, mounts: list[GuardedMount]) -> None:
-        """Stop the mounts of a dead gateway for some seconds, each until another gateway has taken it."""
+        """Send stops for some seconds to the mounts of a dead gateway, to each until another gateway has taken it."""
         self.write_to_stderr(mounts, "has ended")
         for mount in mounts:
             mount.unlock()
@@ -225,7 +225,7 @@ class Watch:
             times += 1
 
     def stop_for_silent_gateway(self, mounts: list[GuardedMount]) -> None:
-        """Stop the mounts of a gateway that hangs for some seconds, or until it sends something again."""
+        """Send stops to the mounts of a gateway that hangs, for some seconds or until it sends something again."""
         busy = ", because the computer is too busy to run it," if self._timeout > MAX_SILENCE else ""
         self.write_to_stderr(mounts, f"has not responded for {round(time.monotonic() - self.last_heard, 1):g} s{busy}")
         for attempt in range(STOP_COUNT):

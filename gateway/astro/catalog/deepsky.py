@@ -87,6 +87,7 @@ def _object_from_row(row: tuple[Any, ...], name: str | None = None) -> CatalogOb
 
 
 def _select(where: str, *values: Any, columns: str = _COLUMNS) -> list[tuple[Any, ...]]:
+    """Return the rows of the database table ``objects`` that fulfil an SQL condition with these parameters."""
     import sqlite3  # takes 10 ms, and most gateways never need it
 
     path = data_file("pyongc", "ongc.db")
@@ -98,7 +99,7 @@ def _select(where: str, *values: Any, columns: str = _COLUMNS) -> list[tuple[Any
 
 
 def matching(limits: SearchLimits) -> list[Candidate]:
-    """Return the candidates within the limits, in ``search_order``; do not change the list. Raises NotInstalled."""
+    """Return the matches in ``search_order``, in a cached list: do not change it. Raises NotInstalled."""
     return _matching(data_file("pyongc", "ongc.db"), limits)
 
 
@@ -120,7 +121,7 @@ def _matching(_: Path, limits: SearchLimits) -> list[Candidate]:
 
 
 def search_order(candidate: Candidate) -> tuple[int, float, int]:
-    """Return the sort key of a search: by whole hours of right ascension, then from north to south."""
+    """Return the sort key of a candidate: by whole hours of right ascension, then from north to south."""
     row, ra, dec = candidate
     return int(ra / 15.0), -dec, row
 
@@ -132,14 +133,14 @@ def first_visible(candidates: Sequence[Candidate], visible: Visible, meridian_ra
 
 
 def neighbour(candidates: Sequence[Candidate], visible: Visible, ra: float, dec: float, step: int) -> Candidate | None:
-    """Return the candidate after a position (``step`` 1) or before it (-1), in search order."""
+    """Return the next visible candidate after a J2000 position (``step`` 1) or before it (-1), in search order."""
     after = bisect_left(candidates, search_order((_BEYOND_LAST_ROW, ra, dec)), key=search_order)
     before = bisect_left(candidates, search_order((0, ra, dec)), key=search_order) - 1
     return _next_visible(candidates, after if step > 0 else before, step, visible)
 
 
 def _next_visible(candidates: Sequence[Candidate], start: int, step: int, visible: Visible) -> Candidate | None:
-    """Return the next visible candidate, going once around the sky."""
+    """Return the first visible candidate from index ``start`` on (``step`` 1) or back (-1), once around the sky."""
     count = len(candidates)
     for offset in range(count):
         candidate = candidates[(start + step * offset) % count]

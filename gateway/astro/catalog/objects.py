@@ -42,10 +42,7 @@ def data_file(package: str, name: str) -> Path:
 
 
 class CatalogObject(Struct, frozen=True):
-    """An object: J2000 position in degrees, length and width in arcminutes; None for values that were not measured.
-
-    ``also``: its other catalogue numbers and names, separated by commas.
-    """
+    """An object: J2000 position in degrees, length and width in arcminutes; None for values that were not measured."""
 
     name: str
     kinds: str  # kind letters
@@ -54,7 +51,7 @@ class CatalogObject(Struct, frozen=True):
     magnitude: float | None = None
     size: float | None = None
     width: float | None = None
-    also: str = ""  # other catalogue numbers and names
+    also: str = ""  # other catalogue numbers and names, separated by commas
 
 
 class SearchLimits(Struct, frozen=True):

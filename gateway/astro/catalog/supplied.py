@@ -32,9 +32,8 @@ _SPELLINGS = {spelled: letter for letter, name in _GREEK.items() for spelled in 
 
 
 class Star(msgspec.Struct, array_like=True, frozen=True):
-    """A Hipparcos star: its position in 1991.25 (degrees), its proper motion to the east and north (mas a year).
-
-    Its Bayer and Flamsteed designations are separated by ``|``.
+    """A Hipparcos star: its position in 1991.25 (degrees), its proper motion to the east and north (mas a year); its
+    Bayer and Flamsteed designations are separated by ``|``.
     """
 
     number: int

@@ -48,10 +48,7 @@ class Almanac(msgspec.Struct, frozen=True):
     days: dict[int, bytes] = {}
 
     def values_at(self, part: str, unix: float) -> Row | None:
-        """Return the values of a part of the sky at a Unix time, interpolated from the four nearest rows (Lagrange).
-
-        None if the day is not in the almanac.
-        """
+        """Return the values of a part of the sky, by Lagrange interpolation in four rows; None without this day."""
         day = self.days.get(int(unix // DAY))
         if day is None:
             return None
@@ -111,7 +108,6 @@ def read(path: Path) -> Almanac:
 
 def load_stored(path: str | None = None) -> Almanac:
     """Return the almanac of the cache folder (empty if it has none), joined with the almanac in the file ``path``.
-
     Raises UserError if the named file cannot be used.
     """
     try:

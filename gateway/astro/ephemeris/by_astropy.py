@@ -38,9 +38,8 @@ def calculate_almanac(days: Collection[int]) -> Almanac:
 
 @cache
 def ut1_table() -> Any:
-    """Return the IERS table of the Earth's rotation: days since the Unix epoch, and UT1-UTC at 0h in seconds.
-
-    Fixed columns: MJD in 8-15, UT1-UTC in 59-68.
+    """Return the IERS table of the Earth's rotation: days since the Unix epoch, and UT1-UTC at 0h in seconds. In a line
+    of the file, columns 8-15 contain the MJD and columns 59-68 UT1-UTC.
     """
     with open(astropy_iers_data.IERS_A_FILE, "rb") as file:
         return np.array([(float(line[7:15]) - 40587.0, float(line[58:68])) for line in file if line[58:68].strip()]).T
@@ -49,7 +48,7 @@ def ut1_table() -> Any:
 @lru_cache(4)
 def _times_and_rotations(days: tuple[int, ...]) -> tuple[Any, Any]:
     """Return the times of all rows of these days, and for each the rotation from J2000 to the equinox of date."""
-    midnights = Time(np.repeat(days, ROWS) * DAY, format="unix").tt  # Unix time runs slow on a day with a leap second
+    midnights = Time(np.repeat(days, ROWS) * DAY, format="unix").tt  # Unix time runs slow if a leap second comes
     at = midnights + TimeDelta(np.tile(_ROW_SECONDS, len(days)), format="sec")
     return at, erfa.pnm06a(at.jd1, at.jd2)
 
@@ -67,9 +66,9 @@ def _rows(part: str, days: tuple[int, ...]) -> Any:
 
 
 def _sidereal_times(days: tuple[int, ...]) -> Any:
-    """Return Greenwich apparent sidereal time in degrees, less the increase of mean sidereal time since the first row.
+    """Return Greenwich apparent sidereal time in degrees, less the increase of mean sidereal time since 0h of the day.
 
-    UT1-UTC is taken at 0h of each day, because its table jumps at a leap second.
+    So it hardly changes from row to row. UT1-UTC is taken at 0h of each day, because its table jumps at a leap second.
     """
     at, matrices = _times_and_rotations(days)
     ut1 = np.add.outer(days + np.interp(days, *ut1_table()) / DAY, _ROW_SECONDS / DAY).ravel()

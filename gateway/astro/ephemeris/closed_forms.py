@@ -1,4 +1,4 @@
-"""Closed formulas for the orientation of the Earth, Sun and Moon: `math` alone, at once and for any date.
+"""Closed formulas for the orientation of the Earth, and for Sun and Moon: `math` alone, at once and for any date.
 
 Results refer to the true equator and equinox of date. The gateway uses these formulas for days that its almanac does
 not contain; simulated mounts always use them. There are no planets, because their formulas would be too long. The
@@ -27,18 +27,17 @@ from gateway.astro.spherical import (
 
 _TT_MINUS_UTC = 69.184  # since 2017; an error of ten seconds changes results by less than 0.001"
 _CENTURY_SECONDS = 36525.0 * 86400.0
-_ABERRATION = 20.4955 / 3600.0
+_ABERRATION = 20.4955 / 3600.0  # degrees
 _MOON_RADIUS = 1737.4  # km, IAU
-_MOON_INCLINATION = 1.54242  # of the lunar equator to the ecliptic
+_MOON_INCLINATION = 1.54242  # degrees, of the lunar equator to the ecliptic
 
 #: Greenwich apparent sidereal time in degrees, and the rotation from J2000 to equator and equinox of date.
 Frame = tuple[float, Matrix]
 
 
 def centuries(unix: float) -> float:
-    """Return the Julian centuries of Terrestrial Time since J2000, for a Unix time (UTC).
-
-    Limited to 50 centuries: the polynomials that use it are invalid beyond, and must not overflow.
+    """Return the Julian centuries of Terrestrial Time since J2000, for a Unix time (UTC). The result is limited to ±50:
+    beyond, the polynomials that use it are invalid, and must not overflow.
     """
     return max(-50.0, min(50.0, (unix + _TT_MINUS_UTC - UNIX_AT_J2000) / _CENTURY_SECONDS))
 
@@ -49,9 +48,8 @@ def obliquity(t: float) -> float:
 
 
 def nutation(t: float) -> tuple[float, float]:
-    """Return nutation in longitude and in obliquity, in degrees: the four largest terms of the IAU series.
-
-    Accurate to 0.5" and 0.15" (Meeus, Astronomical Algorithms, chapter 22). t in centuries of TT since J2000.
+    """Return nutation in longitude and in obliquity, degrees: the four largest terms of the IAU series, accurate to
+    0.5" and 0.15" (Meeus, Astronomical Algorithms, chapter 22). ``t`` is in Julian centuries of TT since J2000.
     """
     node = math.radians(125.04452 - 1934.136261 * t)
     twice_sun = 2.0 * math.radians(280.4665 + 36000.7698 * t)
@@ -73,10 +71,8 @@ def nutation(t: float) -> tuple[float, float]:
 
 @lru_cache(256)  # callers ask many times for the same moment
 def sidereal_time(unix: float, longitude_east: float) -> float:
-    """Return the apparent sidereal time in [0, 360), with UTC taken as UT1.
-
-    IAU 2006 mean sidereal time and the equation of the equinoxes from `nutation`: accurate to 0.03 s of time, plus
-    UT1-UTC, which leap seconds keep below 0.9 s.
+    """Return the apparent sidereal time in [0, 360), with UTC taken as UT1: IAU 2006 mean sidereal time and the
+    equation of the equinoxes from `nutation`. Accurate to 0.03 s, plus UT1-UTC, which leap seconds keep below 0.9 s.
     """
     days = (unix - UNIX_AT_J2000) / 86400.0
     t = centuries(unix)
@@ -165,7 +161,7 @@ def moon_orientation(unix: float) -> Matrix:
 
 def point_on_moon(moon: Vector, unix: float, latitude: float, longitude: float) -> Vector:
     """Return the vector to a selenographic position, of date, in km. ``moon`` is the Moon's own vector from the same
-    origin (the Earth's centre or a site). Latitude is positive north, longitude EAST (towards Mare Crisium), degrees.
+    origin (the Earth's centre or a site). Latitude is positive north, longitude EAST (to Mare Crisium), degrees.
     """
     x, y, z = rotate(moon_orientation(unix), to_vector(longitude, latitude))
     return moon[0] + _MOON_RADIUS * x, moon[1] + _MOON_RADIUS * y, moon[2] + _MOON_RADIUS * z

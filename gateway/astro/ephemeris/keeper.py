@@ -34,7 +34,7 @@ POPEN_FLAGS = getattr(subprocess, "IDLE_PRIORITY_CLASS", 0) | getattr(subprocess
 
 
 def renew_almanac(days: Iterable[int]) -> tuple[Almanac, str]:
-    """Return an almanac with these days, and why it cannot be stored (or an empty text). Raises OSError, ValueError."""
+    """Return an almanac with these days, and why it cannot be stored (or ""). Raises like ``calculate_in_process``."""
     path, almanac = cache_folder() / "almanac", load_stored()
     lacking = [day for day in days if day not in almanac.days]
     if not lacking:
@@ -57,9 +57,8 @@ def renew_almanac(days: Iterable[int]) -> tuple[Almanac, str]:
 
 
 def calculate_in_process(days: Collection[int]) -> Almanac:
-    """Start a process that calculates an almanac, and wait. Raises OSError, ValueError if it fails or takes too long.
-
-    Its standard input is a pipe that closes when this process ends or crashes; then the calculation ends, too.
+    """Return the almanac of these days, which a new process calculates. When this process ends, the standard input of
+    the new one closes, and it ends, too. Raises OSError if it cannot start, ValueError if it fails or is too slow.
     """
     argv = [*gateway_argv(), "almanac", "-", "--dates", ",".join(map(str, days))]
     path = os.pathsep.join([str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
@@ -96,9 +95,8 @@ async def _renew_on_daemon_thread(days: Collection[int]) -> tuple[Almanac, str]:
 
 
 class AlmanacKeeper:
-    """Keeps a serving process's almanac up to date: call ``open`` first, then run ``run`` as a task.
-
-    ``is_quiet`` returns whether all mounts are at rest.
+    """Keeps a serving process's almanac up to date: call ``open`` first, then run ``run`` as a task. ``is_quiet``
+    returns whether all mounts are at rest.
     """
 
     def __init__(
@@ -131,6 +129,7 @@ class AlmanacKeeper:
                     await asyncio.wait_for(self._calculation_requested.wait(), CHECK_PERIOD)
 
     async def _renew(self, days: list[int]) -> bool:
+        """Add these days to the almanac; warn and return False if they could not be calculated."""
         try:
             newer, trouble = await _renew_on_daemon_thread(days)
         except Exception as error:  # also that there is no room for a thread: without the keeper, nothing would tell it
@@ -145,12 +144,15 @@ class AlmanacKeeper:
         return True
 
     def _use(self, newer: Almanac) -> None:
+        """Add the days of ``newer`` to the almanac, and give that to the sky."""
         self._calculated_almanac = self._calculated_almanac.joined(newer).without_oldest_days()
         self._almanac = self._initial_almanac.joined(self._calculated_almanac)
         self._sky.use(self._almanac)
 
     def _missing_days(self) -> list[int]:
-        """Return missing days to calculate: from today and a mount's date on; if all mounts rest, also days ahead."""
+        """Return the days to calculate: up to `DAYS_PER_CALCULATION` from today, from the sky's missing day and, while
+        all mounts are at rest, from `MIN_DAYS_LEFT` days ahead, if that first day is missing.
+        """
         today = int(self._clock() // DAY)
         starts = {today, self._sky.missing_day or today}
         if self._is_quiet():

@@ -41,7 +41,7 @@ class Sky:
     def __init__(self) -> None:
         self._almanac = Almanac()
         self._frame_at: dict[float, Frame] = {}
-        #: The last day (since the Unix epoch) that was needed but not in the almanac; a change calls `request_almanac`.
+        #: The day (since the Unix epoch) that the almanac was last found to lack; then `request_almanac` is called.
         self.missing_day: int | None = None
         self.request_almanac: Callable[[], object] = lambda: None
 
@@ -104,16 +104,12 @@ class Sky:
         return from_vector(rotate(transpose(matrix), to_vector(ra, dec)))
 
     def sun(self, unix: float) -> tuple[float, float]:
-        """Return the apparent (ra, dec) of date of the Sun, from the Earth's centre (parallax 9").
-
-        It includes aberration (20"), unlike the positions above: so it is the position that almanacs list.
-        """
+        """Return the apparent geocentric (ra, dec) of date of the Sun: with aberration (20"), without parallax (9")."""
         return from_vector(self._table_vector("Sun", unix) or closed_forms.sun(unix))
 
     def moon(self, unix: float, lat: float, lon_east: float) -> tuple[float, float, float]:
-        """Return the apparent (ra, dec, distance in km) of date of the Moon, as seen from a site at sea level.
-
-        Aberration is included: for the Moon it is only its motion during the 1.3 s of light time, 0.7".
+        """Return the apparent (ra, dec, distance in km) of date of the Moon, as seen from a site at sea level, with
+        aberration: for the Moon this is only its motion during the 1.3 s of light time, 0.7".
         """
         moon = self._moon_from_site(unix, lat, lon_east)
         return *from_vector(moon), math.hypot(*moon)
@@ -126,9 +122,8 @@ class Sky:
         return from_vector(closed_forms.point_on_moon(moon, unix, moon_lat, moon_lon_east))
 
     def planet(self, name: str, unix: float) -> tuple[float, float] | None:
-        """Return the geocentric (ra, dec) of date of a planet, corrected for light time; None without a table.
-
-        Accurate to 1.5' (Mercury and Venus 0.2', Mars 0.7'; against JPL's ephemerides).
+        """Return the geocentric (ra, dec) of date of a planet, corrected for light time; None without a table. Against
+        JPL's ephemerides accurate to 1.5' (Mercury and Venus 0.2', Mars 0.7').
         """
         vector = self._table_vector(name, unix)
         return None if vector is None else from_vector(vector)
@@ -151,7 +146,7 @@ class Sky:
         )
 
     def _frame_at_minute(self, unix: float) -> tuple[float, Frame]:
-        """Return the start of the minute (Unix seconds), and then sidereal time and rotation to date, which are cached.
+        """Return when the minute began (Unix seconds), and the sidereal time and rotation to date at that time, cached.
 
         Within the minute the axes move less than 0.0001"; sidereal time increases at the sidereal rate.
         """

@@ -106,7 +106,7 @@ class Terminal(Screen):
     warn = say
 
     def show_progress(self, fraction: float, title: str) -> None:
-        """Show how far the stage has come, below the last line."""
+        """Show how far this stage of the check has come, below the last line."""
         done = round(BAR_COLUMNS * fraction)
         line = f"[{'#' * done}{'.' * (BAR_COLUMNS - done)}] {title}"[: LINE_COLUMNS - 1]
         self._print(f"{line}\r")
@@ -217,9 +217,8 @@ def _run_prove(arguments: argparse.Namespace) -> int:
 
 
 def config_for_check(config: Config) -> Config:
-    """Return the configuration for the check: at least ``MIN_SUN_DISTANCE``, no status line, no log, no ``--wait``.
-
-    Raises UserError if there are several mounts.
+    """Return the configuration for the check: ``MIN_SUN_DISTANCE`` or more from the Sun, no status line, no log, no
+    ``--wait``. Raises UserError if there are several mounts.
     """
     from msgspec.structs import replace
 

@@ -1,7 +1,7 @@
 """``stop``: stops every mount of this computer, even if no gateway runs. ``--hold`` also forbids motion afterwards.
 
-It prints a line for each mount. The exit code is 0 if there is no mount or their positions show all at rest. It is 1 if
-a mount is not stopped or reports no position, or a gateway does not answer. systemd can run it as ``ExecStopPost``.
+It prints a line for each mount. The exit code is 0 if all mounts report positions at rest, or if there is none. It is 1
+if a mount is not stopped or reports no position, or a gateway does not answer. systemd can run it as ``ExecStopPost``.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ NOTHING_DONE_MESSAGES = {
 
 
 def _store_hold(folder: Path, action: str) -> tuple[str, str]:
-    """Write or delete the file that makes later gateways refuse motion; return the messages of success and failure."""
+    """Write or delete the file that makes later gateways refuse motion; return messages of success and of failure."""
     from gateway.app.state.file import HOLD_FILE, hold_folder, release_folder
 
     try:

@@ -28,7 +28,7 @@ SEARCH_TIMEOUT = 40.0
 NAMED_MODEL_WAIT, UNNAMED_MODEL_WAIT = 3.0, 4.5
 #: The default rate of every mount, baud.
 BAUD = 9600
-#: With --wait, seconds that the ready lines wait for the identification of the mount.
+#: With --wait, seconds to wait for the identification of the mount before the ``ready`` lines are printed.
 READY_LINES_WAIT = 0.5
 #: Seconds after which a message says what the gateway waits for.
 WAITING_MESSAGE_DELAY = 1.0

@@ -28,9 +28,8 @@ TERMINAL_PERIOD, SYSTEMD_PERIOD = 1.0, 5.0
 
 
 class Screen:
-    """Prints lines for the user, and below them, on a terminal, a status line that is rewritten in place.
-
-    With ``prints_json`` warnings are written as JSON, like the log for programs, which uses the same stream.
+    """Prints lines for the user, and below them, on a terminal, a status line that is rewritten in place. With
+    ``prints_json`` warnings are JSON, like the log for programs, which uses the same stream.
     """
 
     def __init__(self, terminal: TextIO | None, night_colours: bool = False, prints_json: bool = False) -> None:

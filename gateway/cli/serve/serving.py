@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     #: A coroutine function of this process that uses a gateway's mount for a while, such as the check of ``prove``.
     GatewayJob: TypeAlias = Callable[[Gateway], Coroutine[object, object, None]]
 
-#: Seconds that the ready lines wait for the site and clock of a mount that was found.
+#: Seconds to wait for the site and clock of a mount that was found, before the ``ready`` lines are printed.
 SITE_AND_CLOCK_WAIT = 3.0
 #: Seconds between two checks of this computer's network addresses.
 ADDRESS_CHECK_PERIOD = 3.0
@@ -60,7 +60,7 @@ SUSPEND_TIMEOUT = 4.0
 
 
 def run_on_loop(uses_uvloop: bool, serve: Callable[[], Coroutine[object, object, int]]) -> int:
-    """Run on uvloop if ``uses_uvloop`` and it is installed, else on asyncio's loop."""
+    """Run ``serve`` on uvloop if ``uses_uvloop`` and it is installed, else on asyncio's loop; return its exit code."""
     factory: Callable[[], asyncio.AbstractEventLoop] | None = None
     if uses_uvloop:
         with suppress(ImportError):
@@ -220,7 +220,7 @@ async def _say_new_addresses(
 
 
 async def _print_first_messages(gateway: Gateway, screen: Screen, several_mounts: bool) -> None:
-    """Print the first messages, once the mount has reported its identity, site and clock."""
+    """Print what was found, and warnings, once the mount has reported its identity, site and clock."""
     from gateway.app.control.user_messages import first_messages
 
     await gateway.controller.site_read.wait()

@@ -117,7 +117,7 @@ def add_table_flags(parser: argparse.ArgumentParser, table: str) -> None:
 
 
 def put_table_flags(arguments: argparse.Namespace, table: str, tables: dict[str, object], source: Source) -> None:
-    """Put the values of the flags of a table of ``TABLE_FLAGS`` into ``tables``, the content of gateway.toml."""
+    """Put the flags of a table of ``TABLE_FLAGS`` into ``tables``, the content of gateway.toml, and into ``source``."""
     for flag, name in TABLE_FLAGS[table][1].items():
         value, table_values = getattr(arguments, flag.replace("-", "_")), tables.get(table, {})
         if value is not None and isinstance(table_values, dict):
@@ -126,7 +126,7 @@ def put_table_flags(arguments: argparse.Namespace, table: str, tables: dict[str,
 
 
 def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
-    """Add the flag of a key. Without a value, the flag of a key that may be true or false means true, of a list all."""
+    """Add the flag of a key. Without a value, the flag means true, or ``ALL`` if the key may be true or a list."""
     help_text = f"{key.description} (default: yes)" if key.default is True else key.description
     if isinstance(key.default, bool) and key.choices:
         group.add_argument(f"--{key.name}", nargs="?", const=True, type=_to_value, metavar=key.metavar, help=help_text)
@@ -194,7 +194,7 @@ def load_config(arguments: argparse.Namespace, needs_surfaces: bool = True) -> t
 
 
 def _config_path(arguments: argparse.Namespace) -> Path | None:
-    """Return the file to read: the named file, or ``DEFAULT_FILE`` if no mount is named. Raises UserError."""
+    """Return the file to read, if any: the named one, or ``DEFAULT_FILE`` if no mount is named. Raises UserError."""
     given: Path | None = arguments.config
     alone: Path | None = arguments.file
     if alone is not None:
@@ -213,7 +213,7 @@ def _config_path(arguments: argparse.Namespace) -> Path | None:
 
 
 def _given_values(arguments: argparse.Namespace, known_keys: Iterable[Key]) -> dict[str, Any]:
-    """Return the values of the keys whose flags were given. Raises UserError."""
+    """Return the values of the keys whose flags were given. Raises UserError for an invalid value."""
     given = {}
     for key in known_keys:
         if (text := getattr(arguments, key.name.replace("-", "_"))) is not None:

@@ -80,7 +80,7 @@ def _call_on_window_close(on_close: Callable[[], object]) -> None:
 
 
 async def race(done: asyncio.Event, work: Awaitable[_T]) -> _T | None:
-    """Return the result of ``work``; if ``done`` is set first, cancel it and return None. Raises its errors."""
+    """Return the result of ``work``, or raise its error; if ``done`` is set first, cancel ``work`` and return None."""
     working, end = asyncio.ensure_future(work), asyncio.ensure_future(done.wait())
     await asyncio.wait((working, end), return_when=asyncio.FIRST_COMPLETED)
     for future in (end, working):

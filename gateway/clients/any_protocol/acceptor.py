@@ -26,7 +26,7 @@ MAX_IDLE_BYTES = 64
 
 
 class AnyProtocolConnection:
-    """A connection to a port for every protocol; finds out the client's protocol. ``closed`` is called at its end."""
+    """A connection to a port for every protocol; finds out the client's protocol. Calls ``closed`` when it ends."""
 
     def __init__(self, port: AnyProtocolAcceptor, connection: NewConnection, closed: Callable[[], None]) -> None:
         self._acceptors, self._web, self._controller, self._closed = (port.acceptors, port.web, port.controller, closed)

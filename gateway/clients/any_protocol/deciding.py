@@ -47,7 +47,7 @@ def decide(received: bytes) -> Decision | None:
 
 
 def shared_prefix_length(protocol: str, received: bytes) -> int:
-    """Return the length of the leading commands of ``protocol`` that clients of another protocol may send, too."""
+    """Return how many bytes at the start are commands of ``protocol`` that clients of other protocols send, too."""
     pattern = PROTOCOLS[protocol].shared_openings
     match = re.match(pattern, received) if pattern is not None else None
     return match.end() if match is not None else 0

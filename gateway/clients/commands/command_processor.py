@@ -109,7 +109,7 @@ class Pusher:
             await asyncio.sleep(due - now())
 
     async def _push(self, subscription: Subscription, last_bytes: bytes) -> bytes:
-        """Read and send, unless the bytes are unchanged. Return the bytes that were sent last."""
+        """Send a reading, unless the client wants only changes and there is none. Return the bytes sent last."""
         try:
             data = subscription.encode(await self._read_operation(subscription.operation))
         except Fault:
@@ -181,11 +181,10 @@ class CommandProcessor:
     # --- bytes in ---------------------------------------------------------------------------------------------------
 
     def feed(self, data: bytes, stop_count: int | None = None, arrived_at: float | None = None) -> None:
-        """Process received bytes.
+        """Process received bytes; if ``data`` is empty, the bytes that the framer has held back.
 
-        ``stop_count``: for bytes that waited unread, the number of stops of the mount when the client sent them.
-        ``arrived_at``: for bytes that were held back, the loop time of their arrival. With empty ``data``, the bytes
-        that the framer has held back are processed.
+        ``stop_count``: if the bytes waited unread, how often the mount had been stopped when the client sent them.
+        ``arrived_at``: if the bytes were held back, the loop time of their arrival.
         """
         self.activity.sent_data |= stop_count != STALE_STOP_COUNT
         if self.log.sinks and data:

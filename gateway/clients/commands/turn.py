@@ -1,9 +1,9 @@
 """Carries out the commands of a connection: answers from cached readings, starts operations, or waits for the mount.
 
 A command is answered within a limited time or never. A reply made only of cached readings stays valid until one of them
-expires or is renewed, which increments the controller's ``version``. For every protocol, this module refuses operations
-that the client may not request, and motions whose command has waited too long. It limits the number of operations that
-run without a reply, except those that end a motion.
+expires or is renewed, which increments the controller's ``answer_version``. For every protocol, this module refuses
+operations that the client may not request, and motions whose command has waited too long. It limits the number of
+operations that run without a reply, except those that end a motion.
 """
 
 from __future__ import annotations
@@ -196,7 +196,7 @@ class BackgroundOperations:
         self._log.log_refusal(fault.with_summary(operation.title()))
 
 
-#: The operation that may take minutes; its reply has no timeout, but the next command ends it.
+#: The operation that may take minutes; its reply has no timeout, but the next command ends the wait.
 LONG_OPERATION = op.ClockFromGps
 
 
@@ -217,11 +217,13 @@ class CommandRunner:
         self.rights, self.equinox_converter = rights, binding.converter
         self.background = BackgroundOperations(controller, log, activity)
         self._deferral_timers: dict[str, asyncio.TimerHandle] = {}
-        #: Kind of reading -> the last reading sent to the client, its loop time, the ``version`` of the readings then.
+        #: Kind of reading -> the last reading sent to the client, its loop time, the ``answer_version`` at that time.
         self._sent_readings: dict[type[op.Operation], tuple[object, float, int]] = {}
 
     def advance(self, pending: PendingCommand, answer: object, fault: Fault | None = None) -> op.Operation:
-        """Run a command until it must wait. Return the operation to wait for. Raises StopIteration with the reply."""
+        """Continue a command, with the answer or fault of its last operation, until it must wait for another operation.
+        Return that operation. Raises StopIteration with the reply when the command is done.
+        """
         while True:
             if fault is not None:
                 fault.is_logged = True  # it is in the log already
@@ -310,7 +312,7 @@ class CommandRunner:
         return None if refusal is None else refusal.fault
 
     def _find_fault(self, operation: op.Operation) -> Fault | None:
-        """Return the fault if the operation is impossible now, and log it."""
+        """Return and log the fault with which the operation would surely fail now; None if there is none."""
         fault = self._controller.certain_fault(operation)
         if fault is not None:
             self._log.log_refusal(fault.with_summary(operation.title()))
@@ -319,7 +321,7 @@ class CommandRunner:
     # --- answers -----------------------------------------------------------------------------------------------------
 
     def _recently_sent_reading(self, operation: op.Operation, pending: PendingCommand) -> object:
-        """Return the reading that the client was sent a moment ago; None if that is too long ago."""
+        """Return the reading sent to the client in the last ``COORDINATE_PAIR_WINDOW`` seconds; None if none was."""
         value, at, version = self._sent_readings.get(type(operation), (None, -inf, 0))
         if self._controller.now() - at >= COORDINATE_PAIR_WINDOW:
             return None

@@ -23,7 +23,7 @@ _IGNORED_BYTES = b"#\r\n\0 "
 
 
 class UnreadText:
-    """The held-back text of a connection. ``send_bytes`` sends and logs bytes; ``hold_time`` 0 s holds nothing back."""
+    """Holds back the end of a reply that the client may leave unread, for ``hold_time`` seconds; if 0, never."""
 
     def __init__(
         self, send_bytes: Callable[[bytes], None], log: ClientLog, loop: asyncio.AbstractEventLoop, hold_time: float
@@ -33,7 +33,7 @@ class UnreadText:
         self._timer: asyncio.TimerHandle | None = None
 
     def note_received(self, data: bytes) -> None:
-        """Drop the held-back text if the program has sent a command, since it then does not wait for the text."""
+        """Drop the held-back text at a command. If ``#`` precedes the command, send the text and hold back no more."""
         if data[:1] == b"#" and len(data) > 1:
             self.stop_holding_back()
         if data.strip(_IGNORED_BYTES):

@@ -35,7 +35,7 @@ ANSWER_TIMES_WINDOW = 3.0
 
 
 class AnswerTimes:
-    """Collects the mount's answer times and counts its faults, from a wire log."""
+    """Collects the mount's answer times, and counts its failed exchanges, from a wire log."""
 
     def __init__(self) -> None:
         self.samples: deque[AnswerSample] = deque(maxlen=MAX_ANSWER_TIMES)
@@ -140,7 +140,7 @@ class ShownMount:
         return {**state, **self._abilities, "programs": self._program_list, "bodies": self._sky(now), "times": times}
 
     def _sky(self, now: float) -> list[dict[str, Any]]:
-        """Return Sun, Moon and planets from the cache; refresh it if stale, the site changes or astropy is loaded."""
+        """Return Sun, Moon and planets, computed again when they are old, the site changes, or astropy is loaded."""
         controller = self.gateway.controller
         by = controller.sources.site(), controller.astrometry.sky.has_tables
         fresh = BODIES_CACHE_TIME if len(self._bodies) == len(view.BODIES) else BODIES_RETRY_TIME
@@ -176,7 +176,7 @@ class Publisher:
         self.row_count = 0
 
     def subscribe(self) -> None:
-        """Count one more page that waits for messages; the first page starts the task."""
+        """Count one more page that waits for messages; the first starts the task that makes them."""
         self._page_count += 1
         if self._task is None:
             for mount in self.mounts:

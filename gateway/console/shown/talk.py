@@ -1,7 +1,7 @@
 """What clients, gateway and mount say to each other, as rows for the pages: the bytes and their meaning.
 
-A client's command gets a number. Its reply, and the exchanges with the mount until then, have the same number. Log
-entries are collected only while a page shows them; they are made into rows later, so that logging stays fast.
+A client's command gets a number. Its reply, and the exchanges with the mount before that reply, have the same number.
+Log entries are collected only while a page shows them; they are made into rows later, so that logging stays fast.
 """
 
 from __future__ import annotations

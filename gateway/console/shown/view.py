@@ -53,13 +53,14 @@ def state(gateway: Gateway, index: int) -> dict[str, Any]:
 
 
 def in_page_wording(text: str) -> str:
-    """Return a text without advice that only applies to a terminal."""
+    """Return a text without ``RELEASE_ADVICE``, which is for users of a terminal."""
     return text.replace(RELEASE_ADVICE, "")
 
 
 def abilities(controller: MountController) -> dict[str, Any]:
     """Return which functions of the page the mount supports, its guide rates, its speeds for the keys 1 to 9, and its
-    park position; each is None while unknown."""
+    park position; each is None while unknown.
+    """
     status = controller.cache.last_or_forgotten(op.GetStatus)
     if not controller.identified.is_set() or status is None:
         return {"can": None, "guides": None, "speeds": None, "park": None}
@@ -131,7 +132,7 @@ def _sidereal_and_hour_angle(controller: MountController, state: MountState) -> 
 
 
 def _goto_target(controller: MountController, state: MountState) -> dict[str, Any]:
-    """Return the target of the goto under way; its value is None if there is none."""
+    """Return ``target``: the target of the goto under way, or None."""
     goal: dict[str, Any] | None = None
     if isinstance(state.goal, op.Equatorial):
         goal = {**coordinates(controller, state.goal), "words": state.goal_text}

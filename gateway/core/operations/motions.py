@@ -188,7 +188,7 @@ class Wake(Operation[None], frozen=True):
 
 
 class PassThrough(Operation[Values | None], frozen=True):
-    """Pass a command to the mount unchanged -> the fields of its reply.
+    """Pass a command to the mount unchanged; the answer is the fields of the mount's reply.
 
     Client and mount must speak the same protocol. ``fields`` are the values of the command's fields, in order.
     """
@@ -200,7 +200,7 @@ class PassThrough(Operation[Values | None], frozen=True):
 
 
 class Choose(Operation[Chosen], frozen=True):
-    """Select an object of the mount's library -> Chosen. The commands in ``first`` are sent before it.
+    """Select an object of the mount's library; the answer is Chosen. The commands in ``first`` are sent before it.
 
     It waits for its turn among gotos and syncs, because they set the mount's only target, too. ``ra`` and ``dec`` are
     the client's present target, which stays set if no object is found.

@@ -64,7 +64,7 @@ class GetClock(Read[Moment], frozen=True):
 
 
 class GetGps(Read[Gps], frozen=True):
-    """-> Gps, from the receiver of the mount. Raises Unsupported, NoDevice."""
+    """-> Gps, from the mount's receiver. Raises Unsupported if the mount can have none, NoDevice if none replies."""
 
 
 class SiderealTime(Read[float], frozen=True):
@@ -107,15 +107,16 @@ class Zenith(Read[Equatorial], frozen=True):
 
 
 class PlanetPlace(Read[Equatorial], frozen=True):
-    """-> Equatorial: the present position of a planet, of date; ``name`` is in English. Raises Unsupported."""
+    """-> Equatorial: the present position of a planet, of date; ``name`` is English. Raises Unsupported if unknown."""
 
     name: str
 
 
 class MoonPlace(Read[Equatorial], frozen=True):
-    """-> Equatorial: the present position of a feature of the Moon, of date, seen from the site. Raises BelowHorizon.
+    """-> Equatorial: the present position of a feature of the Moon, of date, seen from the site.
 
-    ``latitude`` (north) and ``longitude`` (east) are selenographic, degrees; None is the centre of the disc.
+    ``latitude`` (north) and ``longitude`` (east) are selenographic, degrees; None is the centre of the disc. Raises
+    BelowHorizon if that centre is below the horizon.
     """
 
     latitude: float | None = None
@@ -123,7 +124,7 @@ class MoonPlace(Read[Equatorial], frozen=True):
 
 
 class HomeState(Read[int], frozen=True):
-    """-> int: 0 failed or never searched, 1 at home (or parked), 2 searching or on the way."""
+    """-> int, state of the home search: 0 failed or never begun, 1 at home (or parked), 2 searching or on the way."""
 
 
 class NativeRequest(Read[bytes], frozen=True):

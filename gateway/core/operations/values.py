@@ -25,7 +25,7 @@ else:
 
     AnswerT = TypeVar("AnswerT", covariant=True)
 
-#: The named field values of a frame: numbers, texts, dates.
+#: Field name -> value in a command or a reply: numbers, texts, dates.
 Values = dict[str, Any]
 #: Field values as a frozen tuple of (name, value).
 Fields = tuple[tuple[str, object], ...]
@@ -152,9 +152,8 @@ class Tracking(Enum):
 
 
 class Rate(Struct, frozen=True):
-    """A hand rate: a name (guide, center, find, max), a hand-control key 1-9, or degrees/s.
-
-    ``max`` with ``degrees`` is the fastest rate up to that many degrees/s. Raises Invalid for another name or key.
+    """A hand rate: a name (guide, center, find, max), a hand-control key 1-9, or degrees/s. ``max`` with ``degrees`` is
+    the fastest rate up to that many degrees/s. Raises Invalid for another name or key.
     """
 
     name: str | None = None
@@ -262,10 +261,7 @@ class Identity(Struct, frozen=True):
 
 
 class Chosen(Struct, frozen=True):
-    """An object found in the mount's own library: its position, the mount's text about it, and the raw reply, if any.
-
-    ``place`` is None if no object was found.
-    """
+    """An object of the mount's own library: its position (None if none was found), the mount's text, the raw reply."""
 
     place: Equatorial | None  # its position
     text: str = ""

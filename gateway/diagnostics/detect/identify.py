@@ -43,7 +43,8 @@ _T = TypeVar("_T")
 
 class FoundMount(Struct, frozen=True):
     """An identified mount. ``latency`` is its median reply time, seconds; ``equinox`` is ``jnow`` or ``j2000``, by its
-    version; ``aligned`` is None if it did not say. ``answered_commands`` lists the answered commands of each query."""
+    version; ``aligned`` is None if it did not say. ``answered_commands`` lists the answered commands of each query.
+    """
 
     protocol: str
     product: str
@@ -69,7 +70,7 @@ class _Conversation:
         self.answered_commands: list[str] = []
 
     async def perform(self, operation: op.Operation[_T]) -> _T:
-        """Return the operation's answer. Raises Fault."""
+        """Return the operation's answer. Raises Fault if the mount does not answer, or cannot do it."""
         return await run_driver(self.driver.perform(operation), self._exchange, lambda later: None)
 
     async def _exchange(self, send: Send) -> Values:

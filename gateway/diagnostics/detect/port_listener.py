@@ -27,7 +27,8 @@ class BaudTransport(Transport, Protocol):
 
 class PortListener:
     """Collects the bytes that an open port receives. It is also a transport for a ``MountLink``, which may open and
-    close it: the port itself stays open."""
+    close it: the port itself stays open.
+    """
 
     def __init__(self, transport: BaudTransport) -> None:
         self.name, self._transport = transport.name, transport
@@ -38,7 +39,7 @@ class PortListener:
         self._on_lost: OnLost | None = None
 
     async def open_port(self) -> None:
-        """Open the port and begin to listen. Raises OSError with a reason that users understand."""
+        """Open the port and begin to listen. Raises OSError, with a reason for users, if it cannot be opened."""
         await self._transport.open(self._on_received, self._on_port_lost)
         self._last_byte_at = self.now()
 
@@ -49,7 +50,7 @@ class PortListener:
     # --- listening ------------------------------------------------------------------------------------------------
 
     def change_baud(self, baud: int) -> None:
-        """Change the baud rate and discard the bytes received at the old rate. Raises OSError."""
+        """Change the baud rate and discard received bytes. Raises OSError if the port does not support the rate."""
         self._transport.set_baud(baud)
         self.discard_received()
 

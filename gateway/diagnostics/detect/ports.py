@@ -26,7 +26,8 @@ SIMULATED_PORT = "sim"
 
 class SerialPortInfo(Struct, frozen=True):
     """A port to examine: ``url`` is opened, ``name`` is for the configuration, ``about`` is the system's description.
-    ``typed_endpoint`` is the endpoint that the user typed, if any: it names the protocol to expect."""
+    ``typed_endpoint`` is the endpoint that the user typed, if any: it names the protocol to expect.
+    """
 
     url: str
     name: str
@@ -57,7 +58,8 @@ def is_not_built_in(url: str) -> bool:
 
 def parse_port(text: str) -> SerialPortInfo:
     """Parse a port that the user typed: a device, a pyserial URL, or an endpoint ``PROTOCOL[:MODEL]@WHERE``. Raises
-    UserError."""
+    UserError for an invalid endpoint, and for one whose protocol no mount speaks.
+    """
     what, at, where = text.partition("@")
     if at and "://" not in what and not what.startswith(("/", ".", "~")):
         endpoint = parse_endpoint(f"{what}@{suggest_address(where, is_surface=False) or where}")

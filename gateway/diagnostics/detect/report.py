@@ -49,7 +49,7 @@ NO_ADAPTER_ADVICE = (
     "only ports that are built into this computer were looked at: if the mount is on a USB adapter, plug that in; "
     "dmesg | tail shows whether this computer noticed"
 )
-#: Advice if nothing answers: this one first, then the cables of each protocol's mounts, then the next constant.
+#: Advice if nothing answers: first this, then the cables for the mounts of each protocol, then `SILENT_PORT_ADVICE`.
 SWITCH_ON_ADVICE = "switch the mount on, and wait until its hand control has started"
 SILENT_PORT_ADVICE = (
     "use the cable that is made for this hand control: others fit, but are wired differently",
@@ -117,12 +117,12 @@ def _start_lines(finding: PortFinding) -> list[str]:
 
 
 def _text_key(mount: FoundMount) -> str:
-    """Return "always", a key of ``EQUINOX_TEXTS``, if all versions of a model report J2000 coordinates; else ""."""
+    """Return the key "always" of ``EQUINOX_TEXTS`` if all versions of this model report J2000 positions; else ""."""
     return "always" if PROTOCOLS[mount.protocol].commands.models.get(mount.model, {}).get("equinox") else ""
 
 
 def hints(mount: FoundMount) -> list[str]:
-    """Return what the user should know or add before the first run."""
+    """Return what the user should know, or add to the start command, before the first run."""
     parts = []
     if mount.aligned is False:
         parts.append("not aligned yet: align it at the hand control, because it refuses gotos before")

@@ -32,7 +32,7 @@ _NMEA = re.compile(rb"\$([A-Z]{4,6},[^\r\n*$]*)\*([0-9A-F]{2})")
 
 
 class PortVerdict(StrEnum):
-    """Verdicts on a port where no mount answered. Where one did, the verdict is its protocol's name, or its state."""
+    """Verdicts on a port without a mount. With one, the verdict is its protocol, or a key of ``detect_states``."""
 
     SILENT = "silent"
     ECHO = "echo"
@@ -44,7 +44,8 @@ class PortVerdict(StrEnum):
 
 class ProbeTimes(Struct, frozen=True):
     """Times in seconds: how long the port must be silent before the first query, and how long to wait for that silence;
-    the interval between two queries; and the timeout of all answers, from the first query on."""
+    the interval between two queries; and the timeout of all answers, from the first query on.
+    """
 
     required_silence: float
     silence_timeout: float
@@ -102,7 +103,7 @@ async def probe(listener: PortListener, times: ProbeTimes, protocol: str | None 
 
 
 async def listen_for_gps(listener: PortListener, seconds: float) -> str:
-    """Listen to a device that sends unasked; return the verdict GPS or TALKER. Raises OSError."""
+    """Listen to a device that sends unasked; return GPS or TALKER. Raises OSError if the port disappears."""
     return (
         await _listen(listener, seconds, lambda: PortVerdict.GPS if has_nmea_sentence(listener.received) else None)
         or PortVerdict.TALKER
@@ -114,9 +115,8 @@ def _judge_received(listener: PortListener, query: Probe) -> str | None:
 
 
 def judge(received: bytes, quiet_seconds: float, query: Probe) -> str | None:
-    """Return the verdict on the bytes received after a query; None while they are ambiguous.
-
-    ``quiet_seconds`` is the time since the last byte. Late answers to earlier queries are recognised, too.
+    """Return the verdict on the bytes received after a query; None while they are ambiguous. ``quiet_seconds`` is the
+    time since the last byte. Late answers to earlier queries are recognised, too.
     """
     before = [asked for spec in PROTOCOLS.values() for asked in spec.probes if asked.rank < query.rank]
     if received.startswith((query.request, *(asked.request for asked in before if asked.slow))):
@@ -145,7 +145,7 @@ async def _wait_for_silence(listener: PortListener, times: ProbeTimes) -> bool:
 
 
 async def _listen(listener: PortListener, seconds: float, get_verdict: Callable[[], str | None]) -> str | None:
-    """Wait for a verdict; return None on timeout."""
+    """Listen until ``get_verdict`` returns a verdict, and return that; None on timeout."""
     end = listener.now() + seconds
     while listener.now() < end:
         await listener.wait_briefly()
@@ -164,16 +164,15 @@ OTHER_BAUD_RATES = (19200, 38400, 57600, 115200, 1200, 14400, 28800, DEFAULT_BAU
 LISTENING_TIME = 1.6
 #: Verdicts after which other rates are tried.
 UNDECIDED_VERDICTS = (PortVerdict.SILENT, PortVerdict.GARBLED, PortVerdict.TALKER)
-#: A port in use: by a program, by this user's gateway, perhaps by another user's. A mount of a network server.
+#: A port in use by a program, by this user's gateway, perhaps by another user's gateway; a mount behind a gateway.
 BUSY, SERVED, FOREIGN, OFFERED = "busy", "served", "foreign", "offered"
 #: The port could not be opened; it disappeared during the search; a mount answered but could not be identified.
 UNOPENED, VANISHED, NO_ID = "unopened", "vanished", "mute"
 
 
 class PortFinding(Struct, frozen=True):
-    """The result for a port. ``state`` is a verdict, a mount's protocol, or why there is no verdict (``BUSY`` and the
-    constants after it). ``reason`` explains it; ``rates_tried`` is the number of baud rates tried; the search took
-    ``seconds``.
+    """The result for a port. ``state`` is a verdict, a mount's protocol, or one of the constants ``BUSY`` to ``NO_ID``;
+    ``reason`` explains it. The search took ``seconds``.
     """
 
     port: SerialPortInfo
@@ -210,7 +209,7 @@ async def ask_servers(urls: Sequence[str] | None) -> list[PortFinding]:
 async def scan(
     port: SerialPortInfo, wire: BaudTransport | None = None, first: ProbeTimes = AT_9600, others: ProbeTimes = AT_OTHERS
 ) -> PortFinding:
-    """Examine a port; problems are reported in the result. ``wire`` is a transport to use instead of the port's URL."""
+    """Examine a port; problems are reported in the result. ``wire``, if given, is used instead of the port's URL."""
     if wire is None and (process := serving_gateway_pid(port.url)):
         return PortFinding(port, SERVED, reason=f"mount-gateway, process {process}")
     who = port_holder(port.url) if wire is None else ""

@@ -50,7 +50,8 @@ class Port(Struct, frozen=True):
 
 class GatewayRun(Struct, frozen=True):
     """A running gateway: process id, mount (empty if the gateway does not answer this user), user, whether that is
-    another user, the addresses where clients connect now, and its state folder."""
+    another user, the addresses where clients connect now, and its state folder.
+    """
 
     pid: int
     mount: str = ""

@@ -100,7 +100,7 @@ UDEV_FOLDER = Path("/run/udev/data")
 
 
 def gather_facts(named_state_folder: str | None = None, almanac_file: str | None = None) -> Facts:
-    """Collect the facts for the checks; the user may have named a state folder and an almanac. Raises UserError."""
+    """Collect the facts for the checks. Raises UserError if the named almanac file cannot be used."""
     folder = state_folder(named_state_folder)
     granted, active = user_and_active_groups()
     return Facts(

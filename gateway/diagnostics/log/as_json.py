@@ -37,7 +37,7 @@ DIRECTIONS = {">": "to mount", "<": "from mount"}
 
 
 def is_json(log_setting: bool | str) -> bool:
-    """Whether a value of the setting ``log_setting`` selects the JSON format."""
+    """Whether this value of the setting ``log`` selects the JSON format."""
     return isinstance(log_setting, str) and log_setting.partition("-")[0] == JSON_FORMAT
 
 

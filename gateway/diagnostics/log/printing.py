@@ -171,7 +171,7 @@ class LogFilter:
         return self._count_row(key, run, line.row) if line.row.time - run.shown_at >= REPEAT_REPORT_PERIOD else []
 
     def _show_unanswered(self, connection: _LoggedConnection) -> list[Row]:
-        """Return the rows held back, if a request is among them: it was not answered before the next one arrived."""
+        """Return the held rows if a request is among them, which was not answered before the next one; else []."""
         if all(row.arrow in CONNECTION_ARROWS for row in connection.held_rows):
             return []
         if self._filter == "refusals":

@@ -18,10 +18,8 @@ from gateway.protocols.wireformat.command_set import load
 
 
 class FieldFormat(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How to show a field: a label, and a format (``form``) or a text for each value (``*`` for any other value).
-
-    A number is multiplied by ``scale`` and followed by ``unit``. ``runs``: the field changes by itself from one
-    reply to the next, as positions and clocks do.
+    """How to show a field: a label, and a format (``form``) or a text for each value (``*`` for any other value). A
+    number is multiplied by ``scale`` and followed by ``unit``.
     """
 
     label: str | None = None
@@ -29,7 +27,7 @@ class FieldFormat(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     words: dict[str, str] = {}  # the text for each value
     scale: float = 1.0
     unit: str = ""
-    runs: bool = False  # changes by itself, as positions and clocks do
+    runs: bool = False  # changes by itself between two replies, as positions and clocks do
 
 
 class WordsFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -23,7 +23,7 @@ SAME, DIFFERS, NOT_TRIED, NOT_MEASURABLE = "same", "differs", "not tried", "not 
 
 class MeasuredRate(Struct, frozen=True):
     """The assumed and the real rate of an axis, degrees a second (negative if reversed), and the run-on in degrees
-    after each stop (empty if it hardly moved). The rate is exact only if the mount moved ``evenly``, at constant speed.
+    after each stop (empty if it hardly moved). The rate is exact only if the mount moved ``evenly``, at one speed.
     """
 
     axis: int
@@ -40,8 +40,9 @@ class MeasuredRate(Struct, frozen=True):
 
 
 class Finding(Struct, frozen=True, omit_defaults=True):
-    """A comparison of something (``what``) with the gateway's assumption, and its verdict. If they differ, it has a
-    sentence about the effect (``means``) and keys of gateway.toml that adapt the gateway."""
+    """The verdict on an assumption of the gateway about the mount. If the mount differs, the finding has a sentence
+    about the effect (``means``) and keys of gateway.toml that adapt the gateway.
+    """
 
     what: str  # what was compared with the assumption
     verdict: str

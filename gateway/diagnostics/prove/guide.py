@@ -76,9 +76,8 @@ class GuidedCheck:
         self.earlier: list[Finding] = []
 
     async def run(self) -> Findings:
-        """Lead through all unfinished stages, as far as the person wants, and return the findings.
-
-        Raises UserError if the saved findings belong to another mount.
+        """Lead through all unfinished stages, as far as the person wants, and return the findings. Raises UserError if
+        the saved findings belong to another mount.
         """
         person, telescope = self._person, self._telescope
         identity: op.Identity | None = telescope.controller.cache.value(op.GetIdentity)
@@ -223,7 +222,8 @@ class GuidedCheck:
 
     async def _restore_tracking(self, earlier_tracking: op.Tracking, set_by_check: bool) -> None:
         """Turn tracking off if it was off before the stage and the stage has turned it on. Tell the person about any
-        other change of tracking: it was made by somebody else, or by the gateway at a limit."""
+        other change of tracking: it was made by somebody else, or by the gateway at a limit.
+        """
         telescope = self._telescope
         telescope.begin_stage()
         with contextlib.suppress(StageEnded):
@@ -242,7 +242,7 @@ class GuidedCheck:
 
     def add(self, finding: Finding) -> None:
         self._stage_findings.append(finding)
-        if any(earlier is finding for earlier in self.earlier):  # a rate that was measured before the stage was ended
+        if any(earlier is finding for earlier in self.earlier):  # a rate measured before the stage was ended
             return
         self._person.say(finding.as_line)
         if finding.verdict == DIFFERS and finding.means:

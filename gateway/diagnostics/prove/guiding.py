@@ -63,7 +63,8 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
 
 def guide_rate_finding(title: str, rate: float, assumed: float, exchange_time: float, reading_step: float) -> Finding:
     """Return the finding on the guide rate of an axis. The measurement is uncertain by two steps of the reading
-    (``reading_step``, degrees) for all pulses together, and by half an exchange (seconds) for each pulse."""
+    (``reading_step``, degrees) for all pulses together, and by half an exchange (seconds) for each pulse.
+    """
     rates = rate_text(rate), rate_text(assumed)
     if max(abs(rate), assumed) * PULSE_COUNT * PULSE_SECONDS < MIN_READING_STEPS * reading_step:
         return Finding(title, NOT_MEASURABLE, "too few steps of its reading", rates[1])

@@ -30,8 +30,8 @@ from gateway.mount.safety.allow import RUN_ON, RUN_UP_SECONDS
 
 #: The rate keys of the hand control, fastest first. If several have the same speed, only the lowest is tried.
 RATE_KEYS: Sequence[int] = range(9, 0, -1)
-#: Tolerances of a rate, as fractions of it: if it is measured between readings; if the motion is a series of small
-#: gotos; if it is measured by the whole distance of a short motion.
+#: Tolerances of a rate, as fractions of it: sampled, that is, measured between two readings on the way; of a stepped
+#: motion, which is a series of small gotos; of a short motion, by its whole distance.
 STEADINESS_TOLERANCE, STEPPED_TOLERANCE, SHORT_TOLERANCE = 0.08, 0.25, 0.35
 #: Seconds: the least time between two readings that show a rate, and how long tracking is observed.
 MIN_RATE_SPAN, TRACKING_TIME = 1.5, 10.0
@@ -130,7 +130,7 @@ async def _measure(telescope: CheckedMount, name: str, speed: float, key: int, p
 def rate_finding(
     title: str, rate: float, error: float, nominal: float, measured_velocity: Velocity, distance: float, min_arc: float
 ) -> Finding:
-    """Return the finding on a rate. After a ``distance`` up to ``min_arc`` the axis may not have moved at all."""
+    """Return the finding on a rate. A measured ``distance`` of at most ``min_arc`` degrees does not show any rate."""
     measured, assumed = rate_text(rate), rate_text(nominal)
     if distance <= min_arc:
         if nominal * MAX_DURATION > 2.0 * min_arc:

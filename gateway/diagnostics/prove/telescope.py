@@ -79,6 +79,7 @@ class CheckedMount:
         self._stop_count, self._positions = self.controller.stops, list[TimedPosition]()
         #: Whether a motion of the check is under way.
         self.is_moving = False
+        #: A time of the event loop's clock, and the sidereal time (degrees) then; 0 for that if the site is unknown.
         self._epoch: Pair | None = None
         #: Whether somebody else has turned tracking on or off, or set its rate, in this stage.
         self.others_set_tracking = False
@@ -226,7 +227,7 @@ class CheckedMount:
         return Motion(began, ended, before, places, after)
 
     def _has_changed(self, before: TimedPosition, after: TimedPosition, fast: bool) -> bool:
-        """Whether a position has changed; in a fast motion only a change counts that tracking does not explain."""
+        """Whether a position has changed: in a fast motion, by more than tracking can explain."""
         return self.drift(before, after) > max(self.angle_steps) if fast else before.position != after.position
 
     async def goto(self, goal: op.Equatorial, timeout: float) -> str:

@@ -56,9 +56,8 @@ class Explanation(NamedTuple):
 
 
 def explain(surface: str, mount: str, typed_words: str) -> Explanation:
-    """Explain a command. ``surface`` and ``mount`` are ``PROTOCOL[:MODEL[/VERSION]]``, or only a model.
-
-    Raises UserError if any of them does not exist, or if the protocol does not have the command.
+    """Explain a command. ``surface`` and ``mount`` are ``PROTOCOL[:MODEL[/VERSION]]``, or only a model. Raises
+    UserError if any of them does not exist, or if the protocol does not have the command.
     """
     face, at = parse_device(surface), parse_device(mount, role="mount")
     if at.protocol not in drivers():
@@ -131,9 +130,8 @@ def version_tuple(mount: Endpoint) -> Version | None:
 
 
 def traits_of(surface: Endpoint, command: Command, facts: Model | None = None) -> frozenset[str]:
-    """Return the traits of a presented model, as the tables name them; none if its version lacks the command.
-
-    ``facts`` describe a model that the gateway has fitted to the mount: it may lack a part that the mount lacks.
+    """Return the traits of a presented model, as the tables name them; none if its version lacks the command. ``facts``
+    describe the model that the gateway has fitted to the mount, without the parts that the mount lacks.
     """
     spec = PROTOCOLS[surface.protocol]
     protocol, model = spec.commands, facts["name"] if facts else surface.model or spec.default_model or ""
@@ -142,7 +140,7 @@ def traits_of(surface: Endpoint, command: Command, facts: Model | None = None) -
 
 
 def commands_before(surface: Endpoint, row: SurfaceRow) -> Prelude:
-    """Return the commands that a program sends before the command of ``row``: completed ones, then unfinished ones."""
+    """Return the commands that a program sends before the command of ``row``: some are over then, some in progress."""
     spec = PROTOCOLS[surface.protocol]
     after = (*spec.required_requests, *spec.target_requests, *row.after)
     return Prelude(tuple(map(unescape, after)), tuple(map(unescape, row.during)))
@@ -151,9 +149,10 @@ def commands_before(surface: Endpoint, row: SurfaceRow) -> Prelude:
 def rehearse_command(
     face: Endpoint, mount: Endpoint, frame: bytes, *, aligned: bool = True, wedge: bool = False, missing: str = ""
 ) -> tuple[Trace, str, str]:
-    """Send a frame through a new gateway, whose presented model fits the mount if none is named.
+    """Send a frame through a new gateway, which presents the surface's model; if it has none, one that fits the mount.
 
-    Return the trace, the actual outcome and the tables' outcome; these differ after a refusal, or if nothing changes.
+    Return the trace, the actual outcome, and the outcome by the tables. The two outcomes differ if the command is
+    refused, or if the mount need not do anything.
     """
     protocol, driven = load(face.protocol), load(mount.protocol).in_dialect_of(mount.model)
     match = protocol.find(frame)

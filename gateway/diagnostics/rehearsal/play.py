@@ -53,7 +53,8 @@ _CHECK_PERIOD = 0.05
 
 class TraceStep(NamedTuple):
     """A step of a trace. ``kind``: means (the operation), baud (a new rate), act (a command that changes the mount),
-    look (a query to the mount), answer (the mount's), note (a log entry) or reply (to the client)."""
+    look (a query to the mount), answer (the mount's), note (a log entry) or reply (to the client).
+    """
 
     kind: str
     text: str
@@ -61,7 +62,7 @@ class TraceStep(NamedTuple):
 
 
 class Prelude(NamedTuple):
-    """The commands sent before a frame: those ``completed`` one by one, then those still ``in_progress`` with it."""
+    """Commands before a frame: after those ``completed`` the mount comes to rest, not after those ``in_progress``."""
 
     completed: tuple[bytes, ...] = ()
     in_progress: tuple[bytes, ...] = ()
@@ -115,7 +116,7 @@ def general_refusal(surface: Surface, frame: bytes) -> bytes:
 
 @cache
 def query_commands(protocol: CommandSet) -> frozenset[str]:
-    """Return the names of a protocol's commands that only query the mount: reads use them, and they have replies."""
+    """Return the names of the commands that only query the mount: those of reading operations, if they have replies."""
     reads: set[str] = set()
     for name, ways in protocol.driver_rows.items():
         kind = operation_class(name)

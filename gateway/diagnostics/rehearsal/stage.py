@@ -118,6 +118,8 @@ class RehearsalGateway:
 
 
 class RehearsalClient:
+    """A connection of a client to a rehearsal gateway; ``received`` are the bytes of its replies."""
+
     def __init__(self, stage: RehearsalGateway, host: str) -> None:
         self.received = b""
         self._received_event = TimedEvent()

@@ -21,7 +21,7 @@ MAX_COMMANDS, MAX_ROWS = 8, 200
 
 
 def report_page(night: Night, source: str) -> str:
-    """Return the report as HTML; ``source`` is the name of the recording."""
+    """Return the report on a night as a complete HTML file."""
     sky = Sky()  # its closed forms are good to a second of arc
     points = altaz_track(night, sky)
     said = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in summary_sentences(night, points))

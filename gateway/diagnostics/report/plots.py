@@ -135,7 +135,7 @@ def altaz_track(night: Night, sky: Sky) -> list[TrackPoint]:
 
 
 def split_track(points: list[TrackPoint]) -> Iterator[list[TrackPoint]]:
-    """Split a track where slewing begins or ends, and at gaps; pieces without a gap share an end point."""
+    """Split a track at gaps, and where slewing begins or ends, at a point that both pieces then contain."""
     piece: list[TrackPoint] = []
     for place in points:
         if piece and (not place.continues_track or (len(piece) > 1 and place.slewing != piece[-1].slewing)):

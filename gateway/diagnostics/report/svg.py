@@ -61,15 +61,18 @@ class PlotFrame:
     height: float = 250.0
 
     def x(self, time: float) -> float:
+        """Return the x coordinate of a time (Unix seconds), pixels."""
         span = max(self.ended - self.began, 1e-3)
         return LEFT + (time - self.began) / span * (self.width - LEFT - RIGHT)
 
     def y(self, value: float) -> float:
+        """Return the y coordinate of a value, limited to the scale, pixels."""
         part = (value - self.min_value) / (self.max_value - self.min_value)
         return self.height - BOTTOM - min(1.0, max(0.0, part)) * (self.height - TOP - BOTTOM)
 
     @property
     def foot(self) -> float:
+        """The y coordinate of the lower edge, pixels."""
         return self.height - BOTTOM
 
     def shade(self, began: float, ended: float, class_: str) -> str:

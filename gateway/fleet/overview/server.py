@@ -56,7 +56,6 @@ class ShownEvent(Struct, frozen=True):
 
 class MountList:
     """The mounts on a broker: newest states, connected gateways, results of orders. ``clock`` returns Unix seconds.
-
     Anyone may publish on a broker: a message that does not have the expected form is ignored.
     """
 
@@ -133,9 +132,8 @@ class StopForm(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Overview:
-    """Serves the page until it is closed. ``on_connection`` is called when the broker is connected or lost.
-
-    ``style_folder`` is the folder of the console's page, whose style this page shares.
+    """Serves the page until ``close``. ``on_connection`` is called when the broker is connected or lost.
+    ``style_folder``: the folder of the console's page, whose style this page shares.
     """
 
     def __init__(

@@ -55,17 +55,15 @@ DAY_SECONDS = 86400.0
 _FORM_FIELDS = ("length", "raw")
 #: Fields that change with the time of the day.
 _TIME_FIELDS = ("time", "sidereal", "hour", "minute", "second")
-#: The angles on a sphere: each longitude with its latitude.
+#: The fields of a reply that are angles on a sphere: each longitude with its latitude.
 _LATITUDE_OF = {"ra": "dec", "az": "alt", "longitude": "latitude"}
-#: Seconds between two position reads that test whether the mount is awake: the heartbeat of a mount that is awake.
+#: Seconds between two position reads that test whether a hibernating mount was woken: as for an awake mount at rest.
 RETRY_PERIOD = 5.0
 _T = TypeVar("_T")
 
 
 class ReceivedReply(Struct):
-    """A reply, or a fault that counts as a reply (silence, no such device); the loop times of the request and the
-    reply.
-    """
+    """A reply or a fault that counts as one (silence, no such device), with the loop times of request and arrival."""
 
     values: Values
     fault: Fault | None
@@ -134,7 +132,7 @@ class ReplyVerifier:
             del self._last_replies[next(iter(self._last_replies))]
 
     async def _send_order(self, command: Send, priority: int) -> Values:
-        """Send a command that changes something, once no late acknowledgement can be mistaken for its own.
+        """Send a command that changes something, once no late acknowledgement can be taken for its own. Raises Fault.
 
         A stop never waits: it is repeated until an acknowledgement can only belong to it.
         """
@@ -155,7 +153,7 @@ class ReplyVerifier:
                 return answer
 
     async def _ask(self, command: Send, priority: int) -> ReceivedReply:
-        """Return a reply; if it is garbled, ask again. Raises NoAnswer (or Garbled) and Busy."""
+        """Return a reply; ask again if it is garbled. Raises Garbled if it stays so, NoAnswer if none comes, Busy."""
         for attempt in range(GARBLED_TRIES):
             values: Values = {}
             fault: Fault | None = None
@@ -301,8 +299,8 @@ class DriverRunner:
         self.may_move: Signal[None] = Signal()
         self.scheduled: Signal[Schedule] = Signal()
         self.driver_failed: Signal[None] = Signal()
-        #: The number of exchanges of the last operation. If it read a position: the loop time of the first request for
-        #: that position, which is not older than this request.
+        #: How many exchanges the last operation needed. If it read a position, the loop time of the first request for
+        #: that position: the position is no older.
         self.exchange_count, self.requested_at = 0, 0.0
         #: The loop time at which the last operation's first command was written.
         self.first_sent_at = 0.0
@@ -321,9 +319,9 @@ class DriverRunner:
         changes_mount: bool = True,
     ) -> _T:
         """Run a generator of the driver and return its value. Raises Fault; Busy if it starts more than
-        ``MAX_START_DELAY`` seconds after ``ordered_at`` (loop time), or if the line delays the start of a motion by
-        hand that long. ``check_start`` is called before a motion by hand starts, and may raise a Fault. If the
-        operation ``changes_mount``, readings from before it and during it are outdated.
+        ``MAX_START_DELAY`` seconds after ``ordered_at`` (loop time), or if one exchange delays the start of a motion by
+        hand by more than that. ``check_start`` is called before a motion by hand starts, and may raise a Fault.
+        ``changes_mount``: readings from before the end of the operation are outdated.
         """
         now, driver, line = self._context.now, self._context.driver, self._context.link.transaction
         self.exchange_count = exchanges = 0

@@ -39,7 +39,8 @@ MAX_CHECKS, QUIET_FACTOR = 3, 3.0
 
 class MountLink:
     """Owns the wire and carries out the requests that wait for it. ``came_up`` is emitted when the line comes up,
-    ``exchanged`` with the outcome of every exchange."""
+    ``exchanged`` with the outcome of every exchange.
+    """
 
     def __init__(
         self, wire: Transport, reply_rules: ReplyRules, wire_log: WireLog, queue: RequestQueue | None = None
@@ -56,7 +57,7 @@ class MountLink:
         self.exchanged: Signal[Values | Fault] = Signal()
         #: Emitted when the port is open again.
         self.reopened: Signal[None] = Signal()
-        #: Emitted when a stop is written without waiting for replies: a listener adds the commands of an owed stop.
+        #: Emitted before a stop is written: a listener adds to the list the commands of a stop not acknowledged yet.
         self.writing_stop: Signal[list[bytes]] = Signal()
         self.down_cause = ""
         self._clock = asyncio.get_running_loop().time
@@ -145,7 +146,7 @@ class MountLink:
         return await outcome
 
     def _hurry_stop(self, priority: int) -> None:
-        """Wake the exchange under way: for a stop that is not written yet, in a long operation for any request."""
+        """Wake the exchange under way for a stop that is not written yet; during a long operation, for any request."""
         stop = priority == STOP and not (self.transaction.stops and self.transaction.stops.issuperset(self._due_stop()))
         if stop or self.transaction.is_long_op:
             self.transaction.wake(stop)
@@ -272,7 +273,7 @@ class MountLink:
         return False
 
     async def is_in_step(self) -> bool:
-        """Whether every check command gets the right reply, and nothing follows the last reply."""
+        """Send the check commands; return whether each gets the right reply, and nothing follows the last reply."""
         self._check_count += 1
         for command in self.reply_rules.resync_commands(self._check_count):
             await asyncio.sleep(self.transaction.quiet_needed(command))

@@ -32,7 +32,7 @@ AGING_TIMES: Mapping[int, float] = {POSITION: 0.25, READ: 0.6, SETTING: 2.0}
 MAX_MOTIONS_IN_A_ROW = 1
 #: After this many exchanges an aged setting goes first: a slow or hibernating mount always has reads waiting.
 MAX_SETTING_SKIPS = 4
-#: Reads wait for an urgent request due within URGENT_FACTOR times the reply time, until URGENT_GRACE seconds after it.
+#: Reads wait if an urgent request is due within URGENT_FACTOR reply times: until URGENT_GRACE seconds after that time.
 URGENT_FACTOR, URGENT_GRACE = 1.5, 0.05
 #: Event loop iterations in which a client that got a reply may queue its next request. Then the second half of a
 #: position, a motion or a halt goes before other clients' reads. Five would do; recordings rely on eight.
@@ -71,7 +71,7 @@ class RequestQueue:
         return len(self._waiting)
 
     def add(self, command: Send, priority: int) -> Outcome:
-        """Queue a command and return the future of its outcome."""
+        """Queue a command and return the future of its reply."""
         future: Outcome = self._loop.create_future()
         self._waiting.append(QueuedCommand(command, priority, next(self._numbers), future))
         self._wake_event.set()
@@ -98,7 +98,7 @@ class RequestQueue:
         await self._wake_event.wait()
 
     async def wait_for_change_within(self, seconds: float) -> bool:
-        """Like `wait_for_change`, but for so many seconds at most; return whether it happened."""
+        """Like `wait_for_change`, but for so many seconds at most; return whether anything changed."""
         self._wake_event.clear()
         return await self._wake_event.wait_within(seconds)
 
@@ -187,10 +187,8 @@ class RequestQueue:
 
 
 def sort_queue(waiting: Iterable[QueuedCommand], now: float, n_motions: int, setting_skips: int) -> list[QueuedCommand]:
-    """Return the waiting requests in the order in which they will be sent.
-
-    ``n_motions``: how many of the last exchanges were motions; ``setting_skips``: how many exchanges there
-    were since the last setting.
+    """Return the waiting requests in the order in which they will be sent, if the last ``n_motions`` exchanges were
+    motions and the last ``setting_skips`` exchanges no settings.
     """
     before_all = STOP + 0.5
     waited = before_all if n_motions >= MAX_MOTIONS_IN_A_ROW else AGED_READ

@@ -53,7 +53,7 @@ TIMEOUT_FACTOR, SHORTEST_TIMEOUT, MIN_REPLY_COUNT = 8.0, 1.2, 20
 LATE_FACTOR, MAX_COUNTED_LATE = 1.5, 6.0
 #: The first reply sets the typical time, up to this many seconds.
 MAX_FIRST_REPLY_TIME = 1.0
-#: Smoothing of the typical time: weight of the newest time, which is cut to MAX_GROWTH times the average plus a margin.
+#: Smoothing of the typical time: weight of the newest, which is cut to MAX_GROWTH averages plus MARGIN seconds.
 SMOOTHING_WEIGHT, MAX_GROWTH, MARGIN = 0.2, 3.0, 0.01
 
 #: The fields of a reply, or the fault that it reports; and the same together with the reply's length in bytes.
@@ -72,9 +72,8 @@ class ReplyTimes:
         self._last_late_time = 0.0
 
     def add_reply(self, reply_time: float, elapsed: float, in_average: bool) -> None:
-        """Record a reply: the seconds until its last byte, and until it was accepted (``elapsed``).
-
-        Replies to long operations and empty replies do not enter the average (``in_average``).
+        """Record a reply: the seconds from the request to its last byte (``reply_time``) and to its acceptance
+        (``elapsed``). ``in_average`` is False for long operations and empty replies, which do not count in the average.
         """
         self.last_rtt = reply_time
         self.reply_count += 1
@@ -116,9 +115,7 @@ class LateReplies:
         return max([end for end, _ in self._ambiguous_requests(command, now)], default=now)
 
     def count(self, command: Send, now: float) -> int:
-        """Return how many late replies could be mistaken for the reply to this command. After so many replies, the next
-        reply must be the right one.
-        """
+        """Return how many late replies could be taken for the reply to this command; after these, the next is right."""
         return len(self._ambiguous_requests(command, now))
 
     def _ambiguous_requests(self, command: Send, now: float) -> list[tuple[float, Send]]:
@@ -129,7 +126,7 @@ class LateReplies:
 
 
 class GaveWayToStop(NoAnswer):
-    """The gateway gave up waiting for a reply, because a stop is due; this wire then drops that reply."""
+    """The gateway gave up waiting for a reply because a stop is due, on a wire that drops replies to old requests."""
 
 
 class Transaction:
@@ -166,7 +163,7 @@ class Transaction:
         #: Loop time of the last request whose reply is still missing.
         self._unanswered_since: float | None = None
         self._awaiting_more_bytes = self._stop_is_waiting = self._pause_cut_short = False
-        #: A stop that has no reply was written, and the mount has not replied to anything since.
+        #: Whether the last exchange was a stop that gets no reply, so that the mount may not be listening.
         self._stop_unanswered = False
         #: Loop time from which the exchange under way is cut off for a stop that is due.
         self._gives_way_at = math.inf
@@ -210,7 +207,7 @@ class Transaction:
         self._queue.wake()
 
     def wake(self, for_stop: bool) -> None:
-        """Wake the exchange under way: to give way to a ``for_stop``, or to see new requests in a long operation."""
+        """Wake the exchange under way if a stop waits (``for_stop``), or if it is a long operation of the mount."""
         self._stop_is_waiting |= for_stop
         if for_stop:
             self._stop_due_at = min(self._stop_due_at, self._clock())
@@ -328,7 +325,7 @@ class Transaction:
         return self.send(self.reply_rules.encode(command)) if self.reply_rules.expected_reply(command).silent else None
 
     async def _pause(self, seconds: float, firm: bool) -> bool:
-        """Pause after a command without a reply. Return False if a stop cuts it short, unless ``firm``."""
+        """Pause after a command without a reply. Return False if a stop cuts it short, which ``firm`` prevents."""
         until = self._clock() + seconds
         while not self.lost and (left := until - self._clock()) > 0:
             if not firm and self._queue.stop_waits:
@@ -403,7 +400,7 @@ class Transaction:
         return taken[0]
 
     def _parsed_reply(self, command: Send) -> Taken | None:
-        """Return the reply if it is complete. Bytes that the parser fails on are a garbled reply."""
+        """Return the reply, None if it is incomplete. Bytes on which the parser fails count as a garbled reply."""
         try:
             return self.reply_rules.parse_reply(command, self._buffer)
         except Exception:  # a parser's defect must not end the line

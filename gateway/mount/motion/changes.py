@@ -110,9 +110,7 @@ def add_follow_up(wanted: Wanted, schedule: Schedule, order_number: int, now: fl
 
 
 def stopped_since(wanted: Wanted, operation: op.Operation, stop_count: int | None) -> bool:
-    """Whether the mount was stopped after the client's request, which makes the operation void. ``stop_count`` was the
-    number of stops at the time of the request.
-    """
+    """Whether a stop since the request makes the operation void. ``stop_count``: how many stops preceded it."""
     if stop_count is None or stop_count == wanted.n_stops:
         return False
     return not (isinstance(operation, op.StopAxis) or survives_abort(operation))
@@ -315,7 +313,7 @@ def may_have_begun(order: Order, error: BaseException) -> bool:
 def after_ack(
     wanted: Wanted, order: Order, operation: op.Operation, now: float, speed: float, sent_at: float = 0.0
 ) -> Wanted:
-    """Return the new ``Wanted`` after the mount has acknowledged an operation, in the form in which it was sent.
+    """Return the new ``Wanted`` after the mount has acknowledged ``operation``, the form in which the order was sent.
 
     ``speed`` is the speed of a motion by hand, degrees a second; ``sent_at`` is the loop time of its command.
     """
@@ -349,7 +347,7 @@ def after_ack(
 
 
 def refuse_earlier_orders(wanted: Wanted) -> Wanted:
-    """Refuse the pending orders of clients, and the commands that still wait in a connection."""
+    """Count a stop, which voids the orders of clients that still wait in a connection."""
     return replace(wanted, n_stops=wanted.n_stops + 1)
 
 

@@ -76,7 +76,7 @@ class Consequences:
                 self._gate.note_hibernation()
 
     def on_follow_up_done(self, operation: op.Operation) -> None:
-        """Handle a follow-up of the driver. The last step of a park has turned tracking off, so no read is needed."""
+        """After the last step of a park, note in the cached status that tracking is off: no read is needed."""
         status: op.Status | None = self._cache.last_or_forgotten(op.GetStatus)
         if status is not None and self._context.driver.parked and getattr(operation, "then", "") == "park":
             self._cache.correct(op.GetStatus, replace(status, tracking=op.Tracking.OFF))

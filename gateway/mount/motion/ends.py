@@ -116,7 +116,7 @@ class EndWatch:
 
     @property
     def ending(self) -> MotionEnd | None:
-        """The motion that no positions show as ended yet, without axes that have begun to move again; None if none."""
+        """The motion whose end no positions show yet, without axes that were set moving again; None if none."""
         ending, begun = self._ending, self._wanted.value.motions_begun
         if ending is not None and ending.motions_begun != begun:
             axes = frozenset(axis for axis in ending.axes if ending.motions_begun[axis - 1] == begun[axis - 1])

@@ -29,8 +29,8 @@ MAX_SPEEDUP = 2.5
 class Leftover(Struct, frozen=True, omit_defaults=True):
     """The motion that a marker records: ``speeds`` of motions by hand, by axis, degrees a second; or a ``goto``.
 
-    ``direction``: whether the reading of the first axis grew (1) or fell (-1), 0 if positions have not shown it. It is
-    not recorded for the second axis, whose reading reverses at the pole or the zenith.
+    ``direction`` is that of the first axis: 1 if its reading grew, -1 if it fell, 0 if positions have not shown it. The
+    second axis has none, because its reading reverses at the pole or the zenith.
     """
 
     speeds: dict[int, float] = {}

@@ -43,8 +43,8 @@ FOCUS_RETRY = 1.0
 
 
 class Reconciler:
-    """``announcers`` are awaited in their order before any command that sets the mount moving, so that the watchdog and
-    the marker on disk know of the motion if this process is killed.
+    """Carries out motion orders. Before a command that sets the mount moving, it awaits the ``announcers`` in turn, so
+    that the watchdog and the marker on disk know of the motion if this process is killed.
 
     Signals: ``acknowledged`` with an operation that the mount has acknowledged; ``needs_client`` if that began a motion
     which needs an active client; ``stop_acknowledged``; ``saved_state_changed`` if the state file may be outdated.
@@ -107,8 +107,8 @@ class Reconciler:
         max_delay: float = inf,
         arrived_at: float | None = None,
     ) -> Outcome:
-        """Take a motion order and return its outcome. ``arrived_at`` is the loop time of its arrival, ``stop_count``
-        the number of stops before it. Its client waits ``max_delay`` seconds for the outcome; later no goto is begun.
+        """Take a motion order and return the future of its outcome. ``arrived_at`` is the loop time of its arrival,
+        ``stop_count`` the number of stops before it. The client waits ``max_delay`` seconds; later no goto is begun.
         """
         now, wanted = self._loop.time(), self.wanted
         if self.closed or changes.stopped_since(wanted, operation, stop_count):
@@ -182,7 +182,7 @@ class Reconciler:
         self._start_next()
 
     def plan(self, schedule: Schedule) -> None:
-        """Carry out a follow-up after some seconds; it replaces an equal pending follow-up."""
+        """Order a follow-up of the driver for later; it replaces an equal pending follow-up."""
         self.update(changes.add_follow_up(self.wanted, schedule, next(self._order_ids), self._loop.time()))
 
     # --- stops ------------------------------------------------------------------------------------------------------

@@ -53,7 +53,7 @@ class RunOn(Struct, frozen=True):
 def unexplained_motion(before: op.Equatorial, after: op.Equatorial, elapsed: float, equatorial: bool = False) -> float:
     """Return the motion between two positions that tracking, on or off, does not explain, degrees.
 
-    On an ``equatorial`` mount the right ascension also counts alone: near the pole its change hardly moves the tube.
+    On an ``equatorial`` mount a turn in right ascension counts in full, because near the pole it hardly moves the tube.
     """
     distance = separation(before.ra, before.dec, after.ra, after.dec)
     passed = separation(before.ra + SKY * elapsed, before.dec, after.ra, after.dec)
@@ -62,9 +62,7 @@ def unexplained_motion(before: op.Equatorial, after: op.Equatorial, elapsed: flo
 
 
 def after_position(run_on: RunOn, position: TimedPosition, equatorial: bool, resolution: float) -> RunOn | None:
-    """Return the run-on after a position; None if the mount is at rest. ``resolution`` is that of the position,
-    degrees.
-    """
+    """Return the run-on after a position with this ``resolution`` (degrees); None if the mount is at rest."""
     if position.asked_at < run_on.ended_at:
         return replace(run_on, last_position_at=position.at)
     older = [place for place in run_on.positions if position.at - place.at >= MIN_POSITION_GAP]
@@ -81,7 +79,7 @@ class RunOnWatch:
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
-        #: Emitted with each command that may move the mount; how often it was emitted until the mount was last at rest.
+        #: Emitted with each command that may move the mount; and how many there had been when it was last at rest.
         self.may_move: Signal[None] = Signal()
         self._commands_at_rest = 0
         #: When the mount was last seen at rest after the end of a motion.
@@ -100,9 +98,7 @@ class RunOnWatch:
         return self.current is not None and self._clock() - self.current.last_position_at > MAX_SILENCE
 
     def activity(self, wanted: Wanted, parked: bool, reply_age: float) -> op.Activity:
-        """Return the motion by orders of this gateway, including the run-on. ``reply_age``: seconds since the mount's
-        last reply.
-        """
+        """Return the motion by orders of this gateway, with the run-on. ``reply_age``: seconds since the last reply."""
         slews, waiting = isinstance(wanted.motion, Slew), [order for order in wanted.pending if not order.follow_up]
         # The last step of a park: the tube has arrived, and tracking is not off yet.
         parks = any(getattr(order.operation, "then", "") == "park" for order in wanted.pending if order.follow_up)
@@ -124,8 +120,8 @@ class RunOnWatch:
         self._commands_at_rest = -1
 
     def begin(self, after_goto: bool, latest: TimedPosition | None = None, moved_by_others: bool = False) -> None:
-        """Note that the mount has acknowledged the end of a motion, or that a goto has ended by itself; the ``latest``
-        position may already show rest. It changes nothing if the mount was at rest, unless somebody else moved it.
+        """Note that the mount has acknowledged the end of a motion, or that a goto has ended by itself. ``latest``, the
+        last position, may already show rest. Nothing changes if the mount was at rest, unless somebody else moved it.
         """
         now = self._clock()
         if self.current is not None or not (self.may_move.count != self._commands_at_rest or moved_by_others):

@@ -84,7 +84,7 @@ class ObservedMotion(Struct, frozen=True):
 
 
 def begin_motion(observed: ObservedMotion, now: float, ordered_speed: float, at_rest: bool) -> ObservedMotion:
-    """Note that a motion has begun: at the last position, if the mount was at rest."""
+    """Note that a motion begins now; if the mount was ``at_rest``, it begins at the last position."""
     last = replace(observed.last, time=now) if observed.last is not None and at_rest else observed.last
     return replace(observed, last=last, rates=Rates(), prev_rates=Rates(), began_at=now, ordered_speed=ordered_speed)
 
@@ -140,9 +140,7 @@ def update_upright_by_passage(
 
 
 def extrapolate_ra(now: float, position: op.Equatorial, before: PositionSample, lag: float) -> op.Equatorial:
-    """Return a position with its right ascension, which was read ``lag`` seconds earlier, extrapolated to the time of
-    its declination.
-    """
+    """Return a position whose right ascension, read ``lag`` seconds before the declination, is extrapolated to it."""
     turned = wrap180(position.ra - before.position.ra)
     if not lag or abs(turned) > JUMP_DEGREES:
         return position

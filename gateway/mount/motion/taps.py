@@ -35,10 +35,7 @@ class TapDropped(Busy):
 
 
 def released(wanted: Wanted, release: Order) -> Wanted | None:
-    """Return the new ``Wanted`` after the release of an arrow whose motion continues for a while.
-
-    None if the release takes effect at once.
-    """
+    """Return the new ``Wanted`` if the motion of a released arrow continues for a while; None if it ends at once."""
     axis = axis_of(release)
     waiting = waiting_arrows(wanted, release)
     if waiting:
@@ -161,9 +158,7 @@ def end_tap(wanted: Wanted, end: Halt) -> Wanted:
 
 
 def dropped_press(wanted: Wanted, wanted_after: Wanted, release: Order) -> Order | None:
-    """Return the press that its release has dropped, because it has waited or was held too long; None if it dropped
-    none.
-    """
+    """Return the press that the release has dropped, because it waited or was held too long; None if there is none."""
     waiting = waiting_arrows(wanted, release)
     if not waiting or not is_free_or_ending(wanted, axis_of(release)) or not _waited_too_long(waiting[-1], release):
         return None
@@ -225,7 +220,7 @@ def axis_of(order: Order) -> int:
 
 
 def _with_holding_time(press: Order, seconds: float) -> Order:
-    """Return an arrow that was released after these seconds."""
+    """Return the press of an arrow that was held for these seconds."""
     return replace(press, arrow=replace(press.arrow, held_seconds=seconds))
 
 

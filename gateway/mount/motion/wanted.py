@@ -33,9 +33,7 @@ MAX_SETTINGS_WAIT, MAX_EXCHANGE_WAIT = 20.0, 1.0
 
 
 class Postponement(NamedTuple):
-    """An order waits for ``max_wait`` seconds at most. Then it fails with ``refusal``, or is carried out if that is
-    None.
-    """
+    """An order waits up to ``max_wait`` seconds. Then it fails with ``refusal``, or is carried out if that is None."""
 
     max_wait: float
     refusal: Fault | None
@@ -55,9 +53,9 @@ class Arrow(Struct, frozen=True):
 class Order(Struct, frozen=True):
     """An operation that a client or the gateway has ordered and that is not done.
 
-    ``number`` is its sequence number, ``client`` the client's connection. Loop times: it arrived at
-    ``came_at``, is due at ``at``, and its client waits until ``deadline``. A ``follow_up`` is the gateway's own
-    order; it is ``urgent`` if it ends a motion, and ``not_while_busy`` if it waits until the mount accepts commands.
+    ``number`` is its sequence number, ``client`` the client's connection. Loop times: it arrived at ``came_at``, is due
+    from ``due_from``, and its client waits until ``deadline``. A ``follow_up`` is the gateway's own order; it is
+    ``urgent`` if it ends a motion, and ``not_while_busy`` if it waits until the mount accepts commands.
     """
 
     number: int
@@ -132,7 +130,7 @@ class Halt(Order, frozen=True):
 
     ``overtakes``: it goes before pending orders. ``repeat_number``: how many equal halts came before it.
     ``order_count`` is ``Wanted.order_count`` at its arrival. ``ends_tap``: it ends a motion whose arrow was released
-    earlier. Once the goto with the number ``void_by`` has begun, this halt is void.
+    earlier. Once the goto with the number ``voided_by`` has begun, this halt is void.
     """
 
     overtakes: bool = False
@@ -214,7 +212,9 @@ class PressedArrow(Struct, frozen=True):
 
 
 class DoneHalt(Struct, frozen=True):
-    """A halt that was carried out: when, ``Wanted.order_count`` at its arrival, how many equal halts came before it."""
+    """A halt that was carried out at loop time ``at``. ``order_count`` is ``Wanted.order_count`` at its arrival,
+    ``repeat_number`` how many halts with the same operation came shortly before it.
+    """
 
     operation: op.Operation
     at: float
@@ -229,7 +229,7 @@ class Wanted(Struct, frozen=True):
     ``n_gotos`` count the orders of these kinds so far, ``gotos_begun`` the gotos that the mount has acknowledged,
     ``motions_begun`` the acknowledged motions of each axis, ``order_count`` all orders except halts. ``stop_owed``: the
     mount has not acknowledged a stop yet. ``homed``: the mount was sent home, and no order has moved it since.
-    ``failure`` is why the last goto ended before its goal, until the next order. Guide pulses wait until the mount
+    ``goto_failure`` is why the last goto ended before its goal, until the next order. Guide pulses wait until the mount
     is at rest, but not beyond the loop time ``at_rest_by``.
     """
 
@@ -278,7 +278,7 @@ class Wanted(Struct, frozen=True):
     def next_order(self, now: float) -> Order | None:
         """Return the order to carry out now; None if none is due.
 
-        Ends come first, then orders that an end interrupted, then all other orders in the order of their arrival. A
+        Halts and ends of pulses come first, then orders that a halt interrupted, then all others as they arrived. A
         guide pulse waits for the pulse before it on its axis.
         """
         due = [order for order in self.pending if self.due_at(order) <= now]
@@ -352,8 +352,8 @@ class WantedState:
 
 class MotionState(Struct, frozen=True):
     """The motions under way. ``slewing``: the mount reports a goto. ``by_hand``: the motions by hand, by axis.
-    ``end_pending``: a stop or a halt is not acknowledged yet. ``ordered_by_client``: they do not come from the hand
-    control.
+    ``end_pending``: a stop or a halt is not acknowledged yet. ``ordered_by_client``: clients ordered them, not the
+    hand control.
     """
 
     slewing: bool

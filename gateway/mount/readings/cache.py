@@ -1,4 +1,4 @@
-"""The only cache of the mount's answers, with the time of each answer and of the last request of a client for it.
+"""The only cache of the mount's answers, with the time of each answer, and when a client last asked for it.
 
 An answer is checked when it is requested: by its age, and by the loop time of its request, because positions from
 before the last motion order are outdated for clients. Replies in the mount's own bytes are shared only until the next
@@ -206,9 +206,7 @@ class ReadingsCache:
     def store_native_reply(
         self, operation: op.NativeRequest, answer: bytes | Fault, fresh_for: float, order_count: int, now: float
     ) -> None:
-        """Store the reply to a request; ``order_count``: how many orders were sent before it. If there are too many
-        replies, drop the oldest.
-        """
+        """Store the reply to a request sent after ``order_count`` orders. If the cache is full, drop the oldest."""
         self._native_replies.pop(operation, None)
         if fresh_for:
             self._native_replies[operation] = CachedAnswer(answer, now, fresh_for, order_count=order_count)
@@ -217,7 +215,7 @@ class ReadingsCache:
 
 
 class NotRead(Exception):
-    """The mount has not been asked for this yet."""
+    """The cache has no reading of this kind: the mount has not been asked for it yet."""
 
 
 class Readings(Protocol):
@@ -230,9 +228,7 @@ class Readings(Protocol):
 
 class LastReadings:
     """The last readings, however old: the safety rules use them to preview an order that no client has sent yet.
-
-    A preview must not change which commands the mount gets, or when. So no read asks the mount, and a missing reading
-    raises ``NotRead``.
+    That must not change which commands the mount gets: no read asks it, and a missing reading raises ``NotRead``.
     """
 
     def __init__(self, cache: ReadingsCache, driver: Driver) -> None:

@@ -24,9 +24,9 @@ from gateway.mount.readings.cache import CachedAnswer, Kind, Pair, Reading, angl
 MAX_EXTRAPOLATION = 1.0
 #: A position is also calculated for up to this many seconds before the last reading: replies may refer to the past.
 MAX_BACKWARD_TIME = 0.05
-#: Two readings give a rate if they are this many seconds apart: if less, rounding dominates; if more, one is outdated.
+#: Seconds between two readings that give a rate: with less, rounding dominates; with more, the earlier is outdated.
 MIN_GAP, MAX_READING_GAP = 0.1, 3.0
-#: Degrees: no extrapolation beyond this latitude, or if the first angle has changed by more between two readings.
+#: Degrees: nothing is extrapolated beyond this latitude, or if the first angle turned by more between two readings.
 POLE_LATITUDE, MAX_TURN = 85.0, 30.0
 #: An angle must change by this many units of its resolution between two readings: less is rounding.
 MIN_CHANGE_UNITS = 3.0

@@ -117,7 +117,9 @@ class Reader:
         return self._position_at(kind, entry, self._extrapolation_moment())
 
     def _was_given_before(self, kind: Kind, completed_at: float) -> bool:
-        """Whether a client got the reading of this loop time before, more than a tenth of a second ago."""
+        """Whether a client got this reading more than ``MIN_GAP`` seconds ago. ``completed_at``: its loop time. If no
+        client got it before, record that one gets it now.
+        """
         now = self._clock()
         reading, at = self._given_positions.get(kind, (0.0, 0.0))
         if reading != completed_at:
@@ -243,10 +245,7 @@ class Reader:
         return answer
 
     async def _newest_answer(self, operation: op.Operation) -> object:
-        """Return a new answer of the mount. Raises Fault.
-
-        A position that was requested before the last motion order is outdated: the mount is asked again.
-        """
+        """Return a new answer of the mount; ask again if a motion order has outdated its position. Raises Fault."""
         kind, answer = type(operation), NOT_CACHED
         for _ in range(MAX_READ_TRIES):
             if (source := self.source_of(kind)) is not None:
@@ -316,9 +315,7 @@ class Reader:
         mark_exception_retrieved(task)
 
     def _required_event(self, operation: op.Operation) -> asyncio.Event:
-        """Return the event for which this read waits: the mount has replied (for a position) or is identified (for
-        anything else).
-        """
+        """Return the event that this read awaits: the mount's first reply for a position, else its identification."""
         return self._context.replied if isinstance(operation, op.Position) else self._context.identified
 
     async def _ask_native(self, operation: op.NativeRequest) -> bytes:

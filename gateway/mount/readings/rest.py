@@ -25,8 +25,8 @@ TIME_TO_REST = 8.0
 MIN_COMPARED_GAP, SAMPLE_GAP = 0.7, 0.2
 #: Degrees a second: the slowest motion that the check must notice.
 MIN_NOTICED_SPEED = 30.0 * ARCSECOND
-#: Up to this speed, degrees a second, a turn of the azimuth axis counts as tracking: at least the first number. Near
-#: the zenith: the second number times the rate at which tracking turns that axis, but at most the third number.
+#: Slow turns of the azimuth axis count as tracking: up to ZENITH_SPEED_FACTOR times the speed at which tracking turns
+#: that axis, but at least up to MIN_TRACKING_SPEED and at most up to MAX_AZ_SPEED, degrees a second.
 MIN_TRACKING_SPEED, ZENITH_SPEED_FACTOR, MAX_AZ_SPEED = 0.1, 3.0, 2.5
 
 
@@ -43,7 +43,6 @@ class RestSample(NamedTuple):
 
 async def wait_for_rest(context: Context, reader: Reader, timeout: float = TIME_TO_REST) -> None:
     """Sample the position until the mount is at rest. Raises Fault if it still moves, or if that cannot be determined.
-
     A mount that hibernates is at rest and is not asked.
     """
     samples: deque[RestSample] = deque()

@@ -71,12 +71,12 @@ class StopTiming(Struct, frozen=True):
 
     @property
     def stop_time(self) -> float:
-        """Seconds from the time of a position until a stop because of this position has ended the motion."""
+        """Seconds from the reading of a position to the end of the motion, if that position causes a stop."""
         return (STOP_EXCHANGES + self.n_reads - 1) * self.round_trip + self.run_on
 
     @property
     def reaction(self) -> float:
-        """Seconds from the time of a position until a stop because of the next position has ended the motion."""
+        """Seconds from the reading of a position to the end of the motion, if only the next position causes a stop."""
         return self.position_interval + self.stop_time
 
     def reaction_time_after(self, elapsed: float) -> float:
@@ -116,7 +116,7 @@ class PastMeridianState(Struct, frozen=True):
 class Verdict(Struct, frozen=True):
     """``reason`` says why the motion must end; empty if it may continue.
 
-    It may continue for ``stop_in`` (None: without limit). If no new position arrives in that time, it must
+    It may continue for ``stop_in`` seconds (None: without limit). If no new position arrives in that time, it must
     stop, because it may have reached the limit with the name ``limit_name``.
     """
 
@@ -145,9 +145,8 @@ class CheckedPath(Struct):
         self.points, self.min_altitude, self.allowed = None, -90.0, False
 
     def set_points(self, points: list[Pair], zenith: Pair, allowed: bool, lost_margin: float) -> None:
-        """Take the readings along the paths, and at the zenith. Not ``allowed``: the tube may be on other paths.
-
-        ``lost_margin``: degrees below all these readings at which the goto counts as astray.
+        """Store the axis readings along the paths; none if not ``allowed``, because the tube may be on other paths. The
+        goto counts as astray ``lost_margin`` degrees below all of them. ``zenith``: the axis readings of the zenith.
         """
         self.points, self.allowed = points if allowed else [], allowed
         self.min_altitude = min(0.0, 90.0 - max(separation(*direction, *zenith) for direction in points) - lost_margin)
@@ -175,8 +174,7 @@ class JudgedState(Struct, frozen=True):
 
     @property
     def on_checked_path(self) -> bool:
-        """Whether only a checked goto moves the mount: no motion by hand has replaced it, and none of its axes was
-        stopped.
+        """Whether only a checked goto moves the mount: no motion by hand has replaced it, and no axis was stopped.
 
         A goto off its paths does not count: it is watched like a motion by hand.
         """
@@ -278,10 +276,7 @@ def degrees_to_limits(last: PositionSample, limits: Limits, sun_limit: float) ->
 
 
 def degrees_inside(limits: Limits, altitude: float) -> Pair:
-    """Return how far an altitude is above the lowest and below the highest one, degrees.
-
-    Limits of -90 and 90 degrees are off, because nothing lies beyond them.
-    """
+    """Return the degrees of an altitude above the lowest and below the highest limit; infinite without that limit."""
     return (
         altitude - limits.lowest if limits.lowest > -90.0 else inf,
         limits.highest - altitude if limits.highest < 90.0 else inf,

@@ -67,9 +67,8 @@ def angle_from_pier_side(hour_angle: float, side: str | None) -> float:
 
 
 def past_meridian(axis_angle: float, german: bool | None) -> float:
-    """Return the angle of the tube past the meridian, degrees; negative on the free side.
-
-    On a German mount the counterweight shaft is then above horizontal. On a fork it is the hour angle, east or west.
+    """Return how far the tube is past the meridian, degrees: on a German mount the angle of the counterweight shaft
+    above horizontal (negative on the free side), on a fork the hour angle, east or west.
     """
     return abs(wrap180(axis_angle)) - (LEVEL_SHAFT_ANGLE if german else 0.0)
 
@@ -109,7 +108,7 @@ class HourAngleWatch:
         self._past_samples, self._axis_angle = (), None
 
     def take_reading(self, axes: op.Horizontal) -> None:
-        """Take an axis reading."""
+        """Store how far the tube is past the meridian by this axis reading, unless a goto is under way."""
         turned = angle_from_axes(self._mount, axes) if self.has_limit and reports_axes(self._mount) else None
         if turned is not None and not self._mount.movement.slewing:
             self._add_sample(self._mount.now(), turned)

@@ -33,7 +33,6 @@ class SyncSum(Struct, frozen=True, omit_defaults=True):
 
     east: float = 0.0
     north: float = 0.0
-    #: Sum of the turns of both axes; and the other possible sum, if the mount may believe that it points the other way.
     turned: Pair = (0.0, 0.0)
     around: Pair | None = None
 
@@ -83,7 +82,7 @@ class SyncTotal:
         self.value, self.resync_reason = self.pending, ""
 
     def reset(self, reason: str = "") -> None:
-        """Reset the sum after an alignment or without one; ``reason`` says why the alignment may be lost."""
+        """Reset the sum after a new alignment, or because the alignment may be lost, as ``reason`` says."""
         self.value, self.resync_reason = SyncSum(), reason
 
 

@@ -109,8 +109,7 @@ def abandoned_motions(
 ) -> list[tuple[SupervisedMotion, str]]:
     """Return the motions whose client has disconnected or has been silent for too long, each with the reason as text.
 
-    ``max_silence`` and ``max_away`` are the seconds allowed on an open connection, and after the last one
-    was closed.
+    Silence on an open connection is allowed for ``max_silence`` seconds, absence without one for ``max_away`` seconds.
     """
     moments = []
     for motion in motions:
@@ -194,7 +193,7 @@ class SunApproachWatch:
         self.warning = ""
 
     def check(self, position: op.Equatorial) -> None:
-        """Examine a position of the mount, at most twice a minute."""
+        """Update ``warning`` by a position of the mount, at most twice a minute; log it if there was none before."""
         mount, now = self._mount, self._mount.now()
         if now < self._next_check or not mount.suns.min_dist:
             return
@@ -222,7 +221,7 @@ class SunApproachWatch:
         return ""
 
     def _distance(self, position: op.Equatorial, sun: Sun, seconds: float) -> float:
-        """Return the degrees from the tube to ``sun``, the Sun in ``seconds``, if the tube does not track till then."""
+        """Return the degrees to ``sun`` from a tube that stands still for ``seconds`` while the sky turns."""
         tube = self._mount.suns.tube(position, sun.sync_shift)
         return separation(tube.ra + SIDEREAL_RATE * seconds, tube.dec, sun.ra, sun.dec)
 

@@ -108,8 +108,7 @@ class LimitWatch:
     def others_move(self, axis: int) -> bool:
         """Whether the last two positions show that somebody else moves this axis faster than any tracking.
 
-        Motion soon after a goto belongs to it. On an alt-azimuth mount, motion of either axis counts: both follow the
-        sky.
+        Motion soon after a goto belongs to it. On an alt-azimuth mount either axis counts, because both follow the sky.
         """
         mount, before, last, now = self._mount, self.observed.previous, self.observed.last, self._mount.now()
         if mount.movement.any_motion or mount.run_on.current is not None or now - self._goto_ended_at < SETTLE_TIME:
@@ -426,7 +425,7 @@ class OthersWatch:
         self.just_began = self.is_moving = False
 
     def record(self, now: float, is_moving: bool) -> None:
-        """Record whether the last two positions show such a motion."""
+        """Record whether the last two positions show motion that no client ordered."""
         self.just_began, self.is_moving = is_moving and not self.is_moving, is_moving
         if self.just_began or not is_moving:
             self.began_at = now

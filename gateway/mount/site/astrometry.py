@@ -84,9 +84,8 @@ class SiteAstrometry:
         return op.Equatorial(*self.sky.to_ra_dec(position.az, position.alt, place.latitude, place.longitude, unix))
 
     def axes_of(self, position: op.Equatorial, on_wedge: bool = False) -> op.Horizontal:
-        """Return the axis readings of an equatorial mount for a position.
-
-        The first axis of a German mount reads 0 at hour angle 0, that of a fork on a wedge reads 0 in the north.
+        """Return the axis readings of an equatorial mount for a position. The first axis of a German
+        mount reads 0 at hour angle 0, that of a fork on a wedge reads 0 in the north.
         """
         geometry = Geometry(Build.WEDGE if on_wedge else Build.GERMAN, self.site().latitude)
         first, second = geometry.to_axes(self.sidereal_time() - position.ra, position.dec, False)
@@ -113,9 +112,8 @@ class SiteAstrometry:
 
 
 class SyncShift(NamedTuple):
-    """A pointing error of the tube that syncs may have caused: of the first and of the second axis, degrees.
-
-    These axes are azimuth and altitude, or hour angle and declination if ``polar``.
+    """A pointing error of the tube that syncs may have caused, degrees: in azimuth (``first``) and altitude
+    (``second``), or if ``polar``, in hour angle and declination.
     """
 
     first: float
@@ -178,8 +176,8 @@ class SunAvoidance:
     """The directions of the Sun to avoid while it is up. ``min_distance``: smallest allowed distance, degrees; 0: none.
 
     A mount that is aligned on stars has the right coordinates even if its clock is wrong. So the Sun is avoided at its
-    right ascension and declination. Another mount calculates its axis positions from coordinates by its site and clock,
-    which may be wrong. So the Sun is also avoided at its azimuth and altitude (for a polar axis, hour angle and
+    right ascension and declination. Any other mount calculates its axis positions from coordinates by its site and
+    clock, which may be wrong. So the Sun is also avoided at its azimuth and altitude (for a polar axis, hour angle and
     declination) by each source of site and time.
     """
 
@@ -243,9 +241,8 @@ class SunAvoidance:
         return separation(tube.ra, tube.dec, sun.ra, sun.dec)
 
     def distances(self, position: op.Equatorial) -> list[float]:
-        """Return the distance of the tube from each Sun to avoid, degrees, if the mount reports ``position``.
-
-        Distances from confirmed Suns come first.
+        """Return the distance of the tube from each Sun to avoid, degrees, if the mount reports ``position``. Distances
+        from confirmed Suns come first.
         """
         return [self.distance(position, sun) for sun in self.suns_to_avoid()]
 

@@ -89,7 +89,9 @@ class IncomingSettings:
         self.deadlines.pop(program, None)
 
     def goto_refusal(self, now: float, calculating: bool = False) -> Busy | None:
-        """Return the fault for a goto that waits for a site or clock; None if neither is pending or expected."""
+        """Return the refusal of a goto that must wait for a site or clock; None if neither is pending or expected. Its
+        text says how long to wait: longer if the mount is ``calculating`` its planets.
+        """
         coming = [setting for (kind, _), setting in self.pending.items() if kind in AT_REST]
         self.deadlines = {program: until for program, until in self.deadlines.items() if until > now}
         if not (coming or self.deadlines):
@@ -128,7 +130,6 @@ def after_attempt(pending: Pending, setting: Setting, now: float) -> Pending:
 
 def next_setting(pending: Pending, now: float) -> Setting | float | None:
     """Return the setting to be sent now, else the time at which the next one is due; None if there are none.
-
     The clock is sent last, because a classic telescope does not respond for seconds afterwards.
     """
     due = [setting for setting in pending.values() if setting.due_at <= now]
@@ -139,7 +140,6 @@ def next_setting(pending: Pending, now: float) -> Setting | float | None:
 
 def site_matches_sent(sent_settings: Sequence[Setting], previous: Place | None, reported: Place) -> bool:
     """Whether the site that the mount reports may come from the sites that the gateway has sent.
-
     Latitude and longitude may each be the old value or a sent value, because the mount may have received only one.
     """
     values = [setting.value for setting in sent_settings if isinstance(setting.value, SetSite)]

@@ -24,9 +24,8 @@ Clock = tuple[Moment, float]
 
 
 class SiteOfProgram(Struct, frozen=True):
-    """A complete site that a program has set, its host, and the date. It survives a restart.
-
-    Degrees, north and east positive; ``host`` and ``date`` are text for messages.
+    """A complete site that a program has set, degrees, north and east positive. It survives a restart. ``host`` (of the
+    program) and ``date`` are text for messages.
     """
 
     latitude: Annotated[float, Meta(ge=-90, le=90)]
@@ -64,7 +63,7 @@ NO_SETTINGS = SettingsOfProgram()
 
 
 class ProgramSettings:
-    """The settings of all programs. ``newest``: the last site that a program has set and the mount has not accepted."""
+    """The site and clock that each program has set and the mount has not accepted; ``newest``: the last such site."""
 
     def __init__(self) -> None:
         self._by_program: dict[ProgramId, SettingsOfProgram] = {}

@@ -48,7 +48,7 @@ class SiteView:
         return SiteTimeSources(self._site_clock).unix() if moment is None else moment.unix
 
     def answer(self, kind: type[Operation]) -> Place | Moment | Gps | None:
-        """Return the cached answer to GetSite, GetClock or GetGps, None if there is none."""
+        """Return the known answer to GetSite, GetClock or GetGps; None if there is none."""
         if kind is GetSite:
             return self.site()
         if kind is GetGps:
@@ -77,7 +77,9 @@ class SiteView:
         return None not in (half.latitude, half.longitude)
 
     def take_completed_site(self) -> SetSite | None:
-        """Return the site to send; None if unknown. A latitude or longitude not set is that of the previous site."""
+        """Return the site to send, and forget its parts; None if there is nothing to send. A latitude or longitude that
+        was not set is that of the previous site.
+        """
         place = self.site()
         if self.settings.half_site is None or place is None:
             return None

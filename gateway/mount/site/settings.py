@@ -132,7 +132,7 @@ class SiteClockOperations:
         return "everyone, as long as neither the mount nor the configuration has one"
 
     async def _mount_has_site(self, site: op.SetSite, other_sites: Sequence[op.SetSite]) -> bool:
-        """Whether the mount has ``site`` and not one of ``other_sites``, the sites that clients have selected since."""
+        """Whether the mount has ``site``, or at least none of ``other_sites``, which clients have set since."""
         if site.latitude is None or site.longitude is None:
             return True
         if self._context.link.state == "up" and not self._context.driver.asleep:
@@ -189,7 +189,7 @@ class SiteClockOperations:
             raise Refused(f"The mount refused it: {why}")
 
     async def _set_clock_from_gps(self, operation: op.ClockFromGps, program: ProgramId) -> None:
-        """Set the mount's clock from its GPS; if that is not allowed, set this program's clock. Raises NoDevice."""
+        """Set the mount's clock from its GPS; if not allowed, this program's clock. Raises NoDevice without a fix."""
         try:
             mount_too = await self.sender.may_set_site_clock()
         except Fault:

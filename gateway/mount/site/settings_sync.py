@@ -52,7 +52,7 @@ def note_not_sent(mount: Context, setting: Setting, reason: str) -> None:
 
 
 def note_sent(mount: Context, setting: Setting, clock_advance: float | None = None) -> None:
-    """Log who has set the mount's site or clock, and the contradicting sources. ``clock_advance``: change, seconds."""
+    """Log who has set the mount's site or clock, and contradicting sources. ``clock_advance``: change, seconds."""
     by, value = setting.client_name or "the gateway", setting.value
     if isinstance(value, op.SetSite) and value.latitude is not None and value.longitude is not None:
         mount.note(

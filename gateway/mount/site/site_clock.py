@@ -37,9 +37,7 @@ MOUNT_SOURCE, GPS_SOURCE, CONFIGURED, COMPUTER, PROGRAM, FORMER_SITE_SOURCE = (
 
 
 class SourcedSite(NamedTuple):
-    """A site and its source. ``set_by``: the host of the program that has set this site in the mount; empty if no
-    program has.
-    """
+    """A site and its source. ``set_by``: the host of the program that has set this site in the mount, empty if none."""
 
     place: Place
     source: str
@@ -53,7 +51,6 @@ class SourcedSite(NamedTuple):
 
 class SourcedTime(NamedTuple):
     """The present time (UTC, Unix seconds), its source, and whether it may be wrong (a computer without a battery).
-
     ``set_by``: the host of the program that has set the mount's clock; empty if no program has.
     """
 
@@ -115,7 +112,7 @@ class SiteClock:
         return self.program_settings.newest or (self.stored_site if self._site_requested else None)
 
     def site_to_store(self) -> SiteOfProgram | None:
-        """Return the site to store for a restart: a program's. None if the mount or GPS reports a site."""
+        """Return the last site of a program, to store it for a restart; None if the mount or its GPS reports a site."""
         known = self.mount_site is not None or self.gps_site is not None
         return None if known else self.program_settings.newest or self.stored_site
 
@@ -156,9 +153,7 @@ class SiteClock:
 
     def take_mount_site(self, site: Place, sent_by_gateway: bool = False, set_by: str | None = None) -> bool:
         """Store the site that the mount reports. Return whether somebody has changed it at the mount; if so, forget the
-        sites of programs.
-
-        ``sent_by_gateway``: the gateway itself has sent this site, for a program on the host ``set_by``.
+        sites of programs. ``sent_by_gateway``: the gateway has sent this site, for a program on the host ``set_by``.
         """
         before = self.mount_site
         if before is None or not _same_place(before, site):  # some tell minutes of what was set to seconds

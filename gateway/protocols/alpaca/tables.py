@@ -110,7 +110,7 @@ _FIELD_FORM = re.compile(r"\{\w+:(\w+)\}")
 
 
 def empty_value(command: Command) -> dict[str, Any]:
-    """Return the key ``Value`` of an answer that reports an error; an empty mapping for a member without a value."""
+    """Return the key ``Value`` of an error's answer: an empty value of the member's type; {} if it has no value."""
     match = _FIELD_FORM.search(str(command.replies[0][1].source)) if command.replies else None
     if match is None:
         return {}

@@ -70,9 +70,8 @@ class Schedule(NamedTuple):
 
 
 class Remark(NamedTuple):
-    """A sentence for the log: the driver does something differently from what was requested.
-
-    The same text is written once. Of remarks with the same ``kind``, whose numbers differ, only the first is written.
+    """A sentence for the log: the driver does something differently from what was requested. The same text is written
+    once. Of remarks of the same ``kind``, which differ only in their numbers, only the first is written.
     """
 
     text: str
@@ -84,6 +83,7 @@ Step = Send | Wait | Schedule | Remark
 Steps = Generator[Step, Any, Any]
 #: A function of a protocol's driver, (driver, operation) -> steps. Each handles a kind of operation.
 Handler = Callable[..., Steps]
+#: Class of an operation that a driver schedules for itself -> its handler.
 FollowUps = dict[type[op.Operation], Handler]
 #: What the state file stores for a driver.
 SavedValues = dict[str, Any]
@@ -104,12 +104,11 @@ class GotoUnderWay(Struct):
 
 
 class Driver:
-    """Carries out operations by the rows of ``driver.toml``, and holds what is known of the mount's state.
-
-    ``handlers``: the functions that the rows name, ``(driver, operation) -> Steps``.
+    """Carries out operations by the rows of ``driver.toml``, and holds what is known of the mount's state. ``handlers``
+    are the functions that these rows name, ``(driver, operation) -> Steps``.
     """
 
-    #: Whether setting site and time on an aligned mount has no side effects; whether it ends the alignment.
+    #: Whether site and time can be set on an aligned mount without side effects; whether setting them ends alignment.
     can_set_site_aligned = loses_alignment = False
     #: How many commands it takes to read both coordinates of the position.
     position_reads = 1
@@ -122,7 +121,7 @@ class Driver:
     angle_steps: tuple[float, float] = (resolution, resolution)
     #: How many times faster than a real mount a simulated mount slews.
     speed_factor = 1.0
-    #: The years to which the mount's clock can be set, or that of the gateway for a mount without a clock.
+    #: The years to which the clock can be set: the mount's, or the gateway's own for a mount without a clock.
     clock_years = range(1900, 2100)
     #: Whether the mount has a GPS receiver of its own, and whether it times guide pulses itself.
     gps = times_pulses = False
@@ -223,7 +222,7 @@ class Driver:
         """Note that the mount has refused Park or Home; mounts that report no home state then count as not at home."""
 
     def tube_side(self, reported: str) -> str | None:
-        """Return the tube's real side of the pier (E, W), given the mount's answer to PierSide; None without sides."""
+        """Return the tube's real side of the pier, E or W, from the one that the mount reports; None if it has none."""
         return None
 
     def give_up_goto(self) -> None:
@@ -231,9 +230,8 @@ class Driver:
         self.goto = None
 
     def begin_goto(self, state: GotoUnderWay, order: Steps, is_slewing: Handler) -> Steps:
-        """Begin a goto with the steps of ``order``. It counts as under way before they are sent, so a stop ends it.
-
-        If the acknowledgement is lost, ``is_slewing`` reads whether the mount slews. Raises NoAnswer if it does not.
+        """Begin a goto with the steps of ``order``; it counts as under way before they are sent, so a stop ends it. If
+        the acknowledgement is lost, ``is_slewing`` reads whether the mount slews. Raises NoAnswer if it does not slew.
         """
         self.parked, self.goto = False, state
         try:
@@ -261,11 +259,11 @@ class Driver:
 
     @property
     def stale_note(self) -> str:
-        """A message about settings kept by the gateway that a power cycle of the mount makes wrong; empty if none."""
+        """A message: which settings kept by the gateway a power cycle of the mount resets; empty if it resets none."""
         return ""
 
     def forget_emulated(self) -> Steps:
-        """Reset the settings that the gateway keeps for the mount, or send them again, after a possible power cycle."""
+        """After a possible power cycle, reset the settings that the gateway keeps for the mount, or send them again."""
         yield from ()
 
     def on_lost_line(self) -> None:

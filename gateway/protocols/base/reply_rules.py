@@ -28,7 +28,7 @@ class ExpectedReply(NamedTuple):
     unterminated: bool  # the reply has no terminator, so that nothing shows that it is complete
     delay_after: float = 0.0  # the pause in seconds that the mount needs after a ``silent`` command
     silent: bool = False  # the command has no reply
-    needs_close: bool = False  # if no reply arrives, ``ReplyRules.half_command_end`` must be sent before anything else
+    needs_close: bool = False  # if no reply arrives, ``half_command_end`` must be sent before anything else
     #: Replies that may also begin a longer one: complete if nothing follows for ``REPLY_END_GAP`` seconds.
     ambiguous: frozenset[bytes] = frozenset()
     #: On a wire that delivers only the newest reply: how many seconds a stop waits for this reply before it is sent.
@@ -36,9 +36,8 @@ class ExpectedReply(NamedTuple):
 
 
 def answer_kind(commands: CommandSet, command: str, asked_once: bool, raw: bool) -> str | None:
-    """Return how the value in a reply may change between two requests (``AnswerKind``); None: accept it unverified.
-
-    A raw reply, which a client receives exactly as the mount sent it, is verified like a ``state``.
+    """Return how the value in a reply may change between two requests (``AnswerKind``); None: accept it unverified. A
+    raw reply, which a client receives exactly as the mount sent it, is verified like a ``state``.
     """
     answer = commands.commands[command].answer_kind
     if asked_once or answer == "stream":
@@ -64,9 +63,7 @@ class TableReplyParser:
         self.protocol = commands
 
     def parse_reply(self, request: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
-        """Return the first reply in the buffer and its length; None if it is incomplete. Raises ValueError for a field
-        that is out of range.
-        """
+        """Return the first reply and its length; None if incomplete. Raises ValueError for a field out of range."""
         for reply, template in self.protocol.commands[request.command].replies:
             if (match := template.matcher.match(buffer)) is not None:
                 if reply.fault is not None:

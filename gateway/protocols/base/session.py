@@ -50,7 +50,7 @@ class NamedSite(Struct, frozen=True, omit_defaults=True):
     longitude: Annotated[float, Meta(ge=-360, le=360)] | None = None
 
 
-#: A site number with nothing stored.
+#: The site of a number under which nothing is stored.
 UNNAMED = NamedSite()
 
 
@@ -61,9 +61,9 @@ class MountSettings(Struct, frozen=True):
     #: The number of the site that was selected last, from 0; None if none ever was.
     site: int | None = None
     zone: tuple[float, int] | None = None  # hours of the time zone and of daylight saving; the sum is the UTC offset
-    pec: bool | None = None
+    pec: bool | None = None  # whether periodic error correction is on, as last set; None if it never was
     motors: Mapping[str, int] = {}  # setting of a motor (``backlash 1 pos``, ``guide rate 2``) -> value
-    manual_hertz: float | None = None
+    manual_hertz: float | None = None  # the manual tracking rate, hertz (sidereal is 60.1); None if it never was set
     pulse_ends: Mapping[int, float] = {}  # axis -> Unix time at which its last guide pulse ends
 
     def site_at(self, index: int) -> NamedSite:
@@ -95,8 +95,7 @@ class ClientState(Struct):
 
 class Session:
     """One client of a surface: its settings, the model presented to it, and the settings shared by all clients.
-
-    It begins with a copy of ``client``, if given. ``on_denied_change`` is called when a read-only client tries to
+    ``client``: the settings to begin with, copied. ``on_denied_change`` is called when a read-only client tries to
     change a setting.
     """
 
@@ -131,7 +130,7 @@ class Session:
         self.client = self.client_state_type(self.settings.precision)
 
     def use_program_settings(self, settings: Values) -> None:
-        """Use the settings for the client's program, which has now been recognised."""
+        """Use the settings that are configured for the client's program, now that the program is recognised."""
         self.settings = replace(self.settings, **settings)
         self.client.precision = settings.get("precision", self.client.precision)
 
@@ -140,7 +139,7 @@ class Session:
         return self.settings_holder.settings
 
     def set_for_all(self, settings: MountSettings, *, save: bool = True) -> None:
-        """Replace the shared settings; ``save`` writes them to the state file. Raises ReadOnly."""
+        """Replace the shared settings, with ``save`` also in the state file. Raises ReadOnly if the client may not."""
         self.check_may_set()
         self.settings_holder.settings = settings
         if save:

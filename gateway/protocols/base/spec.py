@@ -113,9 +113,7 @@ class LogCommands(Struct, frozen=True):
 
 
 def lazy(module: str, name: str) -> Callable[..., Any]:
-    """Return a function that calls ``name`` of a module of the protocol. The first call imports the module, so that the
-    start of the gateway is fast.
-    """
+    """Return a function that calls ``name`` of a module and imports it only then, so that the gateway starts fast."""
     return lambda *given, **settings: getattr(import_module(f"gateway.protocols.{module}"), name)(*given, **settings)
 
 
@@ -177,7 +175,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     check_version: Callable[[str], str] = _checked_version
     #: A row of models.toml -> the versions of that model.
     versions_of: Callable[[Model], list[str]] = lambda row: list(row.get("versions", ()))
-    #: Word that stands for a model of certain versions -> function from the configured version to the version meant.
+    #: A name that may stand for the model -> function from the version after it (None if there is none) to the version.
     version_names: Mapping[str, Callable[[str | None], str]] = {}
     #: The version that is presented to programs if the user names none.
     presented_version: str | None = None
@@ -185,7 +183,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     # --- recognising it ---
     #: The probability that these bytes of a client are in this protocol, 0 to 1.
     recognises: Callable[[bytes], float] = lambda sent: 0.0
-    #: The first bytes of its programs, if they are no command of other protocols, whose surfaces then refuse them.
+    #: The bytes with which its programs begin, if no other protocol has such a command: other surfaces refuse them.
     greeting: bytes = b""
     #: Whether its programs wait for data first: on a port for all protocols a silent client speaks this protocol.
     mount_speaks_first: bool = False
@@ -193,7 +191,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     #: are answered, and the protocol stays undecided.
     shared_openings: bytes | None = None
     probes: tuple[Probe, ...] = ()
-    #: State of a device other than a protocol, as ``Probe.judge`` returns it -> its description for ``detect``.
+    #: State of a device that speaks no protocol, as ``Probe.judge`` returns it -> its description for ``detect``.
     detect_states: Mapping[str, str] = {}
     #: Returns the mounts that servers offer: those at these addresses, or all that answer in the network.
     find_mounts: Callable[[Sequence[str] | None], Awaitable[list[OfferedMount]]] | None = None
@@ -201,7 +199,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     cable: str = ""  # where to plug in the cable, in words
     #: A warning of ``detect`` about mounts that may not answer its questions; ``{port}`` stands for the port.
     detect_warning: str = ""
-    #: Default host or port of devices of this maker that the gateway does not support -> what it is, and what to do.
+    #: Default host or port of a device of this maker that the gateway does not support -> its kind, and what to do.
     unsupported_at: Mapping[str, str] = {}
     #: The source, in messages, of the statement that mounts of some versions use J2000.
     j2000_source: str = "its maker"

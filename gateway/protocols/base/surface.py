@@ -219,7 +219,6 @@ class Surface:
 
     def _operation_of_row(self, session: Session, row: SurfaceRow, values: Values) -> Operation:
         """Return the operation of a row with ``ask``, its fields from the command, the row or the client's settings.
-
         Raises NoTarget if a required field is missing.
         """
         kind, needs = _operation_fields(row.ask or "")
@@ -244,7 +243,7 @@ class Surface:
 
 
 def _drops_motion(request: SurfaceStep) -> bool:
-    """Whether a request would begin a motion and is dropped silently. Raises Disturbed if its client awaits a reply."""
+    """Whether a request begins a motion and may be dropped silently. Raises Disturbed if its client awaits a reply."""
     if not begins_motion(getattr(request, "operation", request)):
         return False
     if isinstance(request, FireAndForget):

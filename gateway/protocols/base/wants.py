@@ -73,7 +73,7 @@ Handling = Generator[SurfaceStep, Any, Any]
 
 
 def decoded(values: Values) -> Values:
-    """Return the values of a command. If they could not be decoded, raise the Fault in ``values``."""
+    """Return the values of a command unchanged. Raises the Fault in ``values`` if the command could not be decoded."""
     if "fault" in values:
         raise values["fault"]
     return values

@@ -95,7 +95,7 @@ class Lx200Framer:
         self._pending_colon = self._before_pause = False
 
     def _begin_burst(self) -> None:
-        """Begin a burst after a pause: nothing is suspect. Report an unterminated text; keep only a partial stop."""
+        """After a pause begin a burst: nothing is suspect. Report an unterminated text; keep a stop that has begun."""
         self._is_suspect = False
         self._before_pause = bool(self._frame)
         if self._unterminated:
@@ -138,7 +138,7 @@ class Lx200Framer:
             self.dropped.add(piece, reason)
 
     def _extend_unterminated(self, piece: bytes, command: str | None) -> None:
-        """Add a piece to the unterminated text (for the log), and its command, whose setting the refusal clears."""
+        """Add a piece to the unterminated text, which is logged, and its command to those that will be refused."""
         self._unterminated_text += piece[: MAX_COMMAND_LENGTH - len(self._unterminated_text)]
         if command is not None:
             self._unterminated[command] = None

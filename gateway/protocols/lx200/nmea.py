@@ -8,7 +8,7 @@ from gateway.core.operations import Gps, Place
 
 
 def parse_fix(sentence: str) -> Gps | None:
-    """Parse an RMC sentence; return None if it is of another type or garbled."""
+    """Parse an RMC sentence; ``linked`` is False without a fix. Return None if it is of another type or garbled."""
     import pynmea2
 
     try:

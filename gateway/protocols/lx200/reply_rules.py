@@ -1,10 +1,10 @@
 """The forms of requests to a Meade and of its replies.
 
 A reply has one of five forms: none, one character, text up to ``#``, one character and text, two texts (``:SC``). A raw
-0x15 instead of any reply, or without one, means busy (LX200GPS). After a command without a reply the gateway pauses,
+0x15 means busy (LX200GPS), also after a command that has no reply. After a command without a reply the gateway pauses,
 because old telescopes need it. The parser accepts only the exact form, apart from line ends, blanks and zero bytes
-around a reply; an unexpected digit that a text follows is a refusal with that text. If a surface presents the mount
-itself, the gateway writes its replies in the ``Notation`` of the connected telescope.
+around a reply. An unexpected digit before a text is a refusal with that text. If a surface presents the mount itself,
+the gateway writes its replies in the ``Notation`` of the connected telescope.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _PATTERNS = {
     "sHH.H": rb"[+-]?\d\d?(?:[.:]\d\d?)?",
 }
 _FIELD = re.compile(r"\{\w+:([^}]*)\}")
-#: What some mounts send around a reply, and before its ``#`` where that ends no text.
+#: Bytes that some mounts send before and after a reply; and such bytes before its ``#``, unless that ends a text.
 PADDING, _PADDED_HASH = b"\r\n\t \0", re.compile(rb"[\r\n\t \0]+#")
 #: A digit and a text, as a mount refuses an order; and a text that cannot be a reply to anything else.
 _DIGIT_AND_TEXT, _REFUSAL_TEXT = re.compile(rb"(\d)\s*([A-Za-z][^#]*)#"), re.compile(rb"[^\d]* [^\d]*")
@@ -81,7 +81,7 @@ def _comparable_forms(form_texts: tuple[str, ...]) -> frozenset[str]:
     return frozenset(shapes)
 
 
-#: The commands whose answers show a telescope's notation, and the commands that are written in the same way.
+#: The commands whose replies show a telescope's notation; those of them for the site; the example for other commands.
 EXAMPLE_COMMANDS = frozenset({"GR", "GD", "GZ", "GA", "GT", "Gt", "Gg"})
 SITE_COMMANDS = frozenset({"Gt", "Gg"})
 EXAMPLE_BY_COMMAND = {"Gr": "GR", "Gd": "GD"}
@@ -110,7 +110,7 @@ class Notation:
             self._deg_sign = answer[_DEGREE_SIGN]
 
     def write(self, command: str, reply: bytes) -> bytes:
-        """Write a reply in this telescope's notation: that of its example reply, or without one its degree sign."""
+        """Write a reply in this telescope's notation: like its last reply to the command, else with its degree sign."""
         example = self._examples.get(EXAMPLE_BY_COMMAND.get(command, command), b"")
         if command == "GT":
             return b"+" + reply if example.startswith(b"+") and reply[:1].isdigit() else reply
@@ -230,7 +230,7 @@ def _form_texts(protocol: CommandSet, command: str) -> tuple[str, ...]:
 
 @cache
 def _undocumented_digits(protocol: CommandSet, command: str) -> frozenset[bytes]:
-    """Return the digits that are no documented success of a command that may also reply with a text."""
+    """Return the digits with which no success reply begins; none for a query or a command that never replies a text."""
     replies = [(reply.fault, str(template.source)) for reply, template in protocol.commands[command].replies]
     if protocol.commands[command].is_query or not any("{text" in source for _, source in replies):
         return frozenset()

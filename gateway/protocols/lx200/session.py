@@ -12,7 +12,7 @@ from gateway.astro.catalog.objects import CatalogObject
 from gateway.core.operations import Fields, MoonPlace, PlanetPlace, Rate
 from gateway.protocols.base.session import AltitudeLimits, ClientState, Session
 
-#: The default place on the Moon, for the half that a client has not set.
+#: The default place on the Moon, for the coordinate that a client has not set.
 _MOON_CENTRE = MoonPlace(0.0, 0.0)
 
 
@@ -20,7 +20,7 @@ class ClockDraft(Struct):
     """The parts of a clock that a client has set and that are not sent to the mount yet.
 
     ``time`` is seconds of the day, and the host's time when it was set; ``changed_at`` is when the last part was set.
-    ``by_one_command``: one command has set date and time. ``carried_parts``: parts kept from the clock sent before.
+    ``by_one_command``: one command has set date and time. ``carried_parts``: parts kept from the clock sent last.
     """
 
     time: tuple[float, float] | None = None
@@ -36,7 +36,7 @@ class ClockDraft(Struct):
         return None not in (self.time, self.day, self.offset) and not self.carried_parts
 
     def clear(self) -> None:
-        """Forget all parts: they are being sent."""
+        """Forget all parts, because they are being sent."""
         self.time = self.day = self.offset = None
         self.changed_at, self.by_one_command, self.carried_parts = 0.0, False, frozenset()
 

@@ -73,7 +73,7 @@ class AxisGoto:
         self.set_run_on(0.0, started_at)
 
     def set_run_on(self, run_on: float, ramp_ends: float) -> None:
-        """Subtract the way that the motor still runs on from the distance, and calculate the phases."""
+        """Subtract how far the motor still runs on from the distance to the goal, and calculate the phases."""
         self._goto_distance = self.distance - run_on
         self._phases = _plan_goto(abs(self._goto_distance), *self._rates, self.acceleration)
         self.ends_at = max(ramp_ends, self.started_at + sum(phase.seconds for phase in self._phases))

@@ -39,9 +39,8 @@ class Truth(Struct, frozen=True):
     altitude: float  # of the tube, above the true horizon
     azimuth: float  # of the tube, from north through east
     hour_angle: float  # of the tube, in [-180, 180), positive west of the meridian
-    #: How far the counterweight shaft of a German mount is above horizontal, from -90 (straight down) to 90. It is
-    #: horizontal when the tube points at the meridian; above that, the tube has passed the meridian towards the pier by
-    #: as many degrees. None on a fork, which has no pier.
+    #: Degrees by which the tube of a German mount is past the meridian, towards the pier; negative before it. This is
+    #: the angle of the counterweight shaft above horizontal: -90 if it points straight down. None on a fork.
     past_meridian: float | None
     sun_distance: float  # of the centre of the field of view from that of the Sun; accurate to 0.02 degrees
     rate1: float  # present speed of the first axis, degrees a second, positive if ``axis1`` increases
@@ -89,7 +88,7 @@ def sun_position(unix: float) -> tuple[float, float]:
 
 
 async def sample(simulator: Simulated, record: Callable[[Truth], object], period: float = SAMPLE_PERIOD) -> None:
-    """Call ``record`` with the Truth every ``period`` seconds of simulator time, until it raises an exception."""
+    """Call ``record`` with the Truth every ``period`` seconds of simulator time, until ``record`` raises."""
     due: float = simulator.clock()
     while True:
         truth = truth_of(simulator)

@@ -32,7 +32,7 @@ SYNSCAN_3_FROM, SYNSCAN_4_FROM, SYNSCAN_3_COUNTS_AS, OLD_SYNSCAN_COUNTS_AS = (3,
 #: Tracking modes by their code in ``t`` and ``T``; ``SHIFTED_MODES`` on German mounts of a few versions.
 MODES = {0: Tracking.OFF, 1: Tracking.ALTAZ, 2: Tracking.EQ_NORTH, 3: Tracking.EQ_SOUTH}
 SHIFTED_MODES = {0: Tracking.OFF, 1: Tracking.EQ_NORTH, 2: Tracking.EQ_SOUTH}
-#: None is the equatorial mode of the mount's hemisphere. 3 is 2 with periodic error correction.
+#: A SynScan's modes: None is the equatorial mode of the mount's hemisphere; 3 is 2 with periodic error correction.
 SYNSCAN_MODES = {0: Tracking.OFF, 1: Tracking.ALTAZ, 2: None, 3: None}
 
 
@@ -100,7 +100,7 @@ def modes_by_code(row: Model, version: Version | None) -> Mapping[int, Tracking 
 
 
 def mode_code(mode: Tracking, row: Model, version: Version | None) -> int:
-    """Return the code of a tracking mode; 1, which tracks, for a mode that this version lacks."""
+    """Return the code of a tracking mode in ``t`` and ``T``; for a mode that this version lacks 1, which tracks."""
     known = modes_by_code(row, version).items()
     return next(
         (code for code, version_mode in known if version_mode is mode or (version_mode is None and mode.equatorial)), 1

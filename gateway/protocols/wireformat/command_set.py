@@ -71,8 +71,8 @@ class CommandSet:
         return [model for model in self.models if model not in self.dialect_by_model]
 
     def model_of_product(self, product: str) -> str | None:
-        """Return the model with a dialect whose product name ``product`` begins with. Return ``other`` for an unknown
-        maker, and None for a mount of the protocol's own maker.
+        """Return the model of another maker whose product name is the beginning of ``product``; None for a mount of the
+        protocol's own maker, ``other`` for one of an unknown maker.
         """
         beginnings = [name for row in self.models.values() for name in row.get("names_begin", ())]
         named = dict.fromkeys(beginnings) | {self.models[model]["product"]: model for model in self.dialect_by_model}

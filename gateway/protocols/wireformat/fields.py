@@ -21,7 +21,7 @@ from gateway.protocols.wireformat import sexagesimal as sx
 
 
 class Codec(NamedTuple):
-    """One field format. ``pattern`` matches the bytes of the field; ``width`` is its length if that is fixed."""
+    """One field format. ``pattern`` matches the bytes of the field; ``length`` is its number of bytes if fixed."""
 
     encode: Callable[[Any], bytes]
     decode: Callable[[bytes], object]

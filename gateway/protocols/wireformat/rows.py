@@ -145,7 +145,7 @@ class Implementation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The TOML file of a dialect, which models name: how another maker's mounts differ from the protocol."""
+    """The TOML file of a dialect (key ``dialect`` of ``models.toml``): how another maker's mounts differ."""
 
     has: list[str]  # the commands of ``commands.toml`` that these mounts have, although it names other models
     commands: dict[str, CommandRow] = {}  # additional commands, and those with another form or meaning

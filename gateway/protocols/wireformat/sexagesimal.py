@@ -31,9 +31,8 @@ def _parts_matcher() -> re.Pattern[bytes]:
 
 
 def parse(raw: bytes, min_parts: int = 2) -> float:
-    """Parse ``sDD*MM:SS`` in any of its notations; return the signed number of degrees or hours.
-
-    Raises ValueError, also for fewer than ``min_parts`` parts.
+    """Parse ``sDD*MM:SS`` in any of its notations; return the signed number of degrees or hours. Raises ValueError,
+    also for fewer than ``min_parts`` parts.
     """
     match = _parts_matcher().fullmatch(raw)
     if match is None:
@@ -53,10 +52,7 @@ def parse(raw: bytes, min_parts: int = 2) -> float:
 
 
 def parse_typed(text: str) -> float:
-    """Parse an angle as people type it, with or without units: ``5h34m32s``, ``22°00'52"``, ``-33 51``, ``83.63``.
-
-    Raises ValueError.
-    """
+    """Parse a typed angle, with or without units: ``5h34m32s``, ``-22°00'52"``, ``83.63``. Raises ValueError."""
     return parse(re.sub(r"[hdms°'\"′″*:\s]+", ":", text.strip().lower()).rstrip(":").encode(), min_parts=1)
 
 
@@ -227,10 +223,7 @@ def date(value: datetime.date) -> str:
 
 
 def parse_date(raw: bytes) -> datetime.date:
-    """Parse ``MM/DD/YY`` with any separator. Years up to 50 are of this century, which covers 1951 to 2050.
-
-    Years of four digits are accepted too. Raises ValueError, also for a year outside that range.
-    """
+    """Parse ``MM/DD/YY`` or ``MM/DD/YYYY`` with any separator. Raises ValueError, also outside 1951 to 2050."""
     match = re.fullmatch(rb" ?(\d{1,2})[/:. -](\d{1,2})[/:. -](\d{2}|\d{4}) ?", raw)
     if match is None:
         raise ValueError(f"'{printable(raw)}' is not a date MM/DD/YY")

@@ -47,8 +47,8 @@ class AltitudeSource(NamedTuple):
         return (self.sky or self.mount.astrometry).horizontal(self.mount.suns.tube(position, self.sync_shift)).alt
 
     def check(self, limits: Limits, altitude: float) -> None:
-        """Check an altitude by this source. Raises BelowHorizon or TooHigh; if the source is not the mount's own data,
-        Contradicted, whose text names the source.
+        """Check an altitude that follows from this source. Raises BelowHorizon or TooHigh if the source is the mount's
+        own data, else Contradicted, whose text names the source.
         """
         try:
             (limits if self.is_mounts_own else limits.without_default_altitudes()).check_altitude(altitude)
@@ -68,14 +68,14 @@ class AltitudeSource(NamedTuple):
 
 
 def mount_sources(mount: Context) -> Iterator[AltitudeSource]:
-    """Yield the mount's own data, then those as if the syncs were wrong; nothing without a site."""
+    """Yield the source of the mount's own data, then those as if the syncs were wrong; nothing without a site."""
     if mount.sources.site() is not None:
         yield AltitudeSource(mount)
         yield from unsynced_sources(mount, mount.frame())
 
 
 def unsynced_sources(mount: Context, frame: PointingFrame) -> Iterator[AltitudeSource]:
-    """Yield the sources that assume that the syncs were wrong."""
+    """Yield an altitude source for each offset that the tube may have if the syncs were wrong."""
     for shift in frame.shifts:
         yield AltitudeSource(mount, sync_shift=shift)
 
@@ -90,8 +90,8 @@ def contradicting_sources(mount: Context, limits: Limits) -> Iterator[AltitudeSo
 
 
 def check_goal(mount: Context, limits: Limits, goal: Equatorial) -> float:
-    """Return the altitude of a goal, checked by every source; the site must be known. Raises Contradicted; BelowHorizon
-    or TooHigh, with the altitude, the time of rising, and the sources that contradict it.
+    """Return the altitude of a goal by the mount's own clock and site (which must be known), degrees. Raises
+    BelowHorizon or TooHigh if it is beyond a limit; Contradicted if that by another source is beyond a set limit.
     """
     altitude = check_altitude(mount, limits, goal)
     for source in (*unsynced_sources(mount, mount.frame()), *contradicting_sources(mount, limits)):
@@ -100,7 +100,7 @@ def check_goal(mount: Context, limits: Limits, goal: Equatorial) -> float:
 
 
 def check_altitude(mount: Context, limits: Limits, goal: Equatorial) -> float:
-    """Return the altitude of a goal by the mount's own site and clock. Raises BelowHorizon or TooHigh."""
+    """Return the altitude of a goal by the mount's own site and clock, degrees. Raises BelowHorizon or TooHigh."""
     altitude = mount.astrometry.horizontal(goal).alt
     try:
         limits.check_altitude(altitude)

@@ -48,7 +48,7 @@ class StretchStart(NamedTuple):
     suns: tuple[Sun, ...] = ()
 
     def past_meridian(self, mount: Context, west_turn: float) -> float | None:
-        """Return how far the tube is past the meridian after a ``west_turn`` of the first axis, degrees, or None."""
+        """Return how far the tube is past the meridian after a ``west_turn`` of the first axis (degrees), or None."""
         return None if self.axis_angle is None else past_meridian(self.axis_angle + west_turn, mount.driver.german)
 
 
@@ -67,7 +67,7 @@ def pulse_as_motion(pulse: op.Pulse | op.PulseAxis) -> tuple[op.Move | op.MoveAx
 
 
 def check_both_directions(mount: Context, limits: Limits, start: StretchStart, turns: dict[int, float]) -> None:
-    """Check these degrees per axis in both directions. Raises BelowHorizon, TooHigh, NearSun or PastMeridian."""
+    """Check turns of each axis by these degrees, either way. Raises BelowHorizon, TooHigh, NearSun or PastMeridian."""
     for way in product(*({degrees, -degrees} for degrees in turns.values())):
         check_turns(mount, limits, start, dict(zip(turns, way, strict=True)))
 
@@ -75,7 +75,7 @@ def check_both_directions(mount: Context, limits: Limits, start: StretchStart, t
 def check_turns(mount: Context, limits: Limits, start: StretchStart, turns: dict[int, float]) -> None:
     """Check a stretch of motion, degrees per axis. Raises BelowHorizon, TooHigh, NearSun or PastMeridian.
 
-    Refuse a stretch that is not finite, or longer than any mount turns: checking it could take for ever.
+    Raises Invalid if the stretch is not finite, or longer than any mount turns: checking it could take for ever.
     """
     if not all(abs(degrees) <= MAX_AXIS_TURN for degrees in turns.values()):
         raise Invalid("It would turn an axis by more than three whole turns.")
@@ -178,7 +178,7 @@ class HandAdmission:
         return self._watch.hour_angle.axis_angle(mount.astrometry.sidereal_time() - position.ra, side)
 
     async def _motor_sense(self, operation: op.Move | op.MoveAxis, status: op.Status) -> int:
-        """Return -1 if the tube turns against the nominal direction: in the south, beyond pole or zenith; else 1."""
+        """Return -1 if the motor turns the tube against the order, as in the south or beyond pole or zenith; else 1."""
         mount, by_motor = self._mount, isinstance(operation, op.MoveAxis)
         if mount.driver.moves_by_gotos:
             return 1
@@ -204,10 +204,9 @@ async def is_beyond_pole_or_zenith(mount: Context, readings: Readings, watch: Li
 async def find_pointings(mount: Context, readings: Readings, watch: LimitWatch) -> set[bool]:
     """Return in which of two ways the axes may point now: the usual (False), the other (True), or both if unknown.
 
-    The other way is the west side of the pier in the north, and beyond the pole or zenith on a fork. On a German mount
-    the way is unknown during a goto, or if no pier side is reported. A hand control that was synced in the other way
-    may take it for the usual one. The pier side, perhaps that of the last goto, may contradict the declination axis. A
-    mount that does not report axes may have been driven over the pole.
+    The other way is the west side of the pier in the north, and beyond the pole or zenith on a fork. A German mount may
+    point in both during a goto, without a reported pier side, if the side contradicts the declination axis (it may be
+    that of the last goto, or of a hand control synced in the other way), or if it may have passed the pole unseen.
     """
     site = mount.astrometry.site_clock.site()
     if not mount.driver.german or site is None:

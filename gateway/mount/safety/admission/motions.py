@@ -69,7 +69,7 @@ class MotionAdmission:
         return None
 
     async def admit(self, operation: op.Operation, activity: HostActivity | None = None) -> op.Operation:
-        """Return the operation, if the limits allow it, in the form that this mount can carry out. Raises Fault.
+        """Return the operation in the form that this mount can carry out. Raises Fault if the rules forbid it.
 
         ``activity`` is the client's connection.
         """

@@ -43,7 +43,7 @@ LIMIT_MARGIN = 3.0
 
 class Journey(NamedTuple):
     """A goto that is to be checked, from ``start`` to ``goal``. ``start_pointings``: in which of the two ways the axes
-    may point at the start (`pointings`).
+    may point at the start (`find_pointings`).
 
     ``target_readings`` are those of the axes, if the goto is ordered by them; ``sky`` is the astronomy by which the
     mount calculates axis readings, if that is not by its own site and clock.
@@ -74,8 +74,8 @@ def zenith_readings(mount: Context, equatorial: bool) -> list[Pair]:
 
 
 def contradicting_suns(mount: Context) -> Iterator[tuple[SiteAstrometry, Sun]]:
-    """Yield the Sun, if it is up, by each source that contradicts the mount's site and clock, with that source's
-    astronomy. If the source is right, an alt-azimuth mount that was aligned on stars turns round the source's zenith.
+    """Yield the astronomy and the Sun for each site and time that contradict the mount's own, if the Sun is up there.
+    If these are right, an alt-azimuth mount that was aligned on stars turns round the zenith that they give.
     """
     sites, times, own = mount.sources.sites(), mount.sources.times(), mount.astrometry
     for time, site in product(times, sites):
@@ -120,7 +120,7 @@ def pointings_at(astrometry: SiteAstrometry, goal: op.Equatorial) -> set[bool]:
 
 
 def _flip_over_pole(reading: Pair, other_way: bool) -> Pair:
-    """Return the readings for the same direction in the usual way, or in the other: over the pole or the zenith."""
+    """Return the axis readings, or for ``other_way`` those of the same direction over the pole or the zenith."""
     return (reading[0] + 180.0, 180.0 - reading[1]) if other_way else reading
 
 
@@ -165,7 +165,7 @@ def are_clear(paths: Iterable[Path], centre: Pair, min_distance: float) -> bool:
 
 
 def path_points(path: Path) -> Iterator[Pair]:
-    """Yield readings along a path."""
+    """Yield the axis readings along a path, at most ``POINT_SPACING`` degrees apart."""
     start, turn = path
     length = min(MAX_AXIS_TURN, max(abs(turn[0]), abs(turn[1])))
     for step in range(int(length / POINT_SPACING) + 1):
@@ -174,8 +174,8 @@ def path_points(path: Path) -> Iterator[Pair]:
 
 
 def paths_within(mount: Context, limits: Limits, journey: Journey, stretch: float = MAX_AXIS_TURN) -> list[Path]:
-    """Return the possible paths that keep the altitude limits by every source of site and time, at least for the first
-    ``stretch`` degrees. A path that begins beyond a limit must lead no farther out.
+    """Return the possible paths that keep the altitude limits for their first ``stretch`` degrees. Altitudes by sources
+    that contradict the mount's site and clock count, too. A path that begins beyond a limit must lead no farther out.
     """
     tops = zenith_readings(mount, journey.equatorial)
     circles = [(top, 90.0 - limits.highest) for top in tops]

@@ -32,7 +32,7 @@ class CompareEquinox(op.Operation, frozen=True):
 
 
 def compare_equinox(mount: AlpacaDriver, _: CompareEquinox | None = None) -> Steps:
-    """Return the equinox that fits the server's altitude and azimuth; None if both or neither fit, or without data."""
+    """Return the equinox that fits the server's altitude and azimuth; None if ambiguous, or if data is missing."""
     values = []
     for member in ("siderealtime", "rightascension", "declination", "altitude", "azimuth", "sitelatitude", "utcdate"):
         values.append((yield from read_member(mount, member)))
@@ -66,9 +66,7 @@ def expect_direction(mount: AlpacaDriver, axis: int, sense: int, pier_side: str)
 
 
 def check_sense(mount: AlpacaDriver, equatorial: op.Equatorial, horizontal: tuple[float, ...] | None) -> str:
-    """Compare a new position with the expected direction of motion. If the mount moves the other way, reverse the axis
-    and return a message; else return an empty text.
-    """
+    """Reverse an axis that moves against its expected direction, and return a message about it; empty if none does."""
     position = (-equatorial.ra, equatorial.dec)
     if not mount.equatorial:
         if horizontal is None:

@@ -72,7 +72,7 @@ def move(mount: AlpacaDriver, operation: op.Move) -> Steps:
 
 
 def move_axis(mount: AlpacaDriver, operation: op.MoveAxis) -> Steps:
-    """Move an axis in its motor's sense. A named or key's rate is added to tracking; a variable rate replaces it."""
+    """Move an axis in its motor's sense. A rate by name or key is added to tracking; one in degrees replaces it."""
     side = yield from tube_side(mount, operation.axis)
     on_sky = operation.rate.key is not None or operation.rate.name is not None
     yield from _start_axis(mount, operation.axis, operation.sense, side, operation.rate, on_sky)
@@ -156,7 +156,7 @@ def _sky_following_speeds(mount: AlpacaDriver, side: str) -> Steps:
 
 
 def _send_rate(mount: AlpacaDriver, axis: int, rate: float) -> Steps:
-    """Send the rate of an axis, with the sign of MoveAxis. If the server refuses it, turn tracking on again."""
+    """Send a MoveAxis rate (degrees a second) for an axis. If the server refuses it, turn tracking on again."""
     mount.hand_rates[axis], mount.parked, mount.moved_by_hand = rate, False, True
     try:
         yield Send("moveaxis", {"axis": axis - 1, "rate": rate}, timeout=MAX_WAIT, at_once_or_never=True)
@@ -174,7 +174,7 @@ def _send_rate(mount: AlpacaDriver, axis: int, rate: float) -> Steps:
 
 
 def stop_axis(mount: AlpacaDriver, operation: op.StopAxis) -> Steps:
-    """End the motion of an axis. If the other axis moves slowly with tracking off, this one keeps following the sky."""
+    """End the hand motion of an axis. If both are in slow motion (tracking is off), move this one at the sky's rate."""
     axis = operation.axis
     if not mount.may_move(axis):
         return
@@ -232,8 +232,8 @@ def _stop_axis(axis: int) -> Send:
 
 
 def pulse(mount: AlpacaDriver, operation: op.Pulse) -> Steps:
-    """Send a guide pulse and return Pulsed. ASCOM's directions are those on the sky. So on a German mount with the tube
-    west of the pier, a declination pulse that is given in the motor's sense is sent in the opposite direction.
+    """Send a guide pulse and return Pulsed. ASCOM's directions are those on the sky. A declination pulse in the motor's
+    sense is therefore sent in the opposite direction while the tube of a German mount is west of the pier.
     """
     direction = operation.direction
     if direction.axis == 2 and not operation.sky and mount.german:
@@ -243,7 +243,7 @@ def pulse(mount: AlpacaDriver, operation: op.Pulse) -> Steps:
 
 
 def pulse_axis(mount: AlpacaDriver, operation: op.PulseAxis) -> Steps:
-    """Send a guide pulse in a motor's sense. The server pulses at its guide rate: another rate changes the duration."""
+    """Send a guide pulse in a motor's sense. The server uses its guide rate, so another rate scales the duration."""
     sense = convert_sense(mount, operation.axis, operation.sense, (yield from tube_side(mount, operation.axis)))
     directions = {(1, 1): "w", (1, -1): "e", (2, 1): "n", (2, -1): "s"}
     default = mount.rates[operation.axis - 1]
@@ -293,8 +293,8 @@ def set_guide_rate(mount: AlpacaDriver, operation: op.SetGuideRate) -> Steps:
 
 
 def set_tracking(mount: AlpacaDriver, operation: op.SetTracking) -> Steps:
-    """Turn tracking on or off. To turn it on, unpark a parked mount first. Raises Refused if ``operation.heard`` (the
-    client waits for the outcome) and the order has no effect.
+    """Turn tracking on or off. A parked mount is unparked before tracking is turned on. If the client waits for the
+    outcome (``operation.heard``), raises Refused for an order that has no effect.
     """
     if mount.tracking_paused:  # for slow motion, after which it is turned on if that is wanted
         mount.tracks = operation.on

@@ -22,7 +22,7 @@ def get_site(mount: AlpacaDriver, _: GetSite) -> Steps:
 
 
 def set_site(mount: AlpacaDriver, operation: SetSite) -> Steps:
-    """Set latitude and longitude. Raises Refused if the server keeps the old site, Unsupported if it sets none."""
+    """Set latitude and longitude. Raises Refused if the server keeps the old site, Unsupported if it cannot set one."""
     if operation.latitude is None or operation.longitude is None:
         raise Unsupported("A site has a latitude and a longitude.")
     longitude = wrap180(operation.longitude)

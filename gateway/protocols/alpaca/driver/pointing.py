@@ -144,7 +144,7 @@ def send_order(mount: AlpacaDriver, command: str, goal: op.Equatorial | None = N
 
 
 def _explained_refusal(mount: AlpacaDriver, command: str, fault: Fault, goal: op.Equatorial | None) -> Steps:
-    """Return the fault of a refused order with a text that explains it, from what the mount reports now."""
+    """Return a fault whose text explains why the server refused an order, from what the mount reports now."""
     if command not in ALLOWED_WHILE_PARKED and (yield from read_member(mount, "atpark", False)):
         mount.parked = True
         return Parked(_with_server_text(PARKED_MESSAGE, fault))
@@ -181,7 +181,7 @@ def goto(mount: AlpacaDriver, operation: op.Goto) -> Steps:
 
 def _future_side(mount: AlpacaDriver, goal: op.Equatorial) -> Steps:
     """Return the tube's side of the pier after a goto to this goal; empty near the meridian, where it is uncertain.
-    Forget the direction of the second axis if it was observed on an unknown side.
+    If the present side is unknown, forget which way MoveAxis of the second axis counts: that depends on the side.
     """
     sidereal = yield from read_member(mount, "siderealtime")
     hour_angle = 0.0 if sidereal is None else wrap180(sidereal - goal.ra)

@@ -142,7 +142,7 @@ class AlpacaDriver(Driver):
         return self.signs.get((axis, pier_side), 1) if self.reversed is None else -1 if axis in self.reversed else 1
 
     def may_move(self, axis: int) -> bool:
-        """Whether this axis may be in motion by hand, of any program, so that a stop must include it."""
+        """Whether this axis may be moving by hand, also for another program, so that a stop must include it."""
         return axis in self.hand_rates or self.movable.get(axis, True)
 
     def supports(self, command: str) -> bool:
@@ -216,7 +216,7 @@ class AlpacaDriver(Driver):
         return min(near, key=lambda speed: abs(math.log(max(speed, 1e-6) / wanted)), default=wanted)
 
     def nearest_rate(self, axis: int, rate: float) -> float:
-        """Return the rate of this axis that is nearest to ``rate``, with its sign, or 0; degrees a second."""
+        """Return the possible rate of this axis nearest to ``rate``, with the same sign, or 0; degrees a second."""
         low = [max(low, min(high, abs(rate))) for low, high in self.ranges.get(axis, ())]
         return math.copysign(min((*low, 0.0), key=lambda speed: abs(speed - abs(rate))), rate)
 
@@ -226,9 +226,8 @@ class AlpacaDriver(Driver):
 
 
 def read_member(mount: AlpacaDriver, member: str, default: Any = None, **values: object) -> Steps:
-    """Return the value of a member; ``default`` if the server lacks the member, or fails to read it.
-
-    If the server reports that it lacks the member, and has never sent its value, the driver does not request it again.
+    """Return the value of a member; ``default`` if the server lacks it or fails to read it. The driver does not request
+    a member again that the server has never sent and reports as missing.
     """
     if member in mount.absent_members:
         return default

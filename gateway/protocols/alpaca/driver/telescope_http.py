@@ -1,7 +1,8 @@
 """Converts the driver's request lines to HTTP requests of Alpaca, and JSON answers to reply lines.
 
-Parameters have ASCOM's spelling, and truth values .NET's, because servers may refuse anything else. A line that
-reports an error has its number and the server's text. If HTTP itself refuses a member, the server does not have it.
+Parameter names are spelt as in ASCOM, and truth values ``True`` and ``False`` as in .NET: servers may refuse any other
+spelling. The reply line for an error has the error number and the server's text. An HTTP status of ``ABSENT_CODES``
+means that the server does not have the member.
 """
 
 from __future__ import annotations
@@ -41,8 +42,8 @@ class TelescopeHttp:
         self.first_requests = (HttpRequest("GET", DESCRIPTION_PATH, {}), self.request(b"get connected\n"))
 
     def check_first_answer(self, request: HttpRequest, status: int, body: bytes) -> None:
-        """Check the answer to one of the first requests: the server must have this telescope, and must not be this
-        gateway itself, directly or through another gateway. Raises OSError.
+        """Check the answer to one of the first requests. Raises OSError if the server does not have this telescope, or
+        if it is this gateway itself, directly or through another gateway.
         """
         answer: Any = None
         if status == HTTP_OK:

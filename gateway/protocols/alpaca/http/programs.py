@@ -28,7 +28,7 @@ MAX_PROGRAMS, MAX_WAITING_REQUESTS = 64, 64
 READ_PREFIX = b"get "
 #: Seconds between two checks whether a goto has ended, and how long the gateway waits for its end.
 CHECK_PERIOD, MAX_GOTO_DURATION = 0.25, 900.0
-#: The requests of these checks, and the reply to the second if no goto is under way.
+#: The request that connects the gateway for the checks, the request of a check, and its reply if no goto is under way.
 CONNECT_LINE, SLEWING_LINE, NOT_SLEWING_REPLY = b"put connect\n", b"get slewing\n", b"false"
 #: The request for the reason why a goto ended before its goal.
 ENDED_SHORT_LINE = b'put action Action="GotoEndedShort" Parameters=""\n'
@@ -101,7 +101,7 @@ class Programs:
         self._clients: dict[tuple[str, int], AlpacaClient] = {}
 
     def program_of(self, host: str, client_id: int, stop: bool = False) -> AlpacaClient:
-        """Return the program of a ClientID on a host. Raises ConnectionRefused for too many, except for a ``stop``."""
+        """Return the program of a ClientID on a host. Raises ConnectionRefused if too many exist, unless ``stop``."""
         self._forget_idle()
         program = self._clients.get((host, client_id))
         if program is None or program.is_closed:
@@ -111,11 +111,15 @@ class Programs:
         return program
 
     def extra_connection(self, host: str, client_id: int) -> AlpacaClient:
-        """Return a second connection, on which the gateway polls for a program. Raises ConnectionRefused."""
+        """Return a second connection for a program, on which the gateway polls for the end of its goto. Raises
+        ConnectionRefused if there are too many connections.
+        """
         return AlpacaClient(self._accept, f"{_client_name(host, client_id)}-arrival", host)
 
     def _forget_idle(self) -> None:
-        """Forget closed and silent programs. If too many are left, forget an idle one, first one without a PUT."""
+        """Forget closed and silent programs. If too many are left, forget one without waiting requests: preferably one
+        that has never sent a PUT, and of these the one whose last request is the oldest.
+        """
         now = asyncio.get_running_loop().time()
         for key, program in list(self._clients.items()):
             if program.is_closed or (program.idle and now - program.asked_at > FORGET_AFTER):
@@ -148,7 +152,7 @@ class AlpacaDevice:
         self.web_device, self.programs = web_device, Programs(web_device.accept)
 
     async def answer(self, request: AlpacaRequest, host: str) -> dict[str, Any]:
-        """Return the value or the error as the members of a JSON object. Raises ConnectionRefused."""
+        """Return the answer to a request as JSON members. Raises ConnectionRefused if there are too many programs."""
         stop = request.command.name == STOP_COMMAND
         program = self.programs.program_of(host, request.client_id, stop)
         try:

@@ -1,8 +1,8 @@
-"""Converts an HTTP request to a line for the surface, and reads its ClientID and ClientTransactionID.
+"""Converts an HTTP request to a line of text, which the surface handles; reads its ClientID and ClientTransactionID.
 
 ASCOM defines that the path is in lower case. A GET has its parameters in the query, with names in any case; a PUT has
 them in its body, with names in exact case. A missing or invalid parameter is an error (400); unknown parameters are
-ignored. A line ends with a line feed; a line that is too long or not finished is dropped.
+ignored. A line of text ends with a line feed; ``LineFramer`` drops a line that is too long or has no end.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from gateway.protocols.wireformat.numerals import quoted
 
 #: The greatest ClientID and ClientTransactionID.
 MAX_ID = 2**32 - 1
-#: Bytes of the longest line.
+#: Bytes of the longest line that is accepted.
 MAX_LINE_BYTES = 4096
 #: Why the bytes of a long line are dropped, for the log.
 TOO_LONG = "longer than any request"
@@ -65,7 +65,7 @@ def signatures() -> Mapping[tuple[str, str], Signature]:
 
 
 def parse_request(method: str, member: str, pairs: ParameterPairs) -> AlpacaRequest:
-    """Convert a request with these parameters. Raises BadRequest."""
+    """Return the request for a member. Raises BadRequest for an unknown member, or a missing or invalid parameter."""
     verb = method.lower()
     match = signatures().get((verb, member))
     if match is None:

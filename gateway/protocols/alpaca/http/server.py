@@ -92,7 +92,7 @@ class AlpacaServer:
         return offered or [device for device in self._all_devices if not device.web_device.port]
 
     def _requested_device(self, request: web.Request) -> AlpacaDevice:
-        """Return the device that the path of a request names. Raises BadRequest."""
+        """Return the device that the path of a request names. Raises BadRequest if there is none."""
         devices = self._devices_at_port(request)
         kind, number = request.match_info["kind"], request.match_info["number"]
         if kind != "telescope":
@@ -139,7 +139,7 @@ class AlpacaServer:
 
 
 async def _read_parameters(request: web.Request) -> ParameterPairs:
-    """Return the parameters of the query, or of the body of a PUT. Raises BadRequest."""
+    """Return the parameters of the query, or of the body of a PUT. Raises BadRequest if they cannot be decoded."""
     if request.method != "PUT":
         return list(request.query.items())
     body = await request.read()

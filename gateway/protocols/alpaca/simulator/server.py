@@ -137,7 +137,7 @@ class SimulatedAlpaca(AlpacaTelescope):
             return 400, str(error)
 
     def respond(self, method: str, path: str, parameters: dict[str, str]) -> Any:
-        """Return the value of a GET; None for a PUT. Raises NotUnderstood, AlpacaError."""
+        """Return the value of a GET; None for a PUT. Raises InvalidRequest, or AlpacaError for a refused request."""
         if path.startswith("/management/") and method == "GET":
             return self._management_value(path)
         member, known, which = path.removeprefix(DEVICE_PATH), members(), members()["which"]
@@ -176,7 +176,7 @@ class SimulatedAlpaca(AlpacaTelescope):
 
 
 def _parse_parameter(name: str, text: str, kind: str) -> Any:
-    """Parse a parameter of this kind. Raises NotUnderstood."""
+    """Parse the text of a parameter; ``kind`` is a key of ``PARSER_BY_KIND``. Raises InvalidRequest."""
     try:
         value = PARSER_BY_KIND[kind](text)
         if kind != "number" or math.isfinite(value):
@@ -210,7 +210,9 @@ def _iso_time(unix: float) -> str:
 
 
 def _resolved_target(sim: AlpacaTelescope, ra: float | None = None, dec: float | None = None) -> tuple[float, float]:
-    """Return the target (RA, dec) in degrees, after setting it if RA in hours and dec are given. Raises AlpacaError."""
+    """Return the target (RA, dec), degrees. If RA (hours) and dec are given, set it first. Raises AlpacaError if these
+    are out of range, or if no target is set.
+    """
     if ra is not None and dec is not None:
         sim.target = [check_range(ra, 0.0, 24.0, "RightAscension") * 15.0, check_range(dec, -90.0, 90.0, "Declination")]
     return _require_set(sim.target[0]), _require_set(sim.target[1])
@@ -290,9 +292,7 @@ def _set_drive_rate(sim: AlpacaTelescope, rate: int) -> None:
 
 
 def _setter(name: str, low: float, high: float, unit: float = 1.0, axis: int | None = None) -> Callable[..., None]:
-    """Return a function that checks a value, multiplies it by ``unit``, and stores it in the attribute ``name``, or in
-    item ``axis`` of that list.
-    """
+    """Return a function that checks a value and stores it times ``unit`` in attribute ``name`` or its item ``axis``."""
 
     def put(sim: AlpacaTelescope, value: float) -> None:
         value = check_range(value, low, high, name) * unit

@@ -186,7 +186,7 @@ class AlpacaTelescope(Simulated):
         return self._ephemeris.from_j2000(ra, dec, self.utc()) if self.sends_j2000 else (ra, dec)
 
     def slew(self, ra: float, dec: float) -> None:
-        """Slew to a position in degrees. Raises AlpacaError while not tracking, and below the lowest altitude."""
+        """Slew to a position in degrees. Raises AlpacaError if tracking is off or the position too low."""
         if not self.tracks:
             raise AlpacaError(INVALID_OPERATION, "SlewToCoordinates is not allowed when tracking is False")
         ra, dec = self.to_jnow(ra, dec)
@@ -195,7 +195,7 @@ class AlpacaTelescope(Simulated):
         self.mechanics.goto_sky(self.now, ra, dec)
 
     def slew_altaz(self, azimuth: float, altitude: float) -> None:
-        """Slew to an azimuth and altitude and rest there. Raises AlpacaError while tracking, and for a low altitude."""
+        """Slew to an azimuth and altitude, then rest. Raises AlpacaError if tracking is on or the altitude too low."""
         if self.tracks:
             raise AlpacaError(INVALID_OPERATION, "SlewToAltAz is not allowed when tracking is True")
         check_range(azimuth, 0.0, 360.0, "Azimuth")
@@ -210,7 +210,7 @@ class AlpacaTelescope(Simulated):
             raise AlpacaError(INVALID_OPERATION, f"The target is below the limit of {self.lowest:g} degrees")
 
     def slew_to_axes(self, axes: Pair, target: str = "") -> None:
-        """Slew to axis positions. If these are ``park`` or ``home``, ``target`` says so, and tracking ends."""
+        """Slew to axis positions. ``target`` is ``park`` or ``home`` if they are that position; tracking then ends."""
         self.end_moves()
         if target:
             self.track(False)

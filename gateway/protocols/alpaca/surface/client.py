@@ -21,7 +21,7 @@ from gateway.protocols.wireformat.rows import SurfaceRow
 
 
 class AlpacaClientState(ClientState):
-    """The settings of a program."""
+    """What a program has set for itself: its target and site elevation, and whether it is connected."""
 
     connected: bool | None = None  # None until the program connects or disconnects
     ra: float | None = None  # of the target, degrees; None if it was not set

@@ -42,9 +42,7 @@ def sync(session: AlpacaSession, values: Values) -> Handling:
 
 
 def _target(session: AlpacaSession, values: Values) -> tuple[float, float]:
-    """Return the program's target (RA, dec) in degrees, after setting it to coordinates in the command, if any. Raises
-    NoTarget if none is set.
-    """
+    """Return the program's target (RA, dec), degrees; coordinates in the command set it. Raises NoTarget if unset."""
     if values:
         session.client.ra, session.client.dec = target_coordinates(values)
     if session.client.ra is None or session.client.dec is None:
@@ -57,9 +55,7 @@ def slewing() -> Handling:
 
 
 def _is_slewing(activity: op.Activity) -> Handling:
-    """Return whether a requested motion has not ended yet, or the mount reports a goto from its hand control. Raises
-    NoAnswer if that is not known.
-    """
+    """Return whether a motion of a program, or a goto of the hand control, is under way. Raises NoAnswer if unknown."""
     if activity.unknown:
         raise NoAnswer(
             "It is not known whether the mount moves: it has not reported its position since it was stopped."

@@ -1,6 +1,6 @@
 """Reads the status reports of another maker's controller, such as an OnStep, by the table of its dialect.
 
-A status report answers all status queries for some seconds, unless a command is sent. If the controller's own timer
+The last status report answers all status queries for some seconds, or until an order is sent. If the controller's timer
 ends the motion of an arrow (a direction key) that the client has not released, the gateway presses the arrow again.
 """
 
@@ -98,7 +98,7 @@ def read_speeds(mount: Lx200Driver) -> Steps:
 
 
 def _read_number(mount: Lx200Driver, command: str) -> Steps:
-    """Return a number that the mount reports; None if it reports none."""
+    """Return the speed in the reply to a command, in the unit of that command; None without a usable reply."""
     with contextlib.suppress(ValueError):
         try:
             return float((yield Send(command, timeout=KNOWN_COMMAND_TIMEOUT))["speed"]) or None
@@ -117,7 +117,7 @@ class CheckArrow(Operation, frozen=True):
 
 
 def schedule_check(mount: Lx200Driver, axis: int) -> Steps:
-    """Schedule a check whether an arrow still moves the mount, if its controller can end such a motion by itself."""
+    """Schedule a check whether an arrow still moves the mount, if the controller's timer can end such a motion."""
     if "arrows" in mount.dialect and mount.has_status:
         yield Schedule(ARROW_CHECK_DELAY, CheckArrow(axis, mount.now(), mount.now()))
 

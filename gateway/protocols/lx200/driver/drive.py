@@ -26,19 +26,19 @@ _LUNAR, _HZ_TOL = 57.9, 0.2
 #: Seconds until a drive rate is read again before a motion replaces it.
 _DRIVE_RATE_MAX_AGE = 60.0
 _CANNOT_STOP_TRACKING = "The mount keeps tracking: switching it off would destroy its alignment."
-#: How often the status is read after tracking was turned on or off, until it shows that, and the seconds between.
+#: At most how often the status is read until it shows that tracking was turned on or off, and the seconds between.
 _STATUS_READS, _STATUS_READ_INTERVAL = 3, 0.5
 #: From this focuser speed on, a classic uses the faster of its two speeds.
 _FAST_FOCUS_MIN = 3
 
 
 def set_tracking(mount: Lx200Driver, operation: op.SetTracking) -> Steps:
-    """Turn tracking off (:AL) or on (:AA, :AP), only on models with :GW: on others this destroys the alignment.
-    Mounts of other makers have commands of their own that keep the alignment.
+    """Turn tracking off (:AL) or on (:AA, :AP); another maker's mount has commands of its own.
 
-    Nothing is sent if the telescope already reports the requested state: the user may have changed it on the hand
-    control. In land mode that report is not trusted, because it may be T during a slew. Raises Refused if the operation
-    asks for confirmation (``heard``) and the telescope's report does not change.
+    Raises Unsupported if the telescope reports no status (:GW): these commands would destroy its alignment. Nothing is
+    sent if it already reports the requested state, which the user may have set on the hand control. In land mode that
+    report is not trusted: it may be T during a slew. Raises Refused if the operation asks for confirmation (``heard``)
+    and the reported state does not change.
     """
     if (native_mode(mount) if operation.on else op.Tracking.OFF) is mount.tracking:
         yield from read_status(mount)
@@ -61,19 +61,19 @@ def set_tracking(mount: Lx200Driver, operation: op.SetTracking) -> Steps:
 
 
 def emulate_sleep(mount: Lx200Driver, _: op.Hibernate) -> Steps:
-    """Hibernate on a telescope that cannot sleep: tracking off. Raises Unsupported, also if the telescope is parked."""
+    """Turn tracking off, as the telescope cannot sleep. Raises Unsupported if it reports no status, even if parked."""
     if not mount.has_status:
         raise Unsupported(_CANNOT_STOP_TRACKING)
     yield from set_tracking(mount, op.SetTracking(on=False))
 
 
 def emulate_wake(mount: Lx200Driver, _: op.Wake) -> Steps:
-    """Wake on a telescope that cannot sleep: tracking on."""
+    """Turn tracking on: the telescope cannot sleep, so ``emulate_sleep`` has only turned tracking off."""
     yield from set_tracking(mount, op.SetTracking(on=True))
 
 
 def set_drive_rate(mount: Lx200Driver, operation: op.TrackRate) -> Steps:
-    """Set the drive rate: by :TQ :TS :TL, or in hertz (60.1 to 60.2 is sidereal). Raises Refused beyond the range."""
+    """Set the drive rate by :TQ :TS :TL, or in hertz (60.1-60.2: sidereal). Raises Refused beyond the model's range."""
     mount.drive_hertz_shown, mount.drive_rate_read_at = None, -math.inf
     yield from _send_drive_rate(mount, operation)
 
@@ -124,7 +124,7 @@ def restore_drive_rate(mount: Lx200Driver) -> Steps:
 
 
 def _hertz_fits_rate(hertz: float, rate: op.TrackRate) -> bool:
-    """Whether a telescope that shows this frequency has this drive rate: some show sidereal and solar alike."""
+    """Whether a telescope that tracks at this rate may display this frequency: some show sidereal and solar alike."""
     if rate.name is None:
         return abs(hertz - (rate.factor or 1.0) * SIDEREAL_HERTZ) < _HZ_TOL
     low, high = (_LUNAR - _HZ_TOL, _LUNAR + _HZ_TOL) if rate.name == "lunar" else (_SIDEREAL_MIN_HERTZ, _SIDEREAL[1])
@@ -132,7 +132,7 @@ def _hertz_fits_rate(hertz: float, rate: op.TrackRate) -> bool:
 
 
 def drive_rate(mount: Lx200Driver, _: op.DriveRate) -> Steps:
-    """:GT - return the displayed rate as a multiple of sidereal. Some telescopes show 60.0 for sidereal and solar."""
+    """:GT - return the displayed rate as a multiple of sidereal; 60.0 is sidereal, unless solar was requested."""
     shown: float = (yield from ask(mount, "GT"))["hertz"]
     asked = mount.drive_rate or op.TrackRate(name="sidereal")
     if not shown:  # another maker's that does not track
@@ -142,7 +142,7 @@ def drive_rate(mount: Lx200Driver, _: op.DriveRate) -> Steps:
 
 
 def _set_named_rate(mount: Lx200Driver, rate_name: str) -> Steps:
-    """Set a named rate and read it back: only lunar can be told from the others. Retry once; raises Refused."""
+    """Set a named rate and read it back, which only tells lunar from the others. Raises Refused if it differs twice."""
     for _ in range(2):
         yield from ask(mount, _COMMAND_BY_DRIVE_RATE[rate_name])
         shown = (yield from ask(mount, "GT"))["hertz"]
@@ -157,7 +157,7 @@ def set_backlash(mount: Lx200Driver, operation: op.Backlash) -> Steps:
 
 
 def switch_pec(mount: Lx200Driver, operation: op.PeriodicError) -> Steps:
-    """Turn PEC on or off: :$QZ :$QA. A classic can only toggle it (:$Q), and is taken to be off at power-on."""
+    """Turn PEC on or off by :$QZ :$QA. A classic can only toggle it (:$Q): its PEC is assumed to be off at power-on."""
     wanted = not mount.pec_axes if operation.on is None else operation.on
     axes = (1, 2) if operation.axis is None or not mount.supports("$QZ+") else (operation.axis,)
     if mount.supports("$QZ+"):

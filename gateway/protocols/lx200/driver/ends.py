@@ -51,7 +51,7 @@ def end_motion(mount: Lx200Driver, command: str, axes: tuple[int, ...], was_movi
 
 
 def repeat_end(mount: Lx200Driver, operation: RepeatEnd) -> Steps:
-    """Send an end command again, unless a newer command has moved its axes since, or occupies the telescope."""
+    """Send an end command again, unless its axes have begun another motion or the telescope is busy."""
     begun = mount.motions_at_end.pop(operation.command, None)
     if begun is not None and all(mount.motions_begun.get(axis, 0) == number for axis, number in begun.items()):
         with contextlib.suppress(Busy):
@@ -74,7 +74,7 @@ def restore_rates_later(mount: Lx200Driver) -> Steps:
 
 
 def restore_rates(mount: Lx200Driver, _: RestoreRates) -> Steps:
-    """Restore the rates. During a manual motion nothing is done: its end schedules this again."""
+    """Restore the changed rates. During a motion by hand do nothing: the end of that motion schedules this again."""
     if mount.moving or mount.pulsing or not _rates_changed(mount):
         return
     if mount.goto is not None or mount.seeking or mount.now() < mount.pulses_end_at:
@@ -108,7 +108,7 @@ def set_max_speed(mount: Lx200Driver, speed: float | None) -> Steps:
 
 
 def send_guide_rate(mount: Lx200Driver, fraction: float) -> Steps:
-    """:Rg - set the guide rate if the model has :Rg and the last value sent was different; it cannot be read."""
+    """:Rg - set the guide rate, a fraction of sidereal, if the model has :Rg and the value sent last was different."""
     if _guide_rate_differs(mount, fraction):
         yield from ask(mount, "Rg", rate=min(1.0, fraction) * SIDEREAL_ARCSECONDS)
         mount.guide_rate_sent = fraction

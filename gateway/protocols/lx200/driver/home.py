@@ -54,7 +54,7 @@ def seek_home(mount: Lx200Driver, operation: op.Home | op.SetHome) -> Steps:
 
 
 def check_home_search(mount: Lx200Driver, _: CheckHomeSearch) -> Steps:
-    """Check regularly whether the search for home has ended: other commands wait for it even if no client asks."""
+    """Check regularly whether the search for home has ended, because other commands wait for that."""
     if not mount.seeking:
         return
     with contextlib.suppress(Busy, NoAnswer):
@@ -70,7 +70,7 @@ def go_home(mount: Lx200Driver, _: op.Home) -> Steps:
 
 
 def home_state(mount: Lx200Driver, _: op.HomeState) -> Steps:
-    """:h? -> 0 failed, 1 found, 2 searching; another maker's is 1 at home or parked, 2 on the way to either."""
+    """:h? -> 0 failed, 1 found, 2 searching. Another maker's mount: 1 at home or parked, 2 on the way there, else 0."""
     if mount.dialect:
         if mount.goto is not None and mount.goto.purpose:
             return 2
@@ -82,7 +82,7 @@ def home_state(mount: Lx200Driver, _: op.HomeState) -> Steps:
 def unpark(mount: Lx200Driver, _: op.Unpark) -> Steps:
     """:I wakes a parked LX200GPS, :hR another maker's mount; then read the status and turn tracking on if possible.
 
-    Raises Unsupported if a parked telescope reports no status and has no command for it.
+    Raises Unsupported if a parked telescope reports no status and has no command to unpark.
     """
     if mount.supports("hR"):
         yield from read_status(mount)

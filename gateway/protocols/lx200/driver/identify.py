@@ -240,7 +240,7 @@ def native_mode(mount: Lx200Driver) -> Tracking:
 
 
 def status(mount: Lx200Driver, _: GetStatus) -> Steps:
-    """Return Status by :GW, :GU or ACK. If :D shows no bars now, the mount no longer counts as one pushed by hand."""
+    """Return Status by :GW, :GU or ACK. A mount pushed by hand is asked :D too: without bars it counts as motorised."""
     try:
         mount.pushed_by_hand = mount.pushed_by_hand and bool((yield from ask(mount, "D"))["bars"].strip())
         yield from read_status(mount)

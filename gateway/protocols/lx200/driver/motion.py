@@ -32,7 +32,7 @@ from gateway.protocols.lx200.reply_rules import PAUSE_AFTER_COMMAND
 MAX_PULSE_MS = 9999  # milliseconds: the four digits of :Mg
 #: Guide rates that differ by less, in fractions of sidereal, are the same.
 SAME_RATE = 0.01
-#: A speed that deviates from the request by more than this ratio is reported in the log.
+#: The logarithm of the ratio of actual to requested speed beyond which the deviation is logged.
 _REMARK_THRESHOLD = math.log(1.1)
 
 
@@ -124,7 +124,7 @@ def _begin_motion(mount: Lx200Driver, axis: int, letter: str, rate: op.Rate, spe
 
 
 def _send_named_rate(mount: Lx200Driver, axis: int, rate: op.Rate) -> Steps:
-    """Set a named rate."""
+    """Send the command of a named rate or hand-control key, and first the :Sw or :Rg that it needs."""
     command = rate_command(mount, rate)
     mount.rate_sent = command
     if command == "RS" and not mount.dialect:
@@ -228,7 +228,7 @@ def pulse_axis(mount: Lx200Driver, operation: op.PulseAxis) -> Steps:
 
 
 def _pulse_rate(mount: Lx200Driver, fraction: float) -> Steps:
-    """Return the mount's pulse rate, a fraction of sidereal; if it has several, the slowest not below ``fraction``."""
+    """Return the pulse rate, a fraction of sidereal; of several rates select the slowest not below ``fraction``."""
     if not (pulses := mount.dialect.get("pulses")):
         return 1.0
     speeds = {name: mount.speeds.get(name, SPEEDS["RG"]) / SPEEDS["RG"] for name in pulses["rates"]}
@@ -242,7 +242,7 @@ def _pulse_rate(mount: Lx200Driver, fraction: float) -> Steps:
 
 
 def _send_pulse(mount: Lx200Driver, axis: int, letter: str, ms: int, rate: float | None) -> Steps:
-    """Send a guide pulse. A model with a fixed guide rate gets a proportionally shorter pulse. Raises Refused."""
+    """Send a guide pulse, proportionally shorter if the guide rate is fixed. Raises Refused during a goto."""
     mount.check_movable()
     if mount.goto is not None:
         raise Refused(SLEWING_MESSAGE)

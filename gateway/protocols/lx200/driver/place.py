@@ -17,7 +17,7 @@ from gateway.protocols.lx200.nmea import parse_fix
 ARCMINUTE = 1.0 / 60.0
 #: The forms of a longitude: an unknown controller that refuses the first form may take the other.
 LONGITUDE_COMMANDS = ("Sg", "Sg360")
-#: Seconds by which a clock that was set may differ.
+#: Seconds by which a clock may differ from the time to which it was set.
 CLOCK_TOLERANCE = 10.0
 #: The most NMEA sentences that are read to find site and time, and seconds for each: they are sent in blocks.
 MAX_SENTENCES, SENTENCE_TIMEOUT = 8, 2.5
@@ -40,7 +40,10 @@ def _retry_once(attempt: Callable[[], Steps]) -> Steps:
 
 
 def set_site(mount: Lx200Driver, operation: SetSite) -> Steps:
-    """:St :Sg - the site is read back, as some reply 0 to a valid one. Raises Refused if it differs, Unsupported."""
+    """:St :Sg - set the site and read it back, because some telescopes reply 0 to a valid site.
+
+    Raises Refused if it differs, and Unsupported if a coordinate is missing.
+    """
     yield from _retry_once(lambda: _send_site(mount, operation))
 
 
@@ -84,7 +87,7 @@ def read_gps(mount: Lx200Driver, _: GetGps) -> Steps:
 
 
 def set_clock_from_gps(mount: Lx200Driver, _: ClockFromGps) -> Steps:
-    """:gT - set the clock by GPS; blocks the hand control for minutes. Raises Busy while the mount moves, NoDevice."""
+    """:gT - set the clock by GPS; blocks the hand control for minutes. Raises Busy in motion, NoDevice without fix."""
     if mount.goto is not None or mount.moving or mount.seeking:
         raise Busy("The mount is moving: it can set its clock by GPS when it stands still.")
     yield from ask(mount, "gT")
@@ -109,7 +112,7 @@ def set_clock(mount: Lx200Driver, operation: SetClock) -> Steps:
 
 
 def _send_clock(mount: Lx200Driver, clock_ahead: float, zone: float) -> Steps:
-    """Set a clock that is ``clock_ahead`` of the driver's, seconds, in a zone (hours)."""
+    """Set the clock ``clock_ahead`` seconds ahead of the driver's own clock, and the zone, hours east."""
     offset = yield from _set_zone(mount, zone)
     if mount.supports("SXT2"):
         yield from ask(mount, "SXT2", unix=round(mount.now() + clock_ahead))
@@ -125,7 +128,7 @@ def _send_clock(mount: Lx200Driver, clock_ahead: float, zone: float) -> Steps:
 
 
 def _verify_clock(mount: Lx200Driver, clock_ahead: float) -> Steps:
-    """Read the clock back: it must be ``clock_ahead`` of the driver's, seconds. Raises Refused if it differs."""
+    """Read the clock back. Raises Refused if it is not ``clock_ahead`` seconds ahead of the driver's own clock."""
     moment = yield from get_clock(mount, GetClock())
     if abs(moment.unix - mount.now() - clock_ahead) > CLOCK_TOLERANCE:
         shown = datetime.fromtimestamp(moment.unix, UTC)

@@ -54,7 +54,7 @@ def position(mount: Lx200Driver, _: op.Position) -> Steps:
 def horizontal_position(mount: Lx200Driver, _: op.HorizontalPosition) -> Steps:
     """:GZ :GA -> Horizontal; None if the telescope does not answer them, or the line is too busy to read both together.
 
-    The controller then computes it. Single replies may be lost, so the driver stops asking only after several.
+    If None, the controller computes it. Single replies may be lost: the driver stops asking after several in a row.
     """
     if mount.unanswered.intersection(("GZ", "GA")):
         return None

@@ -74,8 +74,7 @@ def nearest(model_speeds: ModelSpeeds, requested: float) -> Speed:
 
 
 def nearest_total_speed(model_speeds: ModelSpeeds, west_speed: float, drive_rate: float) -> Speed:
-    """Return the choice that turns the right ascension motor nearest to ``west_speed`` degrees per second (signed).
-
+    """Return the choice that turns the right ascension motor nearest to ``west_speed`` (signed, degrees per second).
     ``drive_rate`` is the current drive rate, degrees per second.
     """
     return _first_nearest(
@@ -92,13 +91,13 @@ def nearest_total_speed(model_speeds: ModelSpeeds, west_speed: float, drive_rate
 
 
 def _first_nearest(speeds: list[Speed], requested: float) -> Speed:
-    """Return the first of the nearest speeds."""
+    """Return the speed nearest to ``requested`` by ratio, degrees per second; of equally near speeds the first."""
     least = min(ratio_error(requested, speed.deg_per_s) for speed in speeds)
     return next(speed for speed in speeds if ratio_error(requested, speed.deg_per_s) <= least + RATIO_TOLERANCE)
 
 
 def _key_speeds(model_speeds: ModelSpeeds, requested: float) -> Iterator[Speed]:
-    """Yield the speeds of a direction key, the simpler ones first."""
+    """Yield the speeds that a direction key can have, the simpler choices first."""
     if model_speeds.speeds:
         yield from (Speed(command, speed) for command, speed in model_speeds.speeds)
         return
@@ -124,7 +123,7 @@ def _key_speeds(model_speeds: ModelSpeeds, requested: float) -> Iterator[Speed]:
 
 
 def _drive_speeds(model_speeds: ModelSpeeds, west_speed: float, drive: float) -> Iterator[Speed]:
-    """Yield drive rates, with and without a direction key that adds to them."""
+    """Yield total speeds: of the drive alone, and with a direction key that adds to it. Degrees per second."""
     yield Speed(None, drive)
     if model_speeds.speeds:
         for sign in (1, -1):

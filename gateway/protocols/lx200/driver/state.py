@@ -18,7 +18,7 @@ from gateway.protocols.lx200.driver.speeds import SPEEDS, ModelSpeeds, nearest
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model
 
-BUSY_RETRIES, BUSY_WAIT = 5, 0.4
+BUSY_RETRIES, BUSY_WAIT = 5, 0.4  # seconds between them
 #: Queries whose replies are true for one moment only, so that they are accepted without verification.
 UNVERIFIED_QUERIES = frozenset({"GS", "Gr", "Gd"})
 #: Stands for an unknown value of a rate register: it differs from every rate.
@@ -88,7 +88,7 @@ class Lx200Driver(Driver):
         self.in_land_mode = False
         #: Whether it answers its status command, :GW# on a Meade.
         self.has_status = False
-        #: The questions that it did not answer, or not in a known form; and how long a reply takes, seconds.
+        #: The queries that it did not answer, or not in a known form; and how long a reply takes, seconds.
         self.unanswered: frozenset[str] = frozenset()
         self.reply_time = 0.0
         #: How many reads of azimuth and altitude in a row had no reply.
@@ -128,8 +128,8 @@ class Lx200Driver(Driver):
         # another maker's mount: its last status report, and when it came; the speeds it reported, degrees per second
         self.last_report: tuple[float, ControllerReport] | None = None
         self.reported_speeds: dict[str, float] = {}
-        #: Rate commands: the last one sent; and as the mount reports them, that of its guide pulses, that of its pulses
-        #: before the gateway sent one, and that of its keypad.
+        #: Rate commands: the one sent last; and those that the mount reported: for its guide pulses now, for its guide
+        #: pulses before the gateway sent any rate, and for its keypad.
         self.rate_sent: str | None = None
         self.pulse_rate: str | None = None
         self.old_pulse_rate: str | None = None
@@ -172,7 +172,7 @@ class Lx200Driver(Driver):
 
     @property
     def facts(self) -> Model:
-        """The row of models.toml; an unknown telescope is driven as an Autostar."""
+        """Its row in ``models.toml``; an unknown telescope is driven as an Autostar."""
         return self.protocol.models[self.model or "autostar"]
 
     @property
@@ -237,9 +237,8 @@ class Lx200Driver(Driver):
         return (yield from self.handlers["identify.contact"](self, None))
 
     def native_reply(self, operation: op.NativeRequest) -> Steps:
-        """Send a client's command unchanged. Firmware may lack it, so the wait is short, and silence counts as a reply.
-
-        Raises Busy while the telescope seeks its home, and Unsupported if the model lacks the command.
+        """Send a client's command unchanged and return the raw reply. Raises Busy while the telescope seeks its home,
+        Unsupported if the model lacks the command, and Silence after a short wait, because firmware may lack it.
         """
         if self.seeking and not self.protocol.commands[operation.command].allowed_while_homing:
             raise Busy("The mount seeks its home.")
@@ -274,7 +273,7 @@ class Lx200Driver(Driver):
 
     @property
     def stale_note(self) -> str:
-        """Text on the PEC state, which is wrong after a power cycle if :$Q only toggles it; empty if it can be set."""
+        """A message that PEC counts as off after a power cycle; empty if it was off or can be set, not only toggled."""
         known = not self.pec_axes or self.supports("$QZ+")
         return "" if known else "its periodic error counts as not corrected"
 
@@ -360,7 +359,7 @@ def send_command(
     """Send a command, and verify the reply unless ``unverified_ok`` accepts it (see ``Send``). Retry a few times if the
     telescope is busy (NAK), unless the command begins a motion by hand.
 
-    Raises Unsupported if the model lacks it, Busy while it seeks its home, and Refused if a sleeping mount would move.
+    Raises Unsupported if the model lacks it, Busy during a search for home, and Refused if a sleeping mount would move.
     """
     if not mount.supports(command):
         raise Unsupported(f"This model does not have the command {command if command == 'ACK' else f':{command}#'}.")

@@ -24,16 +24,16 @@ from gateway.protocols.wireformat import sexagesimal
 ACK, HASH = b"\x06", ord("#")
 IGNORED = b" \r\n\x06"
 HOME_AXES: Pair = (90.0, 90.0)
-#: Seconds after which an OnStep ends an arrow, as delivered; its rates R0 to R7, and those of a TeenAstro, R0 to R3.
+#: Seconds until an OnStep ends an arrow by itself; multiples of sidereal: its rates R0 to R7, a TeenAstro's R0 to R3.
 ARROW_TIMEOUT = 10.0
 ONSTEP_RATES, TEEN_RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 20.0, 48.0), (0.5, 4.0, 16.0, 64.0)
-#: The letters of rates in these lists.
+#: The indices in these tuples of the rates that are selected by a letter.
 ONSTEP_RATE_BY_LETTER, TEEN_RATE_BY_LETTER = {"G": 2, "C": 5, "M": 6, "F": 7, "S": 8}, {"G": 0, "C": 1, "M": 2, "S": 3}
 
 
 class FrameCutter:
-    """Cuts frames as these controllers do. With ``accepts_any_first`` (OnStep) any first byte counts as a colon, and a
-    frame that is too long is shortened; a TeenAstro drops such a frame.
+    """Cuts frames as these controllers do. An OnStep (``accepts_any_first``) takes any first byte for a colon, and
+    shortens a frame that is too long; a TeenAstro drops both kinds of frame.
     """
 
     def __init__(self, max_length: int, accepts_any_first: bool) -> None:
@@ -74,12 +74,12 @@ class ControllerMotion(SimulatedLx200):
         super().power_on()
         self.high_precision, self.degree, self.tolerant = True, b"*", True
         self.park_position: Pair | None = HOME_AXES if self.onstep or self.aligned else None
-        self.awaited: set[str] = {"SL", "SC"} if self.onstep and not self.aligned else set()
+        self.awaited: set[str] = {"SL", "SC"} if self.onstep and not self.aligned else set()  # before it may move
         self.parking = self.homing = False
         self.at_home = not self.aligned
         self.rate_number, self.pulse_rate_number = (6, 2) if self.onstep else (3, 0)
         self.has_pulse_rate = True
-        self.ends: dict[int, float] = {}
+        self.ends: dict[int, float] = {}  # axis -> when its arrow ends by itself
         self.error = 0
         self.stored_values.update(lowest=-10.0, highest=90.0)
 

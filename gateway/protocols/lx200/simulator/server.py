@@ -4,7 +4,7 @@ It handles bytes at the time that the given clock shows, and never sleeps. Comma
 those that real telescopes were seen to send, with their quirks. Where no source says what a real one does, it assumes:
 
 - Commands that take a real one seconds or minutes (``:SC`` on a classic, ``:Aa`` and ``:gT`` on an LX200GPS) are
-  answered late if the caller passes ``later``, and nothing else is answered meanwhile; otherwise at once.
+  answered late if the caller passes ``send_later``, and nothing else is answered meanwhile; otherwise at once.
 - A command with an argument but without ``#`` is refused with everything up to the next ``#``, and no command that
   arrives together with it begins a motion.
 - Every model still answers after ``:hP#``, and any motion command unparks the telescope.

@@ -35,8 +35,8 @@ class MeadeTelescope(Simulated):
     """One simulated telescope.
 
     ``site`` is latitude and longitude, degrees, north and east positive; ``utc_offset`` is local time minus UTC, hours.
-    ``clock`` returns Unix seconds and is the only source of time. The motors accelerate like real ones; without
-    ``ramps`` they change speed at once, for tests with constant rates. Raises UserError for an unknown model.
+    ``clock`` returns Unix seconds and is the only source of time. ``speed`` is a factor for the speed of gotos. Without
+    ``ramps`` the motors change speed at once, for tests with constant rates. Raises UserError for an unknown model.
     """
 
     def __init__(

@@ -40,7 +40,7 @@ def toggle_precision(session: LxSession) -> None:
 
 
 def change_baud_rate(values: op.Values) -> Handling:
-    """:SB - reply 1 at the old baud rate, then change it if the client is on a serial port. Raises Invalid."""
+    """:SB - reply 1 at the old baud rate, then change it on a serial port. Raises Invalid for any digit but 1-9."""
     if values.get("rate") not in BAUD_RATE_BY_DIGIT:
         raise Invalid("The baud rates are 1 to 9.")
     yield ChangeBaudRate(BAUD_RATE_BY_DIGIT[values["rate"]])

@@ -22,7 +22,7 @@ from gateway.protocols.wireformat.command import Command
 DRAFT_PAUSE = 2.0
 #: Parts set within so many seconds belong together: a new offset then keeps local time and date, as on a Meade.
 SAME_SETTING_PERIOD = 60.0
-#: A date can be read as local or as UTC: the host's clock decides, unless both are more seconds away from it.
+#: A date can be read as local or as UTC: the reading nearer to the host's clock counts, if at most so many seconds off.
 MAX_HOST_DIFFERENCE = 86400.0
 _DATE_REPLY = "Updating        planetary data. "
 
@@ -58,7 +58,7 @@ def tell_offset(session: LxSession) -> Handling:
 
 
 def contradicts_client(session: LxSession, command: str, values: op.Values) -> bool:
-    """Whether this client has set an offset, which the mount's answer would contradict."""
+    """Whether the mount's own reply to :GG could contradict the offset that this client has set."""
     client = session.client
     return command == "GG" and (client.utc_offset is not None or client.clock_draft not in (None, ClockDraft()))
 
@@ -214,7 +214,7 @@ def tell_hours(session: LxSession) -> dict[str, str]:
 
 
 def gps_sentence() -> Handling:
-    """:gps - one RMC sentence. Without a fix its status is V, and it has the clock and the site (if known) in force."""
+    """:gps - one RMC sentence. Without a fix its status is V, with the mount's clock and its site, if that is known."""
     try:
         receiver: op.Gps = yield op.GetGps()
     except (Unsupported, NoDevice):

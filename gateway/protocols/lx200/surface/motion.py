@@ -128,7 +128,7 @@ def check_alignment() -> Handling:
 
 
 def set_land_mode(session: LxSession) -> Handling:
-    """:AL - tracking off. Waits for the outcome, so that the next reply reports the new state."""
+    """:AL - turn tracking off, and wait until the mount has done so: the next reply then reports the new state."""
     session.client.land_mode = True
     yield op.SetTracking(on=False)
 

@@ -23,7 +23,7 @@ _MAX_SITE_NUMBER = 4
 
 
 def tell_site_coordinate(session: LxSession, command: Command) -> Handling:
-    """:Gt :Gg - latitude or longitude in force; else the stored value. Raises Fault if neither is known."""
+    """:Gt :Gg - the mount's latitude or longitude, else that stored for the site. Raises Fault if neither is known."""
     half = "latitude" if command.name == "Gt" else "longitude"
     try:
         site: Place | NamedSite = yield GetSite()

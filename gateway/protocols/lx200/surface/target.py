@@ -16,13 +16,13 @@ from gateway.protocols.wireformat.command import Command
 
 
 def set_target(session: LxSession, values: op.Values) -> None:
-    """:Sr :Sd - set one coordinate. Programs send :MS# even after a refusal (0), so that clears the target."""
+    """:Sr :Sd - set one coordinate. Programs send :MS# even after a refusal (0), so a refusal clears the target."""
     session.client.deselect()
     _set_coordinates(session, values, "ra", "dec")
 
 
 def set_horizontal_target(session: LxSession, values: op.Values) -> None:
-    """:Sa :Sz - set one coordinate of the target of :MA. Raises BelowHorizon or TooHigh by the limits, or Invalid."""
+    """:Sa :Sz - set one coordinate for :MA. Raises BelowHorizon or TooHigh beyond a limit, Invalid if it is garbled."""
     if "alt" in values:
         limits = session.limits
         try:
@@ -102,7 +102,7 @@ def sync_on_moon(session: LxSession) -> Handling:
 
 
 def _native_idle_reply() -> Handling:
-    """Return the telescope's own :D reply at rest; empty if it has none, or moves by its hand control."""
+    """Return the telescope's own :D reply at rest; empty if it has none, or if its hand control moves it."""
     try:
         reply: bytes = yield op.NativeRequest("D", (), "fixed")
     except (Unsupported, Silence):

@@ -117,7 +117,7 @@ def send_rates(mount: NexStar, first_axis: int) -> Steps:
 
 
 def _read_az_alt(mount: NexStar) -> Steps:
-    """Read and return azimuth and altitude; store both axes' tracking rates there in ``mount.tracking_rates``."""
+    """Read and return azimuth and altitude; store the tracking rates for that position in ``mount.tracking_rates``."""
     answer = yield axis_command(mount)
     where = answer["az"], answer["alt"]
     assert mount.site is not None
@@ -137,7 +137,7 @@ def _rates_for_axis(axis: int, rate: float) -> Pair:
 
 
 def _add_rates(mount: NexStar, axis: int, added: Pair, duration: float | None = None) -> Steps:
-    """Add a rate and send the sums. Return when the first motor was sent its rate (loop time), and its delay, seconds.
+    """Add rates and send the sums. Return when the first motor was sent its rate (loop time), and how late, seconds.
 
     With ``duration``, both motors track faster for that many seconds, to make up for the tracking lost before.
     """
@@ -166,10 +166,7 @@ def _add_rates(mount: NexStar, axis: int, added: Pair, duration: float | None = 
 
 
 def _rate_command(mount: NexStar, axis: int, catch_up: float, at_once_or_never: bool) -> Send:
-    """Return the command with the sum of rates of an axis: tracking, if it was on, and all added rates.
-
-    ``catch_up`` is the fraction by which tracking is faster.
-    """
+    """Return the command of an axis: added rates plus tracking, if that was on, faster by the fraction ``catch_up``."""
     tracks = mount.tracking_rates[axis - 1] if mount.suspended_mode is Tracking.ALTAZ else 0.0
     total = tracks * (1.0 + catch_up) + sum(added[axis - 1] for added in mount.added_rates.values())
     fastest = float(mount.rate_table["fastest"])

@@ -1,8 +1,8 @@
 """Park, home, hibernate and wake.
 
 A hand control has no park position: the gateway slews to a configured position by ``b`` and turns tracking off on
-arrival. ``x`` and ``y`` hibernate and wake it if the firmware has them; otherwise tracking is turned off and on. A hand
-control resumes tracking when it wakes, some late, so it is turned on a little later unless a client has changed it.
+arrival. ``x`` and ``y`` hibernate and wake it if the firmware has them; otherwise tracking is turned off and on. Some
+hand controls resume tracking late after ``y``: so tracking is turned on a little later, unless a client has changed it.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ def motor_sense(mount: NexStar, direction: op.Direction) -> int:
 
 
 def _is_reversed(mount: NexStar, direction: op.Direction) -> Steps:
-    """Return whether the declination motor turns the other way: on the W side of the pier, or beyond the pole."""
+    """Return whether the motor must turn against ``motor_sense``: in declination, on the W side or beyond the pole."""
     if direction.axis == 1:
         return False
     if not mount.german:
@@ -151,10 +151,7 @@ def stop_axis(mount: NexStar, operation: op.StopAxis) -> Steps:
 
 
 def abort_motion(mount: NexStar, _: op.AbortMotion) -> Steps:
-    """Send rate 0 to both axes, which ends hand motion, and ``M``, which ends a goto; tracking stays as it was.
-
-    The fastest motion is ended first.
-    """
+    """End hand motion by rate 0 to both axes, the faster axis first, and a goto by ``M``; tracking stays as it was."""
     mount.small_goto_motions.clear()
     mount.pulsing.clear()
     mount.added_rates.clear()
@@ -222,9 +219,7 @@ def _small_goto_degrees(mount: NexStar, axis: int, position: float) -> float:
 
 
 def pulse(mount: NexStar, operation: op.Pulse) -> Steps:
-    """Send a guide pulse and return Pulsed. North is north on the sky if the operation says so; else north always turns
-    the declination motor in the same sense.
-    """
+    """Send a guide pulse; return Pulsed. If ``sky``, north is north on the sky, else always the same motor sense."""
     by_sky = operation.sky
     if operation.ms > 0 and altaz.can_add_rates(mount) and (by_sky or not mount.times_pulses):
         return (yield from altaz.pulse(mount, operation))

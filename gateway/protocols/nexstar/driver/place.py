@@ -22,7 +22,7 @@ MAX_OFFSET_HOURS = 15.0
 
 
 def get_site(mount: NexStar, _: GetSite) -> Steps:
-    """Return the Place by ``w``, else from the GPS unit, else from the settings. Raises Unsupported."""
+    """Return the Place by ``w``, else from the GPS unit, else from the settings. Raises Unsupported if none has it."""
     if mount.supports("w"):
         answer = yield Send("w")
         mount.site = Place(answer["latitude"], answer["longitude"])
@@ -41,7 +41,7 @@ def get_site(mount: NexStar, _: GetSite) -> Steps:
 
 
 def set_site(mount: NexStar, operation: SetSite) -> Steps:
-    """Send ``W``, which needs both latitude and longitude. Raises Unsupported."""
+    """Send ``W``. Raises Unsupported if a coordinate or the command is missing, or on an aligned StarSense."""
     if not mount.supports("W") or operation.latitude is None or operation.longitude is None:
         raise Unsupported("The site of this hand control cannot be set.")
     yield from _check_not_aligned(mount)
@@ -57,7 +57,7 @@ def _check_not_aligned(mount: NexStar) -> Steps:
 
 
 def get_clock(mount: NexStar, _: GetClock) -> Steps:
-    """Return the Moment by ``i`` or ``h``, else from the GPS unit, else from the clock of a CGE. Raises Unsupported."""
+    """Return the Moment by ``i`` or ``h``, else of the GPS unit or a CGE's clock. Raises Unsupported without any."""
     if mount.supports("i"):
         a = yield Send("i")
         return _to_moment(a, a["quarters"] / 4.0)
@@ -78,7 +78,7 @@ def get_clock(mount: NexStar, _: GetClock) -> Steps:
 
 
 def read_gps(mount: NexStar, _: GetGps) -> Steps:
-    """Return the Gps state of GPS unit 176. Raises NoDevice."""
+    """Return the Gps state of GPS unit 176. Raises NoDevice if the mount has no such unit."""
     if not mount.has("gps") or not mount.supports("gps_linked"):
         raise NoDevice("This mount has no GPS unit.")
     if not (yield Send("gps_linked"))["linked"]:
@@ -98,7 +98,7 @@ def _read_utc(part: str) -> Steps:
 
 
 def set_clock_from_gps(mount: NexStar, _: ClockFromGps) -> Steps:
-    """Set the hand control's clock from GPS unit 176; its time zone stays. Raises NoDevice unless it is linked."""
+    """Set the hand control's clock from GPS unit 176; its time zone stays. Raises NoDevice without a linked unit."""
     receiver = yield from read_gps(mount, GetGps())
     if not receiver.linked:
         raise NoDevice("The GPS is not linked.")

@@ -85,7 +85,7 @@ def sync(mount: NexStar, operation: op.Sync) -> Steps:
 
 
 def goto(mount: NexStar, operation: op.Goto) -> Steps:
-    """Slew by ``r`` or ``R``, less the offset of an emulated sync. Raises NotAligned."""
+    """Slew by ``r`` or ``R``, less an emulated sync's offset. Raises NotAligned; Refused if the mounting is unknown."""
     if mount.native_mode is None:
         mount.check_mounting_known()
     yield from require_alignment(mount)
@@ -168,7 +168,7 @@ def abort_slew(mount: NexStar, _: op.AbortSlew) -> Steps:
 
 
 def _cancel_goto(mount: NexStar) -> Steps:
-    """Send ``M``; where a goto may go on after it, also rate 0 to the axes that are not moved by hand."""
+    """Send ``M``; to a hand control that may restart the goto, also rate 0 for the axes that are not moved by hand."""
     yield Send("M")
     if "restarts" in mount.model_facts:
         for axis in sorted(MOTORS.keys() - mount.moving.keys()):
@@ -219,7 +219,7 @@ def _is_seeking_switches(mount: NexStar, state: NexStarGotoState) -> Steps:
 
 
 class AfterGoto(op.Operation, frozen=True):
-    """Internal: finish a goto in turn with other motions; ``then`` is park, home, or empty for an ordinary goto."""
+    """Internal: finish a goto that has ended; ``then`` is park, home, or empty for a goto to a target."""
 
     then: str
     tries_left: int = TRACKING_OFF_TRIES

@@ -96,7 +96,7 @@ class NexStar(Driver):
         self.native_mode: op.Tracking | None = None
         #: The byte of the last mode that was not off, as ``t`` returned it or a program of this protocol sent it.
         self.mode_code: int | None = None
-        self.rate = op.TrackRate(name="sidereal")
+        self.rate = op.TrackRate(name="sidereal")  # the drive rate that was requested last
         #: How the right-ascension motor tracks: at the ``own`` rate of the hand control, at a ``special`` rate sent to
         #: it, or its tracking is ``replaced`` by a variable rate while it is guided.
         self.drive = "own"
@@ -309,8 +309,8 @@ class NexStar(Driver):
 
     @property
     def _default_park(self) -> tuple[float, float]:
-        """The default park position as axis readings: the pole on an equatorial mount, north on an alt-az mount. There
-        it is at the horizon or just above the lowest altitude, so that the mount may track when it is unparked.
+        """The default park position as axis readings: on an equatorial mount the pole; on an alt-az mount north, at the
+        horizon or just above the lowest altitude, so that the mount may track when it is unparked.
         """
         if self.german:
             return POLE_AXES

@@ -104,7 +104,7 @@ def status(mount: NexStar, _: op.GetStatus) -> Steps:
 
 
 def send_mode(mount: NexStar, mode: op.Tracking) -> Steps:
-    """Send ``T``, and restore a special drive rate if the mode is equatorial. Raises Unsupported."""
+    """Send ``T``, and restore a special drive rate if the mode is equatorial. Raises Unsupported without ``T``."""
     if not mount.supports("T"):
         raise Unsupported("Tracking cannot be turned on or off on this hand control.")
     if mode is not op.Tracking.OFF and native_mode(mount) is None:
@@ -118,9 +118,9 @@ def send_mode(mount: NexStar, mode: op.Tracking) -> Steps:
 def set_tracking(mount: NexStar, operation: op.SetTracking) -> Steps:
     """Turn tracking off, or on in the requested mode, by default the mount's native mode.
 
-    The axes mean different directions in alt-az and equatorial. A motion that was checked in one mode must not continue
-    in the other, so a moving mount keeps its mode. Raises Refused then, or Unsupported. A mount that already reports
-    the mode is not sent it again, unless its drive was given another rate.
+    A motion that was checked in alt-az must not continue equatorially, or the reverse: the axes mean other directions.
+    So Refused is raised for such a change in motion. Raises Unsupported for alt-az on a German mount or without ``T``.
+    A mount that already reports the mode is not sent it again, unless its drive was given another rate.
     """
     native = native_mode(mount)
     if operation.on and operation.mode is None:
@@ -162,7 +162,7 @@ def suspend(mount: NexStar) -> Steps:
 
 
 def resume(mount: NexStar) -> Steps:
-    """After the last axis has stopped, resume suspended tracking. ``t`` is read at once, and again a second later."""
+    """After the last axis has stopped, resume suspended tracking; check it by ``t`` at once and a second later."""
     mode = mount.suspended_mode
     if mode is None or mode is op.Tracking.OFF:
         mount.suspended_mode = None
@@ -290,7 +290,7 @@ def guide_rate(mount: NexStar, operation: op.GuideRate) -> Steps:
 
 
 def set_guide_rate(mount: NexStar, operation: op.SetGuideRate) -> Steps:
-    """Set the guide rate by AUX 0x46. The gateway's own guiding uses it even if the motors have no such setting."""
+    """Set the guide rate by AUX 0x46. Raises Unsupported if the motors lack it; the gateway's guiding uses it."""
     mount.guide_rates[operation.axis] = max(0.0, min(1.0, operation.rate))
     value = max(0, min(255, round(operation.rate * 256)))
     try:

@@ -90,7 +90,7 @@ def _known_commands(model: str, version: Version) -> tuple[frozenset[int], PassT
 
 
 def _by_device(known: list[Command]) -> PassThrough:
-    """Return the pass-through commands, by the bytes of the request that identify them."""
+    """Return the pass-through commands by length, device and command number, the bytes that identify them."""
     commands: PassThrough = {}
     for command in known:
         if command.request.prefix[0] == PASS_THROUGH:

@@ -79,9 +79,9 @@ class SimulatedMount(Simulated):
     """A simulated mount and its hand control. ``site`` is latitude and longitude east, degrees; ``utc_offset`` hours.
 
     ``clock`` returns Unix seconds and is the only source of time. ``version`` is written as in the manual, or like
-    ``starsense-1.20``; the default is the model's newest. ``wedge`` puts a fork on a wedge. The motors accelerate and
-    brake like real ones; with ``ramps`` False their speed changes at once, for tests that calculate with constant
-    rates. Raises UserError for a model or version that does not exist.
+    ``starsense-1.20``; the default is the model's newest. ``wedge`` puts a fork on a wedge. ``speed`` is a factor for
+    the speed of gotos. Without ``ramps`` the motors change speed at once, for tests with constant rates. Raises
+    UserError for a model or version that does not exist.
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class SimulatedMount(Simulated):
         self._set_up(wedge, rates["fastest"], speed, ramps)
 
     def _set_version(self, version: str | None, starsense: bool) -> None:
-        """Set the version that ``V`` reports and the version whose commands it has. Raises UserError."""
+        """Set the version that ``V`` reports and that whose commands it has. Raises UserError for an impossible one."""
         try:
             number = parse(version or (STARSENSE if starsense else self.row["versions"][-1]))
             self.reported_version: Version = (number.reported[0], number.reported[1], *number.reported[2:3])

@@ -42,7 +42,7 @@ def addressed_axis(values: op.Values) -> int:
 
 
 def may_be_passed_on(command: str, values: op.Values) -> bool:
-    """Whether a command unknown to this surface may be passed on to a NexStar mount: not if it could pass a limit."""
+    """Whether a command unknown to this surface may go to a NexStar mount: not if it could pass a limit or misalign."""
     return command not in NEVER_PASSED and (command not in MOVE_COMMANDS or values["device"] == FOCUSER)
 
 
@@ -65,7 +65,7 @@ def _require_part(session: NexStarSession, part: str) -> None:
 
 
 def _read_receiver(session: NexStarSession) -> Handling:
-    """Return Gps from the mount's receiver. If the mount has none, report no fix, and the site and clock."""
+    """Return Gps from the mount's receiver. If the mount has none, return the site and clock, without a fix."""
     _require_part(session, "gps")
     try:
         return (yield op.GetGps())
@@ -105,7 +105,7 @@ def _date_fields(unix: float) -> dict[str, int]:
 
 
 def set_rtc(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """Set date, year or time of the real-time clock; the other two parts of its UT stay. Raises Invalid, NoDevice."""
+    """Set one of date, year and time of the real-time clock (UT). Raises Invalid if impossible, NoDevice without it."""
     _require_part(session, "rtc")
     if not command.exists_on(None, session.model["counts_as"]):
         raise NoDevice
@@ -135,7 +135,10 @@ def tell_switch_found(values: op.Values) -> Handling:
 
 
 def move_focuser(command: Command, values: op.Values) -> Handling:
-    """AUX 0x24, 0x25 - move the focuser; positions increase outwards, 0 stops it. Raises NoDevice, Invalid."""
+    """AUX 0x24, 0x25 - move the focuser; positions increase outwards, 0 stops it.
+
+    Raises NoDevice for any other device, and Invalid for a rate above 9.
+    """
     rate = values["rate"]
     if values["device"] != FOCUSER:
         raise NoDevice

@@ -19,7 +19,7 @@ _OFF_OR_ON = (0, 1)
 
 
 def _axis_and_sense(command: Command) -> tuple[int, int]:
-    """Return axis and direction from the name of the row: ``slew_azm_pos`` is axis 1, +1."""
+    """Return axis and motor direction of a command by its name: axis 1 and +1 of ``slew_azm_pos``."""
     _, axis, sense = command.name.split("_")
     return (1 if axis == "azm" else 2), (1 if sense == "pos" else -1)
 
@@ -87,10 +87,7 @@ def set_mode(session: NexStarSession, command: Command, values: op.Values) -> Ha
 
 
 def pulse(session: NexStarSession, values: op.Values) -> Handling:
-    """AUX 0x26 - a guide pulse at a percentage of sidereal, its length in hundredths of a second.
-
-    Raises Invalid for more than 100 percent.
-    """
+    """AUX 0x26 - a guide pulse, percent of sidereal, hundredths of a second. Raises Invalid above 100 percent."""
     axis, ms = addressed_axis(values), values["ticks"] * 10
     if abs(values["rate"]) > _MAX_GUIDE_PERCENT:
         raise Invalid
@@ -112,7 +109,7 @@ def set_guide_rate(session: NexStarSession, values: op.Values) -> Handling:
 
 
 def _apply(session: NexStarSession, value_name: str, value: int, operation: op.SetGuideRate | op.Backlash) -> Handling:
-    """Set a value on the mount and store it for all clients, even if the mount is busy or silent. Raises Fault."""
+    """Set a value on the mount and store it for all clients; after a Fault only if it is Busy or NoAnswer."""
     try:
         yield operation
     except (Busy, NoAnswer):
@@ -131,9 +128,7 @@ def guide_rate(session: NexStarSession, values: op.Values) -> Handling:
 
 
 def set_backlash(session: NexStarSession, command: Command, values: op.Values) -> Handling:
-    """AUX 0x10, 0x11 - set the antibacklash of one sense of a motor, 0 to 99; a Meade has one value for both senses. If
-    the mount lacks it, the reply is the no-response form.
-    """
+    """AUX 0x10, 0x11 - set the antibacklash of one sense of a motor, a Meade's of both. Raises Invalid above 99."""
     axis, value = addressed_axis(values), values["value"]
     if value > _MAX_BACKLASH:
         raise Invalid

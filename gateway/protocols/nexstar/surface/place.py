@@ -16,7 +16,7 @@ from gateway.protocols.wireformat.command import Command
 
 
 def set_site(values: Values) -> Handling:
-    """W - set the site; impossible coordinates do nothing."""
+    """W - set the site; impossible coordinates are ignored."""
     if "fault" in values:
         return
     place = SetSite(latitude=values["latitude"], longitude=values["longitude"])
@@ -43,7 +43,7 @@ def clock(session: NexStarSession, command: Command) -> Handling:
 
 
 def set_clock(session: NexStarSession, command: Command, values: Values) -> Handling:
-    """H, I - set zone and local time; an impossible time does nothing."""
+    """H, I - set zone and local time; an impossible time is ignored."""
     zone = values["quarters"] / 4.0 if "quarters" in values else float(values["zone"])
     dst = values["dst"]
     if dst not in (0, 1) or not -14 <= zone <= 14 or values["year"] > 99:

@@ -18,7 +18,7 @@ from gateway.protocols.base.wants import FireAndForget, Handling
 from gateway.protocols.nexstar.session import NexStarSession, attempt, begin
 from gateway.protocols.nexstar.surface.devices import addressed_axis
 
-#: What the first axis of a Celestron German mount reads at the pole.
+#: What the first axis of a Celestron German mount reads at the pole, degrees.
 POLE_READING = 90.0
 
 
@@ -28,14 +28,14 @@ def axes(session: NexStarSession) -> Handling:
 
 
 def goto(session: NexStarSession, values: op.Values) -> Handling:
-    """R r - slew; acknowledged at once. A malformed command does nothing."""
+    """R r - slew; acknowledged at once. A malformed command is acknowledged and ignored."""
     if "fault" not in values:
         session.client.axis_goals = {}
         yield from begin(op.Goto(*fold_declination(values["ra"], values["dec"])))
 
 
 def goto_axes(session: NexStarSession, values: op.Values) -> Handling:
-    """B b - slew to axis readings. A malformed command does nothing."""
+    """B b - slew to axis readings. A malformed command is acknowledged and ignored."""
     if "fault" not in values:
         session.client.axis_goals = {}
         yield from begin((yield from _goto_operation(session, values["az"], values["alt"])))
@@ -112,7 +112,7 @@ def _axis_readings(session: NexStarSession) -> Handling:
 
 
 def _native_readings(session: NexStarSession) -> Handling:
-    """Return the axis readings as a Celestron counts them."""
+    """Return the axis readings of the presented model, counted as a Celestron counts them."""
     status: op.Status = yield op.GetStatus()
     if not _wedge_as_german(session, status):
         return (yield op.AxisPosition() if _uses_axes(session, status) else op.HorizontalPosition())
@@ -133,7 +133,7 @@ def _goto_operation(session: NexStarSession, first: float, second: float) -> Han
 
 
 def _uses_axes(session: NexStarSession, status: op.Status) -> bool:
-    """Whether clients read and move the motor axes, as on the presented hand control; else azimuth and altitude."""
+    """Whether the azimuth and altitude commands read and move motor axes. If not, they mean azimuth and altitude."""
     return status.equatorial if session.model.get("own") else _presents_german(session) or status.wedge
 
 
