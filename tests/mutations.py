@@ -267,7 +267,7 @@ MUTATIONS = [
     ),
     Mutation(
         "a reading that was forgotten is told",
-        r"(def poll\(.*\n(?:.*\n){5,6}?        if entry is None) or entry\.forgotten:",
+        r"(def fresh_answer\(.*\n(?:.*\n){5,6}?        if entry is None) or entry\.forgotten:",
         r"\g<1>:",
         f"{READINGS} tests/unit/mount/readings tests/integration/stops",
     ),
@@ -291,19 +291,20 @@ MUTATIONS = [
     ),
     Mutation(
         "the release of an arrow ends a newer arrow of another",
-        r"if active\.pressed is not None and self\._owns_arrow\(active\):\n            by",
-        "if active.pressed is not None:\n            by",
+        r"if active\.arrow is not None and self\._owns_arrow\(active\):\n            by",
+        "if active.arrow is not None:\n            by",
         "tests/unit/console tests/unit/app/control",
     ),
     Mutation(
         "an arrow that is kept pressed goes on after a stop",
-        r"if active\.stop_count != self\._controller\.stops:\n            raise Stopped\n        if active\.pressed ==",
-        "if active.pressed ==",
+        r"if active\.stop_count != self\._controller\.stop_count:\n            raise Stopped\n        "
+        r"if active\.arrow ==",
+        "if active.arrow ==",
         "tests/unit/console tests/unit/app/control tests/integration/stops",
     ),
     Mutation(
         "a request that comes after its cancellation is begun",
-        r"if active\.cancelled\.is_set\(\):\n            raise Busy",
+        r"if active\.cancel_event\.is_set\(\):\n            raise Busy",
         "if False:\n            raise Busy",
         "tests/unit/app/control/test_requests.py",
     ),
@@ -351,7 +352,7 @@ MUTATIONS = [
     ),
     Mutation(
         "an almanac that cannot be stored is forgotten",
-        r"self\._calculated_almanac = self\._calculated_almanac\.joined\(newer\)\.without_oldest_days\(\)",
+        r"self\._calculated_almanac = self\._calculated_almanac\.join\(newer\)\.without_oldest_days\(\)",
         "self._calculated_almanac = newer",
         "tests/unit/astro/test_almanac.py",
     ),

@@ -27,7 +27,7 @@ from gateway.diagnostics.command_outcomes import (  # noqa: E402
     MISSING_OUTCOME,
     OUTCOME_MEANINGS,
     MountKind,
-    choose,
+    choose_ways,
     model_versions,
     outcome,
     remarks,
@@ -212,7 +212,7 @@ def sent(row: SurfaceRow | None, mount: CommandSet, kind: MountKind) -> list[str
     """Return the mount commands that a row may send, each once; only those that this model and version has."""
     has = mount.commands
     commands = [
-        c for way in choose(row, mount, kind) for c in way.commands if has[c].exists_on(kind.model, kind.version)
+        c for way in choose_ways(row, mount, kind) for c in way.commands if has[c].exists_on(kind.model, kind.version)
     ]
     return list(dict.fromkeys(commands))
 
@@ -221,7 +221,7 @@ def kinds(protocol: CommandSet) -> Iterator[MountKind]:
     """Yield every kind of mount that speaks a protocol, the newest versions first."""
     made = sorted(model_versions(protocol), key=lambda model: model[2] or (), reverse=True)
     for model, _, version in made:
-        wedges = (False, True) if protocol.traits(model) != protocol.traits(model, wedge=True) else (False,)
+        wedges = (False, True) if protocol.traits(model) != protocol.traits(model, on_wedge=True) else (False,)
         states = (True, False) if PROTOCOLS[protocol.name].has_alignment else (True,)
         yield from (MountKind(model, version, aligned, wedge) for wedge in wedges for aligned in states)
 

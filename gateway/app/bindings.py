@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import msgspec
 
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
-from gateway.app.config.programs import as_fields, delay, first_bytes, programs, stops_arrows, unmet_needs, with_needs
+from gateway.app.config.programs import as_fields, first_bytes, programs, stops_all, text_delay, unmet_needs, with_needs
 from gateway.app.config.tables import ConsoleConfig
 from gateway.app.watchdog.client import Watchdog, WatchedMount
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import AccessRules, Networks, parse_networks
 from gateway.clients.profiles import ClientProfile, EquinoxConverter, SurfaceBinding
-from gateway.clients.reply_pace import HARDWARE_REPLY_TIME, delayed
+from gateway.clients.reply_pace import HARDWARE_REPLY_TIME, delay_replies
 from gateway.mount.controller import MountController
 from gateway.mount.policy import Limits, Policy
 from gateway.mount.shutdown import stop_commands
@@ -26,7 +26,7 @@ from gateway.protocols.base.frames import Framer
 from gateway.protocols.base.reply_rules import ReplyParser, TableReplyParser
 from gateway.protocols.base.session import SharedSettings
 from gateway.protocols.base.spec import DriverSettings, MadeDriver, SurfaceSettings
-from gateway.protocols.registry import ANY, PROTOCOLS, surface_protocols
+from gateway.protocols.registry import ANY, PROTOCOLS, accepted_protocols
 from gateway.transport import Accept, Listener, open_port
 from gateway.transport.http_wire import HttpWire, request_bytes
 from gateway.transport.listening import WEB_ADDRESS
@@ -96,10 +96,10 @@ def make_surface(
         spec.new_framer,
         spec.opening_pattern,
         made.model,
-        msgspec.structs.replace(made.settings, guides_by_sky=directions == "sky"),
+        msgspec.structs.replace(made.client_settings, guides_by_sky=directions == "sky"),
         default_equinox=spec.equinox,
-        releases_by_stop=stops_arrows(endpoint.protocol, config.client),
-        fit=made.fit_model,
+        releases_by_stop=stops_all(endpoint.protocol, config.client),
+        fit_model=made.fit_model,
     )
 
 
@@ -112,7 +112,7 @@ async def open_surface(endpoint: Endpoint, surface: SurfaceConfig, accept: Accep
         seconds = HARDWARE_REPLY_TIME if is_hardware_port(endpoint.where) else 0.0
         if surface.reply_after is not None:
             seconds = surface.reply_after / 1000.0
-        return await open_port(endpoint.where, delayed(accept, seconds), surface.baud)
+        return await open_port(endpoint.where, delay_replies(accept, seconds), surface.baud)
     return await web.listen(endpoint.where)
 
 
@@ -133,14 +133,14 @@ class AcceptorFactory:
         controller: MountController,
         mount: Endpoint,
         config: MountConfig,
-        shared_state: SharedSettings,
+        shared_settings: SharedSettings,
         clock: Callable[[], float],
         sky: Sky,
         warn: Callable[[str], None],
         web: WebServer,
     ) -> None:
         self._controller, self._mount, self._config = controller, mount, config
-        self._shared_state, self._clock, self._warn, self._web = shared_state, clock, warn, web
+        self._shared_settings, self._clock, self._warn, self._web = shared_settings, clock, warn, web
         self._converter = EquinoxConverter(sky, controller.sources.unix)
         #: The bindings of all surfaces with their protocols, and those that present the mount itself.
         self.bindings: list[tuple[str, SurfaceBinding]] = []
@@ -149,16 +149,16 @@ class AcceptorFactory:
     def make(self, surface_number: int, endpoint: Endpoint, surface: SurfaceConfig) -> Acceptor:
         """Make the acceptor of a surface; ``surface_number`` counts surfaces from 1. Raises UserError."""
         if endpoint.protocol != ANY:
-            return self._make_one(surface_number, endpoint, surface)
-        speaking, titles = {}, ", ".join(PROTOCOLS[name].title for name in surface_protocols(ANY))
-        for protocol in surface_protocols(ANY):
+            return self._make_acceptor(surface_number, endpoint, surface)
+        speaking, titles = {}, ", ".join(PROTOCOLS[name].title for name in accepted_protocols(ANY))
+        for protocol in accepted_protocols(ANY):
             part = with_needs(msgspec.structs.replace(surface, at=f"{protocol}@{endpoint.where}"))
-            speaking[protocol] = self._make_one(surface_number, Endpoint(protocol, endpoint.where), part, titles)
+            speaking[protocol] = self._make_acceptor(surface_number, Endpoint(protocol, endpoint.where), part, titles)
         from gateway.clients.any_protocol.acceptor import AnyProtocolAcceptor
 
         return AnyProtocolAcceptor(speaking, self._web)
 
-    def _make_one(
+    def _make_acceptor(
         self, surface_number: int, endpoint: Endpoint, surface: SurfaceConfig, protocol_titles: str = ""
     ) -> ConnectionAcceptor:
         """Make a surface's acceptor for one protocol. ``protocol_titles`` lists all, if there are several."""
@@ -166,22 +166,22 @@ class AcceptorFactory:
         later = endpoint.where == WEB_ADDRESS and endpoint.protocol != self._mount.protocol  # with the web server
         made, where, only = bind if later else bind(), endpoint.where, not protocol_titles
         return ConnectionAcceptor(
-            self._controller, made, self._shared_state, self._clock, surface_number, entry, where, self._warn, only
+            self._controller, made, self._shared_settings, self._clock, surface_number, entry, where, self._warn, only
         )
 
     def _bind(self, endpoint: Endpoint, surface: SurfaceConfig, protocol_titles: str) -> SurfaceBinding:
         binding = make_surface(endpoint, surface, self._config.limits, self._config.guide_directions)
-        binding.surface.mount_speaks_same = endpoint.protocol == self._mount.protocol
+        binding.surface.speaks_mount_protocol = endpoint.protocol == self._mount.protocol
         if presents_mount(self._mount, endpoint):
-            binding = msgspec.structs.replace(binding, fit=None)
+            binding = msgspec.structs.replace(binding, fit_model=None)
             self.native_bindings.append(binding)
         binding = msgspec.structs.replace(
             binding,
             protocol_titles=protocol_titles or binding.protocol_titles,
-            equinox=self._converter if (surface.equinox or binding.default_equinox) == "j2000" else None,
-            model_equinox=None if surface.equinox else self._converter,
+            j2000_converter=self._converter if (surface.equinox or binding.default_equinox) == "j2000" else None,
+            model_converter=None if surface.equinox else self._converter,
             profiles=tuple(profiles_of(endpoint.protocol, surface, self._converter)),
-            hold_time=delay(surface, endpoint.protocol, surface.client),
+            hold_time=text_delay(surface, endpoint.protocol, surface.client),
         )
         self.bindings.append((endpoint.protocol, binding))
         return binding
@@ -248,10 +248,10 @@ def profiles_of(protocol: str, surface: SurfaceConfig, converter: EquinoxConvert
         needs = as_fields(unmet_needs(surface, program))
         equinox = converter if needs.pop("equinox", None) == "j2000" else None
         row = programs(protocol)[program]
-        yield ClientProfile(first, row.name, needs, equinox, delay(surface, protocol, program), row.stops_arrows)
+        yield ClientProfile(first, row.name, needs, equinox, text_delay(surface, protocol, program), row.stops_arrows)
 
 
-def add_watch(
+def watch_mount(
     watchdog: Watchdog,
     title: str,
     lock: Path | None,

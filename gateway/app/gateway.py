@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 from gateway.app.bindings import (
     Acceptor,
     AcceptorFactory,
-    add_watch,
     configure_binding,
     exposure_warning,
     make_driver,
     make_transport,
     open_surface,
     policy_of,
+    watch_mount,
 )
 from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.config.endpoints import device_text
@@ -28,7 +28,7 @@ from gateway.app.control.server import ControlServer
 from gateway.app.discovery.offer import reachable_networks
 from gateway.app.mount_state import MountState, mount_state
 from gateway.app.state.file import MarkerContent
-from gateway.app.state.mount_claim import claim, taken_message
+from gateway.app.state.mount_claim import claim_mount, taken_message
 from gateway.app.state.store import StateStore
 from gateway.app.watchdog.client import Watchdog, WatchedMount
 from gateway.astro.ephemeris.sky import Sky
@@ -91,7 +91,7 @@ class Gateway:
 
     def open_state_store(self) -> None:
         """Read the state that the previous run saved, and open the store. Raises UserError if the mount is in use."""
-        self.mount_claim = claim(self.mount, self.warn)
+        self.mount_claim = claim_mount(self.mount, self.warn)
         marked = MarkerContent(str(self.mount), self.config.baud)
         self.store = StateStore(self.mount.protocol, self.mount.where, marked, self.config.state, self.warn)
 
@@ -118,9 +118,11 @@ class Gateway:
         """Let the watchdog process stop a real mount if this process cannot. A simulated mount needs no watchdog."""
         if self.watchdog is not None and self.mount.where != "sim":
             lock = self.store.lock_path if self.store is not None else None
-            self.watchdog_mount = add_watch(self.watchdog, self.title, lock, lambda: self.controller, self._on_watchdog)
+            self.watchdog_mount = watch_mount(
+                self.watchdog, self.title, lock, lambda: self.controller, self._on_watchdog_stop
+            )
 
-    def _on_watchdog(self) -> None:
+    def _on_watchdog_stop(self) -> None:
         """Continue after the watchdog process has stopped the mount because this process did not run for a while."""
         self.warn(
             f"{self.title}: this gateway did not run for a while and its watchdog process stopped the mount; "
@@ -165,7 +167,7 @@ class Gateway:
     async def _open_control(self) -> None:
         """Open the control endpoint for ``mount-gateway stop`` and the other commands."""
         assert self.store is not None
-        where = [self.store.directory, *find_folders()[0]]
+        where = [self.store.folder, *find_folders()[0]]
         self.control = ControlServer(where, self.store.stem, str(self.mount), self.carry_out, self.config.name or "")
         try:
             await self.control.open()
@@ -192,8 +194,10 @@ class Gateway:
             except Fault:
                 await asyncio.sleep(1.0)
         for _, binding in self.bindings:
-            if binding.fit is not None:
-                binding.model.update(binding.fit(equatorial, self.controller.driver.german, self.controller.driver.gps))
+            if binding.fit_model is not None:
+                binding.model.update(
+                    binding.fit_model(equatorial, self.controller.driver.german, self.controller.driver.gps)
+                )
         self.models_presented.set()
 
     @cached_property
@@ -205,7 +209,7 @@ class Gateway:
 
     def state(self) -> MountState:
         """Return the activity and the known state of the mount, without an exchange with it."""
-        programs = [host for acceptor in self.acceptors for host in acceptor.present_hosts()]
+        programs = [host for acceptor in self.acceptors for host in acceptor.hosts_present()]
         return mount_state(self.controller, self.config.name or "", str(self.mount), programs)
 
     def start_warnings(self) -> Iterator[str]:

@@ -99,7 +99,7 @@ class MountState(Struct, frozen=True, dict=True):
         if not self.sites:
             return ""
         doubts = "".join(f"; {doubt.short_text}: {doubt.remedy}" for doubt in self.site_contradictions)
-        return f"{site_text(self.sites[0].place)}, from {self.sites[0].origin.rstrip(',')}{doubts}"
+        return f"{site_text(self.sites[0].place)}, from {self.sites[0].source_text.rstrip(',')}{doubts}"
 
     @property
     def time(self) -> str:
@@ -170,9 +170,9 @@ def mount_state(
 ) -> MountState:
     """Return the state of a mount; ``name`` is its configured name, or empty."""
     now, readings, astrometry, driver = controller.now(), controller.cache, controller.astrometry, controller.driver
-    identity: op.Identity | None = readings.value(op.GetIdentity)
+    identity: op.Identity | None = readings.last_value(op.GetIdentity)
     product, model = (identity.product, identity.model) if identity else ("", "")
-    position: op.Equatorial | None = readings.value(op.Position)
+    position: op.Equatorial | None = readings.last_value(op.Position)
     line, wanted, run_on = controller.line, controller.wanted, controller.context.run_on
     ends = wanted.stop_owed or run_on.current is not None
     # A mount that ran on after a stop seemed to be moved at its keys, until its position showed rest.
@@ -188,8 +188,8 @@ def mount_state(
         look=look,
         mount=mount,
         identity=identity,
-        title=driver.protocol.title(product, model),
-        pier_side=readings.value(op.PierSide) or "",
+        title=driver.protocol.model_title(product, model),
+        pier_side=readings.last_value(op.PierSide) or "",
         german=driver.german,
         can_enforce_hour_angle=identity is None or can_enforce_hour_angle(controller.context),
         horizontal=astrometry.horizontal(position) if sites and position is not None else None,

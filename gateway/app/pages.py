@@ -94,7 +94,7 @@ MIME_MAP = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", 
          ".txt": "text/plain"}  # fmt: skip
 
 #: The longest body of a request, bytes.
-MAX_BODY = 8192
+MAX_BODY_BYTES = 8192
 #: The answer to a request with the Host header of another computer. It omits that name, to be the same for all names.
 FOREIGN_HOST_ANSWER = (
     "This gateway does not know the name or address in the Host header. If that leads here, through a container or a "
@@ -157,7 +157,7 @@ class Pages:
 
         return _INLINABLE.sub(inline_file, _LINKS.sub(rf'\1="{self._files_path}\2"', _SCRIPT.sub(bundle_module, page)))
 
-    async def index(self, request: web.Request, **texts: str) -> web.Response:
+    async def serve_page(self, request: web.Request, **texts: str) -> web.Response:
         """Return the page; each ``{{name}}`` in it is replaced by the argument of that name."""
         page = self._index
         for name, word in texts.items():
@@ -165,7 +165,7 @@ class Pages:
         headers = {"Cache-Control": "no-store", CSP_HEADER: self._csp}
         return await self._answer(request, page, page.encode(), MIME_MAP[".html"], headers)
 
-    async def file(self, request: web.Request) -> web.StreamResponse:
+    async def serve_file(self, request: web.Request) -> web.StreamResponse:
         """Serve a file other than the page; the route's ``path`` names it."""
         name = request.match_info["path"].removeprefix(self._files_path)
         if name not in self._files:
@@ -210,7 +210,7 @@ def make_app(
                 response.headers.setdefault(name, value)
         return response
 
-    app = web.Application(middlewares=[admit], client_max_size=MAX_BODY)
+    app = web.Application(middlewares=[admit], client_max_size=MAX_BODY_BYTES)
     app[_PORT_RULES] = rules
     app[READ_ONLY_KEY] = lambda request: rules_of(request).is_read_only(request.remote or "")
     return app
@@ -221,8 +221,9 @@ def rules_of(request: web.Request) -> AccessRules:
     return request.app[_PORT_RULES].get(local_address(request)[1], AccessRules())
 
 
-def require_own_page(handler: Handler, refusal: Callable[[web.Request], str] = lambda request: "") -> Handler:
-    """Return a handler for the server's own page only; ``refusal`` returns why a request is refused, or an empty text.
+def require_own_page(handler: Handler, get_refusal: Callable[[web.Request], str] = lambda request: "") -> Handler:
+    """Return a handler for the server's own page only; ``get_refusal`` returns why a request is refused, or an empty
+    text.
 
     A foreign page in the same browser could send requests to this server, or resolve its own name to this computer (DNS
     rebinding). So ``Host`` must be an address or a name of this computer, ``Origin`` must be the page's own, and every
@@ -230,15 +231,15 @@ def require_own_page(handler: Handler, refusal: Callable[[web.Request], str] = l
     """
 
     async def guarded(request: web.Request) -> web.StreamResponse:
-        from_page = from_own_page(request.headers, request.path)
-        if reason := refusal(request) if from_page else "Only pages of this server may request this.":
+        from_page = is_from_own_page(request.headers, request.path)
+        if reason := get_refusal(request) if from_page else "Only pages of this server may request this.":
             raise web.HTTPForbidden(reason=reason)
         return await handler(request)
 
     return guarded
 
 
-def same_origin(origin: str | None, host: str | None) -> bool:
+def is_same_origin(origin: str | None, host: str | None) -> bool:
     """Whether ``Origin`` is this host or missing: browsers always send it with the requests of foreign pages."""
     if origin is None:
         return True
@@ -246,17 +247,17 @@ def same_origin(origin: str | None, host: str | None) -> bool:
     return scheme in ("http", "https") and host_of(rest) == host_of(host or "")
 
 
-def from_other_site(headers: Mapping[str, str]) -> bool:
+def is_from_other_site(headers: Mapping[str, str]) -> bool:
     """Whether the browser itself reports that a page of another site sends this request."""
     return headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin")
 
 
-def from_own_page(headers: Mapping[str, str], path: str) -> bool:
+def is_from_own_page(headers: Mapping[str, str], path: str) -> bool:
     """Whether the page itself sends a request. The path ``/`` may also be requested by a link on another site."""
-    same = same_origin(headers.get("Origin"), headers.get("Host"))
-    return same and (path == "/" or not from_other_site(headers))
+    same = is_same_origin(headers.get("Origin"), headers.get("Host"))
+    return same and (path == "/" or not is_from_other_site(headers))
 
 
-def same_token(offered_token: str | None, token: str) -> bool:
+def is_same_token(offered_token: str | None, token: str) -> bool:
     """Whether two tokens are equal. The comparison takes constant time."""
     return hmac.compare_digest((offered_token or "").encode(), token.encode())

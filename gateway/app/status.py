@@ -108,12 +108,12 @@ class State(Struct, frozen=True):
 
 
 class AverageRate:
-    """The rate of a counter that is sampled now and then, averaged over the last ``samples`` samples."""
+    """The rate of a counter that is sampled now and then, averaged over the last ``sample_count`` samples."""
 
-    def __init__(self, samples: int = 5) -> None:
-        self._samples: deque[tuple[float, int]] = deque(maxlen=samples + 1)
+    def __init__(self, sample_count: int = 5) -> None:
+        self._samples: deque[tuple[float, int]] = deque(maxlen=sample_count + 1)
 
-    def per_second(self, now: float, count: int) -> float:
+    def add_sample(self, now: float, count: int) -> float:
         """Add a sample, ``count`` at the time ``now`` (seconds), and return the rate per second; 0 at first."""
         self._samples.append((now, count))
         then, before = self._samples[0]
@@ -158,10 +158,10 @@ def format_position(position: Equatorial) -> str:
 
 def activity(line: StatusLine) -> str:
     """Return the activity in a few words, preceded by ``held`` if nothing may move the mount."""
-    return "held, " * line.held + _condition(line) if _condition(line) else "held" * line.held
+    return "held, " * line.held + _condition_text(line) if _condition_text(line) else "held" * line.held
 
 
-def _condition(line: StatusLine) -> str:
+def _condition_text(line: StatusLine) -> str:
     """Return the most important activity or condition of the mount in one to three words; empty if not known."""
     if line.unknown:
         return "not known whether it moves"

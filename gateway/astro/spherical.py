@@ -15,7 +15,7 @@ Matrix = tuple[Vector, Vector, Vector]
 
 UNIX_AT_J2000 = 946728000.0  # 2000-01-01 12:00, as a Unix time
 SIDEREAL_RATE = 360.0 * 1.002737909350795 / 86400.0  # degrees of mean sidereal time in a second of UT1
-SIDEREAL_ARCSECONDS = 15.041067  # the same in arcseconds, as precisely as makers and programs use it
+SIDEREAL_ARCSEC_PER_S = 15.041067  # the same in arcseconds, as precisely as makers and programs use it
 
 
 # -- angles ---------------------------------------------------------------------------------------------

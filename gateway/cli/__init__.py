@@ -34,8 +34,8 @@ def main(argv: list[str] | None = None) -> int:
     If stdout cannot be written, the code is 2 as well, except if its reader has closed the pipe.
     """
     garbage.collect_rarely()
-    streams.reopen_closed()
-    streams.replace_unencodable()
+    streams.reopen_closed_streams()
+    streams.set_encoding_fallback()
     code = 0
     try:
         typed = _escape_for_argparse(sys.argv[1:] if argv is None else argv)
@@ -49,15 +49,15 @@ def main(argv: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         code = 0
     except SystemExit:  # argparse has printed the help
-        if (failed := streams.flush()) is None:
+        if (failed := streams.flush_stdout()) is None:
             raise
         return _report_stdout_error(failed, code)
     except OSError as error:
-        failed = streams.flush() or (error if streams.is_write_error(error) else None)
+        failed = streams.flush_stdout() or (error if streams.is_write_error(error) else None)
         if failed is None:
             raise
         return _report_stdout_error(failed, code)
-    failed = streams.flush()
+    failed = streams.flush_stdout()
     return code if failed is None else _report_stdout_error(failed, code)
 
 
@@ -65,7 +65,7 @@ def _parse(typed_words: list[str]) -> argparse.Namespace:
     """Parse the words of the command line. Raises UserError, and SystemExit after printing help."""
     if not typed_words:
         raise UserError("which command? mount-gateway demo needs no mount; mount-gateway --help lists all of them")
-    typed_words = suggestions.normalized_help(typed_words)
+    typed_words = suggestions.with_help_flag(typed_words)
     if typed_words[0] not in (*COMMANDS, *INFORMATION_FLAGS):
         raise suggestions.unknown_command_error(typed_words[0], find_parsers(make_parser()))
     arguments, left = make_parser(typed_words[:1]).parse_known_args(typed_words)

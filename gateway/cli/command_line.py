@@ -105,27 +105,27 @@ class _HelpAction(argparse.Action):
 class Parser(argparse.ArgumentParser):
     """A parser that reports a mistake in one line.
 
-    When the user asks for help, ``late_epilog`` makes the text below the flags, and ``more_help`` the text that
-    ``--help all`` adds. Flags in ``hidden_actions`` are shown only by ``--help all``. Flags in ``suppressed`` are never
-    shown, because the help of another command explains them.
+    When the user asks for help, ``make_epilog`` makes the text below the flags, and ``more_help`` the text that
+    ``--help all`` adds. Flags in ``hidden_actions`` are shown only by ``--help all``. Flags in ``suppressed_actions``
+    are never shown, because the help of another command explains them.
     """
 
     def __init__(
-        self, *, late_epilog: Callable[[], str] | None = None, more_help: Callable[[], str] | None = None, **kwargs: Any
+        self, *, make_epilog: Callable[[], str] | None = None, more_help: Callable[[], str] | None = None, **kwargs: Any
     ) -> None:
         self._width: int | None = 80  # argparse lays out every flag once, and nobody sees it
         super().__init__(add_help=False, **kwargs)
-        self._late_epilog, self._more_help = late_epilog, more_help
+        self._make_epilog, self._more_help = make_epilog, more_help
         self.shows_all = False
         self.hidden_actions: Sequence[argparse.Action] = ()
-        self.suppressed: Sequence[argparse.Action] = ()
+        self.suppressed_actions: Sequence[argparse.Action] = ()
         self.add_argument(*HELP_FLAGS, action=_HelpAction, nargs="?", help=argparse.SUPPRESS)
 
     def format_help(self) -> str:
         """Return the help; if ``shows_all``, with the hidden flags and the additional text."""
         more = self._more_help() if self.shows_all and self._more_help is not None else ""
         self.epilog, self._width = f"{self._epilog_text()}\n{more}", None
-        left_out = [*self.suppressed, *([] if self.shows_all else self.hidden_actions)]
+        left_out = [*self.suppressed_actions, *([] if self.shows_all else self.hidden_actions)]
         helps = [action.help for action in left_out]
         for action in left_out:
             action.help = argparse.SUPPRESS
@@ -147,7 +147,7 @@ class Parser(argparse.ArgumentParser):
         return [] if option_string.partition("=")[0] == "--name" else super()._get_option_tuples(option_string)
 
     def _epilog_text(self) -> str:
-        return self._late_epilog() if self._late_epilog is not None else self.epilog or ""
+        return self._make_epilog() if self._make_epilog is not None else self.epilog or ""
 
 
 def endpoints_help() -> str:
@@ -193,7 +193,7 @@ COMMAND_GROUPS = {
 }
 COMMANDS = {name: command for group in COMMAND_GROUPS.values() for name, command in group.items()}
 
-FIRST_STEPS_HELP = """\
+PROGRAM_SUMMARY = """\
 Lets Meade LX200 software drive a Celestron NexStar mount, and the reverse.
 """
 HELP_EPILOG = """\
@@ -232,8 +232,8 @@ def make_parser(argv: Sequence[str] = ()) -> Parser:
     whole = Parser(
         prog="mount-gateway",
         usage="mount-gateway COMMAND [options]",
-        description=FIRST_STEPS_HELP,
-        late_epilog=lambda: "\n".join([*map(group_help, shown), HELP_EPILOG]),
+        description=PROGRAM_SUMMARY,
+        make_epilog=lambda: "\n".join([*map(group_help, shown), HELP_EPILOG]),
         more_help=lambda: f"{group_help(rest)}\n{endpoints_help()}\n\n{EXIT_CODES_HELP}",
     )
     whole.add_argument("--version", action=_VersionAction, nargs=0, help="print the version and the commit, and exit")

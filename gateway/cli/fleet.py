@@ -61,7 +61,7 @@ def _run_fleet(arguments: argparse.Namespace) -> int:
 async def _serve(access: BrokerAccess, prefix: str, port: int) -> int:
     from gateway.cli.serve.signals import end_signal_event
     from gateway.console.server import PAGE_FOLDER
-    from gateway.fleet.overview.server import Overview
+    from gateway.fleet.overview.server import OverviewServer
 
     done, was_there = end_signal_event(), True
 
@@ -72,7 +72,7 @@ async def _serve(access: BrokerAccess, prefix: str, port: int) -> int:
             streams.warn(f"the broker {access.broker} {state}", streams.WARNING)
         was_there = connected
 
-    page = Overview(access, prefix, PAGE_FOLDER, time.time, on_connection)
+    page = OverviewServer(access, prefix, PAGE_FOLDER, time.time, on_connection)
     await page.open(port)
     streams.print_line(f"ready fleet {page.address}")
     try:

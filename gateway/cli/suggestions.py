@@ -6,7 +6,7 @@ import argparse
 import re
 from collections.abc import Iterable, Mapping, Sequence
 
-from gateway.core.errors import UserError, similar
+from gateway.core.errors import UserError, similar_words
 
 #: Patterns of argparse's messages, and the message in plain words for each.
 _PLAIN_MESSAGES = (
@@ -53,7 +53,7 @@ _FLAG_BY_HELP_WORD = {
 }
 
 
-def normalized_help(arguments: Sequence[str]) -> list[str]:
+def with_help_flag(arguments: Sequence[str]) -> list[str]:
     """Turn ``help goto`` into ``goto --help`` and ``version`` into ``--version``; return other words unchanged."""
     flag = _FLAG_BY_HELP_WORD.get(arguments[0]) if arguments else None
     if flag == "--help":
@@ -74,7 +74,7 @@ def unknown_command_error(word: str, commands: Mapping[str, argparse.ArgumentPar
         return UserError(f"{word!r} is not a command; did you mean mount-gateway run {word}?")
     if "@" in word:
         return UserError(f"{word!r} is not a command; did you mean mount-gateway run --mount {word}?")
-    close = [*filter(None, [_COMMAND_BY_SYNONYM.get(word.lower())]), *similar(word.lower(), list(commands))]
+    close = [*filter(None, [_COMMAND_BY_SYNONYM.get(word.lower())]), *similar_words(word.lower(), list(commands))]
     right = f"did you mean mount-gateway {close[0]}?" if close else f"the commands are {', '.join(commands)}"
     return UserError(f"there is no command {word!r}; {right}")
 
@@ -113,7 +113,7 @@ def unexpected_words_error(
         right = f"{' and '.join(has[:2])} {'has' if len(has) == 1 else 'have'} it"
     elif key := _key_hint(word):
         right = key
-    elif close := similar(word, flags, min_similarity=0.75):
+    elif close := similar_words(word, flags, min_similarity=0.75):
         right = f"did you mean {close[0]}?"
     return UserError(f"{name} has no flag {word}; {right}")
 

@@ -16,7 +16,7 @@ from gateway.clients.access import AccessRules, ClientAdmission, Rights
 from gateway.clients.commands.command_processor import CommandProcessor
 from gateway.clients.connection import ClientConnection
 from gateway.clients.profiles import SurfaceBinding
-from gateway.clients.wrong_preset import PresetWatch
+from gateway.clients.wrong_preset import WrongProtocolWatch
 from gateway.core.wire_log import ClientLog
 from gateway.mount.controller import MountController
 from gateway.protocols.base.session import ClientState, SharedSettings
@@ -50,7 +50,7 @@ class ConnectionAcceptor:
         #: The number of the surface, counted from 1.
         self.surface_number = surface_number
         self.access, self._admission = access, ClientAdmission(access, surface_number, controller.wire_log)
-        self._address, self._warn, self._one_type = address, warn, is_single_protocol
+        self._address, self._warn, self._is_single = address, warn, is_single_protocol
         self._clients: set[CommandProcessor] = set()
         self._saved_states: dict[str, tuple[float, ClientState]] = {}
         self._connections: set[ClientConnection] = set()
@@ -61,11 +61,11 @@ class ConnectionAcceptor:
         return self._bind if isinstance(self._bind, SurfaceBinding) else self._bind()
 
     @cached_property
-    def preset_watch(self) -> PresetWatch:
+    def protocol_watch(self) -> WrongProtocolWatch:
         """Notices clients in which the user has selected the wrong telescope type."""
         surface = self.binding.surface
-        return PresetWatch(
-            self.controller, surface.protocol.name, self.binding.make_framer, self._address, self._warn, self._one_type
+        return WrongProtocolWatch(
+            self.controller, surface.protocol.name, self.binding.make_framer, self._address, self._warn, self._is_single
         )
 
     @property
@@ -103,7 +103,7 @@ class ConnectionAcceptor:
             new_connection,
             client,
             binding,
-            self.preset_watch.start_check(new_connection.name, host),
+            self.protocol_watch.start_command_check(new_connection.name, host),
             lambda: self._forget_connection(host, client, connection, on_closed),
             lambda: self._save_state(host, client),
             first_bytes,
@@ -117,7 +117,7 @@ class ConnectionAcceptor:
         self._clients = {client for client in self._clients if client.is_open or client.has_running_operations}
         return [client.activity.host for client in self._clients]
 
-    def present_hosts(self) -> list[str]:
+    def hosts_present(self) -> list[str]:
         """Return the hosts of the clients that are connected, or were within the last ``PRESENCE_TIME`` seconds.
         On a serial line, a client counts as connected for as long after its last byte.
         """
@@ -127,12 +127,12 @@ class ConnectionAcceptor:
             for connection in self._connections
             if not connection.is_serial_line or now - connection.last_received_at <= PRESENCE_TIME
         ]
-        return present + [host for host in self.reconnecting_hosts() if host not in connected]
+        return present + [host for host in self.just_disconnected_hosts() if host not in connected]
 
     def connected_hosts(self) -> list[str]:
         return [connection.host for connection in self._connections]
 
-    def reconnecting_hosts(self) -> list[str]:
+    def just_disconnected_hosts(self) -> list[str]:
         """Return the hosts that disconnected at most ``PRESENCE_TIME`` seconds ago."""
         return [host for host, (at, _) in self._saved_states.items() if self.controller.now() - at <= PRESENCE_TIME]
 

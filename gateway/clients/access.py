@@ -80,7 +80,7 @@ class Rights(Struct, frozen=True):
 
     def refusal(self, operation: Operation) -> Refusal | None:
         """Return why the client may not request an operation; None if it may."""
-        if self.read_only and not is_harmless(operation):
+        if self.read_only and not is_read_or_stop(operation):
             return Refusal(ReadOnly(), "read only")
         if not self.may_hibernate and isinstance(operation, Hibernate):
             return Refusal(NotFromNetwork(), NO_HIBERNATION)
@@ -123,7 +123,7 @@ def _is_in(host: str, networks: Networks) -> bool:
     return any(address in network for network in networks)
 
 
-def is_harmless(operation: Operation) -> bool:
+def is_read_or_stop(operation: Operation) -> bool:
     """Whether an operation only reads or ends a motion, so that a read-only client may request it."""
     if isinstance(operation, Focus):
         return operation.direction == 0

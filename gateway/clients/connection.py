@@ -40,11 +40,11 @@ class Backlog:
         self.is_late = False
         #: The number of stops when it fell behind; None while it is not behind.
         self._stop_count: int | None = None
-        self._behind_since = self._last_data_at = -1e9
+        self._behind_since = self._full_read_at = -1e9
 
     def stop_count_when_sent(self, now: float) -> int | None:
         """Return how many stops there were, at least, when the next bytes were sent; -1 if late, None if not behind."""
-        if self._stop_count is not None and now - self._last_data_at > (LATE_AFTER if self.is_late else CATCH_UP_TIME):
+        if self._stop_count is not None and now - self._full_read_at > (LATE_AFTER if self.is_late else CATCH_UP_TIME):
             self._stop_count, self.is_late = None, False
         self.is_late = self.is_late or (self._stop_count is not None and now - self._behind_since > LATE_AFTER)
         return STALE_STOP_COUNT if self.is_late else self._stop_count
@@ -54,7 +54,7 @@ class Backlog:
         if size >= READ_BYTES:
             if self._stop_count is None:
                 self._stop_count, self._behind_since = stop_count, now
-            self._last_data_at = now
+            self._full_read_at = now
         elif not self.is_late:
             self._stop_count = None
 
@@ -123,7 +123,7 @@ class ClientConnection:
         elif was_late and not self._peer_closed:
             self._controller.presence.mark_open_again(self.client.activity)  # it has caught up, so a client is there
         self._deliver(data, sent, None)
-        self._backlog.record_read(len(data), now, self._wanted_state.value.n_stops)
+        self._backlog.record_read(len(data), now, self._wanted_state.value.stop_count)
 
     def _note_late(self) -> None:
         """Treat the client as disconnected, because its bytes are old, and log that once."""
@@ -163,11 +163,13 @@ class ClientConnection:
         self.client.apply_profile(profile)
         return False
 
-    def _deliver_filtered(self, data: bytes, stops: int | None, arrived_at: float | None) -> None:
+    def _deliver_filtered(self, data: bytes, stop_count: int | None, arrived_at: float | None) -> None:
         """Process the bytes that cannot come from a stranger, with their times of arrival; disconnect a stranger."""
         now = self._controller.now()
         assert self._filter is not None
-        pieces = self._filter.feed(ReceivedBytes(data, now, self._controller.stops if stops is None else stops))
+        pieces = self._filter.feed(
+            ReceivedBytes(data, now, self._controller.stop_count if stop_count is None else stop_count)
+        )
         if self._filter.stranger is not None:
             self._reject(self._filter.stranger)
             return
@@ -176,7 +178,7 @@ class ClientConnection:
         for piece in pieces:
             late = piece.arrived_at != now
             self._deliver_after_filter(
-                piece.data, piece.stop_count if late else stops, piece.arrived_at if late else arrived_at
+                piece.data, piece.stop_count if late else stop_count, piece.arrived_at if late else arrived_at
             )
 
     def _reject(self, greeting: Greeting) -> None:

@@ -51,7 +51,7 @@ class ClientProfile(Struct, frozen=True):
     first_bytes: bytes
     program: str
     settings: Values
-    equinox: EquinoxConverter | None
+    converter: EquinoxConverter | None
     #: Seconds for which the text of a refusal is held back, for a program that may not read it.
     hold_time: float
     #: Whether the program sends a command that stops all motion when an arrow is released.
@@ -69,9 +69,9 @@ class SurfaceBinding(Struct, frozen=True):
     opening_pattern: bytes
     model: Model
     settings: ClientSettings
-    equinox: EquinoxConverter | None = None
+    j2000_converter: EquinoxConverter | None = None
     #: The converter to use if the presented model has J2000 coordinates; None if the user has chosen the equinox.
-    model_equinox: EquinoxConverter | None = None
+    model_converter: EquinoxConverter | None = None
     #: The equinox of the port's clients if the user does not set it: ``jnow`` or ``j2000``.
     default_equinox: str = "jnow"
     #: Seconds for which the text of a refusal is held back on the network, from a program that was not recognised.
@@ -79,10 +79,10 @@ class SurfaceBinding(Struct, frozen=True):
     #: Whether the client program sends a command that stops all motion when an arrow is released.
     releases_by_stop: bool = False
     #: Chooses the model, by whether the mount is equatorial, is German (None: unknown), has GPS; None if the user did.
-    fit: Callable[[bool, bool | None, bool], Model] | None = None
+    fit_model: Callable[[bool, bool | None, bool], Model] | None = None
     profiles: tuple[ClientProfile, ...] = ()
 
     @property
     def converter(self) -> EquinoxConverter | None:
         """Converts the coordinates of the port's clients; None if these use the equinox of date."""
-        return self.equinox or (self.model_equinox if self.model.get("equinox") == "j2000" else None)
+        return self.j2000_converter or (self.model_converter if self.model.get("equinox") == "j2000" else None)

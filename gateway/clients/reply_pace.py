@@ -17,7 +17,7 @@ from gateway.transport.handler import ConnectionHandler, NewConnection
 HARDWARE_REPLY_TIME = 0.006
 
 
-class ReplyPace:
+class PacedHandler:
     """Sends a connection's replies ``delay`` seconds after the last request; ``accept`` makes the real handler."""
 
     def __init__(
@@ -79,8 +79,8 @@ class ReplyPace:
         self._handler.close()
 
 
-def delayed(
+def delay_replies(
     accept: Callable[[NewConnection], ConnectionHandler], delay: float
 ) -> Callable[[NewConnection], ConnectionHandler]:
     """Return a function like ``accept`` whose handlers reply ``delay`` seconds later; ``accept`` itself if 0."""
-    return (lambda connected: ReplyPace(connected, accept, delay)) if delay else accept
+    return (lambda connected: PacedHandler(connected, accept, delay)) if delay else accept

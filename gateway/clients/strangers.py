@@ -144,24 +144,24 @@ class StrangerRecogniser:
         self._served_protocol = served_protocol
         #: Whether a greeting of the table may still be recognised.
         self._table_may_match = True
-        self._unknown_method = UnknownMethodMatcher()
+        self._method_matcher = UnknownMethodMatcher()
         self._candidates: list[tuple[Greeting, int]] = []
         self._in_idle_bytes = True
 
     @property
     def may_be_greeting(self) -> bool:
         """Whether the bytes so far may be the beginning of a greeting and must be held back."""
-        return self._table_may_match or self._unknown_method.is_partly_matched
+        return self._table_may_match or self._method_matcher.is_partly_matched
 
     @property
     def is_done(self) -> bool:
         """Whether the client can no longer be a stranger, or was recognised."""
-        return not (self._table_may_match or self._unknown_method.may_match)
+        return not (self._table_may_match or self._method_matcher.may_match)
 
     def feed(self, data: bytes) -> Greeting | None:
         """Examine more bytes. Return the greeting that they complete, if any."""
         known = self._match_table(data) if self._table_may_match else None
-        return UNKNOWN_METHOD_GREETING if self._unknown_method.feed(data) and known is None else known
+        return UNKNOWN_METHOD_GREETING if self._method_matcher.feed(data) and known is None else known
 
     def _match_table(self, data: bytes) -> Greeting | None:
         for byte in data:
@@ -230,14 +230,14 @@ class StrangerFilter:
             return self._release(match.end() if match else 0)
         return self._release(sum(len(piece.data) for piece in self._held_pieces))
 
-    def _release(self, count: int) -> list[ReceivedBytes]:
-        """Remove the first ``count`` held-back bytes and return them."""
+    def _release(self, byte_count: int) -> list[ReceivedBytes]:
+        """Remove the first ``byte_count`` held-back bytes and return them."""
         released: list[ReceivedBytes] = []
-        while count > 0:
+        while byte_count > 0:
             piece = self._held_pieces.pop(0)
-            if len(piece.data) > count:
-                self._held_pieces.insert(0, piece._replace(data=piece.data[count:]))
-                piece = piece._replace(data=piece.data[:count])
+            if len(piece.data) > byte_count:
+                self._held_pieces.insert(0, piece._replace(data=piece.data[byte_count:]))
+                piece = piece._replace(data=piece.data[:byte_count])
             released.append(piece)
-            count -= len(piece.data)
+            byte_count -= len(piece.data)
         return released

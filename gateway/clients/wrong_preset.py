@@ -18,7 +18,7 @@ from gateway.protocols.wireformat.command_set import CommandSet, load
 #: The gateway warns if no command of the surface's own protocol arrives within this many seconds of the first bytes.
 OWN_COMMAND_WINDOW = 3.0
 #: Maximum number of bytes of a connection that are examined; maximum number of hosts that are remembered.
-MAX_BYTES, MAX_HOSTS = 64, 1000
+MAX_CHECKED_BYTES, MAX_HOSTS = 64, 1000
 
 
 def other_protocol_command(served_protocol: str, received: bytes) -> tuple[str, bytes] | None:
@@ -68,7 +68,7 @@ def _neighbouring_address(address: str) -> str:
     return f"{address}-2"
 
 
-class PresetWatch:
+class WrongProtocolWatch:
     """Finds clients with the wrong telescope type on the surface at ``address``; ``warn`` is called once per host.
 
     The recent events list every such client. ``make_framer`` makes a framer for the surface's protocol
@@ -85,12 +85,12 @@ class PresetWatch:
         warn: Callable[[str], None],
         is_single_protocol: bool = True,
     ) -> None:
-        self.controller, self.served, self.address, self.warn = controller, served_protocol, address, warn
+        self.controller, self.served_protocol, self.address, self.warn = controller, served_protocol, address, warn
         self._make_framer, self._is_single_protocol = make_framer, is_single_protocol
         self._last_spoken_at: dict[str, float] = {}
         self._warned_hosts: set[str] = set()
 
-    def start_check(self, connection_name: str, host: str) -> FirstCommandCheck:
+    def start_command_check(self, connection_name: str, host: str) -> FirstCommandCheck:
         return FirstCommandCheck(self, connection_name, host, self._make_framer())
 
     def note_protocol_used(self, host: str) -> None:
@@ -105,7 +105,7 @@ class PresetWatch:
 
     def warn_about(self, connection_name: str, host: str, received: bytes) -> None:
         """Warn of a connection that sent only these bytes and no command of the surface's own protocol."""
-        if not (text := advice(self.served, received, self.address) if self._is_single_protocol else ""):
+        if not (text := advice(self.served_protocol, received, self.address) if self._is_single_protocol else ""):
             return
         self.controller.wire_log.remember_notice(host, text)
         if host not in self._warned_hosts and len(self._warned_hosts) < MAX_HOSTS:
@@ -116,20 +116,21 @@ class PresetWatch:
 class FirstCommandCheck:
     """Examines the first bytes of a connection until they contain a command of the surface's own protocol."""
 
-    def __init__(self, preset_watch: PresetWatch, name: str, host: str, framer: Framer) -> None:
-        self._preset_watch, self._connection_name, self._host, self._framer = preset_watch, name, host, framer
+    def __init__(self, protocol_watch: WrongProtocolWatch, name: str, host: str, framer: Framer) -> None:
+        self._protocol_watch, self._connection_name, self._host, self._framer = protocol_watch, name, host, framer
         self._received = b""
         #: Whether no more bytes are needed.
         self.is_done = False
 
     def feed(self, data: bytes) -> None:
-        presets = self._preset_watch
+        presets = self._protocol_watch
         if not self._received:
             began = presets.controller.now()
-            presets.controller.loop.call_later(OWN_COMMAND_WINDOW, self._warn_if_wrong_preset, began)
-        self._received = (self._received + data)[:MAX_BYTES]
+            presets.controller.loop.call_later(OWN_COMMAND_WINDOW, self._warn_if_wrong_protocol, began)
+        self._received = (self._received + data)[:MAX_CHECKED_BYTES]
         if any(
-            load(presets.served).find(frame) is not None for frame in self._framer.feed(data, presets.controller.now())
+            load(presets.served_protocol).find(frame) is not None
+            for frame in self._framer.feed(data, presets.controller.now())
         ):
             presets.note_protocol_used(self._host)
             self.is_done = True
@@ -138,8 +139,8 @@ class FirstCommandCheck:
         """Stop examining: the client is no telescope program."""
         self.is_done = True
 
-    def _warn_if_wrong_preset(self, started_at: float) -> None:
+    def _warn_if_wrong_protocol(self, started_at: float) -> None:
         """Warn if the host has not used the surface's own protocol, on any connection, since ``started_at``."""
-        if not self.is_done and not self._preset_watch.used_protocol_since(self._host, started_at):
-            self._preset_watch.warn_about(self._connection_name, self._host, self._received)
+        if not self.is_done and not self._protocol_watch.used_protocol_since(self._host, started_at):
+            self._protocol_watch.warn_about(self._connection_name, self._host, self._received)
         self.is_done = True

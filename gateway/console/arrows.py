@@ -120,7 +120,7 @@ class Arrows:
     def _cancel_counts(self) -> tuple[int, int]:
         """Return the number of stops and gotos so far."""
         wanted = self._controller.wanted.value
-        return wanted.n_stops, wanted.n_gotos
+        return wanted.stop_count, wanted.goto_count
 
     def close(self) -> None:
         """Release all arrows: the page has disconnected."""

@@ -15,14 +15,14 @@ from typing import Any
 from gateway.app.gateway import Gateway
 from gateway.app.recording.format import unescape
 from gateway.app.recording.recorder import Recorder, record
-from gateway.clients.any_protocol.deciding import decide
+from gateway.clients.any_protocol.deciding import find_protocol
 from gateway.clients.strangers import IDLE_BYTES
 from gateway.console.arrows import Arrows
 from gateway.console.pin import Pin
 from gateway.console.shown.publisher import Publisher
 from gateway.core.errors import UserError
 from gateway.core.operations import GetIdentity, Identity
-from gateway.protocols.registry import ANY, PROTOCOLS, surface_protocols
+from gateway.protocols.registry import ANY, PROTOCOLS, accepted_protocols
 from gateway.protocols.wireformat.command_set import load
 from gateway.system.files import state_folder
 from gateway.system.own_commands import gateway_argv
@@ -39,8 +39,8 @@ class Mounts:
     def __init__(self, gateways: Sequence[Gateway], pin: str = "") -> None:
         self.gateways = list(gateways)
         self.pin = Pin(pin, time.monotonic, lambda text: self.gateways[0].wire_log.note("console", text))
-        self.recordings = [MountRecorder(gateway) for gateway in self.gateways]
-        self.publisher = Publisher(self.gateways, lambda: [recording.state for recording in self.recordings])
+        self.recorders = [MountRecorder(gateway) for gateway in self.gateways]
+        self.publisher = Publisher(self.gateways, lambda: [recording.state for recording in self.recorders])
         #: By mount, the arrows that each page holds.
         self.arrows: list[list[Arrows]] = [[] for _ in self.gateways]
         self._explain_lock = asyncio.Lock()
@@ -49,29 +49,29 @@ class Mounts:
         """Return the time by this computer's clock, Unix seconds."""
         return self.gateways[0].clock()
 
-    def gateway(self, index: int) -> Gateway:
+    def gateway(self, mount_index: int) -> Gateway:
         """Return a gateway by its number. Raises UserError."""
-        if not 0 <= index < len(self.gateways):
-            raise UserError(f"there is no mount {index} here")
-        return self.gateways[index]
+        if not 0 <= mount_index < len(self.gateways):
+            raise UserError(f"there is no mount {mount_index} here")
+        return self.gateways[mount_index]
 
     async def explain(self, gateway: Gateway, surface: str, command: str) -> tuple[bool, str]:
         """Run ``explain`` for a command on this mount in a subprocess, one at a time. Return (success, text)."""
         named = _surface_argument(surface or gateway.names()[0].partition("@")[0], command)
         argv = [*gateway_argv(), "explain", "--", named, _mount_argument(gateway), command]
-        return await self._run(argv, "explanation")
+        return await self._run_command(argv, "explanation")
 
     async def report(self, recording: Path) -> Path:
         """Write the report of a recording to its folder, in a subprocess. Return the path. Raises UserError."""
         target = recording.with_suffix(".html")
-        done, text = await self._run(
+        done, text = await self._run_command(
             [*gateway_argv(), "report", "--force", "-o", str(target), str(recording)], "report"
         )
         if not done or not target.is_file():
             raise UserError(text.removeprefix("mount-gateway: "))
         return target
 
-    async def _run(self, argv: Sequence[str], result_name: str) -> tuple[bool, str]:
+    async def _run_command(self, argv: Sequence[str], result_name: str) -> tuple[bool, str]:
         """Run a subcommand of mount-gateway, one at a time. Return (True, its output), or (False, why it has none)."""
         async with self._explain_lock:
             process = await asyncio.create_subprocess_exec(
@@ -93,7 +93,7 @@ def _mount_argument(gateway: Gateway) -> str:
     """Return the mount as an argument of ``explain``, with the model and version that it has reported."""
     at = gateway.mount
     model, version = at.model, at.version
-    identity: Identity | None = gateway.controller.cache.value(GetIdentity)
+    identity: Identity | None = gateway.controller.cache.last_value(GetIdentity)
     if identity is not None and identity.model in load(at.protocol).models:
         model, version = model or identity.model, version or identity.version
     return at.protocol + (f":{model}" if model else "") + (f"/{version}" if model and version else "")
@@ -104,8 +104,8 @@ def _surface_argument(surface: str, command: str) -> str:
     if surface != ANY:
         return surface
     sent = unescape(command).lstrip(IDLE_BYTES)
-    verdict = decide(sent) if sent else None
-    return verdict.protocol if verdict is not None and verdict.protocol in PROTOCOLS else surface_protocols(ANY)[0]
+    verdict = find_protocol(sent) if sent else None
+    return verdict.protocol if verdict is not None and verdict.protocol in PROTOCOLS else accepted_protocols(ANY)[0]
 
 
 class MountRecorder:
@@ -150,7 +150,7 @@ class MountRecorder:
         await recorder.close()
         return path
 
-    def path_of(self, name: str) -> Path | None:
+    def recording_path(self, name: str) -> Path | None:
         """Return the path of the recording with this file name; None if there is none."""
         if not _RECORDING_NAME.fullmatch(name):
             return None

@@ -39,11 +39,11 @@ async def look_up(controller: MountController, target: Target) -> dict[str, Any]
     """
     about: dict[str, Any] = {}
     if isinstance(target, Named):
-        entry = await asyncio.to_thread(objects.describe, target.name)
+        entry = await asyncio.to_thread(objects.find_object, target.name)
         about = {key: value for key, value in entry._asdict().items() if key != "where"}
         target = entry.where
     goal = await position_of_date(controller, target)
-    fault = await controller.preview(goal)
+    fault = await controller.preview_goto(goal)
     why = "" if fault is None else in_page_wording(explain(fault, controller.policy.limits))
     return {**about, **coordinates(controller, goal), "may": fault is None, "why": why}
 
@@ -68,11 +68,11 @@ def night_positions(controller: MountController) -> dict[str, Any]:
     times = [unix + begins + part * NIGHT_STEP for part in range(round(NIGHT_LENGTH / NIGHT_STEP) + 1)]
     moon = (sky.moon(time, site.latitude, site.longitude) for time in times)
     return {"begins": round(controller.wire_log.clock() + begins), "step": NIGHT_STEP,
-            "sun": [_rounded(sky.sun(time)) for time in times],
-            "moon": [_rounded(place) for place in moon]}  # fmt: skip
+            "sun": [_round_position(sky.sun(time)) for time in times],
+            "moon": [_round_position(place) for place in moon]}  # fmt: skip
 
 
-def _rounded(position: Sequence[float]) -> tuple[float, float]:
+def _round_position(position: Sequence[float]) -> tuple[float, float]:
     return round(position[0], COARSE_DECIMALS), round(position[1], COARSE_DECIMALS)
 
 
@@ -96,8 +96,8 @@ class Socket(Protocol):
 class PageSession:
     """One open page: ``run`` sends to it until it disconnects, ``receive`` receives its messages."""
 
-    def __init__(self, mounts: Mounts, socket: Socket, host: str, may_act: bool) -> None:
-        self._mounts, self._socket, self._host, self._may_act = mounts, socket, host, may_act
+    def __init__(self, mounts: Mounts, socket: Socket, host: str, may_control: bool) -> None:
+        self._mounts, self._socket, self._host, self._may_control = mounts, socket, host, may_control
         self._client_name = f"the console at {host}"
         self._loop = asyncio.get_running_loop()
         self._last_message_at = self._last_repeat_at = self._loop.time()
@@ -117,7 +117,7 @@ class PageSession:
         guard = self._loop.create_task(self._watch_arrows())
         try:
             await self._send({"hello": {
-                "version": full_version(), "act": self._may_act, "pin": bool(mounts.pin) and not self._may_act,
+                "version": full_version(), "act": self._may_control, "pin": bool(mounts.pin) and not self._may_control,
                 "now": mounts.now(), "times": [list(mount.answer_times.samples) for mount in publisher.mounts],
             }})  # fmt: skip
             while True:
@@ -189,7 +189,7 @@ class PageSession:
         arrows, wish = self._arrows[message.mount_index], message.request
         if isinstance(wish, messages.ReleaseArrow):
             arrows.release(None if wish.direction is None else _direction(wish.direction), wish.press)
-        elif isinstance(wish, messages.PressArrow) and self._may_act:
+        elif isinstance(wish, messages.PressArrow) and self._may_control:
             return arrows.press(_direction(wish.direction), wish.rate, wish.press)
         return None
 
@@ -216,16 +216,16 @@ class PageSession:
             await self._answer(message.answer_number, all(answer.is_ok for answer in answers), reason)
             return
         gateway = mounts.gateway(message.mount_index)
-        if not self._may_act and not isinstance(wish, messages.ReadOnlyRequest):
+        if not self._may_control and not isinstance(wish, messages.ReadOnlyRequest):
             await self._answer(message.answer_number, False, READ_ONLY_MESSAGE)
             return
         match wish:
             case messages.Talk():
                 self._show_conversation(wish.on)
             case messages.EnterPin():
-                self._may_act = self._may_act or mounts.pin.admits(wish.pin, self._host)
-                reason = "this page may act now" if self._may_act else "this is not the pin"
-                await self._answer(message.answer_number, self._may_act, reason)
+                self._may_control = self._may_control or mounts.pin.admits(wish.pin, self._host)
+                reason = "this page may act now" if self._may_control else "this is not the pin"
+                await self._answer(message.answer_number, self._may_control, reason)
             case messages.ReleaseArrow() | messages.PressArrow():  # the outcome of a press is answered elsewhere
                 await self._answer(message.answer_number, True, "let go")
             case messages.LookUp():
@@ -251,7 +251,7 @@ class PageSession:
             self._next_row = publisher.row_count if is_shown else None
 
     async def _record(self, message: Message, starts: bool) -> None:
-        recording = self._mounts.recordings[message.mount_index]
+        recording = self._mounts.recorders[message.mount_index]
         if starts:
             await self._answer(message.answer_number, True, recording.begin())
             return

@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable
 from math import ceil
 
-from gateway.app.pages import same_token
+from gateway.app.pages import is_same_token
 from gateway.core.errors import UserError
 
 #: How many wrong tries an address has before it must wait; seconds that it then waits between two tries.
@@ -40,7 +40,7 @@ class Pin:
         now = self._monotonic_time()
         if (wait := ceil(self._next_try_at(host) - now)) > 0:
             raise UserError(f"too many wrong pins: wait {wait} s, then try again; looking and STOP need no pin")
-        if bool(self._pin) and same_token(pin, self._pin):
+        if bool(self._pin) and is_same_token(pin, self._pin):
             self._wrong_tries.pop(host, None)
             if len(self._trusted_hosts) < MAX_HOSTS:
                 self._trusted_hosts.add(host)

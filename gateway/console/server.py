@@ -17,7 +17,7 @@ from typing import Any
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from gateway.app.gateway import Gateway
-from gateway.app.pages import Pages, require_own_page, rules_of, same_token
+from gateway.app.pages import Pages, is_same_token, require_own_page, rules_of
 from gateway.astro.catalog import supplied
 from gateway.clients.access import AccessRules
 from gateway.console.mounts import Mounts
@@ -52,9 +52,9 @@ class Console:
     def add_to(self, app: web.Application) -> None:
         """Add the console's routes to an application."""
         app.add_routes([
-            web.get(path, require_own_page(handler, self._refusal)) for path, handler in (
-                ("/", self._index), ("/socket", self._open_page), ("/metrics", self._metrics_text),
-                ("/recording/{mount}/{name}", self._recording), ("/{path:.+}", self._file),
+            web.get(path, require_own_page(handler, self._refusal_reason)) for path, handler in (
+                ("/", self._serve_index), ("/socket", self._open_page), ("/metrics", self._serve_metrics),
+                ("/recording/{mount}/{name}", self._serve_recording), ("/{path:.+}", self._serve_file),
             )
         ])  # fmt: skip
         app.on_shutdown.append(self._close)
@@ -66,13 +66,13 @@ class Console:
         if self._page_tasks:
             await asyncio.wait(self._page_tasks, timeout=1.0)
         self._metrics.close()
-        for recording in self._mounts.recordings:
+        for recording in self._mounts.recorders:
             if recording.state is not None:
                 await recording.end()
 
     # --- access -----------------------------------------------------------------------------------------------------
 
-    def _refusal(self, request: web.Request) -> str:
+    def _refusal_reason(self, request: web.Request) -> str:
         """Return why a request is refused; an empty string if it is served."""
         if all(rules.admits(request.remote or "") for rules in (self._access, rules_of(request))):
             return ""
@@ -80,33 +80,33 @@ class Console:
         log_refused_request(request, "it is not in the console's allow", logs)
         return "This address is not in the console's allow list."
 
-    def _may_act(self, request: web.Request) -> bool:
+    def _may_control(self, request: web.Request) -> bool:
         looks = any(rules.is_read_only(request.remote or "") for rules in (self._access, rules_of(request)))
         return not self._mounts.pin and not looks
 
     # --- requests ---------------------------------------------------------------------------------------------------
 
-    async def _index(self, request: web.Request) -> web.StreamResponse:
-        return await (await asyncio.to_thread(page_files)).index(
-            request, token=self._token, can="act" if self._may_act(request) else "look"
+    async def _serve_index(self, request: web.Request) -> web.StreamResponse:
+        return await (await asyncio.to_thread(page_files)).serve_page(
+            request, token=self._token, can="act" if self._may_control(request) else "look"
         )
 
-    async def _file(self, request: web.Request) -> web.StreamResponse:
-        return await (await asyncio.to_thread(page_files)).file(request)
+    async def _serve_file(self, request: web.Request) -> web.StreamResponse:
+        return await (await asyncio.to_thread(page_files)).serve_file(request)
 
-    async def _metrics_text(self, request: web.Request) -> web.StreamResponse:
+    async def _serve_metrics(self, request: web.Request) -> web.StreamResponse:
         if (text := await self._metrics.text()) is None:
             raise web.HTTPNotImplemented(reason=missing_package_text())
         return web.Response(body=text, headers={"Content-Type": "text/plain; version=0.0.4; charset=utf-8"})
 
-    async def _recording(self, request: web.Request) -> web.StreamResponse:
-        if not same_token(request.query.get("token"), self._token):
+    async def _serve_recording(self, request: web.Request) -> web.StreamResponse:
+        if not is_same_token(request.query.get("token"), self._token):
             raise web.HTTPForbidden
         mount, name = request.match_info["mount"], request.match_info["name"]
-        recordings = self._mounts.recordings
+        recordings = self._mounts.recorders
         known = mount.isdecimal() and int(mount) < len(recordings)
         recorded = f"{name.removesuffix('.html')}.rec" if name.endswith(".html") else name
-        path = recordings[int(mount)].path_of(recorded) if known else None
+        path = recordings[int(mount)].recording_path(recorded) if known else None
         if path is None:
             raise web.HTTPNotFound
         if name.endswith(".html"):
@@ -117,7 +117,7 @@ class Console:
         return web.FileResponse(path, headers={"Content-Disposition": f'attachment; filename="{name}"'})
 
     async def _open_page(self, request: web.Request) -> web.StreamResponse:
-        if not same_token(request.query.get("token"), self._token):
+        if not is_same_token(request.query.get("token"), self._token):
             raise web.HTTPForbidden
         host = request.remote or "?"
         ws = web.WebSocketResponse(max_msg_size=MAX_MESSAGE_BYTES, heartbeat=HEARTBEAT_PERIOD, compress=False)
@@ -133,7 +133,7 @@ class Console:
 
     async def _serve_page(self, websocket: web.WebSocketResponse, request: web.Request, host: str) -> None:
         """Serve a page until it disconnects."""
-        session = PageSession(self._mounts, _Socket(websocket, request), host, self._may_act(request))
+        session = PageSession(self._mounts, _Socket(websocket, request), host, self._may_control(request))
         shown = asyncio.ensure_future(session.run())
         self._page_tasks.add(shown)
         try:
@@ -153,7 +153,7 @@ class _Socket:
     """aiohttp's WebSocket with the interface that a page session needs."""
 
     def __init__(self, websocket: web.WebSocketResponse, request: web.Request) -> None:
-        self._ws, self._transport = websocket, request.transport
+        self._websocket, self._transport = websocket, request.transport
         raw = request.transport.get_extra_info("socket") if request.transport else None
         if raw is not None and raw.family in (socket.AF_INET, socket.AF_INET6):
             raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 16384)  # to notice a stalled browser soon
@@ -164,6 +164,6 @@ class _Socket:
         return int(self._transport.get_write_buffer_size())
 
     async def send(self, text: str) -> None:
-        if self._ws.closed:
+        if self._websocket.closed:
             raise ConnectionError("the page has disconnected")
-        await self._ws.send_str(text)
+        await self._websocket.send_str(text)

@@ -34,7 +34,7 @@ def version() -> str:
 
 
 @functools.cache
-def commit() -> str:
+def short_commit() -> str:
     """Return the first digits of the commit that this was built from; empty if it is not known."""
     built = _read(PACKAGE_FOLDER / "commit.txt") or head_commit(PACKAGE_FOLDER.parent / ".git") or _pip_commit_record()
     return match[0][:COMMIT_DIGITS] if (match := _COMMIT_PATTERN.search(built)) else ""
@@ -43,7 +43,7 @@ def commit() -> str:
 def full_version(version_number: str | None = None, commit_id: str = "") -> str:
     """Return a version with its commit, if known: ``0.2.0 (commit 55d337efa1b2)``; by default of this program."""
     if version_number is None:
-        version_number, commit_id = version(), commit()
+        version_number, commit_id = version(), short_commit()
     return f"{version_number} (commit {commit_id})" if commit_id else version_number
 
 

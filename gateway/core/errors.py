@@ -59,7 +59,7 @@ def explain_file_error(path: Path | str, error: OSError, *, reading: bool = Fals
     return explain_os_error(error)
 
 
-def similar(word: str, candidates: Iterable[str], max_count: int = 1, min_similarity: float = 0.6) -> list[str]:
+def similar_words(word: str, candidates: Iterable[str], max_count: int = 1, min_similarity: float = 0.6) -> list[str]:
     """Return at most ``max_count`` candidates similar to a word, nearest first; ``min_similarity`` is from 0 to 1."""
     from difflib import get_close_matches  # imported here because only a mistake needs it
 

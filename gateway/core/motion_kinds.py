@@ -10,7 +10,7 @@ HAND_MOTIONS = (op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
 #: Operations whose motion continues if the gateway is killed. (``SetHome``: an LX200GPS moves to find its home.)
 MOVERS = (*GOTOS, op.Move, op.MoveAxis, op.Pulse, op.PulseAxis, op.SetHome)
 #: Operations that the reconciler carries out one after the other, because they share the motors or the target.
-SEQUENTIAL = (
+SEQUENTIAL_ORDERS = (
     *GOTOS, op.AbortSlew, op.Sync, op.Move, op.MoveAxis, op.StopAxis, op.Pulse, op.PulseAxis, op.SetTracking,
     op.TrackRate, op.SetHome, op.Unpark, op.Hibernate, op.Wake, op.Focus, op.Choose,
 )  # fmt: skip
@@ -19,7 +19,7 @@ END_ORDERS = (op.StopAxis, op.AbortSlew)
 RESUMABLE_ORDERS = (op.Move, op.MoveAxis, op.SetTracking, op.TrackRate)
 
 
-def axis_moved(operation: op.Operation) -> int | None:
+def moved_axis(operation: op.Operation) -> int | None:
     """Return the axis that an operation moves by hand, or None."""
     return operation.axis if isinstance(operation, op.Move | op.MoveAxis) else None
 
@@ -39,6 +39,6 @@ def begins_motion(operation: object) -> bool:
     return isinstance(operation, MOVERS) or (isinstance(operation, op.Focus) and operation.direction != 0)
 
 
-def may_begin_motion(names: list[str]) -> bool:
+def may_begin_motion(operation_names: list[str]) -> bool:
     """Whether any of the operations with these names sets the mount moving."""
-    return any(issubclass(kind, MOVERS) for name in names if (kind := op.operation_class(name)) is not None)
+    return any(issubclass(kind, MOVERS) for name in operation_names if (kind := op.operation_class(name)) is not None)

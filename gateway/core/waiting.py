@@ -81,10 +81,10 @@ async def run_in_thread(function: Callable[..., Any], *arguments: object) -> Any
     return await future
 
 
-def mark_exception_retrieved(outcome: asyncio.Future[_T]) -> None:
+def mark_exception_retrieved(future: asyncio.Future[_T]) -> None:
     """Mark the exception as retrieved, so that asyncio does not log it if no caller waits."""
-    if not outcome.cancelled():
-        outcome.exception()
+    if not future.cancelled():
+        future.exception()
 
 
 def new_outcome() -> Outcome:

@@ -12,7 +12,7 @@ from functools import partial
 from typing import NamedTuple
 
 #: How many different notes `note_once` logs. Further notes are dropped: only a client that sends noise causes so many.
-MAX_NOTES_ONCE = 1000
+MAX_NOTES_LOGGED_ONCE = 1000
 #: How many refusals and notes on the mount are remembered, for clients that ask for recent events.
 MAX_REMEMBERED_NOTES = 64
 #: Numbers in a refusal: if a program tries many values, its refusals differ only in them, and are logged once.
@@ -97,7 +97,7 @@ class WireLog:
 
     def note_once(self, side: str, text: str, key: str = "", kind: str = "") -> None:
         """Like `note`, but log the text once for each ``key``; of texts with the same ``kind``, only the first."""
-        if (key, kind or text) not in self._notes_logged_once and len(self._notes_logged_once) < MAX_NOTES_ONCE:
+        if (key, kind or text) not in self._notes_logged_once and len(self._notes_logged_once) < MAX_NOTES_LOGGED_ONCE:
             self._notes_logged_once.add((key, kind or text))
             self.note(side, text)
 

@@ -40,15 +40,17 @@ class MountKind(NamedTuple):
     on_wedge: bool = False  # a fork on a wedge
 
 
-def outcome(row: SurfaceRow | None, mount: CommandSet, kind: MountKind, presented: frozenset[str] | None = None) -> str:
+def outcome(
+    row: SurfaceRow | None, mount: CommandSet, kind: MountKind, model_traits: frozenset[str] | None = None
+) -> str:
     """Return the outcome of a command for a kind of mount and the traits of the presented model (None: any model).
 
     If the command's row says *translated*, return the outcome that the implementation of its first operation has.
     """
     if row is None:
         return MISSING_OUTCOME
-    ways = choose(row, mount, kind)
-    word = next(word for traits, word in row.outcomes.items() if _all_hold(traits, mount, kind, not ways, presented))
+    ways = choose_ways(row, mount, kind)
+    word = next(word for traits, word in row.outcomes.items() if _all_hold(traits, mount, kind, not ways, model_traits))
     if word != "translated":
         return word
     return ways[0].outcome if ways else MISSING_OUTCOME
@@ -59,25 +61,27 @@ def _traits(mount: CommandSet, model: str, wedge: bool) -> frozenset[str]:
     return mount.traits(model, wedge)
 
 
-def _all_hold(traits: str, mount: CommandSet, kind: MountKind, unable: bool, presented: frozenset[str] | None) -> bool:
-    """Whether all traits of a condition are true. ``unable``: the mount can carry out none of the row's operations;
-    ``presented``: the traits of the presented model, None for any model.
+def _all_hold(
+    condition: str, mount: CommandSet, kind: MountKind, is_unable: bool, model_traits: frozenset[str] | None
+) -> bool:
+    """Whether all traits of a condition are true. ``is_unable``: the mount can carry out none of the row's operations;
+    ``model_traits``: the traits of the presented model, None for any model.
     """
 
     def is_true(trait: str) -> bool:
         if trait in (ANY_MOUNT, UNABLE, UNALIGNED):
-            return trait == ANY_MOUNT or (unable if trait == UNABLE else not kind.aligned)
+            return trait == ANY_MOUNT or (is_unable if trait == UNABLE else not kind.aligned)
         if trait.startswith(PRESENTED_PREFIX):
-            return presented is None or trait.removeprefix(PRESENTED_PREFIX) in presented
+            return model_traits is None or trait.removeprefix(PRESENTED_PREFIX) in model_traits
         if trait.startswith(LACKS_PREFIX):
             way = next(possible_implementations(trait.removeprefix(LACKS_PREFIX), mount, kind), None)
             return way is None or way.outcome == "refused"
         return trait in _traits(mount, kind.model, kind.on_wedge)
 
-    return all(map(is_true, traits.split()))
+    return all(map(is_true, condition.split()))
 
 
-def choose(row: SurfaceRow | None, mount: CommandSet, kind: MountKind) -> list[Implementation]:
+def choose_ways(row: SurfaceRow | None, mount: CommandSet, kind: MountKind) -> list[Implementation]:
     """Return, for each operation of a row, the first implementation that such a mount can carry out, if any."""
     ways = [next(possible_implementations(name, mount, kind), None) for name in ([] if row is None else row.operations)]
     return [way for way in ways if way is not None]

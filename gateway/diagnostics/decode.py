@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
 from pathlib import Path
 
-from gateway.app.recording.format import LONGEST_LINE, Event, Recording, is_recording, read
+from gateway.app.recording.format import MAX_LINE_LENGTH, Event, Recording, is_recording, read
 from gateway.core.errors import UserError
 from gateway.diagnostics.log.conversation import ConnectionDecoder
 from gateway.diagnostics.log.layout import Row, as_one_line
@@ -20,7 +20,7 @@ from gateway.diagnostics.log.printing import describe_event
 
 #: How many bytes are read from a file at once; so many bytes of client data suffice to recognise the protocol.
 CHUNK_BYTES = 16_384
-_SPY = re.compile(rb"(\d+\.\d+) (TX|RX)\s+[0-9A-F]{4}  ([0-9A-F]{2}(?: {1,2}[0-9A-F]{2}){0,15})")
+_SPY_LINE = re.compile(rb"(\d+\.\d+) (TX|RX)\s+[0-9A-F]{4}  ([0-9A-F]{2}(?: {1,2}[0-9A-F]{2}){0,15})")
 _SOCAT_HEADER = re.compile(rb"([<>]) (\d+/\d+/\d+) (\d+):(\d+):(\d+\.\d+)\s+length=\d+")
 _SOCAT_BYTES = re.compile(rb"((?: [0-9a-f]{2})+)")
 
@@ -33,7 +33,7 @@ class Capture:
     def __init__(self, path: Path) -> None:
         self._path = path
         self.recording: Recording | None = read(path) if is_recording(path) else None
-        self._format = "" if self.recording is not None else _format_of(path)
+        self._format = "" if self.recording is not None else _capture_format(path)
         if self.recording is None and not self._format:
             raise UserError(
                 f"{path}: this is no recording of run --record, and no log of pyserial's spy:// or of socat -x"
@@ -62,13 +62,13 @@ def _lines(path: Path) -> Iterator[bytes]:
             yield line
 
 
-def _format_of(path: Path) -> str:
+def _capture_format(path: Path) -> str:
     """Return which tool wrote the capture, ``spy`` or ``socat``; empty if no line looks like either."""
     return next(
         (
-            "spy" if _SPY.search(line) else "socat"
+            "spy" if _SPY_LINE.search(line) else "socat"
             for line in _lines(path)
-            if _SPY.search(line) or _SOCAT_HEADER.match(line)
+            if _SPY_LINE.search(line) or _SOCAT_HEADER.match(line)
         ),
         "",
     )
@@ -77,7 +77,7 @@ def _format_of(path: Path) -> str:
 def _read_spy_log(path: Path) -> Iterator[Event]:
     """Read a log of pyserial's ``spy://``: ``000000.002 TX   0000  3A 47 52 23  :GR#``."""
     for line in _lines(path):
-        for at, way, octets in _SPY.findall(line):
+        for at, way, octets in _SPY_LINE.findall(line):
             yield Event(float(at), "client", ">" if way == b"TX" else "<", bytes.fromhex(octets.decode()))
 
 
@@ -87,7 +87,7 @@ def _read_socat_log(path: Path) -> Iterator[Event]:
     data = bytearray()
     for line in chain(_lines(path), (b"> 0/0/0 0:0:0.0 length=0",)):
         head = _SOCAT_HEADER.match(line)
-        if (head or len(data) > LONGEST_LINE) and event is not None:
+        if (head or len(data) > MAX_LINE_LENGTH) and event is not None:
             yield event._replace(data=bytes(data))
             data.clear()
         if head:

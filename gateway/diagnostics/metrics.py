@@ -17,7 +17,7 @@ from typing import Any
 
 from gateway.app.gateway import Gateway
 from gateway.app.mount_state import MountState
-from gateway.core.about import commit, version
+from gateway.core.about import short_commit, version
 from gateway.core.errors import Fault
 from gateway.mount.controller import MountController
 from gateway.mount.motion.wanted import Wanted
@@ -25,7 +25,7 @@ from gateway.system.own_commands import install_instruction
 
 #: Upper bounds of the histogram's buckets, seconds.
 BUCKET_BOUNDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 3.5, 5.0)
-PREFIX = "mount_gateway"
+NAME_PREFIX = "mount_gateway"
 
 
 class Histogram:
@@ -55,7 +55,7 @@ class MountCounts:
         self.fault_counts: Counter[str] = Counter()
         self.answer_times, self.stop_times = Histogram(), Histogram()
         self.exchanges = self.stop_count = 0
-        self._last_stop_count = controller.stops
+        self._last_stop_count = controller.stop_count
         self._stop_began_at: float | None = None
         controller.line.exchanged.connect(self._on_exchange)
         controller.wanted.changed.connect(self._on_wanted_changed)
@@ -68,17 +68,17 @@ class MountCounts:
         controller.wanted.changed.disconnect(self._on_wanted_changed)
         controller.reconciler.stop_acknowledged.disconnect(self._on_at_rest)
 
-    def _on_exchange(self, outcome: dict[str, Any] | Fault) -> None:
+    def _on_exchange(self, reply: dict[str, Any] | Fault) -> None:
         self.exchanges += 1
-        if isinstance(outcome, Fault):
-            self.fault_counts[type(outcome).__name__] += 1
+        if isinstance(reply, Fault):
+            self.fault_counts[type(reply).__name__] += 1
         else:
             self.answer_times.add(self._controller.line.transaction.times.last_rtt)
 
     def _on_wanted_changed(self, wanted: Wanted) -> None:
-        if wanted.n_stops != self._last_stop_count:
-            self.stop_count += wanted.n_stops - self._last_stop_count
-            self._last_stop_count = wanted.n_stops
+        if wanted.stop_count != self._last_stop_count:
+            self.stop_count += wanted.stop_count - self._last_stop_count
+            self._last_stop_count = wanted.stop_count
             if wanted.stop_owed and self._stop_began_at is None:
                 self._stop_began_at = self._controller.now()
 
@@ -134,20 +134,22 @@ class Metrics:
         )
 
         mounts = [(gateway.config.name or "mount", gateway.state(), counts) for gateway, counts in self._mounts]
-        yield InfoMetricFamily(PREFIX, "The version of this gateway.", {"version": version(), "commit": commit()})
+        yield InfoMetricFamily(
+            NAME_PREFIX, "The version of this gateway.", {"version": version(), "commit": short_commit()}
+        )
         for kind, rows in ((CounterMetricFamily, COUNTERS), (GaugeMetricFamily, GAUGES)):
             for name, text, value in rows:
-                family = kind(f"{PREFIX}_{name}", text, labels=["mount"])
+                family = kind(f"{NAME_PREFIX}_{name}", text, labels=["mount"])
                 for mount, state, counts in mounts:
                     family.add_metric([mount], value(state, counts))
                 yield family
-        faults = CounterMetricFamily(f"{PREFIX}_faults", "Exchanges that failed.", labels=["mount", "kind"])
+        faults = CounterMetricFamily(f"{NAME_PREFIX}_faults", "Exchanges that failed.", labels=["mount", "kind"])
         for mount, _, counts in mounts:
             for fault, count in sorted(counts.fault_counts.items()):
                 faults.add_metric([mount, fault], count)
         yield faults
         for name, text, histogram in HISTOGRAMS:
-            times = HistogramMetricFamily(f"{PREFIX}_{name}", text, labels=["mount"])
+            times = HistogramMetricFamily(f"{NAME_PREFIX}_{name}", text, labels=["mount"])
             for mount, _, counts in mounts:
                 times.add_metric([mount], histogram(counts).buckets(), histogram(counts).sum)
             yield times

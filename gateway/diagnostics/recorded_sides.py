@@ -10,10 +10,10 @@ from gateway.app.recording.format import Event, Recording
 from gateway.clients.any_protocol.deciding import protocol_may_change
 from gateway.core.wire_log import MOUNT_SIDE
 from gateway.diagnostics.log.conversation import ConnectionDecoder
-from gateway.protocols.registry import ANY, surface_protocols
+from gateway.protocols.registry import ANY, accepted_protocols
 
 
-class RecordedSides:
+class ConnectionProtocols:
     """The protocol of each connection of a recording, by name. ``protocols_of_surfaces`` has one per surface."""
 
     def __init__(self, recording: Recording) -> None:
@@ -27,7 +27,7 @@ class RecordedSides:
         """Register a connection, as in ``surface 2, host 192.168.1.7``, and return the number of its surface."""
         number = int(data.split(b",")[0].split()[-1])
         self.surface_numbers[side] = number
-        self.protocols[side] = surface_protocols(self.protocols_of_surfaces[number - 1])[0]
+        self.protocols[side] = accepted_protocols(self.protocols_of_surfaces[number - 1])[0]
         return number
 
     def protocol_lines_first(self, lines: Iterable[Event]) -> Iterator[Event]:

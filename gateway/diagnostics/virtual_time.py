@@ -16,7 +16,7 @@ from contextvars import Context, copy_context
 from typing import Any, TypeVar
 
 #: Timers less than this apart run in the same iteration, seconds.
-RESOLUTION = 1e-9
+TIMER_RESOLUTION = 1e-9
 #: With more timers than this, cancelled ones are removed early.
 CLEANUP_THRESHOLD = 500
 
@@ -109,7 +109,7 @@ class VirtualLoop(asyncio.SelectorEventLoop):
             if not soon and not self._stopping:  # type: ignore[attr-defined]
                 self._wait()
             if timers:
-                end = self.elapsed + RESOLUTION
+                end = self.elapsed + TIMER_RESOLUTION
                 while timers and timers[0][0] < end:
                     soon.append(pop(timers))
             for _ in range(len(soon)):

@@ -82,7 +82,7 @@ def _read_password(file: str | None) -> str | None:
         raise UserError(f"{file}: this is not UTF-8 text") from None
 
 
-class Client(Protocol):
+class MqttClient(Protocol):
     """The part of aiomqtt's client that is used here."""
 
     @property
@@ -116,7 +116,7 @@ class FloodError(Exception):
 
 
 #: Makes a connection, with the message that the broker publishes if the connection is lost (the will).
-Connect = Callable[[MqttMessage | None], AbstractAsyncContextManager[Client]]
+Connect = Callable[[MqttMessage | None], AbstractAsyncContextManager[MqttClient]]
 
 
 def make_connector(access: BrokerAccess) -> Connect:
@@ -125,7 +125,7 @@ def make_connector(access: BrokerAccess) -> Connect:
     old = False
 
     @asynccontextmanager
-    async def connect(last_will: MqttMessage | None) -> AsyncIterator[Client]:
+    async def connect(last_will: MqttMessage | None) -> AsyncIterator[MqttClient]:
         import aiomqtt
 
         nonlocal old

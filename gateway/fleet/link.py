@@ -17,14 +17,14 @@ from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import Executor
 from typing import Any, TypeVar, TypeVarTuple
 
-from gateway.fleet.client import MAX_MESSAGE_BYTES, BrokerAccess, Client, Connect, FloodError, make_connector
+from gateway.fleet.client import MAX_MESSAGE_BYTES, BrokerAccess, Connect, FloodError, MqttClient, make_connector
 from gateway.fleet.topics import MqttMessage, Outbox, ReceivedMessage
 
 _T = TypeVar("_T")
 _Arguments = TypeVarTuple("_Arguments")
 
 #: Seconds before the first, second and later attempts to reconnect.
-DELAYS = (0.25, 0.5, 1.0)
+RETRY_DELAYS = (0.25, 0.5, 1.0)
 #: How many failed attempts are repeated soon; the pause in seconds after more of them, after a refusal or a flood.
 MAX_QUICK_RETRIES, LONG_PAUSE = 300, 5.0
 #: Maximum number of messages that are sent before an acknowledgement, and that a broker may send in a second.
@@ -129,7 +129,7 @@ class BrokerLink:
     async def _keep_connected(self) -> None:
         failures = 0
         while not self._end_requested.is_set():
-            pause = DELAYS[min(failures, len(DELAYS) - 1)] if failures < MAX_QUICK_RETRIES else LONG_PAUSE
+            pause = RETRY_DELAYS[min(failures, len(RETRY_DELAYS) - 1)] if failures < MAX_QUICK_RETRIES else LONG_PAUSE
             failures += 1
             try:
                 async with self._connect(self._last_messages[0] if self._last_messages else None) as client:
@@ -147,7 +147,7 @@ class BrokerLink:
             async with asyncio.timeout(seconds):
                 await self._end_requested.wait()
 
-    async def _use_connection(self, client: Client) -> None:
+    async def _use_connection(self, client: MqttClient) -> None:
         """Use a connection until it is lost or the link is closed."""
         if self._subscriptions:
             await client.subscribe(self._subscriptions)
@@ -160,7 +160,7 @@ class BrokerLink:
             for message in (*self._outbox.take(MAX_IN_FLIGHT), *self._last_messages):
                 await _send(client, message)
 
-    async def _read(self, client: Client) -> None:
+    async def _read(self, client: MqttClient) -> None:
         loop = asyncio.get_running_loop()
         since, count = loop.time(), 0
         async for message in client.messages:
@@ -172,7 +172,7 @@ class BrokerLink:
             payload = message.payload[: MAX_MESSAGE_BYTES + 1] if isinstance(message.payload, bytes) else b""
             self._call_on_caller(self._on_message, ReceivedMessage(str(message.topic), payload, bool(message.retain)))
 
-    async def _write(self, client: Client) -> None:
+    async def _write(self, client: MqttClient) -> None:
         while True:
             messages = self._outbox.take(MAX_IN_FLIGHT)
             if not messages:
@@ -184,7 +184,7 @@ class BrokerLink:
             await _send(client, messages[-1])
 
 
-async def _send(client: Client, message: MqttMessage, qos: int = 1) -> None:
+async def _send(client: MqttClient, message: MqttMessage, qos: int = 1) -> None:
     await client.publish(message.topic, payload=message.payload, qos=qos, retain=message.retain)
 
 

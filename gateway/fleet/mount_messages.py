@@ -71,7 +71,7 @@ def published_state(gateway: Gateway) -> dict[str, Any]:
     }
 
 
-class Events:
+class EventPublisher:
     """Publishes events as JSON by ``publish_json``, at a limited rate. ``put`` is a sink of the wire log."""
 
     def __init__(self, publish_json: Callable[[bytes], None], clock: Callable[[], float]) -> None:

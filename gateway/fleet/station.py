@@ -24,7 +24,7 @@ from gateway.core.waiting import BackgroundTasks
 from gateway.core.wire_log import printable
 from gateway.fleet.client import MAX_MESSAGE_BYTES, BrokerAccess, Connect
 from gateway.fleet.link import BrokerLink
-from gateway.fleet.mount_messages import Events, discovery_message, published_state
+from gateway.fleet.mount_messages import EventPublisher, discovery_message, published_state
 from gateway.fleet.topics import DEFAULT_MOUNT_NAME, OFFLINE, ONLINE, MqttMessage, ReceivedMessage, Topics, host_id
 
 CLIENT = "mqtt"  # the client's name in the log, for orders from the broker
@@ -46,7 +46,8 @@ class OrderRunner:
     """Carries out the broker's orders for one mount, if they are ``allowed``. The limits of the gateway apply.
 
     A stop does not wait for other orders. An order with the retain flag is refused: the broker stores it, and it would
-    be carried out again at every connection. ``conflict`` returns why only stops are carried out now, or an empty text.
+    be carried out again at every connection. ``conflict_message`` returns why only stops are carried out now, or an
+    empty text.
     """
 
     def __init__(self, gateway: Gateway, allowed: Collection[str], conflict: Callable[[], str], report: Report) -> None:
@@ -120,7 +121,7 @@ class OrderRunner:
 
 
 #: The maximum number of other gateways with the same ID whose messages are answered.
-MAX_GATEWAYS = 100
+MAX_OTHER_GATEWAYS = 100
 
 
 class BrokerPresence:
@@ -128,7 +129,7 @@ class BrokerPresence:
 
     Each gateway publishes its identity on ``PREFIX/ID/gateway``, and subscribes to that topic. A gateway that receives
     another's identity there publishes its own again, so that both know of the conflict. Orders could then be meant for
-    either, so only stops are carried out. ``conflict``: a message about another gateway with this ID, or empty.
+    either, so only stops are carried out. ``conflict_message``: a message about another gateway with this ID, or empty.
     """
 
     def __init__(self, topics: Topics, publish: Callable[[MqttMessage], None], warn: Callable[[str], None]) -> None:
@@ -138,7 +139,7 @@ class BrokerPresence:
         self._presence_message = MqttMessage(topics.gateway, json.dumps(about).encode(), retain=True, is_state=True)
         self._online_message = MqttMessage(topics.availability, ONLINE, retain=True, is_state=True)
         self._answered_gateways: set[str] = set()
-        self.conflict = ""
+        self.conflict_message = ""
 
     @property
     def first_messages(self) -> list[MqttMessage]:
@@ -154,29 +155,29 @@ class BrokerPresence:
         """Handle a message from the broker; return whether it was about presence."""
         if received.topic == self._topics.availability:
             if received.payload == OFFLINE:  # of another gateway with this ID, or the will of a lost connection
-                self.conflict = ""
+                self.conflict_message = ""
                 self._answered_gateways.clear()
                 self._publish(self._online_message)
             return True
         if received.topic != self._topics.gateway:
             return False
-        other, description = _parse_id(received.payload)
+        other, description = _parse_identity(received.payload)
         if other and other != self._instance and not received.retained:  # a retained message may be of an earlier run
             self._report_conflict(other, description)
         return True
 
     def _report_conflict(self, other_instance: str, other_description: str) -> None:
-        self.conflict = (
+        self.conflict_message = (
             f"another gateway ({other_description}) has the ID {self._topics.id!r} on the broker, too: both obey only "
             f"stop until you change one of them (--mqtt-id)"
         )
-        if other_instance not in self._answered_gateways and len(self._answered_gateways) < MAX_GATEWAYS:
+        if other_instance not in self._answered_gateways and len(self._answered_gateways) < MAX_OTHER_GATEWAYS:
             self._answered_gateways.add(other_instance)
             self._publish(self._presence_message)
-            self._warn(self.conflict)
+            self._warn(self.conflict_message)
 
 
-def _parse_id(payload: bytes) -> tuple[str, str]:
+def _parse_identity(payload: bytes) -> tuple[str, str]:
     """Return the sender's instance ID, and its host and process as text; both empty for an invalid message."""
     try:
         owner = json.loads(payload)
@@ -199,8 +200,8 @@ class _PublishedMount:
         self._state: dict[str, Any] = {}
         self._identity: tuple[object, ...] = (None,)
         topic, allowed = service.topics.of(self.name, "event"), service.config.orders
-        self.events = Events(lambda message: service.link.publish(MqttMessage(topic, message)), gateway.clock)
-        self.orders = OrderRunner(gateway, allowed, lambda: service.presence.conflict, self._report_result)
+        self.events = EventPublisher(lambda message: service.link.publish(MqttMessage(topic, message)), gateway.clock)
+        self.orders = OrderRunner(gateway, allowed, lambda: service.presence.conflict_message, self._report_result)
         gateway.wire_log.sinks.append(self.events.put)
 
     def _report_result(self, kind: str, text: str) -> None:

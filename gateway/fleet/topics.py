@@ -20,7 +20,7 @@ from gateway.app.config.keys import NAME_PATTERN
 DEFAULT_MOUNT_NAME = "mount"
 ONLINE, OFFLINE = b"online", b"offline"
 #: The maximum number of events stored while the broker is not connected; then the oldest are dropped.
-MAX_EVENTS = 200
+MAX_QUEUED_EVENTS = 200
 
 
 class MqttMessage(Struct, frozen=True):
@@ -86,7 +86,7 @@ class Outbox:
         self._lock = threading.Lock()
         self._newest_by_topic: dict[str, MqttMessage] = {}
         self._waiting_topics: dict[str, None] = {}
-        self._events: deque[MqttMessage] = deque(maxlen=MAX_EVENTS)
+        self._events: deque[MqttMessage] = deque(maxlen=MAX_QUEUED_EVENTS)
 
     def put(self, message: MqttMessage) -> None:
         """Add a message; a state replaces the previous state of its topic."""

@@ -22,7 +22,7 @@ from gateway.mount.link.queue import READ
 from gateway.mount.safety.sync_sum import NO_SYNC
 
 #: A mount counts as unchanged up to these limits: seconds since the record, clock (seconds), position (degrees).
-MAX_ABSENCE, MAX_SKEW, PLACE = 3600.0, 30.0, 0.5
+MAX_ABSENCE, MAX_SKEW, MAX_SHIFT = 3600.0, 30.0, 0.5
 #: Seconds between two records of the mount's position that are written to disk.
 RECORD_PERIOD = 60.0
 
@@ -62,7 +62,7 @@ class SameMountCheck:
         if not (self._checked and self._stores_values):
             return
         context = self._context
-        place, status = context.driver.last_position, context.cache.value(op.GetStatus)
+        place, status = context.driver.last_position, context.cache.last_value(op.GetStatus)
         clock = context.site_clock.present_time(context.site_clock.mount_clock)
         if place is None or status is None or clock is None:
             return
@@ -80,7 +80,7 @@ class SameMountCheck:
             return
         emulated, synced = context.driver.stale_note, context.driver.emulates_sync and context.syncs.value != NO_SYNC
         with contextlib.suppress(Fault):
-            await self._runner.drive(context.driver.forget_emulated(), READ)
+            await self._runner.drive(context.driver.renew_settings(), READ)
         if context.driver.emulates_sync:
             context.syncs.reset("sync again: the mount may have been switched off, and earlier syncs no longer count")
         also = f"; {emulated}" if emulated else ""
@@ -99,5 +99,6 @@ class SameMountCheck:
             return False
         turned = 0.0 if left.tracked else SIDEREAL_RATE * (host - left.at)
         return (
-            abs(clock - left.ahead) < MAX_SKEW and separation(left.ra + turned, left.dec, place.ra, place.dec) < PLACE
+            abs(clock - left.ahead) < MAX_SKEW
+            and separation(left.ra + turned, left.dec, place.ra, place.dec) < MAX_SHIFT
         )

@@ -10,7 +10,7 @@ import asyncio
 from gateway.astro.ephemeris.sky import Sky
 from gateway.core import operations as op
 from gateway.core.errors import Asleep, Busy, Fault, Held, NoAnswer
-from gateway.core.motion_kinds import GOTOS, SEQUENTIAL, begins_motion
+from gateway.core.motion_kinds import GOTOS, SEQUENTIAL_ORDERS, begins_motion
 from gateway.core.waiting import BackgroundTasks
 from gateway.core.wire_log import WireLog
 from gateway.mount.link.line import MountLink
@@ -46,15 +46,15 @@ class Context:
         self.tasks, self.closed = BackgroundTasks(), False
         self.replied, self.identified, self.site_read = asyncio.Event(), asyncio.Event(), asyncio.Event()
         self.cache, self.wanted = ReadingsCache(link), WantedState()
-        self.movement, self.incoming = Movement(self.wanted, self.cache), IncomingSettings()
+        self.movement, self.incoming_settings = Movement(self.wanted, self.cache), IncomingSettings()
         self.run_on = RunOnWatch(self.now)
         #: The best known site and time; the limits and horizon coordinates use them.
         self.sources = SiteTimeSources(site_clock)
         self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox or "jnow")
         self.hold, self.syncs = Hold(), SyncTotal()
-        self.frame = TubeFrame(self.cache, driver, self.syncs, self.sources)
+        self.tube_frame = TubeFrame(self.cache, driver, self.syncs, self.sources)
         self.suns = SunAvoidance(
-            policy.limits.sun, self.astrometry, self.sources, self.now, self.frame, self.site_read, self.note_once
+            policy.limits.sun, self.astrometry, self.sources, self.now, self.tube_frame, self.site_read, self.note_once
         )
 
     def astrometry_for(self, program: ProgramId) -> SiteAstrometry:
@@ -68,11 +68,11 @@ class Context:
             return NoAnswer()
         if (driver.asleep or driver.powerless) and not self.wanted.wake_up_pending and begins_motion(operation):
             return Asleep()
-        calculates = link.occupied or self.incoming.type_being_sent is op.SetClock
+        calculates = link.occupied or self.incoming_settings.type_being_sent is op.SetClock
         if calculates and begins_motion(operation) and not isinstance(operation, GOTOS):  # gotos may wait
             return Busy()
         try:
-            if isinstance(operation, SEQUENTIAL):
+            if isinstance(operation, SEQUENTIAL_ORDERS):
                 self.hold.check_allowed(operation)
         except Held as fault:
             return fault

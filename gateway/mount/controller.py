@@ -17,7 +17,7 @@ from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, NotAligned, Stopped, Unsupported
-from gateway.core.motion_kinds import SEQUENTIAL
+from gateway.core.motion_kinds import SEQUENTIAL_ORDERS
 from gateway.core.waiting import Outcome, result_of
 from gateway.mount.as_left import SameMountCheck
 from gateway.mount.context import Context
@@ -35,7 +35,7 @@ from gateway.mount.readings.cache import MAX_AGE, NOT_CACHED
 from gateway.mount.readings.poller import Poller
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.motions import MotionAdmission
-from gateway.mount.safety.unattended import SunApproachWatch, Supervisor, TrackingAtLimit
+from gateway.mount.safety.unattended import ClientSupervisor, SunApproachWatch, TrackingLimiter
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.shutdown import end_motion
 from gateway.mount.site.places import POSITION_FUNCTIONS
@@ -73,7 +73,7 @@ class MountController:
         self.touch, self.fresh_until, self.certain_fault = cache.note_polled, reader.fresh_until, context.certain_fault
         context.run_on.may_move = runner.may_move
         sync = SettingsSender(context, runner, reader)
-        self.settings = SiteClockOperations(context, runner, sync)
+        self.site_settings = SiteClockOperations(context, runner, sync)
         # Limits and motion.
         self.owners_limits = context.policy.limits
         self.hold, self.syncs, self.end_watch = context.hold, context.syncs, EndWatch(self.now, context.note, wanted)
@@ -81,36 +81,36 @@ class MountController:
         sync.moved_by_others = lambda: watch.moved_by_others
         self.admission = MotionAdmission(context, reader, watch)
         reader.goto_over.connect(watch.on_goto_end)
-        reader.position.connect(watch.check_position)
+        reader.position_read.connect(watch.check_position)
         self.sun_approach_watch = SunApproachWatch(context, reader, watch)
-        reader.position.connect(self.sun_approach_watch.check)
-        reader.axes.connect(watch.hour_angle.take_reading)
+        reader.position_read.connect(self.sun_approach_watch.check)
+        reader.axes_read.connect(watch.hour_angle.take_reading)
         reader.position_failed.connect(watch.on_no_position)
-        reader.status.connect(self._on_status)
+        reader.status_read.connect(self._on_status)
         consequences = Consequences(context, gate, reader, watch, self.end_watch)
         reconciler = self.reconciler = Reconciler(context, follow_ups, runner, self.admission, consequences, announcers)
         #: Emitted when the state that the gateway saves to disk may have changed.
         self.save_due = reconciler.saved_state_changed
         #: Guide pulses wait for a mount that runs on.
-        context.run_on.changed.connect(lambda until: reconciler.update(replace(reconciler.wanted, at_rest_by=until)))
+        context.run_on.changed.connect(lambda until: reconciler.update(replace(reconciler.wanted, pulses_from=until)))
         watch.must_stop.connect(reconciler.begin_stop)
         self.end_watch.resend_needed.connect(reconciler.stop_again)
         reader.goto_over.connect(lambda _: reconciler.update(after_goto_end(reconciler.wanted)))
         reader.goto_missed.connect(lambda reason: reconciler.update(after_goto_failure(reconciler.wanted, reason)))
-        reader.goto_over.connect(lambda _: context.run_on.begin(after_goto=True, latest=reader.latest_position()))
+        reader.goto_over.connect(lambda _: context.run_on.begin(after_goto=True, position=reader.latest_position()))
         # Supervision of motions, identification, polling.
-        TrackingAtLimit(context, reader, watch, self.perform).must_stop.connect(reconciler.begin_stop)
+        TrackingLimiter(context, reader, watch, self.perform).must_stop.connect(reconciler.begin_stop)
         self.presence = ClientPresence(self.now)
-        self.supervisor = Supervisor(context, self.presence, self.perform)
+        self.supervisor = ClientSupervisor(context, self.presence, self.perform)
         reconciler.needs_client.connect(self.supervisor.start_watching)
-        self.same_mount = SameMountCheck(context, runner)
-        reader.position.connect(self.same_mount.record_position)
+        self.same_mount_check = SameMountCheck(context, runner)
+        reader.position_read.connect(self.same_mount_check.record_position)
         self.identification = Identification(
-            context, runner, gate, reader, sync, reconciler, self.end_watch, self.same_mount.check
+            context, runner, gate, reader, sync, reconciler, self.end_watch, self.same_mount_check.check
         )
         self.identification.identified.connect(self._on_identified)
         self.identified, self.site_read = context.identified, context.site_read
-        self.poller = Poller(context, gate, reader, self.settings, watch, self.end_watch)
+        self.poller = Poller(context, gate, reader, self.site_settings, watch, self.end_watch)
         #: Signals after which earlier answers are outdated; the cache counts its own changes.
         self._outdating_signals = wanted.changed, site_clock.changed
 
@@ -172,9 +172,9 @@ class MountController:
         return self.cache.version + wanted.count + site_clock.count
 
     @property
-    def stops(self) -> int:
+    def stop_count(self) -> int:
         """The number of stops so far. A motion that a client requested before the last stop is not begun."""
-        return self.wanted.value.n_stops
+        return self.wanted.value.stop_count
 
     def peek(self, operation: op.Operation[_T], program: ProgramId = NO_PROGRAM) -> _T:
         """Return the answer to a client's read if it is cached; NOT_CACHED if it must be requested."""
@@ -192,7 +192,7 @@ class MountController:
         cached = self.peek(operation, activity.program if activity is not None else NO_PROGRAM)
         return await self.perform(operation, activity=activity) if cached is NOT_CACHED else cached
 
-    async def preview(self, goal: op.Equatorial) -> Fault | None:
+    async def preview_goto(self, goal: op.Equatorial) -> Fault | None:
         """Return the fault with which a goto would be refused now; None if it would be allowed.
 
         This sends nothing to the mount, so it cannot foresee the mount's own refusals.
@@ -200,7 +200,7 @@ class MountController:
         if not self.context.identified.is_set():
             return NoAnswer()
         refusal = await self.admission.preview(goal) or self.certain_fault(op.Goto(goal.ra, goal.dec))
-        status: op.Status | None = self.cache.value(op.GetStatus)
+        status: op.Status | None = self.cache.last_value(op.GetStatus)
         if refusal is None and not self.driver.sync_aligns and status is not None and not status.aligned:
             return NotAligned()
         return refusal
@@ -210,7 +210,7 @@ class MountController:
     async def perform(
         self,
         operation: op.Operation[_T],
-        n_stops: int | None = None,
+        stop_count: int | None = None,
         activity: HostActivity | None = None,
         max_delay: float = inf,
         arrived_at: float | None = None,
@@ -218,12 +218,12 @@ class MountController:
         """Carry out an operation for the connection ``activity``, and return its answer. Raises Fault.
 
         A read asks the mount even if the answer is cached; ``answer`` uses the cache first. ``arrived_at``: the loop
-        time at which the request arrived (default: now). ``n_stops``: the number of stops before that; a later stop
+        time at which the request arrived (default: now). ``stop_count``: the number of stops before that; a later stop
         cancels the operation. ``max_delay``: for how many seconds the client waits for it.
         """
         program = activity.program if activity is not None else NO_PROGRAM
         if type(operation) in MAX_AGE:
-            if self.driver.asleep and (waking := self.reconciler.outcomes_of(op.Wake)):
+            if self.driver.asleep and (waking := self.reconciler.outcomes_of_kind(op.Wake)):
                 await asyncio.wait(waking)  # reads wait for the wake-up; motions do not, it may wait behind them
             return cast(_T, await self.reader.answer(operation))
         if isinstance(operation, op.NativeRequest):
@@ -232,8 +232,10 @@ class MountController:
             return cast(_T, await self.stop(activity.host if activity is not None else ""))
         if isinstance(operation, op.AbortSlew):
             self._note_stop(activity.host if activity is not None else "")
-        if isinstance(operation, SEQUENTIAL):
-            value = await _wait_for_outcome(self.reconciler.accept(operation, n_stops, activity, max_delay, arrived_at))
+        if isinstance(operation, SEQUENTIAL_ORDERS):
+            value = await _wait_for_outcome(
+                self.reconciler.accept(operation, stop_count, activity, max_delay, arrived_at)
+            )
             if isinstance(value, op.Chosen) and value.place is not None:
                 value = op.Chosen(self.astrometry.from_mount_equinox(value.place), value.text, value.reply)
             return cast(_T, value)
@@ -243,7 +245,7 @@ class MountController:
         """Carry out an operation that is neither a motion nor a read that clients share."""
         if type(operation) in POSITION_FUNCTIONS:
             return POSITION_FUNCTIONS[type(operation)](self.context.astrometry_for(program), operation)
-        if (setting := self.settings.handlers.get(type(operation))) is not None:
+        if (setting := self.site_settings.handlers.get(type(operation))) is not None:
             answer = await setting(operation, program)
             self.save_due.emit(None)
             return answer
@@ -251,7 +253,7 @@ class MountController:
             heard = self.cache.age(op.Position, self.now())
             return self.context.run_on.activity(self.wanted.value, self.driver.parked, heard)
         if isinstance(operation, op.GetAbilities):  # by the tables, and by the mount's model and version
-            return self.driver.can_do((await self.reader.read(op.GetStatus())).equatorial)
+            return self.driver.abilities((await self.reader.read(op.GetStatus())).equatorial)
         if isinstance(operation, op.TubeSide):
             reported = await self.reader.read(op.PierSide())
             if not self.driver.german:
@@ -276,7 +278,7 @@ class MountController:
         motion = None
         if isinstance(operation, op.AbortSlew):
             self._note_stop(activity.host)
-        if isinstance(operation, SEQUENTIAL):
+        if isinstance(operation, SEQUENTIAL_ORDERS):
             motion = self.reconciler.accept(operation, stop_count, activity, arrived_at=arrived_at)
 
         async def finish() -> None:

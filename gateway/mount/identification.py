@@ -56,29 +56,29 @@ class Identification:
         settings_sender: SettingsSender,
         reconciler: Reconciler,
         end_watch: EndWatch,
-        check_mount: Callable[[], Awaitable[None]],
+        check_same_mount: Callable[[], Awaitable[None]],
     ) -> None:
         self._context, self._driver = context, context.driver
         self._link, self._cache, self._runner, self._gate = context.link, context.cache, runner, gate
         self._reader, self._sender, self._reconciler, self._end_watch = reader, settings_sender, reconciler, end_watch
-        self._check_same_mount = check_mount
+        self._check_same_mount = check_same_mount
         self._identify_task: asyncio.Task[Any] | None = None
         self.identified: Signal[None] = Signal()
         #: Whether the mount moved when the port was lost; the loop time of the loss; that motion (None: unclear).
         self._motion_interrupted, self._lost_at = False, 0.0
         self._leftover_motion: Leftover | None = None
         self._status_when_lost: op.Status | None = None
-        self._link.came_up.connect(self._on_up)
-        self._link.reopened.connect(self._on_reopened)
-        self._link.writing_stop.connect(self._add_owed_stop)
-        self._link.port_lost.connect(self._on_lost)
+        self._link.came_up.connect(self._on_line_up)
+        self._link.reopened.connect(self._on_port_reopened)
+        self._link.writing_stop.connect(self._add_pending_stop)
+        self._link.port_lost.connect(self._on_port_lost)
 
-    def _on_lost(self, _: None) -> None:
+    def _on_port_lost(self, _: None) -> None:
         if self._motion_interrupted or not (self._reconciler.busy or self._end_watch.is_watching):
             return
         self._motion_interrupted, self._lost_at = True, self._context.now()
         self._leftover_motion = None if self._end_watch.is_watching else self.leftover_motion()
-        self._status_when_lost = self._cache.value(op.GetStatus)
+        self._status_when_lost = self._cache.last_value(op.GetStatus)
 
     def leftover_motion(self) -> Leftover | None:
         """Return the motion that the gateway has begun; None without one, or if positions cannot show it."""
@@ -88,7 +88,7 @@ class Identification:
         """Set the motion that an earlier run of the gateway did not end. If the mount still makes it, it is stopped."""
         self._leftover_motion = motion
 
-    def _on_reopened(self, _: None) -> None:
+    def _on_port_reopened(self, _: None) -> None:
         """Stop the mount if it moved when the port was lost. After a long loss, `_stop_leftover_motion` decides."""
         old = self._leftover_motion is not None and self._context.now() - self._lost_at >= MAX_MARK_AGE
         if self._motion_interrupted and old and not self._reconciler.wanted.stop_owed:
@@ -100,7 +100,7 @@ class Identification:
             )
             self._reconciler.begin_stop("stopped when the connection to the mount was lost and restored")
 
-    def _add_owed_stop(self, commands: list[bytes]) -> None:
+    def _add_pending_stop(self, commands: list[bytes]) -> None:
         """Add the bytes of a stop to ``commands`` if the mount has not acknowledged the last stop. Add them also if no
         position has confirmed yet that the mount stopped, unless a newer motion is being sent.
         """
@@ -110,7 +110,7 @@ class Identification:
         if (wanted.stop_owed or (self._end_watch.is_watching and not begins)) and self._context.identified.is_set():
             commands += stop_commands(self._driver, self._link.reply_rules, without_restores=True)
 
-    def _on_up(self, _: None) -> None:
+    def _on_line_up(self, _: None) -> None:
         self._cache.clear()
         self._driver.on_lost_line()
         if self._driver.goto is not None and self._driver.goto.unconfirmed:  # poll it until the mount reports its end
@@ -131,13 +131,13 @@ class Identification:
         elif self._leftover_motion is not None and self._context.identified.is_set():
             await self._stop_leftover_motion(self._leftover_motion)
         identified = False
-        while self._cache.value(op.GetIdentity) is None:
+        while self._cache.last_value(op.GetIdentity) is None:
             identified = identified or await self._contact_mount()
             if identified:
                 await self.read_once(op.GetIdentity())
             if self._link.state != "up":
                 return  # identification begins again when the line is up
-            if self._cache.value(op.GetIdentity) is None:
+            if self._cache.last_value(op.GetIdentity) is None:
                 await asyncio.sleep(RETRY_PERIOD)
         if self._reconciler.wanted.stop_owed:  # the mount did not acknowledge the first stop, but it replies now
             self._reconciler.begin_stop()
@@ -185,12 +185,12 @@ class Identification:
                     not motion.goto or await self._reports_goto()
                 )  # bars may be old for a moment
                 if slewing != motion.goto:  # a goto has ended, or has replaced an arrow
-                    self._leave_alone()
+                    self._leave_motion_alone()
                     return
                 rates = (0.0, 0.0) if slewing else await self._measure_speed()
             axes = frozenset((1, 2)) if slewing else axes_still_moving(motion, rates)
             if not axes and not is_at_rest(rates):
-                self._leave_alone()
+                self._leave_motion_alone()
                 return
             if len(axes) == 1 and abs(rates[2 - min(axes)]) >= MIN_VISIBLE_SPEED:
                 [axis] = axes
@@ -201,7 +201,7 @@ class Identification:
             context.note("the mount still moved as the gateway had left it: it is stopped")
         reconciler.begin_stop()
 
-    def _leave_alone(self) -> None:
+    def _leave_motion_alone(self) -> None:
         reconciler = self._reconciler
         self._context.note("the mount no longer moves as the gateway had left it: what moves now is left alone")
         reconciler.update(changes.after_acknowledged_stop(reconciler.wanted))
@@ -234,17 +234,17 @@ class Identification:
         """Read the position and return it as axis readings. Raises Fault."""
         context, astrometry = self._context, self._context.astrometry
         place = astrometry.from_mount_equinox(await self._runner.perform(op.Position(), POSITION))
-        status = self._status_when_lost or self._cache.value(op.GetStatus)
+        status = self._status_when_lost or self._cache.last_value(op.GetStatus)
         return axis_sample(astrometry, status, getattr(self._driver, "low", False), context.now(), place)
 
     def _has_wrong_hemisphere(self) -> bool:
         """Whether the mount has reported a southern site after its status was decoded as tracking in the north."""
-        place, status = self._context.sources.site(), self._cache.value(op.GetStatus)
+        place, status = self._context.sources.site(), self._cache.last_value(op.GetStatus)
         north = status is not None and status.tracking is op.Tracking.EQ_NORTH
         return north and place is not None and place.latitude < 0.0
 
     async def read_once(self, operation: op.Operation) -> None:
-        """Ask the mount once and cache the answer; log a fault instead of raising it."""
+        """Ask the mount once and store the answer; a fault is logged, not raised, and no answer is ignored."""
         try:
             value = await self._runner.perform(operation, READ)
         except NoAnswer:

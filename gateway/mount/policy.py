@@ -19,7 +19,7 @@ from gateway.core.errors import BelowHorizon, Held, Invalid, Refused, TooHigh
 #: Degrees by which a position may exceed a limit because of rounding.
 LIMIT_TOLERANCE = 0.1
 #: The motion orders that are allowed during a `Hold`; all others are refused.
-HOLD_ALLOWS = (op.AbortSlew, op.Choose, op.Focus, op.StopAxis, op.Hibernate, op.Sync, op.TrackRate)
+ALLOWED_IN_HOLD = (op.AbortSlew, op.Choose, op.Focus, op.StopAxis, op.Hibernate, op.Sync, op.TrackRate)
 #: The advice in the refusal of a park or home: how to choose a park position.
 PARK_TIP = (
     "Write park = [AZ, ALT] under [mount] for a place of your own choice, which may lie beyond lowest and highest."
@@ -145,6 +145,6 @@ class Hold:
 
     def check_allowed(self, operation: op.Operation) -> None:
         """Check whether this motion order is allowed now. Raises Held if not."""
-        stays = isinstance(operation, HOLD_ALLOWS) or (isinstance(operation, op.SetTracking) and not operation.on)
+        stays = isinstance(operation, ALLOWED_IN_HOLD) or (isinstance(operation, op.SetTracking) and not operation.on)
         if self.is_on and not stays:
             raise Held

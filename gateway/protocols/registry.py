@@ -19,7 +19,7 @@ ANY = "any"
 ANY_PORT = 4040
 
 
-def surface_protocols(protocol: str) -> list[str]:
+def accepted_protocols(protocol: str) -> list[str]:
     """Return the protocols that a surface accepts: ``protocol``, or for ``any`` all that use a byte stream."""
     return streams() if protocol == ANY else [protocol]
 
@@ -55,14 +55,14 @@ def protocol_pairs() -> list[tuple[str, str]]:
     return sorted(found, key=lambda pair: PROTOCOLS[pair[1]].make_http_dialect is not None)
 
 
-def other_surface(protocol: str) -> str:
+def other_surface(mount_protocol: str) -> str:
     """Return the protocol that most clients of such a mount speak: the first with a surface, except the mount's own."""
-    return next((name for name in surfaces() if name != protocol), protocol)
+    return next((name for name in surfaces() if name != mount_protocol), mount_protocol)
 
 
 def guess_protocol(sent: bytes) -> str | None:
     """Return the most probable protocol of the bytes a client has sent; None if they look like no protocol."""
     if not sent:
         return None
-    sure, name = max(((spec.recognises(sent), name) for name, spec in PROTOCOLS.items()), key=lambda match: match[0])
+    sure, name = max(((spec.likelihood(sent), name) for name, spec in PROTOCOLS.items()), key=lambda match: match[0])
     return name if sure > 0.0 else None

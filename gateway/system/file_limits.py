@@ -26,7 +26,7 @@ def open_file_limit() -> int | None:
     return None if soft == resource.RLIM_INFINITY else soft
 
 
-def raise_limit(client_count: int, port_count: int) -> str:
+def raise_file_limit(client_count: int, port_count: int) -> str:
     """Raise the limit of open files for these numbers of clients and of ports (mounts and surfaces).
     Return a warning if the system does not allow that many; empty if it does.
     """

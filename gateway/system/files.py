@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 #: The user's folders on Linux: platformdirs' name, the variable that overrides it, and the default below HOME.
-_ON_LINUX = {"user_state_path": ("XDG_STATE_HOME", ".local/state"), "user_cache_path": ("XDG_CACHE_HOME", ".cache")}
-NOT_PLAIN_FILE = "this is a pipe or a device, and a plain file is needed: name another one"
+_LINUX_PATHS = {"user_state_path": ("XDG_STATE_HOME", ".local/state"), "user_cache_path": ("XDG_CACHE_HOME", ".cache")}
+NOT_REGULAR_FILE = "this is a pipe or a device, and a plain file is needed: name another one"
 
 
 def state_folder(configured: str | None = None) -> Path:
@@ -31,7 +31,7 @@ def _user_folder(function_name: str) -> Path:
     """Return the user's folder for state or cache; on Linux without importing platformdirs, which takes 10 ms."""
     home = os.environ.get("HOME", "")
     if sys.platform == "linux" and home.startswith("/"):
-        variable, usual = _ON_LINUX[function_name]
+        variable, usual = _LINUX_PATHS[function_name]
         given = os.environ.get(variable, "")
         return Path(given if given.startswith("/") else f"{home}/{usual}", "mount-gateway")
     import platformdirs
@@ -44,7 +44,7 @@ def _systemd_folder(variable: str) -> str:
     return os.environ.get(variable, "").split(":" if os.name == "posix" else os.pathsep)[0]
 
 
-def plain_fd(path: Path, flags: int = os.O_RDONLY, mode: int = 0o600) -> int:
+def open_regular_fd(path: Path, flags: int = os.O_RDONLY, mode: int = 0o600) -> int:
     """Open a regular file and return its descriptor. Raises OSError for a pipe, a device or a folder.
     Opening a pipe would block until its other end is open, even for signals; a device such as /dev/zero never ends.
     """
@@ -52,7 +52,7 @@ def plain_fd(path: Path, flags: int = os.O_RDONLY, mode: int = 0o600) -> int:
         number = os.open(path, flags | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0), mode)
     except OSError as error:
         if error.errno == errno.ENXIO:  # a pipe that nobody reads, or a socket
-            raise OSError(errno.EINVAL, NOT_PLAIN_FILE) from None
+            raise OSError(errno.EINVAL, NOT_REGULAR_FILE) from None
         raise
     kind = os.fstat(number).st_mode
     if stat.S_ISREG(kind):
@@ -60,12 +60,12 @@ def plain_fd(path: Path, flags: int = os.O_RDONLY, mode: int = 0o600) -> int:
     os.close(number)
     if stat.S_ISDIR(kind):
         raise OSError(errno.EISDIR, os.strerror(errno.EISDIR))
-    raise OSError(errno.EINVAL, NOT_PLAIN_FILE)
+    raise OSError(errno.EINVAL, NOT_REGULAR_FILE)
 
 
-def open_plain(path: Path) -> BinaryIO:
+def open_regular_file(path: Path) -> BinaryIO:
     """Open a regular file for reading. Raises OSError if it is a pipe, a device or a folder, or cannot be opened."""
-    return open(plain_fd(path), "rb")
+    return open(open_regular_fd(path), "rb")
 
 
 def replace_file(path: Path, data: bytes, *, flush: bool = True) -> None:
@@ -74,7 +74,7 @@ def replace_file(path: Path, data: bytes, *, flush: bool = True) -> None:
     Each path has one writer, so an unfinished file of a killed writer is replaced.
     """
     beside = path.with_name(f".{path.name}.new")
-    number = plain_fd(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    number = open_regular_fd(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     try:
         with open(number, "wb") as file:
             file.write(data)

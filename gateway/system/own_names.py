@@ -56,11 +56,11 @@ def is_own_host(header: str | None, local_address: str, extra_names: Iterable[st
         address = ip_address(host.partition("%")[0])
     except ValueError:
         return host in own_names()
-    if address.is_loopback or plain_address(str(address)) == plain_address(local_address):
+    if address.is_loopback or normalise_address(str(address)) == normalise_address(local_address):
         return True
     return str(address) in {str(own) for _, own in interface_addresses()}
 
 
-def plain_address(address: str) -> str:
+def normalise_address(address: str) -> str:
     """Return an address without its IPv6 zone and without the prefix of an IPv4-mapped address."""
     return address.partition("%")[0].removeprefix("::ffff:")

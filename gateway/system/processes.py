@@ -99,13 +99,13 @@ def is_gateway_argv(argv: list[str]) -> bool:
 
 def listeners_on(ports: Collection[int], proc: Path = PROC_FOLDER) -> Iterator[tuple[int, tuple[()] | tuple[int, str]]]:
     """Yield each of these TCP ports that a process listens on, with the process's id and name if visible."""
-    sockets = {inode: port for inode, port in _sockets(proc) if port in ports}
+    sockets = {inode: port for inode, port in _listen_sockets(proc) if port in ports}
     owners = dict(holders_of([f"socket:[{inode}]" for inode in sockets], proc)) if sockets else {}
     for inode, port in sockets.items():
         yield port, owners.get(f"socket:[{inode}]", ())
 
 
-def _sockets(proc_folder: Path) -> Iterator[tuple[str, int]]:
+def _listen_sockets(proc_folder: Path) -> Iterator[tuple[str, int]]:
     """Yield the inode and the port of every listening socket."""
     for name in ("tcp", "tcp6"):
         with contextlib.suppress(OSError):

@@ -26,7 +26,7 @@ def find_folders() -> tuple[list[Path], list[str]]:
     """Return the usable folders, and for every other folder why it is not usable."""
     usable: list[Path] = []
     reasons: list[str] = []
-    for folder in [*candidates(), state_folder() / FALLBACK_FOLDER_NAME]:
+    for folder in [*candidate_folders(), state_folder() / FALLBACK_FOLDER_NAME]:
         if folder.name == FALLBACK_FOLDER_NAME and usable:
             break
         reason = _reason_unusable(folder)
@@ -37,10 +37,10 @@ def find_folders() -> tuple[list[Path], list[str]]:
     return usable, reasons
 
 
-def candidates() -> Iterator[Path]:
+def candidate_folders() -> Iterator[Path]:
     """Yield the possible runtime folders of this user."""
     session = os.environ.get("XDG_RUNTIME_DIR", "")
-    if session and _owner(Path(session)) == user_id():
+    if session and _owner_id(Path(session)) == user_id():
         yield Path(session, FOLDER_NAME)
     yield temp_folder() / (FOLDER_NAME if user_id() is None else f"{FOLDER_NAME}-{user_id()}")
 
@@ -64,7 +64,7 @@ def folders_of_others() -> list[tuple[Path, int]]:
     if user_id() != 0:
         return []
     present = [*temp_folder().glob(f"{FOLDER_NAME}-*"), *SESSIONS_FOLDER.glob(f"*/{FOLDER_NAME}")]
-    owned = [(folder, _owner(folder)) for folder in sorted(present)]
+    owned = [(folder, _owner_id(folder)) for folder in sorted(present)]
     return [(folder, owner) for folder, owner in owned if owner]
 
 
@@ -85,7 +85,7 @@ def protect_from_cleanup(folder: Path) -> int | None:
     return number
 
 
-def _owner(folder: Path) -> int | None:
+def _owner_id(folder: Path) -> int | None:
     """Return the user id of a directory's owner; None for anything else, also for a link."""
     try:
         status = os.lstat(folder)

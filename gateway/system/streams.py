@@ -22,7 +22,7 @@ ERROR, WARNING, NOTICE, INFO = 3, 4, 5, 6
 #: Control characters except tab and line feed.
 _CONTROL_CHARACTERS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 #: Character -> its replacement on a stream that cannot encode it; any other becomes a question mark.
-PLAIN_FORMS = {
+ASCII_FORMS = {
     "°": "d", "′": "'", "″": '"', "…": "...", "–": "-", "—": "-", "−": "-", "×": "x", "·": "-", "±": "+/-", "≤": "<=",
     "≥": ">=", "→": "->", "←": "<-", "“": '"', "”": '"', "‘": "'", "’": "'",
 }  # fmt: skip
@@ -30,7 +30,7 @@ PLAIN_FORMS = {
 WRITE_ERRORS = (errno.ENOSPC, errno.EPIPE, errno.EBADF, errno.EIO, errno.EFBIG)
 
 
-def reopen_closed() -> None:
+def reopen_closed_streams() -> None:
     """Open closed standard streams, so that no socket gets their descriptors. Writing then fails. Call this first."""
     for number in range(3):
         try:
@@ -56,15 +56,15 @@ def print_line(text: str) -> None:
         )
 
 
-def _plain_replacement(error: UnicodeError) -> tuple[str, int]:
+def _ascii_replacement(error: UnicodeError) -> tuple[str, int]:
     """Return the replacement of characters that a stream cannot encode, and the index after them."""
     assert isinstance(error, UnicodeEncodeError)
-    return "".join(PLAIN_FORMS.get(character, "?") for character in error.object[error.start : error.end]), error.end
+    return "".join(ASCII_FORMS.get(character, "?") for character in error.object[error.start : error.end]), error.end
 
 
-def replace_unencodable() -> None:
+def set_encoding_fallback() -> None:
     """Make stdout and stderr replace characters that they cannot encode (cp437, ascii) instead of failing."""
-    codecs.register_error("plain", _plain_replacement)
+    codecs.register_error("plain", _ascii_replacement)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="plain")
@@ -92,7 +92,7 @@ def is_read_by_journal(stream: TextIO) -> bool:
     return os.environ.get("JOURNAL_STREAM") == f"{status.st_dev}:{status.st_ino}"
 
 
-def prefix(syslog_level: int, stream: TextIO) -> str:
+def journal_prefix(syslog_level: int, stream: TextIO) -> str:
     """Return the prefix of a line: ``<4>`` for level 4 if the journal reads the stream, else nothing."""
     return f"<{syslog_level}>" if is_read_by_journal(stream) else ""
 
@@ -110,7 +110,7 @@ def is_write_error(error: OSError) -> bool:
     return error.filename is None and error.errno in WRITE_ERRORS
 
 
-def flush() -> Exception | None:
+def flush_stdout() -> Exception | None:
     """Flush stdout. Return the error if that fails, else None."""
     try:
         sys.stdout.flush()

@@ -22,9 +22,9 @@ async def open_port(address: str, accept: Accept, baud: int | None = None) -> Li
     if address.startswith("tcp://"):
         return await TcpPort.open(address, accept)
     if address.startswith("rfc2217://"):
-        from gateway.transport.rfc2217 import accept_telnet
+        from gateway.transport.rfc2217 import with_telnet
 
-        return await TcpPort.open(address, accept_telnet(accept))
+        return await TcpPort.open(address, with_telnet(accept))
     if address.startswith("pty:"):
         if not address[4:]:
             raise UserError("pty: needs a path, for example pty:/tmp/lx200")

@@ -93,7 +93,7 @@ class BaudTrial:
             self._timer = None
 
 
-def garbled(data: bytes, send_baud: int, receive_baud: int) -> bytes:
+def garble(data: bytes, send_baud: int, receive_baud: int) -> bytes:
     """Return what a receiver at ``receive_baud`` baud gets if bytes are sent without gaps at ``send_baud`` baud.
     The receiver waits for the falling edge of a start bit and samples the middle of every bit by its own clock. A byte
     with a missing stop bit (framing error) is delivered all the same. Rates that differ by a few percent work.

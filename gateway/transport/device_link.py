@@ -28,7 +28,7 @@ class DeviceLink:
         folder = os.path.dirname(self.path)
         if not os.path.isdir(folder):
             raise UserError(f"cannot make {self.path}: there is no directory {folder}")
-        self._claim = _claim(self.path)
+        self._path_claim = _claim_path(self.path)
 
     def check_path(self) -> None:
         """Raise UserError if the path belongs to another program."""
@@ -41,7 +41,7 @@ class DeviceLink:
         if not old or old == self._target or not os.path.exists(old):
             return
         owner = os.lstat(self.path).st_uid
-        if owner != user_id() or not self._claim.holder_was_killed:
+        if owner != user_id() or not self._path_claim.holder_was_killed:
             whose = "another program" if owner == user_id() else user_name(owner)
             raise UserError(
                 f"cannot make {self.path}: {whose} has a link of that name to {old}, which is in use: choose "
@@ -69,10 +69,10 @@ class DeviceLink:
         with contextlib.suppress(OSError):
             if self._target and os.readlink(self.path) == self._target:
                 os.unlink(self.path)
-        self._claim.release()
+        self._path_claim.release()
 
 
-def is_free(path: str) -> bool:
+def is_path_free(path: str) -> bool:
     """Whether a gateway could use this path. A link left by a killed gateway of this user is removed."""
     try:
         link = DeviceLink(path)
@@ -101,7 +101,7 @@ def set_serial_permissions(device: str) -> None:
             return
 
 
-def _claim(path: str) -> NameClaim:
+def _claim_path(path: str) -> NameClaim:
     """Lock the path of a link, so that no other gateway of this user uses it. Raises UserError."""
     try:
         import hashlib  # for programs on virtual serial ports only

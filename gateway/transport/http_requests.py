@@ -24,11 +24,11 @@ def log_refused_request(request: web.Request, reason: str, logs: Iterable[WireLo
         log.log_rejection(host, f"request from {host} over HTTP refused: {reason}", host)
 
 
-def is_for_this_computer(request: web.Request, names: Iterable[str] = ()) -> bool:
-    """Whether a request's ``Host`` names this computer or is in ``names``. An HTTP/1.0 request needs no ``Host``."""
+def is_for_this_computer(request: web.Request, extra_names: Iterable[str] = ()) -> bool:
+    """Whether a request's ``Host`` is this computer, or an extra name. An HTTP/1.0 request needs no ``Host``."""
     if "Host" not in request.headers and request.version < HttpVersion11:
         return True
-    return is_own_host(request.headers.get("Host"), local_address(request)[0], names)
+    return is_own_host(request.headers.get("Host"), local_address(request)[0], extra_names)
 
 
 def local_address(request: web.Request) -> tuple[str, int]:

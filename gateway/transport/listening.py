@@ -20,26 +20,29 @@ NETWORK_SCHEMES = ("tcp://", "rfc2217://")
 WEB_ADDRESS = "web"
 
 
-async def listen(address: str, make: Callable[[], asyncio.BaseProtocol], extras: int = 0) -> tuple[asyncio.Server, str]:
+async def listen(
+    address: str, make_protocol: Callable[[], asyncio.BaseProtocol], max_tries: int = 0
+) -> tuple[asyncio.Server, str]:
     """Listen on ``SCHEME://HOST:PORT``. Return the server and the address with the real port number. Raises UserError.
 
-    ``make`` is called for every connection. Without a host only this computer can connect. Port 0 means any free port.
-    If the port is in use, those after it are tried, up to ``extras`` in all. ``[::]`` is every address, IPv4 and IPv6.
+    ``make_protocol`` is called for every connection. Without a host only this computer can connect. Port 0 means any
+    free port. If the port is in use, those after it are tried, up to ``max_tries`` in all. ``[::]`` is every address,
+    IPv4 and IPv6.
     """
     host, port = split_address(address)
     try:
-        for last in range(port, min(port + extras, 65535) if port else 0):
+        for last in range(port, min(port + max_tries, 65535) if port else 0):
             with contextlib.suppress(OSError):
-                server = await _listen_on(host, last, make)
+                server = await _listen_on(host, last, make_protocol)
                 break
         else:
-            server = await _listen_on(host, port, make)
+            server = await _listen_on(host, port, make_protocol)
     except UnicodeError:
         raise UserError(f"cannot listen on {address}: {host!r} is not a valid host name") from None
     except OSError as error:
         raise UserError(f"cannot listen on {address}: {_reason(error, host, port)}") from None
     real = server.sockets[0].getsockname()
-    return server, f"{address.partition('://')[0]}://{in_brackets(real[0])}:{real[1]}"
+    return server, f"{address.partition('://')[0]}://{url_host(real[0])}:{real[1]}"
 
 
 async def _listen_on(host: str, port: int, make_protocol: Callable[[], asyncio.BaseProtocol]) -> asyncio.Server:
@@ -90,5 +93,5 @@ def split_address(url: str) -> tuple[str, int]:
     return host.strip("[]") or "127.0.0.1", int(number)
 
 
-def in_brackets(host: str) -> str:
+def url_host(host: str) -> str:
     return f"[{host}]" if ":" in host else host

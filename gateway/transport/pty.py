@@ -17,7 +17,7 @@ import struct
 from collections.abc import Callable
 
 from gateway.core.errors import UserError
-from gateway.transport.baud import garbled
+from gateway.transport.baud import garble
 from gateway.transport.device_link import DeviceLink, set_serial_permissions
 from gateway.transport.handler import Accept, ConnectionHandler, NewConnection
 
@@ -81,7 +81,7 @@ class PtyPort:
                 data += pair.read_rest()
                 closed = pair.is_hung_up()  # else the next program may have sent some of it
             if self.baud is not None:
-                data = garbled(data, baud_rate_of(pair.master), self.baud)
+                data = garble(data, baud_rate_of(pair.master), self.baud)
             if self._handler is None:
                 self._handler = self._accept(NewConnection(self.path, self.address, self._write))
             self._peer_closed = closed
@@ -97,7 +97,7 @@ class PtyPort:
         if self._handler is None or self._peer_closed:
             return
         if self.baud is not None:
-            data = garbled(data, self.baud, baud_rate_of(self._pair.master))
+            data = garble(data, self.baud, baud_rate_of(self._pair.master))
         with contextlib.suppress(OSError):
             os.write(self._pair.master, data)
 

@@ -57,21 +57,21 @@ class _TelnetFilter:
             replace(
                 new_connection,
                 write=self._send,
-                hang_up=None if hang_up is None else lambda last: hang_up(self._escaped(last)),
+                hang_up=None if hang_up is None else lambda last: hang_up(self._escape_iac(last)),
                 hand_over=None,
             )
         )
 
     def feed(self, data: bytes) -> None:
-        data = self._detect_telnet(data) if self._telnet is None else self._filtered(data)
+        data = self._detect_telnet(data) if self._telnet is None else self._strip_telnet(data)
         if data:
             self._handler.feed(data)
 
     def _send(self, data: bytes) -> int | None:
         """Send what the real handler writes. Return how many bytes are unsent; None if unknown."""
-        return self.write(self._escaped(data))
+        return self.write(self._escape_iac(data))
 
-    def _escaped(self, data: bytes) -> bytes:
+    def _escape_iac(self, data: bytes) -> bytes:
         return data if self._telnet is None else data.replace(IAC, IAC + IAC)
 
     def _detect_telnet(self, data: bytes) -> bytes:
@@ -84,11 +84,11 @@ class _TelnetFilter:
                 return data[:at]
             if data[at + 1] in NEGOTIATION:
                 self._telnet = _port_manager(NullSerialPort(), self)
-                return data[:at] + self._filtered(data[at:])
+                return data[:at] + self._strip_telnet(data[at:])
             at = data.find(IAC, at + 1)
         return data
 
-    def _filtered(self, data: bytes) -> bytes:
+    def _strip_telnet(self, data: bytes) -> bytes:
         """Return the data without Telnet. Unknown commands are ignored, as RFC 854 requires."""
         telnet, plain = self._telnet, b""
         assert telnet is not None
@@ -112,6 +112,6 @@ class _TelnetFilter:
         self._handler.close()
 
 
-def accept_telnet(accept: Accept) -> Accept:
+def with_telnet(accept: Accept) -> Accept:
     """Return a function like ``accept`` whose connections may use Telnet with RFC 2217."""
     return lambda connected: _TelnetFilter(accept, connected)

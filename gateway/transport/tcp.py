@@ -15,7 +15,7 @@ import time
 from typing import cast
 
 from gateway.transport.handler import Accept, ConnectionHandler, ConnectionRefused, NewConnection, TakeOver
-from gateway.transport.listening import NETWORK_SCHEMES, in_brackets, listen, split_address
+from gateway.transport.listening import NETWORK_SCHEMES, listen, split_address, url_host
 
 #: Bytes of a read: about a hundred commands, half a second of a serial line, two milliseconds of work.
 READ_BYTES = 512
@@ -49,7 +49,7 @@ class _Connection(asyncio.BufferedProtocol):
         _enable_keepalive(stream.get_extra_info("socket"))
         peer = stream.get_extra_info("peername") or ("?", 0)
         host = str(peer[0])
-        name = f"{in_brackets(host)}:{peer[1]}"
+        name = f"{url_host(host)}:{peer[1]}"
         try:
             self._handler = self._port.accept(NewConnection(name, host, self._write, self._hang_up, self._hand_over))
         except ConnectionRefused:

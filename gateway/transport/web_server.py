@@ -62,9 +62,9 @@ class WebServer:
         #: The address of the console, if it has a port of its own.
         self.address = ""
 
-    async def listen(self, address: str, further_port_count: int = 0) -> WebPort:
-        """Open a port; if it is in use, try those after it, ``further_port_count`` in all. Raises UserError."""
-        server, real = await listen(address, lambda: HttpConnection(self), further_port_count)
+    async def listen(self, address: str, max_tries: int = 0) -> WebPort:
+        """Open a port; if it is in use, try those after it, ``max_tries`` in all. Raises UserError."""
+        server, real = await listen(address, lambda: HttpConnection(self), max_tries)
         self._ports.append(WebPort(real, server))
         return self._ports[-1]
 
@@ -76,7 +76,7 @@ class WebServer:
         if received:
             protocol.data_received(received)
 
-    def load_task(self) -> asyncio.Task[None]:
+    def start_loading(self) -> asyncio.Task[None]:
         """Start to load the application, unless that was started before. Return the task that loads it."""
         if self._load_task is None:
             self._load_task = asyncio.ensure_future(self._start())
@@ -124,7 +124,7 @@ class HttpConnection(asyncio.Protocol):
         self._aiohttp_handler: asyncio.Protocol | None = None
         self._host: str | None = None
         self._early_bytes = b""
-        self._deadline: asyncio.TimerHandle | None = None
+        self._deadline_timer: asyncio.TimerHandle | None = None
         self._is_answering = False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -138,13 +138,13 @@ class HttpConnection(asyncio.Protocol):
 
     def data_received(self, data: bytes) -> None:
         if self._aiohttp_handler is not None:
-            if self._deadline is None and not self._is_answering:
+            if self._deadline_timer is None and not self._is_answering:
                 self._start_deadline()
             self._aiohttp_handler.data_received(data)
         elif self._host is not None:
             first, self._early_bytes = not self._early_bytes, self._early_bytes + data
             if first:
-                self._server.load_task().add_done_callback(self._on_loaded)
+                self._server.start_loading().add_done_callback(self._on_loaded)
             if len(self._early_bytes) > MAX_EARLY_BYTES:
                 self._refuse(BUSY_RESPONSE)
 
@@ -162,7 +162,7 @@ class HttpConnection(asyncio.Protocol):
 
     def _start_deadline(self) -> None:
         """Start the timeout of the next request."""
-        self._deadline = asyncio.get_running_loop().call_later(REQUEST_TIMEOUT, self._on_deadline)
+        self._deadline_timer = asyncio.get_running_loop().call_later(REQUEST_TIMEOUT, self._on_deadline)
 
     def _on_deadline(self) -> None:
         if self._aiohttp_handler is None and self._early_bytes:
@@ -180,9 +180,9 @@ class HttpConnection(asyncio.Protocol):
         finally:
             self._is_answering = False
 
-    def _refuse(self, answer: tuple[str, str]) -> None:
+    def _refuse(self, response: tuple[str, str]) -> None:
         self._release_quota()
-        self._transport.write(response_bytes(*answer))
+        self._transport.write(response_bytes(*response))
         self._transport.close()
 
     def eof_received(self) -> bool | None:
@@ -208,9 +208,9 @@ class HttpConnection(asyncio.Protocol):
             self._host = None
 
     def _stop_deadline(self) -> None:
-        if self._deadline is not None:
-            self._deadline.cancel()
-            self._deadline = None
+        if self._deadline_timer is not None:
+            self._deadline_timer.cancel()
+            self._deadline_timer = None
 
 
 async def _answer_whole_request(request: Any, handler: Callable[[Any], Awaitable[Any]]) -> Any:

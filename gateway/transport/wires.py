@@ -147,7 +147,7 @@ class SerialTransport:
             cancel()
         if self._thread is not None:
             self._thread.join(1.0)
-        unlock(port)
+        unlock_port(port)
         port.close()
 
 
@@ -164,7 +164,7 @@ def descriptor_of(port: Serial) -> int | None:
     return None
 
 
-def unlock(port: Serial) -> None:
+def unlock_port(port: Serial) -> None:
     """End the exclusive lock of a port; else it would last while another process has a copy of its descriptor."""
     number = descriptor_of(port)
     if number is not None and os.name == "posix":

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from gateway.app.bindings import profiles_of
 from gateway.app.config import SurfaceConfig
-from gateway.app.config.programs import delay
+from gateway.app.config.programs import text_delay
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon
 from gateway.diagnostics.virtual_time import run
@@ -128,7 +128,7 @@ async def _play(path: Path, pause: float, network: bool) -> list[tuple[bytes, by
     gateway.acceptor.binding = replace(
         gateway.acceptor.binding,
         profiles=tuple(profiles_of("lx200", surface, cast(Any, None))),
-        hold_time=delay(surface, "lx200", surface.client),
+        hold_time=text_delay(surface, "lx200", surface.client),
     )
     gateway.mount.faults[op.Goto] = BelowHorizon()
     name = path.stem.removeprefix("lx200-")

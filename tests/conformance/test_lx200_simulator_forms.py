@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.cli import main
-from gateway.protocols.lx200.simulator.server import well_formed
+from gateway.protocols.lx200.simulator.server import is_well_formed
 from tests.support.each import each
 from tests.support.manual_files import raw, rows
 from tests.support.sent_forms import malformed
@@ -74,7 +74,7 @@ def test_simulated_meade_ignores_a_malformed_command_that_has_no_reply(said: byt
 def test_syntax_check_accepts_every_example_of_the_manual() -> None:
     """For the simulators, and for what drivers are held against. The one without a colon is a misprint."""
     for name, example, _, _ in rows("lx200_forms.txt"):
-        assert well_formed(name, raw(example)), example
+        assert is_well_formed(name, raw(example)), example
         assert malformed("lx200", [raw(example)]) == [] or name == "$Q", example
 
 

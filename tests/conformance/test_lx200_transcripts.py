@@ -47,7 +47,7 @@ def _settings(talk: Conversation) -> dict[str, Any]:
 def test_lx200_conversation_gets_the_same_replies_however_bytes_are_cut(path: Path, way: str) -> None:
     conversation = read(path)
     talk = Talk(**_settings(conversation))
-    play(conversation, talk, WAYS[way], lambda text: _set_up(talk.mount, talk.session.settings_holder, text))
+    play(conversation, talk, WAYS[way], lambda text: _set_up(talk.mount, talk.session.shared_settings, text))
 
 
 @each("path", FILES)

@@ -55,7 +55,7 @@ async def test_parked_mount_answers_the_home_query_as_at_home(driven: str, model
 @pytest.mark.parametrize(("model", "version"), [("gt", "101.0"), ("nexstar-gps", "1.2")])
 async def test_gps_sentence_without_a_site_has_no_position(model: str, version: str) -> None:
     bridge = Bridge(model, version, surface="lx200gps", config=OPEN)
-    bridge.sim.row = {**bridge.sim.row, "has": []}
+    bridge.sim.facts = {**bridge.sim.facts, "has": []}
     async with bridge:
         told = await bridge.client().ask(b":gps#", ending=b"#")
         assert told.startswith(b"$GPRMC,") and b",V,,,,," in told

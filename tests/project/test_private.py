@@ -11,10 +11,10 @@ from tests.support.doc_blocks import ROOT
 #: What is used all the same. A name is taken from this list with its last use, and none is added.
 NAMES = """_almanac_until _buffer _by_host _coasts_until _connect_watchdog _deferral_timers _drive_rate _epoch
     _escape_for_argparse _failure_reason _frame _held_pieces _inbox _is_online _last_polled_at _last_replies
-    _lock _mark_down _mark_up _measure _moon_from_site _notes_logged_once _on_data _opcodes _open_truth_file
-    _pending _put _replies _reply_cache _runner _saved_states _say_new_addresses _send _send_order
+    _lock _mark_down _mark_up _measure_rate _moon_from_site _notes_logged_once _on_data _opcodes _open_truth_file
+    _pending _put _replies _reply_cache _runner _saved_states _say_new_addresses _send _send_change
     _sent_readings _shared_tasks _SimulatedConnection _state _suns_valid_until _surface_argument _task
-    _transport _unterminated _unterminated_text _urgent_times _wait_for_mount _waiters _writer"""
+    _transport _unterminated_names _unterminated_text _urgent_times _wait_for_mount _waiters _writer"""
 
 
 def is_private(name: str) -> bool:

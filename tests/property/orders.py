@@ -176,7 +176,7 @@ class Keypad:
             sim.stored_values["rate"] = kept
             return
         motor, sense = _MOTOR[letter]
-        sim.mechanics.cancel(sim.now)
+        sim.mechanics.stop_goto(sim.now)
         sim.mechanics.move(sim.now, motor - 15, (1 if sense == 36 else -1) * sim.key_speeds[_KEY[rate] - 1])
 
     def release(self) -> None:

@@ -36,7 +36,7 @@ MOUNTS: dict[str, tuple[str, str, dict[str, Any], float]] = {
 
 async def told(bridge: Bridge, ra: float, dec: float) -> tuple[str, str]:
     """What is told in advance, and what the goto is told then."""
-    foreseen = await bridge.controller.preview(op.Equatorial(ra, dec))
+    foreseen = await bridge.controller.preview_goto(op.Equatorial(ra, dec))
     try:
         await bridge.controller.perform(op.Goto(ra, dec), max_delay=10.0)
     except Fault as fault:
@@ -110,7 +110,7 @@ def test_preview_of_a_goto_sends_and_changes_nothing(model: str) -> None:
             controller, random = bridge.controller, Random(model)
             await rested(bridge, random)
             places = [_above(bridge, azimuth, 50.0) for azimuth in range(0, 360, 30)]
-            clear = [place for place in places if await controller.preview(op.Equatorial(*place)) is None]
+            clear = [place for place in places if await controller.preview_goto(op.Equatorial(*place)) is None]
             await controller.perform(op.Goto(*clear[0]))
             await asyncio.sleep(1.0)
 
@@ -125,7 +125,7 @@ def test_preview_of_a_goto_sends_and_changes_nothing(model: str) -> None:
 
             before = traces()
             refused = [
-                await controller.preview(op.Equatorial(*_above(bridge, random.uniform(0.0, 360.0), altitude)))
+                await controller.preview_goto(op.Equatorial(*_above(bridge, random.uniform(0.0, 360.0), altitude)))
                 for altitude in (-10.0, 10.0, 30.0, 50.0, 70.0, 85.0)
             ]
             assert any(refused) and traces() == before

@@ -25,7 +25,7 @@ class AnyBridge(Bridge):
             self.controller,
             Endpoint(self._driven, "sim"),
             self.gateway.config,
-            self.shared,
+            self.shared_state,
             self.clock,
             self.controller.astrometry.sky,
             self.warned.append,

@@ -34,10 +34,10 @@ class FakeController:
         self.now = self.loop.time
         self.wire_log = WireLog(self.clock)
         self.presence = ClientPresence(self.now)
-        self.answer_version = self.stops = 0
+        self.answer_version = self.stop_count = 0
         self.closed = self.slewing = False
         self.reconciler = self.wanted = self.context = self
-        self.incoming = IncomingSettings()
+        self.incoming_settings = IncomingSettings()
         #: Seconds by which the host's clock is ahead of the event loop's, and the mount's ahead of the host's.
         self._epoch = mount.clock.unix - self.now()
         self._ahead = 0.0
@@ -45,7 +45,7 @@ class FakeController:
     @property
     def value(self) -> Wanted:
         """Return that nothing moves or waits, because everything is done at once."""
-        return Wanted(n_stops=self.stops)
+        return Wanted(stop_count=self.stop_count)
 
     def clock(self) -> float:
         """Return the host's time."""
@@ -78,7 +78,7 @@ class FakeController:
     async def perform(
         self,
         operation: op.Operation,
-        n_stops: int | None = None,
+        stop_count: int | None = None,
         activity: HostActivity | None = None,
         max_delay: float = 3.5,
         arrived_at: float | None = None,
@@ -91,7 +91,7 @@ class FakeController:
         return answer
 
     def begin_stop(self, by: str = "") -> None:
-        self.stops += 1
+        self.stop_count += 1
         self.spawn(self.perform(op.AbortMotion()))
 
     def begin(

@@ -190,7 +190,7 @@ class Talk:
     def reconnect(self) -> None:
         """Close the connection and open the next one, which inherits what the session keeps across connections."""
         before = self.session
-        self.session = type(before)(before.model, before.settings, before.clock, before.settings_holder)
+        self.session = type(before)(before.model, before.client_settings, before.clock, before.shared_settings)
         self.session.client = copy(before.client)
         self.framer = self.binding.make_framer()
 

@@ -50,9 +50,9 @@ def _decodes(picture: FrameTemplate, data: bytes) -> bool:
 def of_reply(protocol: CommandSet, frame: bytes, reply: bytes) -> str:
     """Return what is wrong with a reply to this command; empty if nothing is."""
     if isinstance(frame, Unterminated):
-        forms = protocol.commands[frame.names[0]].replies if frame.names[0] else []
+        forms = protocol.commands[frame.command_names[0]].replies if frame.command_names[0] else []
         refusals = [] if frame.late else [form.wire for form, _ in forms if form.fault]
-        return "" if reply.decode() in refusals else f"{reply!r} is no refusal of {frame.names[0]!r}"
+        return "" if reply.decode() in refusals else f"{reply!r} is no refusal of {frame.command_names[0]!r}"
     found = protocol.find(frame)
     if protocol.name == "nexstar":
         if frame[:1] == b"P" and reply == bytes(frame[7] + 1) + b"#":

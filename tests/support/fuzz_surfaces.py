@@ -20,7 +20,7 @@ from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.commands.command_processor import CommandProcessor
 from gateway.clients.commands.turn import MAX_CACHED_REPLIES, MAX_WAITING_COMMANDS
-from gateway.core.wire_log import MAX_NOTES_ONCE, Entry
+from gateway.core.wire_log import MAX_NOTES_LOGGED_ONCE, Entry
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.policy import Limits
 from gateway.protocols.nexstar.versions import versions_of
@@ -117,7 +117,7 @@ class Judge:
             ("kept", len(repr(client.session.client)), KEPT), ("shared", len(repr(client.session.shared)), KEPT),
             ("told", len(client.command_runner._sent_readings), 40),
             ("deferred", len(client.command_runner._deferral_timers), 4),
-            ("said", len(bridge.wire_log._notes_logged_once), MAX_NOTES_ONCE),
+            ("said", len(bridge.wire_log._notes_logged_once), MAX_NOTES_LOGGED_ONCE),
             ("tasks", len(bridge.controller.context.tasks), 600), ("line", len(bridge.controller.line.queue), 600),
             ("hosts", len(bridge.acceptor._saved_states), 200),
         ):  # fmt: skip
@@ -143,7 +143,7 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
     )
     endpoint = Endpoint(case.presented, "-", case.model, case.version)
     face = make_surface(endpoint, SurfaceConfig(at="-"), Limits())
-    face.surface.mount_speaks_same = case.presented == case.driven
+    face.surface.speaks_mount_protocol = case.presented == case.driven
     bridge.acceptor.binding = face
     bridge.controller.astrometry.sky = SKY
     bridge.wire_log.sinks[:] = [judge.hear]

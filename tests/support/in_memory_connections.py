@@ -9,7 +9,7 @@ from itertools import cycle
 from typing import Any
 
 from gateway.transport.handler import NewConnection
-from gateway.transport.rfc2217 import accept_telnet
+from gateway.transport.rfc2217 import with_telnet
 
 
 class Caller:
@@ -24,7 +24,7 @@ class Caller:
         self.heard = b""
         self.gone = False
         self._told = asyncio.Event()
-        arrive = accept_telnet(acceptor.accept) if transport == "rfc2217" else acceptor.accept
+        arrive = with_telnet(acceptor.accept) if transport == "rfc2217" else acceptor.accept
         hang_up = None if trusted else self._hang_up
         self.guest = arrive(NewConnection(f"{host}:{number}", host, self._hear, hang_up))
 

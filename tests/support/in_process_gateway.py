@@ -46,7 +46,7 @@ class Bridge(RehearsalGateway):
         """``state`` is the folder of the state files; the other settings are those of a stage."""
         self._state, self._in_thread = state, in_thread
         self._driven, self._hands_on = driven, presented == driven == "nexstar"
-        dialect = load(driven).in_dialect_of(mount).overlay
+        dialect = load(driven).in_dialect_of(mount).dialect_rows
         self._spoken = mount if dialect is not None else driven
         self.warned: list[str] = []
         super().__init__(mount, version, surface=surface, start=start, driven=driven, presented=presented, **settings)

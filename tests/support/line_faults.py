@@ -77,7 +77,7 @@ class Trial:
             return outcome
 
         line.transaction.exchange = exchanging  # type: ignore[method-assign]
-        order = self.bridge.controller.verifier._send_order
+        order = self.bridge.controller.verifier._send_change
 
         async def ordering(ask: Send, priority: int) -> Any:
             done = len(self.acknowledged)
@@ -89,7 +89,7 @@ class Trial:
                 self.unsure += 1
             return answer
 
-        self.bridge.controller.verifier._send_order = ordering  # type: ignore[method-assign]
+        self.bridge.controller.verifier._send_change = ordering  # type: ignore[method-assign]
 
         async def proving() -> bool:
             self.wire.proving = True
@@ -144,7 +144,7 @@ class Trial:
         """Power-cycle the mount: it loses its alignment, precision and motion, and keeps its position and clock."""
         self.rebooted = asyncio.get_running_loop().time()
         sim = self.sim
-        sim.mechanics.cancel(sim.now)
+        sim.mechanics.stop_goto(sim.now)
         if self.driven == "lx200":
             sim.high = False
             sim.track(False)
@@ -343,7 +343,7 @@ class Trial:
         utc = self.sim.utc() + (self.bridge.clock() - self.sim.now)
         if clock is not None and abs(clock.unix - utc) > 2.7:
             self._is_wrong("clock", f"off by {clock.unix - utc:.1f} s")
-        identity = controller.cache.value(op.GetIdentity)
+        identity = controller.cache.last_value(op.GetIdentity)
         unknown = {self.identity, replace(self.identity, version="?")}  # a version that was asked for and not answered
         if identity is not None and identity not in unknown:
             self._is_wrong("identity", f"{identity}, not {self.identity}")

@@ -33,7 +33,7 @@ class LossyLine:
     def __init__(self, bridge: Bridge, latency: float, keeps_half: bool = True) -> None:
         self._bridge, self._latency, self._loop = bridge, latency, asyncio.get_running_loop()
         self._wire = bridge.controller.line.wire
-        self._framer: TimedFramer = bridge.sim.framer()
+        self._framer: TimedFramer = bridge.sim.new_framer()
         self._hand_control = isinstance(self._framer, NexStarFramer)
         if self._hand_control and keeps_half:
             self._framer = KeepsHalf(drops_late_ends=False)

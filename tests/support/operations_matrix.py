@@ -99,7 +99,7 @@ async def identity(b: Bridge) -> bool:
     if _alpaca(b):
         return bool(seen.product == "Simulated mount")
     if hasattr(b.sim, "reported_version"):
-        name = next(model for model, row in load("nexstar").models.items() if row is b.sim.row)
+        name = next(model for model, row in load("nexstar").models.items() if row is b.sim.facts)
         major, minor, *patch = b.sim.reported_version
         named = b.sim.version >= (2, 2) or major >= 100  # only a GT counts from 100
         version = f"{major}.{minor:02d}" if 3 <= major < 100 else f"{major}.{minor}"
@@ -111,7 +111,7 @@ async def identity(b: Bridge) -> bool:
             version + "".join(f".{number:02d}" for number in patch),
             name if named else "unknown",
         )
-    product, firmware = ("LX200", "?") if b.sim.classic else (b.sim.row["product"], b.sim.row["firmware"])
+    product, firmware = ("LX200", "?") if b.sim.classic else (b.sim.facts["product"], b.sim.facts["firmware"])
     return (seen.product, seen.version, seen.model) == (product, firmware, b.sim.model)
 
 

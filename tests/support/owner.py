@@ -91,7 +91,7 @@ class Owner:
         """Switch off and on: the motors stop, the alignment is lost, and the mount does not reply for a while."""
         sim = self._bridge.sim
         sim.true_position()
-        sim.mechanics.cancel(sim.now)
+        sim.mechanics.stop_goto(sim.now)
         for axis in (1, 2):
             sim.mechanics.move(sim.now, axis, 0.0)
             sim.mechanics.pulse(sim.now, axis, 0.0, 0.0)

@@ -137,7 +137,7 @@ async def tap(face: str, mount: str, seconds: float, latency: float) -> Tapped:
                 break
         rest = await axes.rest(3.0)
         await asyncio.sleep(2.0)
-        assert not own.controller.wanted.by_hand
+        assert not own.controller.wanted.hand_moves
         told = [notice.text for notice in own.controller.wire_log.recent_notices]
         return Tapped(axes.moved, speeds[0] if speeds else 0.0, rest, told)
 

@@ -53,7 +53,7 @@ class ThreePrograms(Bridge):
     def __init__(self, mount: str = "cge", *arguments: Any, state: Path | None = None, **others: Any) -> None:
         super().__init__(mount, *arguments, state=state, surface=None, **others)
         made = AcceptorFactory(
-            self.controller, Endpoint(self._driven, "sim"), self.gateway.config, self.shared, self.clock,
+            self.controller, Endpoint(self._driven, "sim"), self.gateway.config, self.shared_state, self.clock,
             self.controller.astrometry.sky, self.warned.append, WebServer(),
         )  # fmt: skip
         self.faces: dict[str, Any] = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
-from gateway.transport.baud import garbled
+from gateway.transport.baud import garble
 from gateway.transport.wires import OnData, OnLost
 
 #: The device at the other end: a function from the bytes that arrive there to its reply.
@@ -34,14 +34,14 @@ class UartWire:
 
     def write(self, data: bytes) -> None:
         self.log.append((self.baud, data))
-        answer = self.device(garbled(data, self.baud, self.rate))
+        answer = self.device(garble(data, self.baud, self.rate))
         if answer:
             asyncio.get_running_loop().call_later(self.latency, self.say, answer)
 
     def say(self, data: bytes) -> None:
         """Send something from the device, at its own rate."""
         if self.is_open and self.on_data is not None:
-            self.on_data(garbled(data, self.rate, self.baud))
+            self.on_data(garble(data, self.rate, self.baud))
 
     def sent(self) -> list[bytes]:
         """Return everything that was sent, in order."""

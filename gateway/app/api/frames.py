@@ -66,7 +66,7 @@ def encode(protocol: str, name: str, /, **values: object) -> bytes:
     command = _find_command(protocol, name)
     if strange := sorted(values.keys() - command.request.fields.keys()):
         raise FrameError(f"{name} ({command.help}) has no {strange[0]}; it has {_join(command.request.fields)}")
-    return _encode(command, command.request, values)
+    return _encode_frame(command, command.request, values)
 
 
 def decode_reply(protocol: str, name: str, reply: bytes, /) -> Frame:
@@ -98,7 +98,7 @@ def encode_reply(protocol: str, name: str, /, *, precision: str = "high", **valu
     command = _find_command(protocol, name)
     for form, template in command.replies:
         if form.fault is None and form.when in (None, precision) and values.keys() == template.fields.keys():
-            return _encode(command, template, values)
+            return _encode_frame(command, template, values)
     forms = [_join(template.fields) for form, template in command.replies if form.fault is None]
     raise FrameError(f"{name} ({command.help}) has no reply with {_join(values)}; {' or '.join(forms) or 'none'}")
 
@@ -134,17 +134,17 @@ def _find_command(protocol: str, name: str) -> Command:
     return command
 
 
-def _encode(command: Command, template: FrameTemplate, values: Mapping[str, object]) -> bytes:
+def _encode_frame(command: Command, template: FrameTemplate, values: Mapping[str, object]) -> bytes:
     """Encode a template with values. Raises FrameError that names the value that is missing or does not fit."""
     try:
         return template.encode(values)
     except KeyError as missing:
         raise FrameError(f"{command.name} ({command.help}) needs {missing.args[0]}") from None
     except (AttributeError, OverflowError, TypeError, ValueError) as error:
-        raise FrameError(f"{command.name} ({command.help}): {_mismatch(template, values) or error}") from None
+        raise FrameError(f"{command.name} ({command.help}): {_mismatch_text(template, values) or error}") from None
 
 
-def _mismatch(template: FrameTemplate, values: Mapping[str, object]) -> str:
+def _mismatch_text(template: FrameTemplate, values: Mapping[str, object]) -> str:
     """Return which value does not fit, and why if a codec says so (Python's texts are left out); empty if all fit."""
     for field, codec in template.fields.items():
         value = values[field]

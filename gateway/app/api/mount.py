@@ -13,7 +13,7 @@ from typing import cast
 import msgspec
 from msgspec.structs import replace
 
-from gateway.app.control.operations import answer_of, checked, pack_operation
+from gateway.app.control.operations import answer_of, checked_copy, pack_operation
 from gateway.app.discovery.served import CONSOLE_PROTOCOL
 from gateway.app.status import State
 from gateway.core import errors, requests
@@ -46,7 +46,7 @@ class Mount:
         #: All operations but gotos have this one request number, so that each of them keeps a motion by hand alive.
         self._operation_number = requests.new_request_number()
         #: The number of the last request for a goto, park or home; empty before the first, and after arrival.
-        self._goto_id = ""
+        self._goto_number = ""
 
     # --- what is known ------------------------------------------------------------------------------------------------
 
@@ -110,7 +110,7 @@ class Mount:
 
     async def goto_object(self, name: str) -> None:
         """Slew to a planet, star or other object as ``goto`` does. Raises UserError for a name that is not known."""
-        await self._get_answer_text(requests.GotoRequest(checked(requests.Named(name))))
+        await self._get_answer_text(requests.GotoRequest(checked_copy(requests.Named(name))))
 
     async def park(self) -> None:
         """Slew to the park position and turn tracking off; return when the mount has accepted the command."""
@@ -142,14 +142,14 @@ class Mount:
         except TimeoutError:
             ending = f", and it is not known whether it goes on: {gone}." if gone else "; it goes on."
             raise TimeoutError(f"The motion has not ended within {seconds:g} s{ending}") from None
-        if not self._goto_id and (short := (await self.perform(op.GetActivity())).short):
+        if not self._goto_number and (short := (await self.perform(op.GetActivity())).short):
             raise Stopped(short)
-        self._goto_id = ""
+        self._goto_number = ""
         return await self.position()
 
     async def _is_goto_under_way(self) -> bool:
-        if self._goto_id:
-            return (await self._get_answer(requests.ProgressRequest(self._goto_id))).outcome == requests.UNDER_WAY
+        if self._goto_number:
+            return (await self._get_answer(requests.ProgressRequest(self._goto_number))).outcome == requests.UNDER_WAY
         return await self.perform(op.Slewing())
 
     async def sync(self, ra: float, dec: float, *, j2000: bool = False) -> None:
@@ -184,7 +184,7 @@ class Mount:
         request = pack_operation(operation, requests.new_request_number() if towards else self._operation_number)
         answer = await self._get_answer_text(request)
         if towards:
-            self._goto_id = request.number
+            self._goto_number = request.number
         return answer_of(operation, answer)
 
     # --- requests -----------------------------------------------------------------------------------------------------
@@ -194,10 +194,10 @@ class Mount:
 
     async def _get_answer_text(self, request: requests.ChangeRequest, duration: float = 0.0) -> str:
         """Send a request, and return the text of the answer. Raises Fault."""
-        named = cast(requests.Request, checked(replace(request, who=self._client_name)))
+        named = cast(requests.Request, checked_copy(replace(request, who=self._client_name)))
         text = (await self._get_answer(named, duration)).text
         if isinstance(request, requests.GotoRequest | requests.ParkRequest):
-            self._goto_id = request.number
+            self._goto_number = request.number
         return text
 
     async def _get_answer(self, request: requests.Request, duration: float = 0.0) -> requests.Answer:
@@ -208,5 +208,5 @@ class Mount:
 
 
 def _target_of(operation: op.Goto | op.Sync, j2000: bool) -> requests.Spot:
-    operation = checked(operation)
+    operation = checked_copy(operation)
     return requests.Spot(operation.ra % 360.0, operation.dec, bool(j2000))

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from gateway.app.api.mount import Mount
 from gateway.app.config import Source, make_config, parse_endpoint
 from gateway.app.control.exchange import ControlEndpoint
-from gateway.app.control.reach import ANSWER_TIMEOUT, request, running_gateways
+from gateway.app.control.reach import ANSWER_TIMEOUT, running_gateways, send_request
 from gateway.app.watchdog.client import Watchdog, is_available
 from gateway.astro.ephemeris.keeper import AlmanacKeeper
 from gateway.astro.ephemeris.sky import Sky
@@ -66,7 +66,7 @@ async def open_gateway(
             for surface in ([surfaces] if isinstance(surfaces, str) else surfaces)
         ],
     }
-    config = make_config(tables, Source("open_gateway"), must_serve=False)
+    config = make_config(tables, Source("open_gateway"), needs_surface=False)
     from gateway.app.gateway import Gateway
     from gateway.app.site import load_web_application
 
@@ -78,7 +78,7 @@ async def open_gateway(
     opened = Gateway(config.mount[0], config.surface, wire_log, sky, warn=warn, watchdog=guard)
     opened.web = WebServer(lambda: load_web_application([opened]))
 
-    almanac = AlmanacKeeper(sky, opened.warn, is_quiet=lambda: not opened.moving)
+    almanac = AlmanacKeeper(sky, opened.warn, all_at_rest=lambda: not opened.moving)
     almanac.open()
     keeping: asyncio.Task[None] | None = None
     try:
@@ -126,7 +126,7 @@ def mount_at_endpoint(endpoint: ControlEndpoint) -> Mount:
     """Return the mount of the gateway that has this control endpoint."""
 
     async def send(req: requests.Request, duration: float) -> requests.Answer:
-        return await request(endpoint, req, ANSWER_TIMEOUT + duration)
+        return await send_request(endpoint, req, ANSWER_TIMEOUT + duration)
 
     return Mount(endpoint.title, send, f"a Python program (process {os.getpid()})")
 

@@ -10,14 +10,14 @@ import os
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from gateway.app.config.endpoints import parse_broker, parse_endpoint, suggest, suggest_address
+from gateway.app.config.endpoints import parse_broker, parse_endpoint, suggest_address, suggest_choice
 from gateway.app.config.keys import MountConfig
 from gateway.app.config.programs import programs
 from gateway.app.config.source import Place
 from gateway.app.config.tables import Config
 from gateway.clients.access import AccessRules, Networks, parse_networks
 from gateway.core.errors import UserError
-from gateway.protocols.registry import ANY, PROTOCOLS, drivers, surface_protocols
+from gateway.protocols.registry import ANY, PROTOCOLS, accepted_protocols, drivers
 from gateway.transport.listening import NETWORK_SCHEMES, split_address
 from gateway.transport.tcp import is_exposed
 
@@ -33,10 +33,10 @@ class Mistake(NamedTuple):
     message: str
 
 
-def mistakes_in(config: Config, must_serve: bool = True, has_file: bool = False) -> Iterator[Mistake]:
+def mistakes_in(config: Config, needs_surface: bool = True, has_file: bool = False) -> Iterator[Mistake]:
     """Yield the mistakes of a configuration whose values all have the right types, the most important first.
 
-    ``must_serve``: at least one surface is required. ``has_file``: the configuration is from a file, not only flags.
+    ``needs_surface``: at least one surface is required. ``has_file``: the configuration is from a file, not only flags.
     """
     yield from _check_endpoints(config)
     for number, mount in enumerate(config.mount):
@@ -50,7 +50,7 @@ def mistakes_in(config: Config, must_serve: bool = True, has_file: bool = False)
     yield from _check_console(config)
     yield from _check_mqtt(config)
     yield from _check_ports_unique(config)
-    if must_serve and not config.surface:
+    if needs_surface and not config.surface:
         driven = parse_endpoint(config.mount[0].at).protocol
         at = f"{next(name for name in drivers() if name != driven)}@tcp://127.0.0.1:4030"
         how = f'write [[surface]] into the file, and below it at = "{at}"' if has_file else f"--surface {at}"
@@ -63,10 +63,10 @@ def _check_park(mount_index: int, mount: MountConfig) -> Iterator[Mistake]:
         spec = PROTOCOLS[parse_endpoint(mount.at).protocol]
     except (UserError, KeyError):
         return  # the check of the endpoint reports it
-    if mount.park == "mount" and not spec.parks_itself:
+    if mount.park == "mount" and not spec.park_is_stored:
         reason = f"{spec.mount_phrase} has no park position of its own; write AZ,ALT or nothing"
         yield Mistake(("mount", mount_index, "park"), reason)
-    elif isinstance(mount.park, tuple) and spec.parks_itself:
+    elif isinstance(mount.park, tuple) and spec.park_is_stored:
         reason = (
             f'{spec.mount_phrase} parks at the position set with its keypad; write "mount" to allow that whatever '
             "lowest and highest say"
@@ -119,7 +119,7 @@ def _check_names(config: Config) -> Iterator[Mistake]:
                 ("surface", number, "mount"), f"is needed with several mounts; write one of {', '.join(known)}"
             )
         elif surface.mount is not None and surface.mount not in known:
-            hint = suggest(surface.mount, known) if known else "the mount has no name"
+            hint = suggest_choice(surface.mount, known) if known else "the mount has no name"
             yield Mistake(("surface", number, "mount"), f"no mount is called {surface.mount!r}; {hint}")
     for number, mount in enumerate(config.mount):
         if config.surface and not config.surfaces_of(mount):
@@ -130,10 +130,10 @@ def _check_clients(config: Config) -> Iterator[Mistake]:
     for number, surface in enumerate(config.surface):
         if surface.client in ("auto", "any"):
             continue
-        spoke = surface_protocols(parse_endpoint(surface.at).protocol)
+        spoke = accepted_protocols(parse_endpoint(surface.at).protocol)
         known = [*dict.fromkeys(name for protocol in spoke for name in programs(protocol)), "auto", "any"]
         if surface.client not in known:
-            reason = f"{surface.client!r}: this program is not known; {suggest(surface.client, known)}"
+            reason = f"{surface.client!r}: this program is not known; {suggest_choice(surface.client, known)}"
             yield Mistake(("surface", number, "client"), reason)
 
 

@@ -16,7 +16,7 @@ from urllib.parse import urlsplit
 
 import msgspec
 
-from gateway.core.errors import UserError, similar
+from gateway.core.errors import UserError, similar_words
 from gateway.protocols.base.spec import ProtocolSpec
 from gateway.protocols.registry import ANY, PROTOCOLS, drivers, streams, surfaces
 from gateway.protocols.wireformat.command_set import load
@@ -29,14 +29,14 @@ def resolve_name(text: str) -> str | None:
     """Return ``PROTOCOL[:MODEL]`` for a name as a user writes it, without a version; None for an unknown name."""
     head, colon, rest = text.partition(":")
     if not colon:
-        return head if head in PROTOCOLS else _look_up(_all_names(), head)
-    protocol = head if head in PROTOCOLS else _look_up(_all_names(), head)
+        return head if head in PROTOCOLS else _look_up(_name_table(), head)
+    protocol = head if head in PROTOCOLS else _look_up(_name_table(), head)
     if protocol not in PROTOCOLS:
         return None
     if not rest or rest in load(protocol).models:
         return f"{protocol}:{rest}" if rest else protocol
     of_protocol = {
-        word: protocol_name for word, protocol_name in _all_names().items() if protocol_name.startswith(f"{protocol}:")
+        word: protocol_name for word, protocol_name in _name_table().items() if protocol_name.startswith(f"{protocol}:")
     }
     return _look_up(of_protocol, rest) or f"{protocol}:{rest}"
 
@@ -44,10 +44,10 @@ def resolve_name(text: str) -> str | None:
 def suggest_name(word: str, candidates: Sequence[str] = tuple(PROTOCOLS)) -> str:
     """Return a hint for an unknown word: the most similar name or candidate protocol, else each maker's protocol."""
     known = [*candidates, *(model for protocol in PROTOCOLS for model in load(protocol).models)]
-    plain = _normalised(word)
-    names = [name for name, full_name in sorted(_all_names().items()) if full_name.partition(":")[0] in candidates]
+    plain = _normalise(word)
+    names = [name for name, full_name in sorted(_name_table().items()) if full_name.partition(":")[0] in candidates]
     for choices in (known, names):
-        if close := similar(plain if choices is not known else word, choices, min_similarity=0.7):
+        if close := similar_words(plain if choices is not known else word, choices, min_similarity=0.7):
             return f"did you mean {close[0]!r}?"
     which = ", ".join(
         f"{name} for a {spec.makers[0].title()}" for name, spec in reversed(PROTOCOLS.items()) if spec.makers
@@ -56,9 +56,9 @@ def suggest_name(word: str, candidates: Sequence[str] = tuple(PROTOCOLS)) -> str
 
 
 @cache
-def _all_names() -> Mapping[str, str]:
+def _name_table() -> Mapping[str, str]:
     """Return every name, without blanks and punctuation, with the ``PROTOCOL[:MODEL]`` it stands for."""
-    rows = {_normalised(model): f"{protocol}:{model}" for protocol in PROTOCOLS for model in load(protocol).models}
+    rows = {_normalise(model): f"{protocol}:{model}" for protocol in PROTOCOLS for model in load(protocol).models}
     for protocol in PROTOCOLS:
         for model, names in names_by_model(protocol).items():
             rows |= dict.fromkeys(names, protocol if model == ANY_MODEL else f"{protocol}:{model}")
@@ -71,7 +71,7 @@ def names_by_model(protocol: str) -> dict[str, Sequence[str]]:
 
 
 def _look_up(table: Mapping[str, str], text: str) -> str | None:
-    plain = _normalised(text)
+    plain = _normalise(text)
     return table.get(plain) or table.get(_maker_pattern().sub("", plain))
 
 
@@ -84,7 +84,7 @@ def _maker_pattern() -> re.Pattern[str]:
     return re.compile(f"^(?:{makers})?(?:{brands})?(?=.)")
 
 
-def _normalised(word: str) -> str:
+def _normalise(word: str) -> str:
     return re.sub("[^a-z0-9]", "", word.lower())
 
 
@@ -118,7 +118,7 @@ def parse_endpoint(text: str, role: str = "") -> Endpoint:
     what, at, where = text.partition("@")
     if not at or not where:
         raise UserError(
-            f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example {_example_of(text.strip('@'), role)}"
+            f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example {_example_endpoint(text.strip('@'), role)}"
         )
     endpoint = _parse_any_surface(what, where) if what.partition(":")[0] == ANY else parse_device(what, where, role)
     if role == "mount" and endpoint.protocol not in (*drivers(), ANY):
@@ -155,7 +155,7 @@ def _parse_any_surface(text: str, where: str) -> Endpoint:
     return Endpoint(ANY, where)
 
 
-def _example_of(text: str, role: str) -> str:
+def _example_endpoint(text: str, role: str) -> str:
     """Return an example endpoint that completes ``text``, the half that the user wrote."""
     if role == "surface":
         return f"{_serial_names()[0]}@tcp://127.0.0.1:4030"
@@ -184,22 +184,22 @@ def parse_device(text: str, where: str = "", role: str = "") -> Endpoint:
         raise UserError(f"{name!r} is neither a protocol ({', '.join(among)}) nor a model; {suggest_name(name, among)}")
     protocol, _, model = device.partition(":")
     spec = PROTOCOLS[protocol]
-    if model in spec.version_names:
-        model, version = "", spec.version_names[model](version if slash else None)
-    possible = [*spec.commands.models, *spec.version_names] if model or version else []
+    if model in spec.version_aliases:
+        model, version = "", spec.version_aliases[model](version if slash else None)
+    possible = [*spec.commands.models, *spec.version_aliases] if model or version else []
     if (model or version) and not possible:
         raise UserError(f"{text!r}: {protocol} has neither models nor versions; write {protocol}@{where or 'WHERE'}")
     if model and model not in possible:
         other = resolve_name(model)
-        right = f"write {other}" if other else suggest(model, possible)
+        right = f"write {other}" if other else suggest_choice(model, possible)
         raise UserError(f"{protocol} has no model {model!r}; {right}")
-    return Endpoint(protocol, where, model or None, _check_version(spec, version) if version else None)
+    return Endpoint(protocol, where, model or None, _normalise_version(spec, version) if version else None)
 
 
-def _check_version(spec: ProtocolSpec, text: str) -> str:
+def _normalise_version(spec: ProtocolSpec, text: str) -> str:
     """Return the version in its standard form. Raises UserError for a version that never existed."""
     try:
-        return spec.check_version(text)
+        return spec.normalise_version(text)
     except ValueError:
         raise UserError(f"{text!r} is not a version; write it like 4.21") from None
 
@@ -227,9 +227,11 @@ def suggest_address(where: str, is_surface: bool, devices: Path = Path("/dev")) 
     return ""
 
 
-def suggest(word: str, choices: Sequence[str]) -> str:
+def suggest_choice(word: str, choices: Sequence[str]) -> str:
     """Return a hint for a mistyped word: the choice that is most like it, else all choices."""
-    close = similar(word, choices) or [choice for choice in choices if len(choice) > 3 and word.startswith(choice)]
+    close = similar_words(word, choices) or [
+        choice for choice in choices if len(choice) > 3 and word.startswith(choice)
+    ]
     return f"did you mean {close[0]!r}?" if close else f"write one of {', '.join(choices)}"
 
 
@@ -256,22 +258,22 @@ _MAP_COORDINATE = re.compile(
 
 def _parse_map_coordinates(text: str, parts: Sequence[str]) -> tuple[float, float]:
     """Parse a latitude and a longitude with minutes, or with N, S, E or W. Raises UserError."""
-    values = [_to_angle(part, sides) for part, sides in zip(parts, ("NS", "EW"), strict=False)]
+    values = [_parse_angle(part, sides) for part, sides in zip(parts, ("NS", "EW"), strict=False)]
     if len(parts) != 2 or None in values or abs(values[0] or 0.0) > 90.0:
         raise UserError(f"{text!r}: write LAT,LON, north and east positive: 45.5,-122.7 or 45°30'N,122°42'W")
     return values[0] or 0.0, values[1] or 0.0
 
 
-def _to_angle(text: str, letters: str) -> float | None:
-    """Parse an angle as on maps; return degrees, None if invalid. ``letters``: the letters for + and -, like ``NS``."""
+def _parse_angle(text: str, sign_letters: str) -> float | None:
+    """Parse an angle as on maps; return degrees, None if invalid. ``sign_letters``: for + and -, like ``NS``."""
     match = _MAP_COORDINATE.fullmatch(text)
-    if match is None or match[5] not in ("", *letters) or (match[1] == "-" and match[5]):
+    if match is None or match[5] not in ("", *sign_letters) or (match[1] == "-" and match[5]):
         return None
     degrees, minutes, seconds = (float(match[number] or 0.0) for number in (2, 3, 4))
     if max(minutes, seconds) >= 60.0:
         return None
     value = degrees + minutes / 60.0 + seconds / 3600.0
-    return -value if match[1] == "-" or match[5] == letters[1] else value
+    return -value if match[1] == "-" or match[5] == sign_letters[1] else value
 
 
 def site_mistake(latitude: float, longitude: float) -> str:

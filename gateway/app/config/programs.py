@@ -78,7 +78,7 @@ def _presented_version(endpoint: Endpoint) -> Version:
     """Return the version that the surface reports to programs; ``NEWEST_VERSION`` for none and for ``starsense``."""
     spec = PROTOCOLS[endpoint.protocol]
     version = endpoint.version or spec.presented_version
-    if version is None or version.partition("-")[0] in spec.version_names:
+    if version is None or version.partition("-")[0] in spec.version_aliases:
         return NEWEST_VERSION
     return parse_version(version)
 
@@ -93,7 +93,7 @@ def as_fields(needs: list[NeededSetting]) -> dict[str, object]:
     return {need.key.replace("-", "_"): need.value for need in needs}
 
 
-def delay(surface: SurfaceConfig, protocol: str, program: str) -> float:
+def text_delay(surface: SurfaceConfig, protocol: str, program: str) -> float:
     """Return the seconds for which the text of a refusal is delayed: infinite if the program never reads it."""
     if not surface.hold_text:
         return 0.0
@@ -101,7 +101,7 @@ def delay(surface: SurfaceConfig, protocol: str, program: str) -> float:
     return HOLD_TIME if row is None else float("inf") if row.leaves_text else 0.0
 
 
-def stops_arrows(protocol: str, program: str) -> bool:
+def stops_all(protocol: str, program: str) -> bool:
     """Whether a program sends a stop of all motion when its user releases an arrow."""
     row = programs(protocol).get(program)
     return row is not None and row.stops_arrows

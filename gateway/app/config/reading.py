@@ -15,11 +15,11 @@ import tomli
 
 from gateway.app.config.checks import Mistake, mistakes_in
 from gateway.app.config.describing import Key, find_key, header_of, keys_of
-from gateway.app.config.endpoints import parse_site, site_mistake, suggest
+from gateway.app.config.endpoints import parse_site, site_mistake, suggest_choice
 from gateway.app.config.source import Place, Source
 from gateway.app.config.tables import TABLES, Config
 from gateway.core.errors import UserError, explain_file_error
-from gateway.system.files import plain_fd
+from gateway.system.files import open_regular_fd
 
 #: Beginning of a message of the parser -> hint: what the user may have meant.
 _PARSER_HINTS = {
@@ -50,7 +50,7 @@ _UNREADABLE_TOML: dict[type[Exception], str] = {
 def read_tables(path: Path) -> tuple[dict[str, object], Source]:
     """Read a file; return its tables, and the source of their values. Raises UserError if it is unreadable."""
     try:
-        with open(plain_fd(path), encoding="utf-8-sig") as file:
+        with open(open_regular_fd(path), encoding="utf-8-sig") as file:
             text = file.read()
     except OSError as error:
         reason = explain_file_error(path, error, reading=True)
@@ -109,10 +109,10 @@ def _control_characters(tables: object, path: Place = ()) -> Iterator[Mistake]:
             yield from _control_characters(value, (*path, number))
 
 
-def make_config(tables: dict[str, object], source: Source, must_serve: bool = True) -> Config:
+def make_config(tables: dict[str, object], source: Source, needs_surface: bool = True) -> Config:
     """Make the configuration from plain tables; ``mount`` is a list. Raises UserError for a mistake in them.
 
-    ``must_serve``: at least one surface is required.
+    ``needs_surface``: at least one surface is required.
     """
     for place, reason in _control_characters(tables):
         raise _to_error(source, Mistake(_cut_after_key(place), reason))
@@ -120,7 +120,7 @@ def make_config(tables: dict[str, object], source: Source, must_serve: bool = Tr
         config = msgspec.convert(tables, Config)
     except msgspec.ValidationError as error:
         raise _msgspec_error(tables, source, *_parse_msgspec_error(str(error))) from None
-    for mistake in mistakes_in(config, must_serve, source.is_file):
+    for mistake in mistakes_in(config, needs_surface, source.is_file):
         raise _to_error(source, mistake)
     return config
 
@@ -142,7 +142,7 @@ def _msgspec_error(tables: dict[str, object], source: Source, path: Place, field
     if kind == "unknown":
         home = next((name for name in TABLES if name != table and find_key(name, field)), None)
         known = [key.name for key in keys_of(table)] + ([] if table else ["mount", "surface"])
-        hint = suggest(field, known) if home is None else f"it belongs under {header_of(home)}"
+        hint = suggest_choice(field, known) if home is None else f"it belongs under {header_of(home)}"
         return _to_error(source, Mistake((*path, field), f"there is no such key; {hint}"))
     key = find_key(table, field)
     if (key is None or (table == "mount" and not source.text)) and source.is_file:
@@ -169,7 +169,7 @@ def _value_error(tables: dict[str, object], source: Source, table: str, key_path
     if "a word of" in key.allowed and isinstance(value, str) and (plain := re.sub(r"[^\w.-]+", "_", value, flags=re.A)):
         example = f', for example "{plain}"'
     return _to_error(
-        source, Mistake(whole, f"{_shorten(value)}: write {key.allowed}{example}{_swapped_hint(key.name, value)}")
+        source, Mistake(whole, f"{_shorten(value)}: write {key.allowed}{example}{_swapped_site_hint(key.name, value)}")
     )
 
 
@@ -192,7 +192,7 @@ def _value_at(tables: Any, key_path: Place) -> Any:
     return tables
 
 
-def _swapped_hint(name: str, value: object) -> str:
+def _swapped_site_hint(name: str, value: object) -> str:
     """Return the hint for a site with latitude and longitude in the wrong order; empty for other keys."""
     if name != "site" or not isinstance(value, list | tuple) or len(value) != 2:
         return ""

@@ -55,23 +55,23 @@ class ControlEndpoint(Struct, frozen=True):
         return mount_name is None or mount_name in (self.name, self.mount, self.mount.partition("@")[2])
 
 
-def read_endpoints(folder: Path, owner: int | None = None) -> list[tuple[Path, ControlEndpoint]]:
-    """Return the valid endpoint files in a folder (with ``owner``, only that user's). Raises OSError for the folder."""
+def read_endpoints(folder: Path, owner_uid: int | None = None) -> list[tuple[Path, ControlEndpoint]]:
+    """Return the valid endpoint files in a folder, of one user or of all (None). Raises OSError for the folder."""
     endpoints = []
     for name in sorted(os.listdir(folder)):
         if name.endswith(ENDPOINT_SUFFIX):
             with contextlib.suppress(OSError, ValueError, RecursionError):  # msgspec's errors are ValueErrors
-                content = _read_file(folder / name, owner)
+                content = _read_owned_file(folder / name, owner_uid)
                 endpoints.append((folder / name, msgspec.json.decode(content, type=ControlEndpoint)))
     return endpoints
 
 
-def _read_file(path: Path, owner: int | None) -> bytes:
-    """Read a regular file. Raises OSError for anything else, or for a file of another user than ``owner``."""
+def _read_owned_file(path: Path, owner_uid: int | None) -> bytes:
+    """Read a regular file. Raises OSError for anything else, or for a file of another user than ``owner_uid``."""
     number = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
     with open(number, "rb") as file:
         status = os.fstat(number)
-        if not stat.S_ISREG(status.st_mode) or (owner is not None and status.st_uid != owner):
+        if not stat.S_ISREG(status.st_mode) or (owner_uid is not None and status.st_uid != owner_uid):
             raise OSError("no file of this user's")
         return file.read(MAX_ENDPOINT_BYTES)
 
@@ -91,7 +91,7 @@ def motion_markers(endpoint: ControlEndpoint) -> list[Path]:
     return sorted(Path(endpoint.state).glob("*.moving")) if endpoint.state else []
 
 
-def remove_stale(folder: Path) -> None:
+def remove_stale_files(folder: Path) -> None:
     """Delete the endpoint files of gateways that no longer run, unless a motion marker needs them. Raises OSError."""
     for path, endpoint in read_endpoints(folder, user_id()):
         if not is_listening(endpoint) and not motion_markers(endpoint):

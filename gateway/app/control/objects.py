@@ -54,10 +54,10 @@ class LibraryMissing(UserError):
 
 def find_target(text: str) -> ResolvedTarget:
     """Return the position of an object; a planet or the Moon is returned as its name. Raises UserError."""
-    return describe(text).where
+    return find_object(text).where
 
 
-def describe(text: str) -> SkyObject:
+def find_object(text: str) -> SkyObject:
     """Return what is known of an object. Raises UserError that suggests what the user may have meant."""
     text = text.strip()
     if body := next((body for body in BODIES if body.lower() == text.lower()), None):
@@ -98,7 +98,7 @@ def _match_ids(text: str) -> list[str]:
 
 def _id_exists(text: str) -> bool:
     try:
-        describe(text)
+        find_object(text)
     except UserError:
         return False
     return True

@@ -28,7 +28,7 @@ def pack_operation(operation: op.Operation[AnswerT], request_number: str) -> req
     """Return the request for an operation. Raises Invalid if it is no operation, or a field is wrong."""
     if not isinstance(operation, op.Operation):
         raise Invalid(f"{repr(operation)[:40]} is not an operation; write one like op.Position().")
-    fields: dict[str, Any] = msgspec.to_builtins(_check_ranges(checked(operation)), enc_hook=_to_plain_number)
+    fields: dict[str, Any] = msgspec.to_builtins(_check_ranges(checked_copy(operation)), enc_hook=_to_plain_number)
     return requests.OperationRequest(number=request_number, operation=type(operation).__name__, fields=fields)
 
 
@@ -36,12 +36,12 @@ def unpack_operation(request: requests.OperationRequest) -> op.Operation[Any]:
     """Return the operation of a request. Raises Invalid if its name or a value is wrong."""
     if (kind := op.operation_class(request.operation)) is None:
         raise Invalid(f"There is no operation {request.operation[:40]!r}.")
-    return _check_ranges(_converted(request.fields, kind))
+    return _check_ranges(_convert_fields(request.fields, kind))
 
 
-def answer_of(operation: op.Operation[AnswerT], reply: str) -> AnswerT:
+def answer_of(operation: op.Operation[AnswerT], answer_json: str) -> AnswerT:
     """Return the answer to an operation, decoded from JSON."""
-    return cast(AnswerT, msgspec.json.decode(reply, type=answer_type(type(operation))))
+    return cast(AnswerT, msgspec.json.decode(answer_json, type=answer_type(type(operation))))
 
 
 @functools.cache
@@ -50,22 +50,22 @@ def answer_type(kind: type[op.Operation]) -> Any:
     return get_args(kind.__orig_bases__[0])[0]  # type: ignore[attr-defined]
 
 
-def checked(value: _S) -> _S:
+def checked_copy(value: _S) -> _S:
     """Return a copy with plain Python numbers. Raises Invalid for a field of a wrong type or an infinite number."""
     kind = type(value)
     fields = {name: _to_plain_number(getattr(value, name)) for name in value.__struct_fields__}
     for name, field in fields.items():
         if isinstance(field, float) and not isfinite(field):
             raise Invalid(f"{kind.__name__}: {name}: Expected a number, got {field}.")
-    return _converted(fields, kind)
+    return _convert_fields(fields, kind)
 
 
-def _converted(fields: dict[str, Any], kind: type[_S]) -> _S:
+def _convert_fields(fields: dict[str, Any], kind: type[_S]) -> _S:
     try:
         return convert(fields, kind)
     except ValidationError as error:
         why, _, field = str(error).strip("`").partition(" - at `$.")
-        raise Invalid(f"{kind.__name__}: {field}: {why}{_correct_form(kind, field)}.") from None
+        raise Invalid(f"{kind.__name__}: {field}: {why}{_expected_form(kind, field)}.") from None
 
 
 def _check_ranges(operation: op.Operation[AnswerT]) -> op.Operation[AnswerT]:
@@ -79,7 +79,7 @@ def _check_ranges(operation: op.Operation[AnswerT]) -> op.Operation[AnswerT]:
     return operation
 
 
-def _correct_form(kind: type[Struct], field: str) -> str:
+def _expected_form(kind: type[Struct], field: str) -> str:
     """Return a hint how to write a field whose type programs often get wrong; empty for other fields."""
     hint = str(kind.__annotations__.get(field, ""))
     return next((f"; write op.{right}" for name, right in EXAMPLE_VALUES.items() if name in hint), "")

@@ -12,7 +12,7 @@ from gateway.app.state.store import StateStore
 from gateway.core.errors import Fault, explain_os_error
 from gateway.core.requests import DONE, FAILED, Answer, HoldRequest, ReleaseHoldRequest, StopOrHold
 from gateway.mount.controller import MountController
-from gateway.mount.readings.rest import TIME_TO_REST, wait_for_rest
+from gateway.mount.readings.rest import MAX_TIME_TO_REST, wait_for_rest
 
 #: The client's name in the log and in messages that say who stopped the mount.
 STOP_CLIENT = "mount-gateway stop"
@@ -20,7 +20,7 @@ STOPPED_ANSWER = Answer(DONE, "stopped")
 #: Seconds within which a mount must acknowledge a stop; a hand control takes at most 3.5 for one reply.
 STOP_ACK_TIMEOUT = 5.0
 #: Seconds for which ``mount-gateway stop`` waits for the answer of the gateway.
-STOP_TIMEOUT = STOP_ACK_TIMEOUT + TIME_TO_REST + 2.0
+STOP_TIMEOUT = STOP_ACK_TIMEOUT + MAX_TIME_TO_REST + 2.0
 
 
 async def carry_out_stop(request: StopOrHold, controller: MountController, store: StateStore) -> Answer:
@@ -67,9 +67,9 @@ async def _update_hold_file(store: StateStore, *, hold: bool) -> str:
     """Write or remove the hold file; return an empty text, or what went wrong as the rest of a sentence."""
     try:
         async with asyncio.timeout(STOP_ACK_TIMEOUT):
-            await store.in_thread(on_disk.hold_folder if hold else on_disk.release_folder, store.directory)
+            await store.in_thread(on_disk.write_hold_file if hold else on_disk.delete_hold_file, store.folder)
     except OSError as error:  # TimeoutError, for a disk that hangs, is an OSError too
-        where = store.directory / on_disk.HOLD_FILE
+        where = store.folder / on_disk.HOLD_FILE
         why = explain_os_error(error) if error.strerror else "the disk does not answer"
         if hold:
             return f", but a restart of the gateway forgets that: {where} cannot be written ({why})"

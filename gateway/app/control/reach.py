@@ -115,9 +115,9 @@ def _all_endpoints(folder: Path) -> tuple[list[tuple[Path, ControlEndpoint]], li
     return endpoints, doubts
 
 
-def _read_endpoints(folder: Path, owner: int | None) -> Sequence[tuple[Path, ControlEndpoint]]:
+def _read_endpoints(folder: Path, owner_uid: int | None) -> Sequence[tuple[Path, ControlEndpoint]]:
     try:
-        return exchange.read_endpoints(folder, owner)
+        return exchange.read_endpoints(folder, owner_uid)
     except OSError:
         return []
 
@@ -197,14 +197,14 @@ def running_gateways(mount_name: str | None, folder: str | None) -> list[Control
     return [endpoint for _, endpoint in gateways if exchange.is_listening(endpoint) and endpoint.matches(mount_name)]
 
 
-async def request(endpoint: ControlEndpoint, request: Request, seconds: float = ANSWER_TIMEOUT) -> Answer:
+async def send_request(endpoint: ControlEndpoint, request: Request, timeout: float = ANSWER_TIMEOUT) -> Answer:
     """Send a request and return the answer; if none comes, return a failed one with the fault ``NoAnswer``."""
-    return await ask(endpoint, request, seconds) or _no_answer("the gateway has ended")
+    return await ask(endpoint, request, timeout) or _no_answer("the gateway has ended")
 
 
 async def ask_state(endpoint: ControlEndpoint, fresh: bool = True, timeout: float = ANSWER_TIMEOUT) -> State | Answer:
     """Return the state of a gateway's mount, or the answer that explains why the gateway does not report it."""
-    answer = await request(endpoint, StateRequest(fresh), timeout)
+    answer = await send_request(endpoint, StateRequest(fresh), timeout)
     try:
         return msgspec.json.decode(answer.text, type=State)
     except msgspec.MsgspecError:

@@ -14,7 +14,7 @@ import msgspec
 from msgspec.structs import replace
 
 from gateway.app.control.operations import unpack_operation
-from gateway.app.discovery.served import ServedGateway, served_surfaces
+from gateway.app.discovery.served import RunningGateway, served_surfaces
 from gateway.app.status import State, format_position
 from gateway.core import operations as op
 from gateway.core import requests
@@ -25,7 +25,7 @@ from gateway.mount.motion.taps import arrow_holder
 from gateway.mount.motion.wanted import HandMove, Slew
 from gateway.mount.policy import Limits
 from gateway.mount.presence import HostActivity
-from gateway.mount.readings.reader import missed
+from gateway.mount.readings.reader import miss_text
 
 #: Seconds after which a motion that could not begin yet is dropped, because its command does not wait longer.
 MAX_START_DELAY = 10.0
@@ -34,7 +34,7 @@ FRESH_READING_TIMEOUT = 1.5
 #: How many requests are remembered, the newest ones.
 MAX_REMEMBERED_REQUESTS = 64
 #: Operations that need the site.
-NEEDS_SITE = (op.Zenith, op.MoonPlace, op.HorizontalPosition, op.GotoHorizontal, op.TubeSide)
+SITE_OPERATIONS = (op.Zenith, op.MoonPlace, op.HorizontalPosition, op.GotoHorizontal, op.TubeSide)
 _T = TypeVar("_T")
 
 
@@ -45,9 +45,9 @@ class ActiveRequest:
         self.activity, self.stop_count = activity, stop_count
         self.goal: op.Equatorial | None = None
         self.is_park = False
-        self.cancelled = asyncio.Event()
+        self.cancel_event = asyncio.Event()
         #: Direction and rate key of the motion by hand that a ``PressKeyRequest`` began.
-        self.pressed: tuple[op.Direction, int] | None = None
+        self.arrow: tuple[op.Direction, int] | None = None
 
 
 #: Tag of a request -> its title for people, if that is not the tag.
@@ -56,13 +56,13 @@ REQUEST_TITLES = {"press": "Arrow", "let go": "Release of an arrow", "narrow": "
 
 def title_of(request: msgspec.Struct) -> str:
     """Return the kind of a request in words, to begin a line of the log."""
-    if (kind := _operation_of(request)) is not None:
+    if (kind := _operation_type(request)) is not None:
         return kind.title()
     tag = str(request.__struct_config__.tag)
     return REQUEST_TITLES.get(tag, tag.capitalize())
 
 
-def _operation_of(request: object) -> type[op.Operation] | None:
+def _operation_type(request: object) -> type[op.Operation] | None:
     """Return the type of the operation in an ``OperationRequest``; None for every other request."""
     return op.operation_class(request.operation) if isinstance(request, requests.OperationRequest) else None
 
@@ -109,7 +109,7 @@ async def _wait_for_site(controller: MountController) -> None:
 class RequestHandler:
     """Carries out the requests of people for one gateway."""
 
-    def __init__(self, controller: MountController, gateway: ServedGateway) -> None:
+    def __init__(self, controller: MountController, gateway: RunningGateway) -> None:
         self._controller, self._gateway = controller, gateway
         self._active: dict[str, ActiveRequest] = {}
 
@@ -118,7 +118,7 @@ class RequestHandler:
         ports = tuple(served_surfaces(self._gateway))
         surfaces = [f"{port.name} {port.at}" for port in ports]
         state = self._gateway.state().to_state(surfaces)
-        folder = "" if self._gateway.store is None else str(self._gateway.store.directory)
+        folder = "" if self._gateway.store is None else str(self._gateway.store.folder)
         return replace(state, served=ports, folder=folder, unopened=self._gateway.open_failure)
 
     async def carry_out(self, request: requests.Request) -> Answer:
@@ -130,12 +130,12 @@ class RequestHandler:
             named = request.where.name[:1].upper() + request.where.name[1:]
             from gateway.app.control import objects  # loads the catalogues, which only names of objects need
 
-            stops = self._controller.stops
+            stops = self._controller.stop_count
             try:
                 request = replace(request, where=await asyncio.to_thread(objects.find_target, request.where.name))
             except UserError as error:
                 return Answer(FAILED, str(error), UserError.__name__)
-            if self._controller.stops != stops:
+            if self._controller.stop_count != stops:
                 return Answer(FAILED, explain(Stopped(), self._controller.policy.limits), Stopped.__name__)
         match request:
             case requests.StateRequest():
@@ -143,7 +143,7 @@ class RequestHandler:
                     await self._refresh()
                 return Answer(DONE, msgspec.json.encode(self.state()).decode())
             case requests.ReadSlowRequest():
-                return Answer(DONE, msgspec.json.encode(await self._read_unpolled()).decode())
+                return Answer(DONE, msgspec.json.encode(await self._read_unpolled_values()).decode())
             case requests.ProgressRequest():
                 return await self._report_progress(request.number)
             case requests.CancelRequest():
@@ -151,8 +151,8 @@ class RequestHandler:
         assert isinstance(request, requests.ChangeRequest)
         what, wire_log = title_of(request), self._controller.wire_log
         active = self._add_active(request.number, request.who or f"mount-gateway {what.lower()}")
-        kept_alive = isinstance(request, requests.PressKeyRequest) and active.pressed is not None
-        asks = issubclass(_operation_of(request) or op.Operation, op.Read)
+        kept_alive = isinstance(request, requests.PressKeyRequest) and active.arrow is not None
+        asks = issubclass(_operation_type(request) or op.Operation, op.Read)
         try:
             message = await self._carry_out_change(request, active)
         except Fault as fault:
@@ -173,7 +173,7 @@ class RequestHandler:
     def _add_active(self, number: str, client: str) -> ActiveRequest:
         active, presence = self._active.get(number), self._controller.presence
         if active is None:
-            active = self._active[number] = ActiveRequest(presence.add_connection(client), self._controller.stops)
+            active = self._active[number] = ActiveRequest(presence.add_connection(client), self._controller.stop_count)
             if len(self._active) > MAX_REMEMBERED_REQUESTS:
                 oldest = next((begun for begun, known in self._active.items() if not self._owns_arrow(known)), number)
                 presence.mark_closed(self._active.pop(oldest).activity)
@@ -208,7 +208,7 @@ class RequestHandler:
                 await self._controller.perform(op.SetClock(request.unix, request.offset), None, active.activity)
                 return "the time is set"
             case requests.SetSiteRequest():
-                holds = self._controller.settings.site_users()
+                holds = self._controller.site_settings.site_users()
                 self._controller.site_clock.confirmed_site = op.Place(request.latitude, request.longitude)
                 await self._controller.perform(op.SetSite(request.latitude, request.longitude), None, active.activity)
                 return f"the site is set; it holds for {holds}" if holds else "the site is set"
@@ -232,16 +232,16 @@ class RequestHandler:
     async def _carry_out_operation(self, operation: op.Operation[object], active: ActiveRequest) -> str:
         """Carry out an operation, and return its answer as JSON. Raises Fault."""
         active.activity.sent_data = True  # the program is alive: a motion by hand that it has begun may continue
-        active.stop_count = self._controller.stops
+        active.stop_count = self._controller.stop_count
         active.goal = op.Equatorial(operation.ra, operation.dec) if isinstance(operation, op.Goto) else None
         active.is_park = isinstance(operation, op.Park)
-        if isinstance(operation, NEEDS_SITE):
+        if isinstance(operation, SITE_OPERATIONS):
             await _wait_for_site(self._controller)
         return msgspec.json.encode(await self._perform(operation, active)).decode()
 
     async def _perform(self, operation: op.Operation[_T], active: ActiveRequest) -> _T:
         """Perform an operation for a request, and return its answer. Raises Fault."""
-        if active.cancelled.is_set():
+        if active.cancel_event.is_set():
             raise Busy("It was cancelled.")
         try:
             async with asyncio.timeout(MAX_START_DELAY + 1.0):
@@ -262,8 +262,8 @@ class RequestHandler:
             since = controller.now()
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(request.seconds):
-                    await active.cancelled.wait()
-            lasted, stopped = controller.now() - since, active.stop_count != controller.stops
+                    await active.cancel_event.wait()
+            lasted, stopped = controller.now() - since, active.stop_count != controller.stop_count
         finally:
             if self._has_motion(active):
                 await controller.perform(op.StopAxis(operation.axis), None, active.activity)
@@ -277,33 +277,33 @@ class RequestHandler:
         if not 1 <= request.key <= 9:
             raise Invalid("Rates are from 1 to 9.")
         active.activity.sent_data = True
-        if active.stop_count != self._controller.stops:
+        if active.stop_count != self._controller.stop_count:
             raise Stopped
-        if active.pressed == (request.direction, request.key):
+        if active.arrow == (request.direction, request.key):
             return f"it is moved {request.direction.label}"
-        if active.pressed is not None and not self._owns_arrow(active):  # another rate, after something else ended it
+        if active.arrow is not None and not self._owns_arrow(active):  # another rate, after something else ended it
             raise Stopped
-        active.pressed = request.direction, request.key
+        active.arrow = request.direction, request.key
         try:
             await self._perform(op.Move(request.direction, op.Rate(key=request.key)), active)
         except Stopped:
-            if not active.cancelled.is_set():
+            if not active.cancel_event.is_set():
                 raise
         return f"it is moved {request.direction.label}"
 
     async def _release(self, request: requests.ReleaseKeyRequest, active: ActiveRequest) -> str:
         """End the motion that a ``PressKeyRequest`` began, unless another arrow has replaced it. Raises Fault."""
-        active.cancelled.set()
-        if active.pressed is not None and self._owns_arrow(active):
+        active.cancel_event.set()
+        if active.arrow is not None and self._owns_arrow(active):
             by = None if request.lost else active.activity
-            await self._controller.perform(op.StopAxis(active.pressed[0].axis), None, by)
+            await self._controller.perform(op.StopAxis(active.arrow[0].axis), None, by)
         return "let go"
 
     def _owns_arrow(self, active: ActiveRequest) -> bool:
         """Whether the arrow that this request pressed is still the newest one of its axis."""
         return (
-            active.pressed is not None
-            and arrow_holder(self._controller.wanted.value, active.pressed[0].axis) is active.activity
+            active.arrow is not None
+            and arrow_holder(self._controller.wanted.value, active.arrow[0].axis) is active.activity
         )
 
     async def _track(self, request: requests.TrackRequest, active: ActiveRequest) -> str:
@@ -337,10 +337,10 @@ class RequestHandler:
         at = f", at {format_position(look.position)}" if look.position else ""
         if controller.wanted.value.goto_failure:
             return Answer(FAILED, f"{controller.wanted.value.goto_failure}{at}", "Stopped")
-        if controller.stops != active.stop_count:
+        if controller.stop_count != active.stop_count:
             by = controller.wanted.stopped_by
             return Answer(FAILED, f"it was stopped on the way{f' by {by}' if by else ''}{at}", "Stopped")
-        if active.goal is not None and look.position is not None and (short := missed(active.goal, look.position)):
+        if active.goal is not None and look.position is not None and (short := miss_text(active.goal, look.position)):
             slew = controller.wanted.value.motion
             other = f"another goto came from {slew.client.host}" if isinstance(slew, Slew) and slew.client else ""
             return Answer(FAILED, f"{other or f'{short}, or another request came'}{at}", "Stopped")
@@ -350,7 +350,7 @@ class RequestHandler:
 
     async def _cancel(self, request_number: str) -> Answer:
         controller, active = self._controller, self._add_active(request_number, "mount-gateway stop")
-        active.cancelled.set()  # if the request arrives later than its cancellation, it is not begun
+        active.cancel_event.set()  # if the request arrives later than its cancellation, it is not begun
         if not self._has_motion(active):
             return Answer(DONE, "nothing that was started here is under way")
         wanted = controller.wanted.value
@@ -372,7 +372,7 @@ class RequestHandler:
         controller.wire_log.put(active.activity.host, "*", note="Cancel: the mount was stopped")
         return Answer(DONE, "the mount was stopped")
 
-    async def _read_unpolled(self) -> dict[str, Any]:
+    async def _read_unpolled_values(self) -> dict[str, Any]:
         """Read the pier side and the drive rate, which no task polls; None for one that the mount does not report."""
         controller = self._controller
         reported: dict[str, Any] = {"pier": None, "drive": None}

@@ -35,21 +35,21 @@ Requests = dict[str, asyncio.Task[Answer]]
 class ControlServer(asyncio.DatagramProtocol):
     """Receives requests for a mount, carries them out with ``carry_out``, and sends the answers.
 
-    Endpoint files are written to ``folders``, the state folder first. They contain ``mount``, the mount's endpoint, and
-    ``mount_name``, the name that its user gave it, or empty.
+    Endpoint files are written to ``folders``, the state folder first. They contain ``endpoint``, the mount's endpoint,
+    and ``mount_name``, the name that its user gave it, or empty.
     """
 
     def __init__(
         self,
         folders: Sequence[Path],
         file_stem: str,
-        mount: str,
+        endpoint: str,
         carry_out: Callable[[Request], Awaitable[Answer]],
         mount_name: str = "",
     ) -> None:
         self.paths = [folder / f"{file_stem}.{os.getpid()}{exchange.ENDPOINT_SUFFIX}" for folder in folders]
         self._state_folder = str(folders[0].absolute())
-        self._mount, self._carry_out, self._mount_name = mount, carry_out, mount_name
+        self._endpoint, self._carry_out, self._mount_name = endpoint, carry_out, mount_name
         self._secret = os.urandom(16).hex()
         self._transport: asyncio.DatagramTransport | None = None
         self._tasks: Requests = {}
@@ -59,13 +59,13 @@ class ControlServer(asyncio.DatagramProtocol):
         """Open a port and write endpoint files. Raises OSError if no port is free, or no file can be written."""
         for path in self.paths:
             with contextlib.suppress(OSError):
-                exchange.remove_stale(path.parent)
+                exchange.remove_stale_files(path.parent)
         loop = asyncio.get_running_loop()
         transport, _ = await loop.create_datagram_endpoint(lambda: self, local_addr=("127.0.0.1", 0))
         self._transport = transport
         port = transport.get_extra_info("sockname")[1]
         endpoint = msgspec.json.encode(
-            ControlEndpoint(self._mount, os.getpid(), port, self._secret, self._state_folder, self._mount_name)
+            ControlEndpoint(self._endpoint, os.getpid(), port, self._secret, self._state_folder, self._mount_name)
         )
         failed: list[OSError] = []
         for path in self.paths:
@@ -87,7 +87,7 @@ class ControlServer(asyncio.DatagramProtocol):
         number, line = opened[0], opened[1].removeprefix("ask ")
         task = self._tasks.get(number)
         if task is None:
-            if len(self._tasks) >= MAX_REMEMBERED_REQUESTS and not self._drop_done():
+            if len(self._tasks) >= MAX_REMEMBERED_REQUESTS and not self._forget_done_task():
                 return
             task = self._tasks[number] = asyncio.get_running_loop().create_task(self._answer_request(line))
         elif not task.done():
@@ -99,7 +99,7 @@ class ControlServer(asyncio.DatagramProtocol):
     def error_received(self, exc: Exception) -> None:
         """Ignore the error: it means that a caller has ended."""
 
-    def _drop_done(self) -> bool:
+    def _forget_done_task(self) -> bool:
         """Forget the oldest request that is done; return False if none is done."""
         old = next((number for number, task in self._tasks.items() if task.done()), None)
         if old is None:

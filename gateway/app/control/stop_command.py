@@ -42,7 +42,7 @@ class StopReport(Struct):
     The mount is given by its name, else by its endpoint; it is an empty text if neither is known.
     """
 
-    outcomes: list[tuple[str, Answer]]
+    mount_answers: list[tuple[str, Answer]]
     warnings: list[str]
     other_mounts: set[str] = field(default_factory=set)
 
@@ -86,7 +86,7 @@ async def request_all(scope: Scope, mount_name: str | None, request: StopOrHold)
                 for mount in mounts
             )
         )
-        report.outcomes += [
+        report.mount_answers += [
             (names.get(mount, mount), answer)
             for mount, answers in zip(mounts, answers_by_mount, strict=True)
             for answer in answers

@@ -34,7 +34,7 @@ def first_messages(controller: MountController, model: str | None, version: str 
     yield UserMessage(f"found {state.to_state().identity_text}")
     where = f"site {state.site}" if state.site else "site not known (--site LAT,LON sets it)"
     yield UserMessage(f"{where}; clock {state.time or 'not known'}")
-    if warning := _contradiction(controller, identity, model, version):
+    if warning := _model_warning(controller, identity, model, version):
         yield UserMessage(warning, is_warning=True)
     if status is not None and not status.aligned:
         yield UserMessage(
@@ -55,7 +55,7 @@ def first_messages(controller: MountController, model: str | None, version: str 
         yield UserMessage(warning.removeprefix("WARNING: "), is_warning=True)
 
 
-def _contradiction(controller: MountController, identity: op.Identity, model: str | None, version: str | None) -> str:
+def _model_warning(controller: MountController, identity: op.Identity, model: str | None, version: str | None) -> str:
     """Return the warning about a named model or version that the mount contradicts; empty if none."""
     reported = controller.driver.reported_model(identity)
     if model is not None and reported is not None and reported != model:

@@ -33,7 +33,9 @@ class DiscoveryAnswers:
         #: Functions that end the discovery answers of protocols that have a discovery of their own.
         self._close_functions: list[Callable[[], None]] = []
 
-    async def start(self, offers: Sequence[Offer], host: str = "0.0.0.0", port: int = SKYFI_DISCOVERY_PORT) -> None:
+    async def answer_skyfi(
+        self, offers: Sequence[Offer], host: str = "0.0.0.0", port: int = SKYFI_DISCOVERY_PORT
+    ) -> None:
         """Answer SkySafari's SkyFi discovery from now on, if there is a surface that it can use."""
         offers = [offer for offer in offers if offer.protocol not in PROTOCOLS or PROTOCOLS[offer.protocol].web is None]
         if not any(offer.reached_by_ipv4 for offer in offers):

@@ -10,7 +10,7 @@ from ipaddress import IPv4Address, IPv4Network, IPv6Address
 from msgspec import Struct
 
 from gateway.system.own_names import interface_addresses, ipv4_networks
-from gateway.transport.listening import in_brackets, split_address
+from gateway.transport.listening import split_address, url_host
 
 WILDCARD_ADDRESSES = ("0.0.0.0", "::")
 NETWORK_SCHEMES = ("tcp", "rfc2217")
@@ -95,7 +95,7 @@ def reachable_networks(where: str) -> list[IPv4Network]:
 
 def web_address(host: str, port: int) -> str:
     """Return the address of a web page for a browser on this computer."""
-    return f"http://{ {'0.0.0.0': '127.0.0.1', '::': '[::1]'}.get(host, in_brackets(host)) }:{port}/"
+    return f"http://{ {'0.0.0.0': '127.0.0.1', '::': '[::1]'}.get(host, url_host(host)) }:{port}/"
 
 
 def phone_instruction(offer: Offer, addresses: list[str]) -> str:
@@ -106,7 +106,7 @@ def phone_instruction(offer: Offer, addresses: list[str]) -> str:
         help_page = "in the field: docs/programs/skysafari.md"
         return f"no other computer reaches {port}: this one is not in a network yet ({help_page})"
     if page:
-        return f"on your phone: {' or '.join(f'http://{in_brackets(address)}:{offer.port}/' for address in addresses)}"
+        return f"on your phone: {' or '.join(f'http://{url_host(address)}:{offer.port}/' for address in addresses)}"
     where = " or ".join(addresses)
     if offer.scheme != "tcp":
         return f"on another computer: {offer.scheme}://{where}:{offer.port}"

@@ -20,7 +20,7 @@ from gateway.transport.web_server import WebServer
 CONSOLE_PROTOCOL = "console"
 
 
-class ServedGateway(Protocol):
+class RunningGateway(Protocol):
     """The attributes of ``Gateway`` that this module needs."""
 
     web: WebServer
@@ -32,7 +32,7 @@ class ServedGateway(Protocol):
     def state(self) -> MountState: ...
 
 
-def served_surfaces(gateway: ServedGateway) -> Iterator[ServedSurface]:
+def served_surfaces(gateway: RunningGateway) -> Iterator[ServedSurface]:
     """Yield every surface of a gateway, then its console."""
     for name in gateway.names():
         what, _, rest = name.partition("@")

@@ -15,7 +15,7 @@ from typing import Any, BinaryIO, NamedTuple
 
 from gateway.core.errors import UserError, explain_file_error
 from gateway.core.wire_log import printable
-from gateway.system.files import open_plain
+from gateway.system.files import open_regular_file
 
 FILE_HEADER = "# mount-gateway recording "
 FORMAT_VERSION = 1
@@ -25,7 +25,7 @@ RECORDER_SIDE = "recording"
 #: refusal, ``*`` a person's request that was carried out, ``^ v`` the mount's port opened and lost.
 ARROWS = "<>+-~!*^v"
 #: The maximum length of a line; a file with a longer line is no recording.
-LONGEST_LINE = 1_000_000
+MAX_LINE_LENGTH = 1_000_000
 _LINE = re.compile(rf"(\d+\.\d+) (\S+) ([{re.escape(ARROWS)}])(?: (.*))?")
 
 
@@ -62,7 +62,7 @@ class Recording:
         """Yield the events, reading the files step by step. Raises UserError for an invalid line."""
         self.incomplete_reason, last = "", None
         for part in self.parts:
-            with open_plain(part) as file:
+            with open_regular_file(part) as file:
                 for event in self._read(part, file):
                     last = event
                     yield event
@@ -80,11 +80,11 @@ class Recording:
 
     def _read(self, part: Path, file: BinaryIO) -> Iterator[Event]:
         for _ in range(2):
-            file.readline(LONGEST_LINE)
+            file.readline(MAX_LINE_LENGTH)
         number, last = 2, None
-        while raw := file.readline(LONGEST_LINE):
+        while raw := file.readline(MAX_LINE_LENGTH):
             number += 1
-            if (not raw.endswith(b"\n") and len(raw) < LONGEST_LINE) or raw.startswith(b"\0"):
+            if (not raw.endswith(b"\n") and len(raw) < MAX_LINE_LENGTH) or raw.startswith(b"\0"):
                 self.incomplete_reason = (
                     f"{part}:{number}: the recording is cut off in the middle of a line{_after_event(last)}; "
                     f"everything before that is complete"
@@ -136,7 +136,7 @@ def is_recording(path: Path) -> bool:
 def _read_format_version(path: Path) -> int | None:
     """Return the format number of a recording; None for any other file. Raises UserError if it cannot be read."""
     try:
-        with open_plain(path) as file:
+        with open_regular_file(path) as file:
             line = file.readline(len(FILE_HEADER) + 8).decode("latin-1")
     except OSError as error:
         reason = explain_file_error(path, error, reading=True)
@@ -157,9 +157,9 @@ def _read_settings(path: Path) -> dict[str, Any]:
     """Return the settings in the header of a file. Raises UserError for any other file."""
     if not is_recording(path):
         raise UserError(f"{path}: this is not a recording of mount-gateway (run --record {path} makes one)")
-    with open_plain(path) as file:
-        file.readline(LONGEST_LINE)
-        line = file.readline(LONGEST_LINE)
+    with open_regular_file(path) as file:
+        file.readline(MAX_LINE_LENGTH)
+        line = file.readline(MAX_LINE_LENGTH)
     try:
         settings: dict[str, Any] = json.loads(line.decode("latin-1").removeprefix("# "))
         if not {"began", "config", "from"} <= set(settings):

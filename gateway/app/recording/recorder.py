@@ -23,11 +23,11 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from gateway.app.recording.format import FILE_HEADER, FORMAT_VERSION, RECORDER_SIDE, escape, is_recording, part_path
-from gateway.core.about import commit, version
+from gateway.core.about import short_commit, version
 from gateway.core.errors import UserError, explain_file_error, explain_os_error
 from gateway.core.waiting import TimedEvent, mark_exception_retrieved, run_in_thread
 from gateway.core.wire_log import MOUNT_SIDE, Entry
-from gateway.system.files import plain_fd
+from gateway.system.files import open_regular_fd
 
 if TYPE_CHECKING:
     from gateway.app.gateway import Gateway
@@ -43,14 +43,14 @@ OWNER_ONLY_MODE = 0o600
 
 
 class Recorder:
-    """Writes a recording whose header holds ``settings``. ``clock`` returns the Unix time of entries, ``now`` monotonic
-    seconds; ``warn`` gets messages for the user. Raises UserError for a file that cannot be written.
+    """Writes a recording whose header holds ``header_fields``. ``clock`` returns the Unix time of entries, ``now``
+    monotonic seconds; ``warn`` gets messages for the user. Raises UserError for a file that cannot be written.
     """
 
     def __init__(
         self,
         path: Path,
-        settings: dict[str, Any],
+        header_fields: dict[str, Any],
         max_bytes: int = MAX_FILE_BYTES,
         max_files: int = MAX_FILES,
         warn: Callable[[str], object] = lambda text: None,
@@ -59,10 +59,10 @@ class Recorder:
     ) -> None:
         self._path, self._max_bytes, self._max_files, self._warn = path, max_bytes, max_files, warn
         self._clock, self._loop_time, self._start_time = clock, now, now()
-        self._settings = {**settings, "python": "{}.{}".format(*sys.version_info)}
-        self._unwritten: deque[Entry] = deque(maxlen=MAX_UNWRITTEN_LINES)
+        self._header = {**header_fields, "python": "{}.{}".format(*sys.version_info)}
+        self._entry_queue: deque[Entry] = deque(maxlen=MAX_UNWRITTEN_LINES)
         #: Queues an entry of the wire log. It is written later, because a program waits for its reply now.
-        self.put = self._unwritten.append
+        self.put = self._entry_queue.append
         self._lock, self._flush_event = asyncio.Lock(), TimedEvent()
         self._closing = self._has_failed = False
         # What follows belongs to the thread that writes; only one runs at a time.
@@ -86,14 +86,14 @@ class Recorder:
     async def flush(self) -> None:
         """Write all entries so far, and wait until they are in the file."""
         async with self._lock:
-            if self._unwritten and not self._has_failed:
-                await self._write_entries([self._unwritten.popleft() for _ in range(len(self._unwritten))])
+            if self._entry_queue and not self._has_failed:
+                await self._write_entries([self._entry_queue.popleft() for _ in range(len(self._entry_queue))])
 
     async def _write_entries(self, entries: list[Entry]) -> None:
         ahead, until = self._clock() - self._loop_time(), self._loop_time() - self._start_time
         work = asyncio.ensure_future(run_in_thread(self._write_file, entries, ahead + self._start_time, until))
         while not (await asyncio.wait((work,), timeout=DISK_CHECK_PERIOD))[0]:
-            if len(self._unwritten) == MAX_UNWRITTEN_LINES:
+            if len(self._entry_queue) == MAX_UNWRITTEN_LINES:
                 work.add_done_callback(mark_exception_retrieved)
                 self._give_up("the disk does not answer")
                 return
@@ -149,7 +149,7 @@ class Recorder:
     def _open(self, elapsed: float) -> None:
         """Begin a file whose first event is ``elapsed`` seconds into the recording. Raises OSError."""
         self._descriptor, self._size = _open_private(self._path), 0
-        self._append(f"{FILE_HEADER}{FORMAT_VERSION}\n# {json.dumps({**self._settings, 'from': round(elapsed, 6)})}\n")
+        self._append(f"{FILE_HEADER}{FORMAT_VERSION}\n# {json.dumps({**self._header, 'from': round(elapsed, 6)})}\n")
 
     def _append(self, text: str) -> None:
         """Write the whole text to the file. Raises OSError."""
@@ -196,7 +196,7 @@ def record(path: Path, gateway: Gateway, max_bytes: int = MAX_FILE_BYTES) -> Rec
         "began": gateway.clock(),
         "config": {"mount": gateway.config, "surface": gateway.surfaces},
         "version": version(),
-        "commit": commit(),
+        "commit": short_commit(),
     }
     keep, clock = gateway.config.record_keep, gateway.wire_log.clock
     recorder = Recorder(path, msgspec.to_builtins(settings), max_bytes, keep, gateway.warn, clock)
@@ -230,7 +230,7 @@ def _rotate(path: Path, max_files: int) -> bool:
 
 def _open_private(path: Path) -> int:
     """Open a file for writing that only its owner can read, whatever the umask. Raises OSError."""
-    file = plain_fd(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, OWNER_ONLY_MODE)
+    file = open_regular_fd(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, OWNER_ONLY_MODE)
     with contextlib.suppress(OSError, AttributeError):  # Windows has no such modes
         os.fchmod(file, OWNER_ONLY_MODE)
     return file

@@ -20,8 +20,8 @@ from gateway.mount.as_left import MountSnapshot
 from gateway.mount.motion.left_moving import Leftover
 from gateway.mount.safety.sync_sum import SyncSum
 from gateway.mount.site.program_settings import SiteOfProgram
-from gateway.protocols.base.session import UNNAMED, MountSettings, NamedSite
-from gateway.system.files import flush_folder, open_plain, plain_fd
+from gateway.protocols.base.session import UNNAMED_SITE, MountSettings, NamedSite
+from gateway.system.files import flush_folder, open_regular_fd, open_regular_file
 
 FORMAT_VERSION: Final = 1
 #: Maximum length of the name of a mount's files: with an ending it must fit into a directory entry.
@@ -75,13 +75,13 @@ def file_name(protocol: str, where: str) -> str:
 # --- writing and reading ----------------------------------------------------------------------------------------
 
 
-def encode(state: SavedState) -> bytes:
+def encode_state(state: SavedState) -> bytes:
     """Return the content of a state file: JSON that is indented for people to read."""
     return msgspec.json.format(msgspec.json.encode(state, order="sorted"), indent=2) + b"\n"
 
 
 def _read_file(path: Path) -> bytes:
-    with open_plain(path) as file:
+    with open_regular_file(path) as file:
         return file.read()
 
 
@@ -115,17 +115,17 @@ def move_aside(path: Path) -> Path:
 # --- the hold ---------------------------------------------------------------------------------------------------
 
 
-def is_held(folder: Path) -> bool:
+def has_hold_file(folder: Path) -> bool:
     """Whether a state folder contains the hold file, whatever its content or owner: no program may move its mounts."""
     return os.path.lexists(folder / HOLD_FILE)
 
 
-def hold_folder(folder: Path) -> None:
+def write_hold_file(folder: Path) -> None:
     """Write the hold file of a state folder, flushed to the disk to survive a power failure. Raises OSError."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    if is_held(folder):
+    if has_hold_file(folder):
         return
-    number = plain_fd(folder / HOLD_FILE, os.O_WRONLY | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0))
+    number = open_regular_fd(folder / HOLD_FILE, os.O_WRONLY | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0))
     with contextlib.suppress(OSError):  # on a full disk an empty file is enough
         os.write(number, _HOLD_TEXT)
         os.fsync(number)
@@ -134,7 +134,7 @@ def hold_folder(folder: Path) -> None:
         flush_folder(folder)
 
 
-def release_folder(folder: Path) -> bool:
+def delete_hold_file(folder: Path) -> bool:
     """Delete the hold file of a state folder; return whether there was one. Raises OSError."""
     try:
         os.unlink(folder / HOLD_FILE)
@@ -157,7 +157,7 @@ def to_settings(state: SavedState) -> MountSettings:
     )
 
 
-def to_saved(
+def to_saved_state(
     shared: MountSettings,
     driver_state: Values,
     sync_sum: SyncSum = SyncSum(),
@@ -167,7 +167,7 @@ def to_saved(
     """Return what outlasts the run: these states, and the shared settings but for a guide pulse or a drive rate."""
     return SavedState(
         FORMAT_VERSION,
-        sites={str(index): site for index, site in shared.sites.items() if site != UNNAMED},
+        sites={str(index): site for index, site in shared.sites.items() if site != UNNAMED_SITE},
         site=shared.site,
         zone=shared.zone,
         pec=shared.pec,

@@ -27,7 +27,7 @@ class MountTaken(UserError):
         self.holder = holder
 
 
-def claim(mount: Endpoint, warn: Callable[[str], None]) -> NameClaim | None:
+def claim_mount(mount: Endpoint, warn: Callable[[str], None]) -> NameClaim | None:
     """Take the lock of a mount until it is released; return None for a mount that has no network address.
 
     Without a folder for locks, ``warn`` gets a message and no lock is taken. Raises MountTaken if the mount is in use.

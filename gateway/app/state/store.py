@@ -35,16 +35,16 @@ WRITE_PERIOD = 1.0
 class PreviousRun(Struct, frozen=True):
     """The state that the previous run saved, and the motion marker if it ended while the mount moved."""
 
-    saved: SavedState
+    saved_state: SavedState
     marker: MarkerContent | None = None
 
 
 def restore(controller: MountController, previous_run: PreviousRun) -> None:
     """Restore the state of the previous run. Stop a mount left moving; if that is long ago, only if it still moves."""
-    controller.driver.restore_state(previous_run.saved.mount, moving=False)
-    controller.syncs.value = previous_run.saved.synced
-    controller.same_mount.snapshot = previous_run.saved.left
-    controller.site_clock.stored_site = previous_run.saved.site_of_program
+    controller.driver.restore_state(previous_run.saved_state.mount, moving=False)
+    controller.syncs.value = previous_run.saved_state.synced
+    controller.same_mount_check.snapshot = previous_run.saved_state.left
+    controller.site_clock.stored_site = previous_run.saved_state.site_of_program
     if previous_run.marker is not None:
         controller.driver.restore_state(previous_run.marker.memory, moving=True)
         controller.context.run_on.note_may_move()
@@ -67,10 +67,10 @@ class StateStore:
         warn: Callable[[str], None],
         in_thread: InThread = run_in_thread,
     ) -> None:
-        self.directory, self.stem = state_folder(configured_folder), file.file_name(protocol, where)
-        self.path, self._marker_path = (self.directory / f"{self.stem}.{ending}" for ending in ("json", "moving"))
+        self.folder, self.stem = state_folder(configured_folder), file.file_name(protocol, where)
+        self.path, self._marker_path = (self.folder / f"{self.stem}.{ending}" for ending in ("json", "moving"))
         #: Holds the number of the process that owns these files; another number in it means another gateway.
-        self.lock_path = self.directory / f"{self.stem}.lock"
+        self.lock_path = self.folder / f"{self.stem}.lock"
         self.has_lock = False
         #: A simulated mount ends with this process: it needs no marker, and a second gateway is no conflict.
         self._simulated = where == "sim"
@@ -86,7 +86,7 @@ class StateStore:
         self.shared = SharedSettings(file.to_settings(saved), self.save_soon)
         self._uses_marker = self.has_lock and not self._simulated
         self.previous_run = PreviousRun(saved, file.read_marker(self._marker_path) if self._uses_marker else None)
-        self._written_bytes = file.encode(saved)
+        self._written_bytes = file.encode_state(saved)
         self._get_driver_memory: Callable[[bool], Values] = lambda moving: saved.mount
         self._get_sync_sum: Callable[[], SyncSum] = lambda: saved.synced
         self._get_snapshot: Callable[[], MountSnapshot | None] = lambda: saved.left
@@ -109,7 +109,7 @@ class StateStore:
     def _take_lock(self) -> None:
         """Create the folder and take the lock of the files."""
         try:
-            self.directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+            self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             self._lock.acquire()
             self.has_lock = True
         except LockHeld as by:
@@ -119,9 +119,9 @@ class StateStore:
                     f"another mount-gateway ({by}) runs for this mount and saves its state, in {self.path}"
                 )
         except OSError as error:
-            why = explain_file_error(self.directory, error)
+            why = explain_file_error(self.folder, error)
             self._warn_once(
-                f"{self.directory} cannot be written to ({why}): site, clock zone and parking are lost when the "
+                f"{self.folder} cannot be written to ({why}): site, clock zone and parking are lost when the "
                 f"gateway ends; --state PATH names another folder"
             )
 
@@ -153,10 +153,10 @@ class StateStore:
         self._get_motion = controller.identification.leftover_motion
         self._get_time = controller.site_clock.computer_time
         self._get_site = controller.site_clock.site_to_store
-        self._get_snapshot = lambda: controller.same_mount.snapshot
-        for lasting in (controller.save_due, controller.site_clock.save_due, controller.same_mount.save_due):
+        self._get_snapshot = lambda: controller.same_mount_check.snapshot
+        for lasting in (controller.save_due, controller.site_clock.save_due, controller.same_mount_check.save_due):
             lasting.connect(lambda _: self.save_soon())
-        controller.hold.is_on = file.is_held(self.directory)
+        controller.hold.is_on = file.has_hold_file(self.folder)
         if controller.hold.is_on:
             self._warn(
                 f"{self._marker_defaults.mount}: the mount is held: no program moves it until mount-gateway stop "
@@ -213,7 +213,7 @@ class StateStore:
     async def _write(self) -> bool:
         """Write the state if it differs from the file; return whether it did."""
         values = self._get_driver_memory(False), self._get_sync_sum(), self._get_site(), self._get_snapshot()
-        data = file.encode(file.to_saved(self.shared.settings, *values))
+        data = file.encode_state(file.to_saved_state(self.shared.settings, *values))
         if data == self._written_bytes:
             return False
         self._written_bytes = data

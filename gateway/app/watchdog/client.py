@@ -35,7 +35,7 @@ BLOCKED_SIGNALS = [
 #: The descriptor of the socket in the watchdog process.
 SOCKET_DESCRIPTOR = 3
 #: The kind and the commands of the last message about a mount that does not move.
-REST_STATE: tuple[str, tuple[bytes, ...]] = ("rest", ())
+REST_MESSAGE: tuple[str, tuple[bytes, ...]] = ("rest", ())
 
 
 def is_available() -> bool:
@@ -199,7 +199,7 @@ class WatchedMount:
         self._stop_commands, self._busy, self._on_stopped, self._clear = stop_commands, busy, on_stopped, path_is_clear
         self._descriptor: int | None = None
         self._server_fields: tuple[str, ...] = ()
-        self._last_state: tuple[str, tuple[bytes, ...]] = REST_STATE
+        self._last_message: tuple[str, tuple[bytes, ...]] = REST_MESSAGE
         self.moving = False
 
     def opened(self, descriptor: int) -> None:
@@ -225,7 +225,7 @@ class WatchedMount:
             self._watchdog.send(
                 f"{kind} {self._mount_number} {' '.join(word.encode().hex() or '00' for word in parts)}", files
             )
-            self._last_state = REST_STATE
+            self._last_message = REST_MESSAGE
             if self.moving:
                 self.renew()
 
@@ -249,12 +249,12 @@ class WatchedMount:
     def _report(self) -> None:
         commands = tuple(self._stop_commands()) if self.moving else ()
         kind = ("clear" if self._clear() else "moving") if commands else "rest"
-        if (kind, commands) != self._last_state:
-            self._last_state = kind, commands
+        if (kind, commands) != self._last_message:
+            self._last_message = kind, commands
             text = "".join(f" {command.hex()}" for command in commands)
             self._watchdog.send(f"{kind} {self._mount_number}{text}")
 
     def on_watchdog_stop(self) -> None:
         """Report that the process has stopped the mount because heartbeats were missing."""
-        self._last_state = REST_STATE
+        self._last_message = REST_MESSAGE
         self._on_stopped()

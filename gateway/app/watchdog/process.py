@@ -19,7 +19,7 @@ import time
 MAX_SILENCE = 1.2
 #: The longer limit if every moving mount has a clear path and the gateway gets no processor time; the fraction of
 #: the silence for which the gateway must have waited for a processor; seconds between two checks of this wait.
-MAX_STARVED_SILENCE, MIN_WAITING_TIME, WAITING_CHECK_PERIOD = 5.0, 0.8, 0.25
+MAX_STARVED_SILENCE, MIN_WAIT_FRACTION, WAITING_CHECK_PERIOD = 5.0, 0.8, 0.25
 #: Seconds between two commands of a stop: a hand control must answer each before it can receive the next.
 COMMAND_GAP = 0.15
 #: Seconds within which a server must accept a connection; how many used connections stay open.
@@ -35,14 +35,14 @@ class GuardedMount:
 
     def __init__(self, title: str, lock_path: str, descriptor: int) -> None:
         self.title, self.lock_path, self.descriptor = title, lock_path, descriptor
-        self.holder = read_file(lock_path)
+        self.holder = read_lock_file(lock_path)
         self.stop_commands: list[bytes] = []
         #: Whether its only motion is a goto on a path that was checked against the limits.
         self.path_is_clear = False
 
-    def taken_over(self) -> bool:
+    def is_taken_over(self) -> bool:
         """Whether another gateway has taken this mount."""
-        return read_file(self.lock_path) != self.holder
+        return read_lock_file(self.lock_path) != self.holder
 
     def send(self, command: bytes) -> None:
         """Write a command, unless the line is lost or its buffer is full."""
@@ -111,7 +111,7 @@ class ServedMount(GuardedMount):
             connection.close()
 
 
-def read_file(path: str) -> bytes:
+def read_lock_file(path: str) -> bytes:
     """Return the first 100 bytes of a file; empty if it cannot be read. A lock file names its holder there."""
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
@@ -127,11 +127,11 @@ def read_file(path: str) -> bytes:
 
 def cpu_wait(pid: str) -> float:
     """Return the seconds for which a process has waited for a processor; NaN if the system does not say (not Linux)."""
-    columns = read_file(f"/proc/{pid}/schedstat").split()
+    columns = read_lock_file(f"/proc/{pid}/schedstat").split()
     return int(columns[1]) / 1e9 if len(columns) == 3 else float("nan")
 
 
-class Watch:
+class GatewayWatch:
     """Watches a gateway by its messages; stops its moving mounts if it dies or hangs."""
 
     def __init__(self, connection: _socket.socket, gateway_pid: str) -> None:
@@ -166,7 +166,7 @@ class Watch:
     def is_starved(self) -> bool:
         """Whether the gateway may be silent for longer, because it has been waiting for a processor."""
         silence = time.monotonic() - self.last_heard
-        return silence < MAX_STARVED_SILENCE and cpu_wait(self.gw_pid) - self._cpu_wait >= MIN_WAITING_TIME * silence
+        return silence < MAX_STARVED_SILENCE and cpu_wait(self.gw_pid) - self._cpu_wait >= MIN_WAIT_FRACTION * silence
 
     def receive(self) -> bool:
         """Read the gateway's messages; return whether it still runs."""
@@ -221,7 +221,7 @@ class Watch:
             began = time.monotonic()
             send_stops(mounts)
             time.sleep(max(0.0, began + STOP_PERIOD - time.monotonic()))
-            mounts = [mount for mount in mounts if not mount.taken_over()]
+            mounts = [mount for mount in mounts if not mount.is_taken_over()]
             times += 1
 
     def stop_for_silent_gateway(self, mounts: list[GuardedMount]) -> None:
@@ -264,7 +264,7 @@ def send_stops(mounts: list[GuardedMount]) -> None:
     """Send the stops of all mounts in parallel, command by command, except of mounts that another gateway has taken."""
     for place in range(max((len(mount.stop_commands) for mount in mounts), default=0)):
         for mount in mounts:
-            if place < len(mount.stop_commands) and not mount.taken_over():
+            if place < len(mount.stop_commands) and not mount.is_taken_over():
                 mount.send(mount.stop_commands[place])
         time.sleep(COMMAND_GAP)
 
@@ -276,7 +276,7 @@ def main() -> None:
     except OSError:
         pass  # it leads a session already
     descriptor, gateway = int(sys.argv[1]), sys.argv[2]
-    Watch(_socket.socket(_socket.AF_UNIX, _socket.SOCK_STREAM, 0, descriptor), gateway).run()
+    GatewayWatch(_socket.socket(_socket.AF_UNIX, _socket.SOCK_STREAM, 0, descriptor), gateway).run()
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ _KIND_LETTERS = {
 }  # fmt: skip
 #: The magnitude that a search assumes for an unmeasured object: it is only found with the faintest possible limit.
 _UNMEASURED_MAGNITUDE = 20.0
-_COLUMNS = "name, type, ra, dec, coalesce(vmag, bmag), majax, minax, messier"
+_OBJECT_COLUMNS = "name, type, ra, dec, coalesce(vmag, bmag), majax, minax, messier"
 #: Columns of a candidate; the database stores angles in radians.
 _CANDIDATE_COLUMNS = f"id, ra * {math.degrees(1.0)!r} AS right, dec * {math.degrees(1.0)!r} AS up"
 _IDENTIFIER_FORMATS = {"NGC": "NGC%04d", "IC": "IC%04d", "C": "C%03d", "UGC": "UGC%05d"}
@@ -60,9 +60,9 @@ def look_up(catalog: str, number: int) -> CatalogObject | None:
     return None if row[2] is None else _object_from_row(row, called)
 
 
-def object_by_row(row: int) -> CatalogObject:
+def object_by_row(row_id: int) -> CatalogObject:
     """Return the object of a database row. Raises NotInstalled."""
-    return _object_from_row(_select("id = ?", row)[0])
+    return _object_from_row(_select("id = ?", row_id)[0])
 
 
 def _original_of_duplicate(name: str) -> tuple[object, ...] | None:
@@ -86,7 +86,7 @@ def _object_from_row(row: tuple[Any, ...], name: str | None = None) -> CatalogOb
     )
 
 
-def _select(where: str, *values: Any, columns: str = _COLUMNS) -> list[tuple[Any, ...]]:
+def _select(where: str, *values: Any, columns: str = _OBJECT_COLUMNS) -> list[tuple[Any, ...]]:
     """Return the rows of the database table ``objects`` that fulfil an SQL condition with these parameters."""
     import sqlite3  # takes 10 ms, and most gateways never need it
 
@@ -98,13 +98,13 @@ def _select(where: str, *values: Any, columns: str = _COLUMNS) -> list[tuple[Any
 # --- searching --------------------------------------------------------------------------------------------------------
 
 
-def matching(limits: SearchLimits) -> list[Candidate]:
+def find_matches(limits: SearchLimits) -> list[Candidate]:
     """Return the matches in ``search_order``, in a cached list: do not change it. Raises NotInstalled."""
-    return _matching(data_file("pyongc", "ongc.db"), limits)
+    return _find_matches(data_file("pyongc", "ongc.db"), limits)
 
 
 @lru_cache(maxsize=2)
-def _matching(_: Path, limits: SearchLimits) -> list[Candidate]:
+def _find_matches(_: Path, limits: SearchLimits) -> list[Candidate]:
     types = [name for name, kinds in _KIND_LETTERS.items() if set(kinds) & set(limits.kinds)]
     least = QUALITIES.index(limits.quality)
     faintest = min(limits.max_mag, MAG_LIMITS[least]) if least < len(MAG_LIMITS) else limits.max_mag
@@ -126,25 +126,27 @@ def search_order(candidate: Candidate) -> tuple[int, float, int]:
     return int(ra / 15.0), -dec, row
 
 
-def first_visible(candidates: Sequence[Candidate], visible: Visible, meridian_ra: float) -> Candidate | None:
+def first_visible(candidates: Sequence[Candidate], is_visible: Visible, meridian_ra: float) -> Candidate | None:
     """Return the westernmost candidate that the mount may go to; ``meridian_ra`` is the sidereal time, degrees."""
     west = int(wrap360(meridian_ra + 180.0) / 15.0), -90.0, 0
-    return _next_visible(candidates, bisect_left(candidates, west, key=search_order), 1, visible)
+    return _next_visible(candidates, bisect_left(candidates, west, key=search_order), 1, is_visible)
 
 
-def neighbour(candidates: Sequence[Candidate], visible: Visible, ra: float, dec: float, step: int) -> Candidate | None:
+def neighbour(
+    candidates: Sequence[Candidate], is_visible: Visible, ra: float, dec: float, step: int
+) -> Candidate | None:
     """Return the next visible candidate after a J2000 position (``step`` 1) or before it (-1), in search order."""
     after = bisect_left(candidates, search_order((_BEYOND_LAST_ROW, ra, dec)), key=search_order)
     before = bisect_left(candidates, search_order((0, ra, dec)), key=search_order) - 1
-    return _next_visible(candidates, after if step > 0 else before, step, visible)
+    return _next_visible(candidates, after if step > 0 else before, step, is_visible)
 
 
-def _next_visible(candidates: Sequence[Candidate], start: int, step: int, visible: Visible) -> Candidate | None:
+def _next_visible(candidates: Sequence[Candidate], start: int, step: int, is_visible: Visible) -> Candidate | None:
     """Return the first visible candidate from index ``start`` on (``step`` 1) or back (-1), once around the sky."""
     count = len(candidates)
     for offset in range(count):
         candidate = candidates[(start + step * offset) % count]
-        if visible(*candidate[1:]):
+        if is_visible(*candidate[1:]):
             return candidate
     return None
 

@@ -12,7 +12,7 @@ from functools import cache
 from gateway.astro.catalog import supplied
 from gateway.astro.catalog.objects import CatalogObject
 from gateway.astro.catalog.supplied import normalized
-from gateway.core.errors import similar
+from gateway.core.errors import similar_words
 from gateway.core.tables import read_table
 
 _STAR_TABLE = read_table("stars.toml")
@@ -72,7 +72,7 @@ def suggestions(name: str, more_names: tuple[str, ...] = ()) -> list[str]:
     spelled = {supplied.without_kind_suffix(spelling): known for spelling, known in spelled.items()} | spelled
     typed = normalized(name)
     longer = sorted((known for known in spelled if len(typed) > 2 and known.startswith(typed)), key=len)
-    close = [*longer, *similar(typed, spelled, 2 * MAX_SUGGESTIONS, MIN_SIMILARITY)]
+    close = [*longer, *similar_words(typed, spelled, 2 * MAX_SUGGESTIONS, MIN_SIMILARITY)]
     known = dict.fromkeys(spelled[spelling] for spelling in close)
     return [other for other in known if OTHER_NAMES.get(other) not in known][:MAX_SUGGESTIONS]
 

@@ -22,17 +22,17 @@ from astropy import units as u
 from astropy.coordinates import get_body_barycentric, get_sun
 from astropy.time import Time, TimeDelta
 
-from gateway.astro.ephemeris.almanac import DAY, PARTS, ROW_INTERVAL, ROWS, Almanac
+from gateway.astro.ephemeris.almanac import DAY, DAY_ROWS, ROW_INTERVAL, SKY_PARTS, Almanac
 from gateway.astro.spherical import SIDEREAL_RATE
 
 JD_OF_UNIX_EPOCH = 2440587.5
-_ROW_SECONDS = np.arange(ROWS) * ROW_INTERVAL
+_ROW_SECONDS = np.arange(DAY_ROWS) * ROW_INTERVAL
 _LIGHT_SPEED = 299792.458  # km a second
 
 
 def calculate_almanac(days: Collection[int]) -> Almanac:
     """Return the almanac of these days, given as days since the Unix epoch."""
-    parts = [_rows(part, tuple(days)).astype("<f8") for part in PARTS] if days else []
+    parts = [_part_rows(part, tuple(days)).astype("<f8") for part in SKY_PARTS] if days else []
     return Almanac({day: b"".join(part[number].tobytes() for part in parts) for number, day in enumerate(days)})
 
 
@@ -48,12 +48,12 @@ def ut1_table() -> Any:
 @lru_cache(4)
 def _times_and_rotations(days: tuple[int, ...]) -> tuple[Any, Any]:
     """Return the times of all rows of these days, and for each the rotation from J2000 to the equinox of date."""
-    midnights = Time(np.repeat(days, ROWS) * DAY, format="unix").tt  # Unix time runs slow if a leap second comes
+    midnights = Time(np.repeat(days, DAY_ROWS) * DAY, format="unix").tt  # Unix time runs slow if a leap second comes
     at = midnights + TimeDelta(np.tile(_ROW_SECONDS, len(days)), format="sec")
     return at, erfa.pnm06a(at.jd1, at.jd2)
 
 
-def _rows(part: str, days: tuple[int, ...]) -> Any:
+def _part_rows(part: str, days: tuple[int, ...]) -> Any:
     """Return the rows of a part of the sky: sidereal time and rotation, or a body's vector of date."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", erfa.ErfaWarning)  # future leap seconds are unknown
@@ -62,7 +62,7 @@ def _rows(part: str, days: tuple[int, ...]) -> Any:
             rows = np.hstack([_sidereal_times(days), matrices.reshape(-1, 9)])
         else:
             rows = np.einsum("nij,jn->ni", matrices, geocentric_vector(part, at))
-    return rows.reshape(len(days), ROWS, -1)
+    return rows.reshape(len(days), DAY_ROWS, -1)
 
 
 def _sidereal_times(days: tuple[int, ...]) -> Any:

@@ -17,7 +17,7 @@ from collections.abc import Callable, Collection, Iterable
 from concurrent.futures import Future
 from pathlib import Path
 
-from gateway.astro.ephemeris.almanac import DAY, FIRST_DATE, LAST_DATE, Almanac, decoded, load_stored
+from gateway.astro.ephemeris.almanac import DAY, FIRST_DATE, LAST_DATE, Almanac, decode, load_stored
 from gateway.astro.ephemeris.sky import Sky
 from gateway.system.files import cache_folder, replace_file
 from gateway.system.locks import LockHeld, PidLock
@@ -39,14 +39,14 @@ def renew_almanac(days: Iterable[int]) -> tuple[Almanac, str]:
     lacking = [day for day in days if day not in almanac.days]
     if not lacking:
         return almanac, ""
-    almanac = almanac.joined(calculate_in_process(lacking)).without_oldest_days()
+    almanac = almanac.join(calculate_in_process(lacking)).without_oldest_days()
     lock = PidLock(path.with_name("almanac.lock"), remove=True)
     try:
         if not path.is_absolute():
             raise OSError("there is no home folder")
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         lock.acquire()
-        replace_file(path, almanac.encoded())
+        replace_file(path, almanac.encode())
     except LockHeld:
         pass  # another gateway stores the same days now
     except OSError as error:
@@ -76,7 +76,7 @@ def calculate_in_process(days: Collection[int]) -> Almanac:
     if done.returncode:
         said = done.stderr.decode(errors="replace").strip().splitlines() or [f"it ended with {done.returncode}"]
         raise ValueError(said[-1][:200])
-    return decoded(done.stdout)
+    return decode(done.stdout)
 
 
 async def _renew_on_daemon_thread(days: Collection[int]) -> tuple[Almanac, str]:
@@ -95,7 +95,7 @@ async def _renew_on_daemon_thread(days: Collection[int]) -> tuple[Almanac, str]:
 
 
 class AlmanacKeeper:
-    """Keeps a serving process's almanac up to date: call ``open`` first, then run ``run`` as a task. ``is_quiet``
+    """Keeps a serving process's almanac up to date: call ``open`` first, then run ``run`` as a task. ``all_at_rest``
     returns whether all mounts are at rest.
     """
 
@@ -103,10 +103,10 @@ class AlmanacKeeper:
         self,
         sky: Sky,
         warn: Callable[[str], object],
-        is_quiet: Callable[[], bool] = lambda: True,
+        all_at_rest: Callable[[], bool] = lambda: True,
         clock: Callable[[], float] = time.time,
     ) -> None:
-        self._sky, self._warn, self._is_quiet, self._clock = sky, warn, is_quiet, clock
+        self._sky, self._warn, self._all_at_rest, self._clock = sky, warn, all_at_rest, clock
         #: The almanac loaded at the start, the days calculated in this run, and both joined.
         self._initial_almanac = self._calculated_almanac = self._almanac = Almanac()
         self._given_warnings: set[str] = set()
@@ -145,8 +145,8 @@ class AlmanacKeeper:
 
     def _use(self, newer: Almanac) -> None:
         """Add the days of ``newer`` to the almanac, and give that to the sky."""
-        self._calculated_almanac = self._calculated_almanac.joined(newer).without_oldest_days()
-        self._almanac = self._initial_almanac.joined(self._calculated_almanac)
+        self._calculated_almanac = self._calculated_almanac.join(newer).without_oldest_days()
+        self._almanac = self._initial_almanac.join(self._calculated_almanac)
         self._sky.use(self._almanac)
 
     def _missing_days(self) -> list[int]:
@@ -155,7 +155,7 @@ class AlmanacKeeper:
         """
         today = int(self._clock() // DAY)
         starts = {today, self._sky.missing_day or today}
-        if self._is_quiet():
+        if self._all_at_rest():
             starts.add(today + MIN_DAYS_LEFT)
         held = self._almanac.days
         days = {start + more for start in starts if start not in held for more in range(DAYS_PER_CALCULATION)}

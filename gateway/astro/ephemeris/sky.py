@@ -40,7 +40,7 @@ class Sky:
 
     def __init__(self) -> None:
         self._almanac = Almanac()
-        self._frame_at: dict[float, Frame] = {}
+        self._frame_cache: dict[float, Frame] = {}
         #: The day (since the Unix epoch) that the almanac was last found to lack; then `request_almanac` is called.
         self.missing_day: int | None = None
         self.request_almanac: Callable[[], object] = lambda: None
@@ -48,7 +48,7 @@ class Sky:
     def use(self, almanac: Almanac) -> None:
         """Use the tables of this almanac from now on."""
         self._almanac = almanac
-        self._frame_at.clear()
+        self._frame_cache.clear()
         self.missing_day = None if self.missing_day in almanac.days else self.missing_day
 
     @property
@@ -56,7 +56,7 @@ class Sky:
         """Whether there is an almanac, that is, at least one day with tables."""
         return bool(self._almanac.days)
 
-    def _values(self, part: str, unix: float) -> Row | None:
+    def _table_values(self, part: str, unix: float) -> Row | None:
         """Return the values of a part of the sky from the tables; if they lack the day, note that and return None."""
         if not FIRST_DATE <= unix < LAST_DATE:
             return None
@@ -69,7 +69,7 @@ class Sky:
 
     def calculation_source(self, unix: float) -> str:
         """Return how results for this time are calculated, as text: by an almanac or by closed formulas."""
-        if self._values("frame", unix) is None:
+        if self._table_values("frame", unix) is None:
             return "closed form"
         return time.strftime("almanac of %Y-%m-%d", time.gmtime(unix))
 
@@ -151,18 +151,18 @@ class Sky:
         Within the minute the axes move less than 0.0001"; sidereal time increases at the sidereal rate.
         """
         minute = unix - unix % 60.0
-        frame = self._frame_at.get(minute)
+        frame = self._frame_cache.get(minute)
         if frame is None:
-            if len(self._frame_at) >= _MAX_CACHED_FRAMES:
-                self._frame_at.clear()
-            values = self._values("frame", minute)
+            if len(self._frame_cache) >= _MAX_CACHED_FRAMES:
+                self._frame_cache.clear()
+            values = self._table_values("frame", minute)
             frame = closed_forms.frame(minute) if values is None else _to_frame(minute, *values)
-            self._frame_at[minute] = frame
+            self._frame_cache[minute] = frame
         return minute, frame
 
     def _table_vector(self, part: str, unix: float) -> Vector | None:
         """Return the geocentric vector of Sun, Moon or a planet, of date, in km; None without a table."""
-        values = self._values(part, unix)
+        values = self._table_values(part, unix)
         return None if values is None else (values[0], values[1], values[2])
 
 

@@ -51,7 +51,7 @@ def _run_almanac(arguments: argparse.Namespace) -> int:
         from gateway.astro.ephemeris import by_astropy
     except ImportError as error:
         raise UserError(f"astropy cannot be used here: {error}") from None
-    data = by_astropy.calculate_almanac(days).encoded()
+    data = by_astropy.calculate_almanac(days).encode()
     if asked:
         sys.stdout.buffer.write(data)
     else:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from gateway.cli.command_line import Commands
 from gateway.core.errors import UserError, explain_file_error
-from gateway.system.files import NOT_PLAIN_FILE
+from gateway.system.files import NOT_REGULAR_FILE
 
 if TYPE_CHECKING:
     from gateway.diagnostics.detect.scan_port import PortFinding
@@ -135,7 +135,7 @@ def write_atomically(path: Path, text: str, force: bool) -> None:
             path.open("x").close()
             reserved = True
         elif path.exists() and not (path.is_file() or path.is_dir()):
-            raise OSError(errno.EINVAL, NOT_PLAIN_FILE)
+            raise OSError(errno.EINVAL, NOT_REGULAR_FILE)
         draft.write_text(text, "utf-8")
         os.replace(draft, path)
     except FileExistsError:

@@ -35,7 +35,7 @@ LINE_COLUMNS, BAR_COLUMNS = 60, 14
 KEYBOARD_POLL_PERIOD = 0.05
 
 
-class Terminal(Screen):
+class CheckTerminal(Screen):
     """The terminal of the check: prints narrow lines, also those of the gateway, and reads one key at a time."""
 
     def __init__(self) -> None:
@@ -47,7 +47,7 @@ class Terminal(Screen):
         self._wants_to_leave = False
 
     @contextlib.contextmanager
-    def open(self) -> Iterator[Terminal]:
+    def open(self) -> Iterator[CheckTerminal]:
         """Read single keys while the block lasts."""
         self.stop, self._keys = asyncio.Event(), asyncio.Queue()  # of this event loop
         if sys.platform == "win32":
@@ -161,7 +161,9 @@ def add_prove(commands: Commands) -> None:
     prove.add_argument("--folder", type=Path, default=Path("prove"), help="folder for the results")
     before = len(prove._actions)
     add_setting_flags(prove)
-    prove.suppressed = [action for action in prove._actions[before:] if action.dest not in ("mount", "config", "file")]
+    prove.suppressed_actions = [
+        action for action in prove._actions[before:] if action.dest not in ("mount", "config", "file")
+    ]
     prove.set_defaults(run=_run_prove)
 
 
@@ -181,7 +183,7 @@ def _run_prove(arguments: argparse.Namespace) -> int:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
         raise UserError(f"{folder}: {error.strerror}; --folder names another one") from None
-    findings_file, terminal = folder / "findings.json", Terminal()
+    findings_file, terminal = folder / "findings.json", CheckTerminal()
     over = False  # True if a person has ended it, not a signal
 
     async def check(gateway: Gateway) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from gateway.cli.command_line import Commands
 from gateway.core.errors import UserError
 from gateway.protocols.registry import PROTOCOLS, guess_protocol
-from gateway.system.files import open_plain
+from gateway.system.files import open_regular_file
 
 if TYPE_CHECKING:
     from gateway.diagnostics.decode import Capture
@@ -33,13 +33,13 @@ def add_decode(commands: Commands) -> None:
 def _run_decode(arguments: argparse.Namespace) -> int:
     from gateway.diagnostics.decode import Capture, decode
     from gateway.diagnostics.log.conversation import ConnectionDecoder
-    from gateway.diagnostics.recorded_sides import RecordedSides
+    from gateway.diagnostics.recorded_sides import ConnectionProtocols
 
     path = arguments.file
     capture = Capture(path)
     recording = capture.recording
     if recording is not None:
-        sides = RecordedSides(recording)
+        sides = ConnectionProtocols(recording)
         lines = decode(sides.protocol_lines_first(capture), sides.decoder, recording.settings["began"])
     else:
         protocol = arguments.protocol or _guess_protocol(capture, path)
@@ -81,7 +81,7 @@ def add_report(commands: Commands) -> None:
 def _run_report(arguments: argparse.Namespace) -> int:
     from gateway.app.recording.format import read
     from gateway.cli.inspect.detect import write_atomically
-    from gateway.diagnostics.report.gather import gather
+    from gateway.diagnostics.report.gather import gather_night
     from gateway.diagnostics.report.page import report_page
 
     path: Path = arguments.recording
@@ -89,7 +89,7 @@ def _run_report(arguments: argparse.Namespace) -> int:
     recording = read(path)
     if target in (path, *recording.parts):
         raise UserError(f"{target}: this is the recording itself; -o says where the report goes")
-    night = gather(recording)
+    night = gather_night(recording)
     write_atomically(target, report_page(night, path.name), arguments.force or _is_report(target))
     print(f"wrote {target}")
     if night.cut_reason:
@@ -100,7 +100,7 @@ def _run_report(arguments: argparse.Namespace) -> int:
 def _is_report(path: Path) -> bool:
     """Whether a file is an earlier report, which a new report may replace."""
     try:
-        with open_plain(path) as file:
+        with open_regular_file(path) as file:
             return b"<title>The night of " in file.read(400)
     except OSError:
         return False

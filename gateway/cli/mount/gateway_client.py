@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 #: Seconds between two requests for the progress.
 PROGRESS_PERIOD = 1.0
-NO_GATEWAY = "no gateway runs here{which}; mount-gateway run starts one, and root finds those of other users, too"
+NO_GATEWAY_TEXT = "no gateway runs here{which}; mount-gateway run starts one, and root finds those of other users, too"
 
 
 def add_gateway_flags(command: argparse.ArgumentParser, hint: str = "which mount, if there are several") -> None:
@@ -79,7 +79,7 @@ def report_no_gateway(arguments: argparse.Namespace) -> None:
         streams.warn(no_such_mount_message(arguments.mount, (endpoint.title for endpoint in others)), streams.ERROR)
         return
     which = f" for {arguments.mount}" if arguments.mount else ""
-    streams.warn(NO_GATEWAY.format(which=which), streams.ERROR)
+    streams.warn(NO_GATEWAY_TEXT.format(which=which), streams.ERROR)
     for process in unreachable_gateways(scope_of(arguments.state)):
         whose = user_name(process.user_id)
         streams.warn(

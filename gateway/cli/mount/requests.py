@@ -126,7 +126,7 @@ def _add_wait_flag(command: Parser) -> None:
 def _add_request(command: Parser, make_request: RequestFactory) -> None:
     """Add the flags that choose a gateway, and let the command send the request that ``make_request`` returns."""
     gateway_client.add_gateway_flags(command)
-    command.set_defaults(run=lambda arguments: _carry_out(arguments, make_request), wait=False)
+    command.set_defaults(run=lambda arguments: _send_request(arguments, make_request), wait=False)
 
 
 def _move_request(arguments: argparse.Namespace) -> requests.MoveRequest:
@@ -135,10 +135,10 @@ def _move_request(arguments: argparse.Namespace) -> requests.MoveRequest:
     return requests.MoveRequest(Direction[arguments.direction.upper()], arguments.rate, arguments.seconds)
 
 
-def _carry_out(arguments: argparse.Namespace, make_request: RequestFactory) -> int:
+def _send_request(arguments: argparse.Namespace, make_request: RequestFactory) -> int:
     """Send the request to the chosen gateway; cancel it if the user presses Ctrl-C."""
     from gateway.app.control.reach import ANSWER_TIMEOUT
-    from gateway.app.control.reach import request as send
+    from gateway.app.control.reach import send_request as send
 
     request = make_request(arguments)
     lasting = request.seconds if isinstance(request, requests.MoveRequest) else 0.0
@@ -159,7 +159,7 @@ def _carry_out(arguments: argparse.Namespace, make_request: RequestFactory) -> i
 
 async def _follow_request(endpoint: ControlEndpoint, number: str, interrupted: asyncio.Event) -> requests.Answer | None:
     """Return the final result of a request, or None after Ctrl-C. Meanwhile a line on the terminal shows progress."""
-    from gateway.app.control.reach import request as send
+    from gateway.app.control.reach import send_request as send
     from gateway.cli.serve.live import Screen, find_terminal
 
     screen = Screen(find_terminal())
@@ -202,7 +202,7 @@ def typed_target(arguments: argparse.Namespace) -> requests.ResolvedTarget:
 def _parse_angle(text: str, quantity: str, maximum: float, minimum: float) -> float:
     """Parse an angle; return it in hours or degrees, as it was typed. Raises UserError."""
     try:
-        value = sexagesimal.parse_typed(text)
+        value = sexagesimal.parse_typed_angle(text)
     except ValueError:
         raise UserError(f"{text!r} is not {quantity}: write it like 05:34:32, or in degrees like 83.63") from None
     if not minimum <= value <= maximum:

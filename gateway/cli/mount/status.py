@@ -45,7 +45,7 @@ def add_status(commands: Commands) -> None:
 
 def _run_status(arguments: argparse.Namespace) -> int:
     if arguments.watch:
-        return gateway_client.run_with_gateway(arguments, _watch)
+        return gateway_client.run_with_gateway(arguments, _watch_mount)
     return asyncio.run(_show_once(arguments))
 
 
@@ -67,7 +67,7 @@ async def _show_once(arguments: argparse.Namespace) -> int:
     return 0 if endpoints and len(states) == len(endpoints) else 1
 
 
-async def _watch(endpoint: ControlEndpoint, interrupted: asyncio.Event) -> int:
+async def _watch_mount(endpoint: ControlEndpoint, interrupted: asyncio.Event) -> int:
     from gateway.app.control.reach import ask_state
     from gateway.cli.serve.live import Screen, find_terminal
 
@@ -82,7 +82,7 @@ async def _watch(endpoint: ControlEndpoint, interrupted: asyncio.Event) -> int:
                 shown = answer.served
                 for surface in shown:
                     screen.say(str(surface))
-            look = msgspec.structs.replace(answer.look, rate=rate.per_second(now(), answer.answers))
+            look = msgspec.structs.replace(answer.look, rate=rate.add_sample(now(), answer.answers))
             if screen.terminal is not None:
                 screen.show_status(status_text([look], screen.columns))
             else:

@@ -56,7 +56,7 @@ def _run_stop(arguments: argparse.Namespace) -> int:
     scope = scope_of(arguments.state)
     good, bad = [], []
     report = asyncio.run(request_all(scope, _normalized_endpoint(arguments.mount), request))
-    for mount, answer in report.outcomes:
+    for mount, answer in report.mount_answers:
         name = mount or "a mount that is no longer known"
         if answer.is_ok:
             good.append(f"{name}: {answer.text}")
@@ -67,7 +67,7 @@ def _run_stop(arguments: argparse.Namespace) -> int:
         good += [done] * bool(done)
         bad += [trouble] * bool(trouble)
     bad += report.warnings
-    if arguments.mount and report.other_mounts and not report.outcomes:
+    if arguments.mount and report.other_mounts and not report.mount_answers:
         bad.append(f"{no_such_mount_message(arguments.mount, report.other_mounts)}. Nothing was stopped")
     if not (good or bad):
         only = f" for {arguments.mount}" if arguments.mount else ""
@@ -97,13 +97,13 @@ NOTHING_DONE_MESSAGES = {
 
 def _store_hold(folder: Path, action: str) -> tuple[str, str]:
     """Write or delete the file that makes later gateways refuse motion; return messages of success and of failure."""
-    from gateway.app.state.file import HOLD_FILE, hold_folder, release_folder
+    from gateway.app.state.file import HOLD_FILE, delete_hold_file, write_hold_file
 
     try:
         if action == "hold":
-            hold_folder(folder)
+            write_hold_file(folder)
             return f"held: no gateway moves a mount of {folder} until mount-gateway stop --release", ""
-        return (f"released: gateways may move the mounts of {folder} again" if release_folder(folder) else ""), ""
+        return (f"released: gateways may move the mounts of {folder} again" if delete_hold_file(folder) else ""), ""
     except OSError as error:
         after = (
             "a gateway started later will not hold the mount"
@@ -116,4 +116,4 @@ def _store_hold(folder: Path, action: str) -> tuple[str, str]:
 def _print_lines(lines: list[str], stream: TextIO, log_level: int) -> None:
     for line in lines:
         plain = "".join(letter if letter.isprintable() else "?" for letter in line)
-        print(f"{streams.prefix(log_level, stream)}{plain}", file=stream)
+        print(f"{streams.journal_prefix(log_level, stream)}{plain}", file=stream)

@@ -33,23 +33,25 @@ if TYPE_CHECKING:
 MAX_PORTS_TRIED = 50
 
 
-async def open_console(config: ConsoleConfig, web: WebServer, screen: Screen, phone_lines: PhoneInstructions) -> None:
+async def open_console(
+    config: ConsoleConfig, web_server: WebServer, screen: Screen, phone_lines: PhoneInstructions
+) -> None:
     """Open the console's port, or the next free port, and print its address."""
     from gateway.app.discovery.offer import web_address
 
     try:
-        web.address = (await web.listen(config.at, MAX_PORTS_TRIED)).address
+        web_server.address = (await web_server.listen(config.at, MAX_PORTS_TRIED)).address
     except UserError as error:
         screen.warn(
             f"the console cannot be opened: {error}; the mount and its surfaces work without it, and --console "
             "tcp://HOST:PORT puts it elsewhere"
         )
         return
-    for line in phone_lines.new_lines(console_offers(web)):
+    for line in phone_lines.new_lines(console_offers(web_server)):
         screen.say(line)
         for row in qr_code(line):
             screen.say(row)
-    screen.say(f"ready console {web_address(*split_address(web.address))}")
+    screen.say(f"ready console {web_address(*split_address(web_server.address))}")
 
 
 async def load_console(console_config: ConsoleConfig | None, gateways: Sequence[Gateway]) -> object:
@@ -85,19 +87,19 @@ def http_surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
     ]
 
 
-def http_offers(web: WebServer) -> list[Offer]:
+def http_offers(web_server: WebServer) -> list[Offer]:
     """Return the console's address once for each HTTP protocol, for answers to programs that search for a server."""
     from gateway.app.discovery.offer import Offer
 
     speaking = [name for name, spec in PROTOCOLS.items() if spec.web is not None]
-    return [Offer(name, "tcp", offer.host, offer.port) for offer in console_offers(web) for name in speaking]
+    return [Offer(name, "tcp", offer.host, offer.port) for offer in console_offers(web_server) for name in speaking]
 
 
-def console_offers(web: WebServer) -> list[Offer]:
+def console_offers(web_server: WebServer) -> list[Offer]:
     """Return the console's address to announce in the network; nothing if only this computer can reach it."""
     from gateway.app.discovery.offer import HTTP, Offer
 
-    offers = [Offer(HTTP, "tcp", *split_address(web.address))] if web.address else []
+    offers = [Offer(HTTP, "tcp", *split_address(web_server.address))] if web_server.address else []
     return [offer for offer in offers if offer.is_reachable_by_others]
 
 

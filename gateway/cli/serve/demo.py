@@ -1,4 +1,4 @@
-"""``demo``: runs a gateway with a simulated mount, so that programs can be tried without a telescope."""
+"""``demo_mount``: runs a gateway with a simulated mount, so that programs can be tried without a telescope."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gateway.cli.serve.serving import run_on_loop, serve_mounts
 from gateway.cli.serve.settings import add_flag, add_table_flags, put_table_flags
 from gateway.protocols.registry import ANY, ANY_PORT, PROTOCOLS, protocol_pairs
 from gateway.system.own_commands import own_command
-from gateway.transport.device_link import is_free
+from gateway.transport.device_link import is_path_free
 
 DEMO_PORT = 4030
 #: This number added to the demo's port gives its second port, which serves programs of any protocol.
@@ -67,15 +67,15 @@ def add_demo(commands: Commands) -> None:
 
 def _run_demo(arguments: argparse.Namespace) -> int:
     client, driven = protocol_pairs()[1 if arguments.reverse else 0]
-    mount, title = PROTOCOLS[driven].demo or (driven, PROTOCOLS[driven].title)
+    mount, title = PROTOCOLS[driven].demo_mount or (driven, PROTOCOLS[driven].title)
     port, notes = arguments.port, []
-    if port is None and (port := free_port(DEMO_PORT)) != DEMO_PORT:
+    if port is None and (port := find_free_port(DEMO_PORT)) != DEMO_PORT:
         notes.append(f"another program uses port {DEMO_PORT}; this demo takes port {port}")
-    anybody = 0 if arguments.port == 0 else free_port(port + ANY_PORT_OFFSET)
+    anybody = 0 if arguments.port == 0 else find_free_port(port + ANY_PORT_OFFSET)
     surfaces = [{"at": f"{name}@tcp://127.0.0.1:{number}"} for name, number in ((ANY, anybody), (client, port))]
     if sys.platform != "win32":
         path = arguments.pty
-        if path is None and (path := free_pty_path(f"/tmp/{client}")) != f"/tmp/{client}":
+        if path is None and (path := find_free_pty_path(f"/tmp/{client}")) != f"/tmp/{client}":
             notes.append(f"another program uses /tmp/{client}; this demo takes {path}")
         surfaces.append({"at": f"{client}@pty:{path}"})
     tables: dict[str, object] = {
@@ -105,7 +105,7 @@ def _run_demo(arguments: argparse.Namespace) -> int:
     return run_on_loop(True, lambda: serve_mounts(config, banner))
 
 
-def free_port(first_port: int) -> int:
+def find_free_port(first_port: int) -> int:
     """Return the first free port from ``first_port`` on; ``first_port`` itself if all that were tried are in use."""
     for port in range(first_port, min(first_port + MAX_TRIES, 65536)):
         with socket.socket() as tried:
@@ -118,7 +118,7 @@ def free_port(first_port: int) -> int:
     return min(first_port, 65535)
 
 
-def free_pty_path(path: str) -> str:
+def find_free_pty_path(path: str) -> str:
     """Return ``path``, or the first free path with a number appended; ``path`` itself if all of them are in use."""
     names = [path, *(f"{path}-{number}" for number in range(2, MAX_TRIES))]
-    return next((name for name in names if is_free(name)), path)
+    return next((name for name in names if is_path_free(name)), path)

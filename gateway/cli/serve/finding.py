@@ -34,7 +34,7 @@ READY_LINES_WAIT = 0.5
 WAITING_MESSAGE_DELAY = 1.0
 
 
-async def serve(
+async def make_ready(
     gateway: Gateway,
     waits_for_port: bool,
     search_timeout: float,
@@ -106,7 +106,7 @@ async def find_mount(gateway: Gateway, warn: Callable[[str], None], search_timeo
     not_found = not_found_message(gateway)
     if line.open_error:
         other = _other_gateway_pid(gateway, line.open_error)
-        taken = f"{gateway.title}: {line.open_error}; {_port_advice(gateway, line.open_error, other)}"
+        taken = f"{gateway.title}: {line.open_error}; {_open_error_advice(gateway, line.open_error, other)}"
         raise MountTaken(taken, f"process {other}") if other else UserError(taken)
     await line.close()
     raise UserError(not_found)
@@ -145,7 +145,7 @@ def _other_gateway_pid(gateway: Gateway, open_error: str) -> int | None:
     return read_pid(gateway.store.lock_path)
 
 
-def _port_advice(gateway: Gateway, error: str, pid: int | None) -> str:
+def _open_error_advice(gateway: Gateway, error: str, pid: int | None) -> str:
     """Return what to do about a port that cannot be opened; ``pid`` is the process ID of the gateway that uses it."""
     if "in use" not in error:
         return port_advice(gateway.mount.where)

@@ -39,7 +39,7 @@ class Screen:
             from gateway.diagnostics.log.layout import colours_of
 
             self._colours = colours_of(terminal, night_colours)
-        self._shown_length = 0
+        self._status_length = 0
 
     @property
     def columns(self) -> int:
@@ -51,18 +51,18 @@ class Screen:
 
     def show_status(self, text: str) -> None:
         """Rewrite the status line, unless another program is in the terminal's foreground."""
-        if self.terminal is not None and _in_foreground(self.terminal):
-            from gateway.diagnostics.log.layout import painted
+        if self.terminal is not None and _is_in_foreground(self.terminal):
+            from gateway.diagnostics.log.layout import paint_line
 
-            rest = min(self._shown_length, self.columns) - len(text)
-            self._write(f"\r{painted(text, 'program', self._colours)}{' ' * rest}")
-            self._shown_length = len(text)
+            rest = min(self._status_length, self.columns) - len(text)
+            self._write(f"\r{paint_line(text, 'program', self._colours)}{' ' * rest}")
+            self._status_length = len(text)
 
     def clear(self) -> None:
         """Erase the status line, so that another line can be written in its place."""
-        if self.terminal is not None and self._shown_length:
-            self._write(f"\r{' ' * min(self._shown_length, self.columns)}\r")
-            self._shown_length = 0
+        if self.terminal is not None and self._status_length:
+            self._write(f"\r{' ' * min(self._status_length, self.columns)}\r")
+            self._status_length = 0
 
     def _write(self, text: str) -> None:
         assert self.terminal is not None
@@ -80,7 +80,9 @@ class Screen:
         """Print a warning on stderr; ignore errors, because a closed terminal must not keep a mount moving."""
         self.clear()
         if self._prints_json:
-            streams.print_to_stderr(f"{streams.prefix(streams.WARNING, sys.stderr)}{format_warning(time.time(), text)}")
+            streams.print_to_stderr(
+                f"{streams.journal_prefix(streams.WARNING, sys.stderr)}{format_warning(time.time(), text)}"
+            )
         else:
             streams.warn(text, streams.WARNING)
 
@@ -92,7 +94,7 @@ def find_terminal() -> TextIO | None:
     return next((stream for stream in (sys.stderr, sys.stdout) if stream.isatty()), None)
 
 
-def _in_foreground(terminal: TextIO) -> bool:
+def _is_in_foreground(terminal: TextIO) -> bool:
     """Whether this program is in the terminal's foreground, not started with ``&``."""
     with contextlib.suppress(OSError, ValueError, AttributeError):  # not our terminal; Windows has no such thing
         return os.tcgetpgrp(terminal.fileno()) == os.getpgrp()
@@ -121,7 +123,7 @@ class StatusLines:
 def status_line(gateway: Gateway, rate: AverageRate) -> StatusLine:
     """Return the values of a mount that the status line shows; ``rate`` averages its exchanges per second."""
     state = gateway.state()
-    return replace(state.look, rate=rate.per_second(state.now, state.reply_count))
+    return replace(state.look, rate=rate.add_sample(state.now, state.reply_count))
 
 
 def start_status_updates(gateways: Sequence[Gateway], screen: Screen) -> list[asyncio.Task[None]]:

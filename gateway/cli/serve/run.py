@@ -33,17 +33,17 @@ def add_run(commands: Commands) -> None:
               "       mount-gateway run gateway.toml",
         description="Connects programs to a mount. Prints a line that begins with \"ready\" for every place where they "
                     "can connect. Ctrl-C stops the mount and ends the gateway.",
-        late_epilog=lambda: HELP_EPILOG,
+        make_epilog=lambda: HELP_EPILOG,
         more_help=str,
     )  # fmt: skip
     loop = run.add_argument(
         "--loop", choices=("fast", "asyncio"), default="fast", help="event loop: uvloop where it exists"
     )
     run.hidden_actions = [loop, *add_setting_flags(run)]
-    run.set_defaults(run=_run)
+    run.set_defaults(run=_run_gateway)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def _run_gateway(arguments: argparse.Namespace) -> int:
     config, _ = load_config(arguments)
     return run_on_loop(arguments.loop == "fast", lambda: serve_mounts(config, watchdog=make_watchdog(config)))
 
@@ -60,7 +60,7 @@ def add_config(commands: Commands) -> None:
     config.add_argument("--example", action="store_true", help="a complete gateway.toml with every key explained")
     before = len(config._actions)
     add_setting_flags(config)
-    config.suppressed = config._actions[before:]
+    config.suppressed_actions = config._actions[before:]
     config.set_defaults(run=_run_config)
 
 

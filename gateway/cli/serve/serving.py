@@ -27,14 +27,14 @@ from gateway.cli.serve.console_and_broker import (
     open_broker,
     open_console,
 )
-from gateway.cli.serve.finding import SEARCH_TIMEOUT, serve
+from gateway.cli.serve.finding import SEARCH_TIMEOUT, make_ready
 from gateway.cli.serve.live import Screen, find_terminal, start_status_updates
 from gateway.cli.serve.signals import call_before_suspension, end_signal_event, race
 from gateway.core.errors import Fault
 from gateway.core.wire_log import Sink, WireLog
 from gateway.diagnostics.log import as_json
 from gateway.system import garbage
-from gateway.system.file_limits import raise_limit
+from gateway.system.file_limits import raise_file_limit
 from gateway.system.short_slices import ask_for_short_slices
 from gateway.system.systemd import notify
 from gateway.transport.web_server import WebServer
@@ -100,7 +100,7 @@ async def serve_mounts(
     done, sky = end_signal_event(), Sky()
     # no status line together with the output of --log, which would be disturbed by it
     terminal = find_terminal() if config.status and not config.log else None
-    screen = screen or Screen(terminal, config.night, as_json.is_json(config.log))
+    screen = screen or Screen(terminal, config.night, as_json.selects_json(config.log))
     if watchdog is not None:
         watchdog.warn = screen.warn
     gateways: list[Gateway] = []
@@ -122,7 +122,7 @@ async def serve_mounts(
         return [offer for offer in [*every, *console_offers(gateways[0].web)] if offer.is_reachable_by_others]
 
     ask_for_short_slices()
-    if warning := raise_limit(_max_programs(config), len(config.mount) + len(config.surface)):
+    if warning := raise_file_limit(_max_programs(config), len(config.mount) + len(config.surface)):
         screen.warn(warning)
     for mount in config.mount:
         wire_log = WireLog(time.time)
@@ -144,7 +144,7 @@ async def serve_mounts(
         almanac.open(config.almanac)
         for gateway in gateways:
             await gateway.open()
-        await discovery.start(network_surface_offers())
+        await discovery.answer_skyfi(network_surface_offers())
         if banner:
             screen.say(banner)
         status_tasks = start_status_updates(gateways, screen)
@@ -172,7 +172,7 @@ async def serve_mounts(
                 notify("READY=1")
 
         status_tasks.append(asyncio.ensure_future(almanac.run()))
-        await race(done, asyncio.gather(*(serve(each, patient, longest, ready, screen.warn) for each in gateways)))
+        await race(done, asyncio.gather(*(make_ready(each, patient, longest, ready, screen.warn) for each in gateways)))
         garbage.exclude_present_objects()
         if config.page is not None and not done.is_set():
             await open_console(config.page, gateways[0].web, screen, phone)
@@ -210,12 +210,12 @@ async def serve_mounts(
 
 
 async def _say_new_addresses(
-    phone: PhoneInstructions, get_offers: Callable[[], list[Offer]], say: Callable[[str], None]
+    phone_lines: PhoneInstructions, get_offers: Callable[[], list[Offer]], say: Callable[[str], None]
 ) -> None:
     """Print the addresses for a phone whenever they change, for example when the Wi-Fi connects after the start."""
     while True:
         await asyncio.sleep(ADDRESS_CHECK_PERIOD)
-        for line in phone.new_lines(get_offers()):
+        for line in phone_lines.new_lines(get_offers()):
             say(line)
 
 
@@ -247,8 +247,8 @@ def _log_sink(config: Config, mount: MountConfig) -> Sink:
     from gateway.diagnostics.log.printing import RowBuilder, line_printer
 
     surfaces = [str(parse_endpoint(surface.at)) for surface in _surfaces_of(config, mount)]
-    rows = RowBuilder(parse_endpoint(mount.at).protocol, surfaces, as_json.filter_of(config.log), mount.name or "")
-    if as_json.is_json(config.log):
+    rows = RowBuilder(parse_endpoint(mount.at).protocol, surfaces, as_json.filter_name(config.log), mount.name or "")
+    if as_json.selects_json(config.log):
         return as_json.json_printer(rows, sys.stderr, mount.name or mount.at)
     return line_printer(rows, sys.stderr, config.night)
 

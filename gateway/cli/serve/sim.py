@@ -19,7 +19,7 @@ from gateway.cli.serve.signals import end_signal_event, race
 from gateway.core.errors import UserError, explain_file_error, explain_os_error
 from gateway.protocols.registry import PROTOCOLS
 from gateway.system import streams
-from gateway.system.files import plain_fd
+from gateway.system.files import open_regular_fd
 
 if TYPE_CHECKING:
     from gateway.app.discovery.offer import Offer
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def add_sim(commands: Commands) -> None:
-    sim = commands.add_parser("sim", late_epilog=lambda: f"{_EPILOG}\n{models_help()}")
+    sim = commands.add_parser("sim", make_epilog=lambda: f"{_EPILOG}\n{models_help()}")
     sim.add_argument("device", metavar="PROTOCOL[:MODEL[/VERSION]]", help="for example nexstar:cpc/4.21")
     sim.add_argument("--at", action="append", metavar="WHERE", help="tcp://HOST:PORT or pty:PATH; may be repeated")
     sim.add_argument("--latency", type=float, default=0.0, metavar="S", help="seconds to answer (a real one: 0.1-0.3)")
@@ -176,7 +176,9 @@ async def _answer_discovery(offers: list[Offer]) -> Callable[[], None]:
 def _open_truth_file(path: str) -> TextIO:
     """Open a new or emptied file that is flushed after each line, for programs that follow it. Raises UserError."""
     try:
-        return open(path, "w", encoding="ascii", buffering=1, opener=lambda _, how: plain_fd(Path(path), how, 0o666))
+        return open(
+            path, "w", encoding="ascii", buffering=1, opener=lambda _, how: open_regular_fd(Path(path), how, 0o666)
+        )
     except OSError as error:
         raise UserError(f"cannot write {path}: {explain_file_error(path, error)}") from None
 

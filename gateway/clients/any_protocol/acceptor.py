@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import ClientAdmission
-from gateway.clients.any_protocol.deciding import HTTP_PROTOCOL, decide, greeting_protocol, shared_prefix_length
+from gateway.clients.any_protocol.deciding import HTTP_PROTOCOL, find_protocol, greeting_protocol, shared_prefix_length
 from gateway.clients.connection import ClientConnection
 from gateway.clients.strangers import IDLE_BYTES
 from gateway.protocols.registry import PROTOCOLS
@@ -26,10 +26,10 @@ MAX_IDLE_BYTES = 64
 
 
 class AnyProtocolConnection:
-    """A connection to a port for every protocol; finds out the client's protocol. Calls ``closed`` when it ends."""
+    """A connection to a port for every protocol; finds out the client's protocol. Calls ``on_end`` when it ends."""
 
-    def __init__(self, port: AnyProtocolAcceptor, connection: NewConnection, closed: Callable[[], None]) -> None:
-        self._acceptors, self._web, self._controller, self._closed = (port.acceptors, port.web, port.controller, closed)
+    def __init__(self, port: AnyProtocolAcceptor, connection: NewConnection, on_end: Callable[[], None]) -> None:
+        self._acceptors, self._web, self._controller, self._on_end = (port.acceptors, port.web, port.controller, on_end)
         self._connection, self.host = connection, connection.host
         #: The handler that answers this connection, and its protocol; both may change until the protocol is confirmed.
         self._handler: ConnectionHandler | None = None
@@ -61,7 +61,7 @@ class AnyProtocolConnection:
         self.feed = lambda data: None
         if self._handler is not None:
             self._handler.close()
-        self._closed()
+        self._on_end()
 
     # --- recognising the protocol -----------------------------------------------------------------------------------
 
@@ -83,7 +83,7 @@ class AnyProtocolConnection:
         self.undelivered_bytes += data
         waits = self._handler is not None and PROTOCOLS[self._protocol].mount_speaks_first
         while rest := self.undelivered_bytes.lstrip(IDLE_BYTES):
-            verdict = decide(rest)
+            verdict = find_protocol(rest)
             if verdict is None:
                 break
             waits = False
@@ -165,9 +165,9 @@ class AnyProtocolAcceptor:
         self._connections.add(connection)
         return connection
 
-    def present_hosts(self) -> list[str]:
+    def hosts_present(self) -> list[str]:
         connected = [host for acceptor in self.acceptors.values() for host in acceptor.connected_hosts()]
-        between = {host for acceptor in self.acceptors.values() for host in acceptor.reconnecting_hosts()}
+        between = {host for acceptor in self.acceptors.values() for host in acceptor.just_disconnected_hosts()}
         return connected + sorted(between.difference(connected))
 
     def connections(self) -> list[ClientConnection]:

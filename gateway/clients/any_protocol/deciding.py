@@ -26,7 +26,7 @@ class Decision(NamedTuple):
     reason: str = ""
 
 
-def decide(received: bytes) -> Decision | None:
+def find_protocol(received: bytes) -> Decision | None:
     """Return the protocol of these first bytes (without idle bytes at the start); None if more bytes are needed."""
     if any(received.startswith(method) for method in _http_request_prefixes()):
         return Decision(HTTP_PROTOCOL)
@@ -48,7 +48,7 @@ def decide(received: bytes) -> Decision | None:
 
 def shared_prefix_length(protocol: str, received: bytes) -> int:
     """Return how many bytes at the start are commands of ``protocol`` that clients of other protocols send, too."""
-    pattern = PROTOCOLS[protocol].shared_openings
+    pattern = PROTOCOLS[protocol].shared_pattern
     match = re.match(pattern, received) if pattern is not None else None
     return match.end() if match is not None else 0
 

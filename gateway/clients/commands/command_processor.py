@@ -44,24 +44,24 @@ class ArrowReleases:
     """Decides what the release of an arrow stops: the motion of an axis, all motion, or nothing yet.
 
     If the press of the arrow still waits in ``inbox``, press and release become a tap, which is carried out later.
-    ``uses_stop``: the program sends a command that stops all motion when an arrow is released.
+    ``sends_stop_all``: the program sends a command that stops all motion when an arrow is released.
     """
 
-    def __init__(self, controller: MountController, surface: Surface, inbox: Inbox, uses_stop: bool) -> None:
-        self._controller, self._surface, self._inbox, self.uses_stop = controller, surface, inbox, uses_stop
+    def __init__(self, controller: MountController, surface: Surface, inbox: Inbox, sends_stop_all: bool) -> None:
+        self._controller, self._surface, self._inbox, self.sends_stop_all = controller, surface, inbox, sends_stop_all
         #: The commands of the releases in the last ``RELEASE_WINDOW`` seconds, with the loop times of their arrival.
-        self._recent: dict[bytes, float] = {}
+        self._released_at: dict[bytes, float] = {}
 
     def find_end(self, frame: bytes, ending: UrgentEnd, now: float, running: PendingCommand | None) -> UrgentEnd | None:
         """Return what the command ``frame`` must end now; None if it releases an arrow whose press still waits."""
         release = ending.operation
         if not isinstance(release, StopAxis):
             return ending
-        self._recent = {earlier: at for earlier, at in self._recent.items() if now - at <= RELEASE_WINDOW} | {
+        self._released_at = {earlier: at for earlier, at in self._released_at.items() if now - at <= RELEASE_WINDOW} | {
             frame: now
         }
-        if len(self._recent) == len(Direction):
-            self._recent.clear()
+        if len(self._released_at) == len(Direction):
+            self._released_at.clear()
             return UrgentEnd(AbortMotion(), ending.discarded)
         tapped = (
             self._inbox and self._is_at_rest(release.axis, running) and self._inbox.note_release(ending.discarded, now)
@@ -77,7 +77,7 @@ class ArrowReleases:
         return not any(self._surface.begins_goto(pending.frame) for pending in waiting)
 
 
-class Pusher:
+class ReadingPusher:
     """Sends the readings that a client has subscribed to, at their periods, without a request for each.
 
     Each subscription has a task of its own, so that a slow reading does not delay the others. A reading is skipped if
@@ -159,7 +159,9 @@ class CommandProcessor:
         #: Changes the baud rate; None if the connection is no serial port.
         self._baud_trial = None if peer.change_baud is None else BaudTrial(peer.change_baud)
         subscriptions, unsent = self.surface.subscriptions(session), lambda: self.write(b"") or 0
-        self._pusher = Pusher(subscriptions, self.command_runner.read_for_client, self._send, unsent, controller.spawn)
+        self._pusher = ReadingPusher(
+            subscriptions, self.command_runner.read_for_client, self._send, unsent, controller.spawn
+        )
 
     @property
     def has_running_operations(self) -> bool:
@@ -174,8 +176,8 @@ class CommandProcessor:
     def apply_profile(self, profile: ClientProfile) -> None:
         """Apply the profile of the client's program, which was recognised just now."""
         self.session.use_program_settings(profile.settings)
-        self.command_runner.equinox_converter = profile.equinox or self.command_runner.equinox_converter
-        self.unread_text.hold_time, self.arrow_releases.uses_stop = profile.hold_time, profile.releases_by_stop
+        self.command_runner.equinox_converter = profile.converter or self.command_runner.equinox_converter
+        self.unread_text.hold_time, self.arrow_releases.sends_stop_all = profile.hold_time, profile.releases_by_stop
         self.log.note(f"recognised client {profile.program}: applying its profile")
 
     # --- bytes in ---------------------------------------------------------------------------------------------------
@@ -196,10 +198,10 @@ class CommandProcessor:
         arrived_at = self.controller.now() if arrived_at is None else arrived_at
         frames = self.framer.feed(data, arrived_at)
         if self.log.sinks:
-            self._log_dropped()
+            self._log_dropped_bytes()
         self._between_commands = self.framer.idle  # else the next bytes may belong to these
         if self.framer.holds_bytes:
-            self.controller.loop.call_later(RESYNC_GAP, self._feed_held, stop_count)
+            self.controller.loop.call_later(RESYNC_GAP, self._feed_held_bytes, stop_count)
         ended: set[bytes] = set()  # frames that ended a motion, with no other command since
         for frame in frames:
             if isinstance(frame, Unterminated):
@@ -216,14 +218,14 @@ class CommandProcessor:
                 ended.add(frame)
                 self._end_motion(frame, ending, arrived_at)
             steps = self.surface.handle(self.session, frame)
-            before = self._wanted_state.value.n_stops if stop_count is None else stop_count
+            before = self._wanted_state.value.stop_count if stop_count is None else stop_count
             self._inbox.add(PendingCommand(frame, steps, before, ending, arrived_at))
         if self._waits_past_timeout and self._inbox and self._waiting_command is not None:
             self._give_up(self._waiting_command)
         if self._task is None:
             self._answer_waiting_commands()
 
-    def _feed_held(self, stop_count: int | None) -> None:
+    def _feed_held_bytes(self, stop_count: int | None) -> None:
         """Process the bytes that the framer still holds back, unless the connection is closed."""
         if self.is_open and self.framer.holds_bytes:
             self.feed(b"", stop_count)
@@ -251,12 +253,12 @@ class CommandProcessor:
             return
         self._inbox.cancel(ends.discarded, frame)
         if isinstance(ends.operation, AbortMotion):
-            if not (self.arrow_releases.uses_stop and self.controller.reconciler.treat_as_release(self.activity)):
+            if not (self.arrow_releases.sends_stop_all and self.controller.reconciler.treat_as_release(self.activity)):
                 self.controller.begin_stop(self.activity.host)
         else:
-            self.command_runner.background.start(ends.operation, self._wanted_state.value.n_stops, arrived_at)
+            self.command_runner.background.start(ends.operation, self._wanted_state.value.stop_count, arrived_at)
 
-    def _log_dropped(self) -> None:
+    def _log_dropped_bytes(self) -> None:
         for why, data in self.framer.dropped.items():
             self.log.put("x", bytes(data), why)
 
@@ -315,7 +317,7 @@ class CommandProcessor:
                 if pending.timeout_timer is not None:
                     pending.timeout_timer.cancel()
         if pending.is_late:
-            self._log_refused(pending.frame)
+            self._log_refusal(pending.frame)
             return
         self._answer(pending, reply)
         self._answer_waiting_commands()
@@ -325,7 +327,7 @@ class CommandProcessor:
     def _answer(self, pending: PendingCommand, reply: bytes | None) -> None:
         frame, now = pending.frame, self.controller.now()
         self.session.last_frame = frame
-        self._log_refused(frame)
+        self._log_refusal(frame)
         if not (pending.is_reusable and pending.reading_kinds):
             self._reply_cache.clear()
         elif reply:
@@ -352,9 +354,9 @@ class CommandProcessor:
             f"{REPLY_TIMEOUT} s, and a later answer would be taken for the reply to another command"
         )
 
-    def _log_refused(self, frame: bytes) -> None:
-        if self.session.refused_unlogged:
-            self.session.refused_unlogged = False
+    def _log_refusal(self, frame: bytes) -> None:
+        if self.session.must_log_refusal:
+            self.session.must_log_refusal = False
             self.log.wire_log.refusal_count += 1
         if self.session.refusal_reason:
             why, self.session.refusal_reason = self.session.refusal_reason, ""
@@ -375,6 +377,6 @@ class CommandProcessor:
         for frame in self.framer.end():  # the next connection must not continue an incomplete command
             self.log.note(frame.refusal_text)
             deque(self.surface.handle(self.session, frame), 0)
-        self._log_dropped()
+        self._log_dropped_bytes()
         if self._baud_trial is not None:
             self._baud_trial.cancel_fallback()

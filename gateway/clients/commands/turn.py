@@ -174,10 +174,11 @@ class BackgroundOperations:
     def __bool__(self) -> bool:
         return bool(self._operations)
 
-    def start(self, operation: op.Operation, stop_count: int, asked_at: float) -> None:
-        """Start an operation, requested at loop time ``asked_at`` after ``stop_count`` stops. Log a failure."""
+    def start(self, operation: op.Operation, stop_count: int, requested_at: float) -> None:
+        """Start an operation, requested at loop time ``requested_at`` after ``stop_count`` stops. Log a failure."""
         controller = self._controller
-        if isinstance(operation, MOVERS) and stop_count != controller.stops:  # a stop came since, or the client is gone
+        # A stop came since, or the client is gone.
+        if isinstance(operation, MOVERS) and stop_count != controller.stop_count:
             return
         halts = isinstance(operation, op.StopAxis | op.AbortSlew)
         if halts and controller.reconciler.merge_halt(operation):
@@ -188,7 +189,7 @@ class BackgroundOperations:
             self._log.note_once(f"commands arrive faster than the mount accepts them: {what}: not carried out")
             return
         failed = partial(self._log_failure, operation)
-        task = controller.begin(operation, stop_count, failed, self._activity, asked_at)
+        task = controller.begin(operation, stop_count, failed, self._activity, requested_at)
         self._operations[task] = operation
         task.add_done_callback(lambda done: self._operations.pop(done, None))
 
@@ -233,7 +234,7 @@ class CommandRunner:
                 self._start(pending, wanted.operation)
             elif isinstance(wanted, CheckPossible):
                 pending.is_reusable = False
-                fault = self._refusal(wanted.operation, pending.arrived_at) or self._find_fault(wanted.operation)
+                fault = self._refusal_fault(wanted.operation, pending.arrived_at) or self._find_fault(wanted.operation)
             elif isinstance(wanted, Defer):
                 pending.is_reusable = False
                 self._defer(wanted)
@@ -248,7 +249,7 @@ class CommandRunner:
                     if answer is not None:
                         continue
                 if not isinstance(wanted, op.Read):
-                    fault = self._refusal(wanted, pending.arrived_at)
+                    fault = self._refusal_fault(wanted, pending.arrived_at)
                     if fault is None:
                         return wanted
                     pending.is_reusable = False
@@ -267,7 +268,9 @@ class CommandRunner:
         while True:
             answer, fault = None, None
             try:
-                patience = pending.arrived_at + START_TIMEOUT - self._controller.now() if self._surface.replies else inf
+                patience = (
+                    pending.arrived_at + START_TIMEOUT - self._controller.now() if self._surface.has_replies else inf
+                )
                 value = await self._controller.perform(
                     self._to_jnow(operation), pending.stop_count, self._activity, patience, pending.arrived_at
                 )
@@ -287,7 +290,7 @@ class CommandRunner:
     def _start(self, pending: PendingCommand, operation: op.Operation) -> None:
         """Start an operation without waiting, unless it was already started when the bytes of its command arrived."""
         pending.is_reusable = False
-        if self._refusal(operation, pending.arrived_at):
+        if self._refusal_fault(operation, pending.arrived_at):
             return
         pending.has_ended_motion = isinstance(operation, op.StopAxis | op.AbortSlew)
         if pending.ending is None or operation != pending.ending.operation:
@@ -297,7 +300,7 @@ class CommandRunner:
                 op.StopAxis(operation.axis), pending.stop_count, pending.arrived_at + pending.press_duration
             )
 
-    def _refusal(self, operation: op.Operation, arrived_at: float) -> Fault | None:
+    def _refusal_fault(self, operation: op.Operation, arrived_at: float) -> Fault | None:
         """Return a fault if the client may not request an operation, or requested it too long ago. Log the refusal."""
         late = self._controller.now() - arrived_at
         if late > MAX_START_DELAY and (
@@ -350,7 +353,7 @@ class CommandRunner:
 
     def _defer(self, deferral: Defer) -> None:
         controller = self._controller
-        controller.context.incoming.expect_rest(self._activity.program, controller.now() + deferral.seconds)
+        controller.context.incoming_settings.expect_rest(self._activity.program, controller.now() + deferral.seconds)
         old = self._deferral_timers.pop(deferral.handler, None)
         if old is not None:
             old.cancel()
@@ -361,7 +364,9 @@ class CommandRunner:
     async def _run_deferred_handler(self, handler_name: str) -> None:
         """Run a deferred handler. It has no reply, so it may run after its connection has closed."""
         steps = self._surface.call(handler_name, self._session, None, {})
-        pending = PendingCommand(handler_name.encode(), steps, self._controller.stops, None, self._controller.now())
+        pending = PendingCommand(
+            handler_name.encode(), steps, self._controller.stop_count, None, self._controller.now()
+        )
         try:
             await self.finish(pending, self.advance(pending, None))
         except StopIteration:
@@ -371,7 +376,7 @@ class CommandRunner:
         except Exception as error:
             self.handle_defect(pending.frame, error)
         finally:
-            self._controller.context.incoming.note_complete(self._activity.program)
+            self._controller.context.incoming_settings.note_complete(self._activity.program)
 
     def handle_defect(self, frame: bytes, error: Exception) -> None:
         """Log an internal error, and stop a moving mount: the failed command may have been meant to end the motion."""

@@ -44,16 +44,16 @@ class UnreadText:
         if text := self._take_held_text():
             self._log.put("x", text, "not sent, because the program did not wait for it")
 
-    def hold_back_rest(self, reply: bytes, byte_count: int, more_commands: bool) -> bytes:
+    def hold_back_rest(self, reply: bytes, byte_count: int, has_more_commands: bool) -> bytes:
         """Return the part of a reply to send now, the first ``byte_count`` bytes, and hold back the rest.
 
-        ``more_commands``: the program has sent further commands without waiting for this reply. Then the reply is sent
-        whole, or not at all if ``byte_count`` is 0.
+        ``has_more_commands``: the program has sent further commands without waiting for this reply. Then the reply is
+        sent whole, or not at all if ``byte_count`` is 0.
         """
-        if len(reply) <= byte_count or (more_commands and byte_count):
+        if len(reply) <= byte_count or (has_more_commands and byte_count):
             return reply
         self._held_text = reply[byte_count:]
-        if more_commands:
+        if has_more_commands:
             self.drop()
         elif self.hold_time != float("inf"):
             self._timer = self._loop.call_later(self.hold_time, self._schedule_release)

@@ -39,8 +39,8 @@ class AnswerTimes:
 
     def __init__(self) -> None:
         self.samples: deque[AnswerSample] = deque(maxlen=MAX_ANSWER_TIMES)
-        self.n_faults = 0
-        self._asked = 0.0
+        self.fault_count = 0
+        self._asked_at = 0.0
         #: The rate of exchanges with the mount.
         self.answer_rate = AverageRate()
 
@@ -49,13 +49,14 @@ class AnswerTimes:
         if entry.side != MOUNT_SIDE:
             return
         if entry.arrow == ">":
-            self._asked = entry.time
+            self._asked_at = entry.time
         elif entry.arrow == "<":
             failed = bool(entry.note)
-            self.n_faults += failed
-            self.samples.append((round(entry.time, 3), None if failed else round((entry.time - self._asked) * 1e3, 1)))
+            self.fault_count += failed
+            answer_time = None if failed else round((entry.time - self._asked_at) * 1e3, 1)
+            self.samples.append((round(entry.time, 3), answer_time))
 
-    def newest(self, now: float) -> list[AnswerSample]:
+    def newest_samples(self, now: float) -> list[AnswerSample]:
         """Return the answer times of the last seconds, including some already sent: a page may miss a message."""
         return [sample for sample in self.samples if sample[0] > now - ANSWER_TIMES_WINDOW]
 
@@ -66,7 +67,7 @@ class ConnectedPrograms:
     def __init__(self, gateway: Gateway) -> None:
         self._gateway = gateway
         self._last_commands: dict[str, bytes] = {}
-        self._n_commands: dict[str, int] = {}
+        self._command_count: dict[str, int] = {}
         self._command_rates: dict[str, AverageRate] = {}
 
     def put(self, entry: Entry) -> None:
@@ -75,13 +76,13 @@ class ConnectedPrograms:
         if side == MOUNT_SIDE:
             return
         if entry.arrow == "-":
-            for known in (self._last_commands, self._n_commands, self._command_rates):
+            for known in (self._last_commands, self._command_count, self._command_rates):
                 known.pop(side, None)
         elif entry.arrow == ">":
             if side not in self._last_commands and len(self._last_commands) >= MAX_CLIENTS:
                 return
             self._last_commands[side] = entry.data
-            self._n_commands[side] = self._n_commands.get(side, 0) + 1
+            self._command_count[side] = self._command_count.get(side, 0) + 1
 
     def connections(self, now: float) -> Iterator[dict[str, Any]]:
         """Yield every connection: name, surface, profile, last command, commands a second, whether it is read-only."""
@@ -89,7 +90,7 @@ class ConnectedPrograms:
         visits = [(surface, visit) for surface, acceptor in acceptors for visit in acceptor.connections()]
         for surface, visit in visits:
             client, side = visit.client, visit.client.log.name
-            rate = self._command_rates.setdefault(side, AverageRate()).per_second(now, self._n_commands.get(side, 0))
+            rate = self._command_rates.setdefault(side, AverageRate()).add_sample(now, self._command_count.get(side, 0))
             yield {
                 "name": printable(side.encode()), "surface": surface_of_client(surface, visit.protocol),
                 "profile": visit.program_name,
@@ -102,7 +103,7 @@ class ShownMount:
     """The state of a mount for pages. It collects data between ``start`` and ``stop``, while pages are open."""
 
     def __init__(self, gateway: Gateway, mount_index: int) -> None:
-        self.gateway, self._index = gateway, mount_index
+        self.gateway, self._mount_index = gateway, mount_index
         self.answer_times, self.conversation, self._connected_programs = (
             AnswerTimes(),
             ConversationView(gateway, mount_index),
@@ -128,15 +129,15 @@ class ShownMount:
     def state(self) -> dict[str, Any]:
         """Return the whole state of the mount."""
         controller, now = self.gateway.controller, self._loop.time()
-        state = view.state(self.gateway, self._index)
+        state = view.state(self.gateway, self._mount_index)
         if now - self._abilities_cached_at >= OTHER_CACHE_TIME:
             self._abilities_cached_at, self._abilities = now, view.abilities(controller)
         many = sum(len(acceptor.connections()) for acceptor in self.gateway.acceptors)
         if now - self._programs_cached_at >= OTHER_CACHE_TIME or many != len(self._program_list):
             self._programs_cached_at, self._program_list = now, list(self._connected_programs.connections(now))
-        rate = self.answer_times.answer_rate.per_second(controller.now(), controller.line.times.reply_count)
-        state["line"] |= {"rate": round(rate, 1), "faults": self.answer_times.n_faults}
-        times = self.answer_times.newest(controller.wire_log.clock())
+        rate = self.answer_times.answer_rate.add_sample(controller.now(), controller.line.times.reply_count)
+        state["line"] |= {"rate": round(rate, 1), "faults": self.answer_times.fault_count}
+        times = self.answer_times.newest_samples(controller.wire_log.clock())
         return {**state, **self._abilities, "programs": self._program_list, "bodies": self._sky(now), "times": times}
 
     def _sky(self, now: float) -> list[dict[str, Any]]:

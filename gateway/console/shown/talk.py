@@ -25,15 +25,15 @@ class ConversationView:
     """The conversation of a mount: stores log entries, and makes rows of them for the next message to pages."""
 
     def __init__(self, gateway: Gateway, mount_index: int) -> None:
-        self._gateway, self._index = gateway, mount_index
+        self._gateway, self._mount_index = gateway, mount_index
         self._entries: deque[Entry] = deque(maxlen=MAX_WAITING_ENTRIES)
         self._is_listening = False
         self._last_command_number = 0
-        self._unanswered: dict[str, tuple[int, float]] = {}
+        self._pending_commands: dict[str, tuple[int, float]] = {}
         self._cause_command_number: int | None = None
         #: Name in the log -> surface of this connection; empty if it is no connection, or has closed.
         self._surfaces: dict[str, str] = {}
-        self._builder = self._new_builder()
+        self._row_builder = self._new_builder()
 
     def _new_builder(self) -> RowBuilder:
         surfaces = [str(endpoint) for endpoint in self._gateway.endpoints]
@@ -45,11 +45,11 @@ class ConversationView:
             return
         self._is_listening, wire_log = on, self._gateway.wire_log
         if on:
-            self._builder, self._unanswered, self._cause_command_number = self._new_builder(), {}, None
+            self._row_builder, self._pending_commands, self._cause_command_number = self._new_builder(), {}, None
             self._surfaces = surface_by_connection(self._gateway)
             for side, surface in self._surfaces.items():
                 if (protocol := protocol_and_model(surface).partition(":")[0]) != ANY:
-                    self._builder.set_protocol(side, protocol)
+                    self._row_builder.set_protocol(side, protocol)
             wire_log.sinks.append(self._entries.append)
         else:
             self._entries.clear()
@@ -60,9 +60,9 @@ class ConversationView:
         while self._entries:
             entry = self._entries.popleft()
             pair, surface = self._command_number(entry), protocol_and_model(self._surface_of(entry))
-            for row in self._builder.process(entry):
+            for row in self._row_builder.process(entry):
                 yield {  # bytes as printable text, which the page shows as text, never as markup
-                    "mount": self._index, "time": round(row.time, 3), "side": printable(row.side.encode()),
+                    "mount": self._mount_index, "time": round(row.time, 3), "side": printable(row.side.encode()),
                     "arrow": row.arrow, "data": printable(row.data), "words": row.text, "kind": row.kind, "pair": pair,
                     "surface": surface,
                 }  # fmt: skip
@@ -78,15 +78,15 @@ class ConversationView:
         """Return the number of the client's command that caused an entry, judged by order and time; None if unknown."""
         if entry.side != MOUNT_SIDE and entry.arrow == ">":
             self._last_command_number += 1
-            self._unanswered[entry.side] = (self._last_command_number, entry.time)
+            self._pending_commands[entry.side] = (self._last_command_number, entry.time)
             return self._last_command_number
         if entry.side != MOUNT_SIDE:
-            number = self._unanswered.get(entry.side, (None, 0.0))[0]
+            number = self._pending_commands.get(entry.side, (None, 0.0))[0]
             if entry.arrow in "<-":  # not after a note: a refusal is noted first, and its reply follows
-                self._unanswered.pop(entry.side, None)
+                self._pending_commands.pop(entry.side, None)
             return number
         if entry.arrow == ">":  # the mount's answer belongs to the same command, however late it arrives
-            waiting = [number for number, at in self._unanswered.values() if entry.time - at <= CAUSE_WINDOW]
+            waiting = [number for number, at in self._pending_commands.values() if entry.time - at <= CAUSE_WINDOW]
             self._cause_command_number = max(waiting, default=None)
         return self._cause_command_number
 

@@ -47,7 +47,7 @@ def state(gateway: Gateway, index: int) -> dict[str, Any]:
         "surfaces": gateway.names(),
         "limits": {key: getattr(limits, key) for key in ("lowest", "highest", "sun", "hour_angle", "by_page")},
         "own_limits": str(controller.owners_limits), "position": position and {**position, "age": round(look.age, 1)},
-        "site_holds": controller.settings.site_users(),
+        "site_holds": controller.site_settings.site_users(),
         **_sidereal_and_hour_angle(controller, state), **_site_and_clock(state), **_goto_target(controller, state),
     }  # fmt: skip
 
@@ -64,7 +64,7 @@ def abilities(controller: MountController) -> dict[str, Any]:
     status = controller.cache.last_or_forgotten(op.GetStatus)
     if not controller.identified.is_set() or status is None:
         return {"can": None, "guides": None, "speeds": None, "park": None}
-    able = controller.driver.can_do(status.equatorial)
+    able = controller.driver.abilities(status.equatorial)
     return {
         "can": [name for name in OPTIONAL_OPERATIONS if name in able.can],
         "guides": [round(rate, 3) for rate in able.guides],

@@ -105,7 +105,7 @@ def unsupported_device_at(port: str) -> str:
         names = (url.hostname, str(url.port)) if url.scheme == "socket" else ()
     except ValueError:
         return ""
-    known = {name: reason for spec in PROTOCOLS.values() for name, reason in spec.unsupported_at.items()}
+    known = {name: reason for spec in PROTOCOLS.values() for name, reason in spec.unsupported_devices.items()}
     return next((known[name] for name in names if name in known), "")
 
 

@@ -75,7 +75,7 @@ def describe_port(finding: PortFinding) -> str:
 
 def _describe_no_mount(finding: PortFinding) -> str:
     """Describe the state of a port without an identified mount."""
-    states = {state: text for spec in PROTOCOLS.values() for state, text in spec.detect_states.items()}
+    states = {state: text for spec in PROTOCOLS.values() for state, text in spec.device_states.items()}
     text = (STATE_TEXTS | states)[finding.state]
     if finding.state == "silent" and finding.rates_tried > 1:
         text += f" at {DEFAULT_BAUD} baud and {finding.rates_tried - 1} other rates"
@@ -94,10 +94,10 @@ def _mount_lines(finding: PortFinding) -> list[str]:
     version = "tells no version" if mount.version == UNREPORTED_VERSION else f"version {mount.version}"
     model = f"model {mount.model}" if mount.reports_model else "a model it cannot tell"
     mute = [name for name, meaning in mount.answered_commands.items() if not meaning]
-    title = PROTOCOLS[mount.protocol].commands.title(mount.product, mount.model)
+    title = PROTOCOLS[mount.protocol].commands.model_title(mount.product, mount.model)
     return [
         f"{title}, {version}, {model}",
-        *hints(mount),
+        *start_hints(mount),
         *_start_lines(finding),
         f"details: {motors}{baud}a reply takes {mount.latency * 1000:.0f} ms; "
         f"equinox {EQUINOX_TEXTS[_text_key(mount) or mount.equinox].format(by=PROTOCOLS[mount.protocol].j2000_source)}",
@@ -112,7 +112,7 @@ def _start_lines(finding: PortFinding) -> list[str]:
         "start the gateway:",
         f"  {start_command(finding)}",
         f"instead, to let phones connect ({NETWORK_WARNING}):",
-        f"  {start_command(finding, network=True)}",
+        f"  {start_command(finding, allows_network=True)}",
     ]
 
 
@@ -121,19 +121,19 @@ def _text_key(mount: FoundMount) -> str:
     return "always" if PROTOCOLS[mount.protocol].commands.models.get(mount.model, {}).get("equinox") else ""
 
 
-def hints(mount: FoundMount) -> list[str]:
+def start_hints(mount: FoundMount) -> list[str]:
     """Return what the user should know, or add to the start command, before the first run."""
     parts = []
     if mount.aligned is False:
         parts.append("not aligned yet: align it at the hand control, because it refuses gotos before")
-    if not mount.reports_model and (unknown := PROTOCOLS[mount.protocol].unknown_model(mount.version)):
+    if not mount.reports_model and (unknown := PROTOCOLS[mount.protocol].unknown_model_note(mount.version)):
         parts.append(unknown)
     if not mount.reports_site:
         parts.append("it does not report its site and mode: add --site LAT,LON --mode alt-az (or eq-north, eq-south)")
     return parts
 
 
-def endpoint_of(finding: PortFinding) -> str:
+def mount_endpoint(finding: PortFinding) -> str:
     """Return the mount's endpoint; it names the model if the user did, or if the mount cannot report its version."""
     mount, place = finding.mount, finding.port
     assert mount is not None
@@ -143,35 +143,35 @@ def endpoint_of(finding: PortFinding) -> str:
     return f"{mount.protocol}{model}@{place.name}"
 
 
-def surface_endpoint(mount: FoundMount, network: bool) -> str:
+def surface_endpoint(mount: FoundMount, allows_network: bool) -> str:
     """Return the endpoint of a suitable surface: for clients on this computer only, or also in the network."""
     spoken = other_surface(mount.protocol)
-    return f"{spoken}@tcp://{'0.0.0.0' if network else '127.0.0.1'}:{PROTOCOLS[spoken].usual_port}"
+    return f"{spoken}@tcp://{'0.0.0.0' if allows_network else '127.0.0.1'}:{PROTOCOLS[spoken].usual_port}"
 
 
-def start_command(finding: PortFinding, network: bool = False) -> str:
+def start_command(finding: PortFinding, allows_network: bool = False) -> str:
     """Return the command line that starts a gateway with this mount."""
     assert finding.mount is not None
-    argv = ["mount-gateway", "run", "--mount", endpoint_of(finding)]
+    argv = ["mount-gateway", "run", "--mount", mount_endpoint(finding)]
     if finding.baud not in (None, DEFAULT_BAUD):
         argv += ["--baud", str(finding.baud)]
-    return shlex.join([*argv, "--surface", surface_endpoint(finding.mount, network)])
+    return shlex.join([*argv, "--surface", surface_endpoint(finding.mount, allows_network)])
 
 
-def as_toml(finding: PortFinding, network: bool = False) -> str:
+def as_toml(finding: PortFinding, allows_network: bool = False) -> str:
     """Return a ``gateway.toml`` that is equivalent to the command line."""
     mount = finding.mount
     assert mount is not None
     who = f"# {mount.product} {mount.version}".removesuffix(f" {UNREPORTED_VERSION}")
-    rows = [who, "[mount]", f"at = {json.dumps(endpoint_of(finding))}"]
+    rows = [who, "[mount]", f"at = {json.dumps(mount_endpoint(finding))}"]
     if finding.baud:
         rows.append(f"baud = {finding.baud}")
     if mount.equinox == "j2000" and not _text_key(mount):
         rows.append(f'# equinox = "auto"  # j2000 for this version, by {PROTOCOLS[mount.protocol].j2000_source}')
     if not mount.reports_site:
         rows += ["# site = [48.1, 11.6]  # latitude north, longitude east positive", '# mode = "alt-az"']
-    rows += ["", "[[surface]]", f"at = {json.dumps(surface_endpoint(mount, network))}"]
-    if network:
+    rows += ["", "[[surface]]", f"at = {json.dumps(surface_endpoint(mount, allows_network))}"]
+    if allows_network:
         rows += [
             f"# {NETWORK_WARNING}: these protocols have no passwords",
             '# allow = ["192.168.1.0/24", "127.0.0.1"]  # only these may connect',
@@ -193,7 +193,7 @@ def as_toml(finding: PortFinding, network: bool = False) -> str:
     return "\n".join(rows) + "\n"
 
 
-def port_values(finding: PortFinding, network: bool = False) -> dict[str, object]:
+def port_values(finding: PortFinding, allows_network: bool = False) -> dict[str, object]:
     """Return the JSON object of a port; unknown values are None."""
     mount = finding.mount
     known: dict[str, object] = {
@@ -207,8 +207,8 @@ def port_values(finding: PortFinding, network: bool = False) -> dict[str, object
             "model": mount.model if mount.reports_model else None, "motors": list(mount.motor_versions),
             "aligned": mount.aligned, "equatorial": mount.equatorial, "equinox": mount.equinox,
             "latency": round(mount.latency, 4), "answers": mount.answered_commands,
-            "endpoint": endpoint_of(finding), "run": start_command(finding),
-            "run_network": start_command(finding, network=True), "toml": as_toml(finding, network),
+            "endpoint": mount_endpoint(finding), "run": start_command(finding),
+            "run_network": start_command(finding, allows_network=True), "toml": as_toml(finding, allows_network),
         }  # fmt: skip
     return known
 

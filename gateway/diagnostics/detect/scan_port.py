@@ -28,11 +28,11 @@ from gateway.transport.wires import SerialTransport
 
 #: The answer of an unknown device at its own baud rate; other bytes may come from a device at another rate.
 _PRINTABLE_TEXT = re.compile(rb"[ -~\r\n\t]+")
-_NMEA = re.compile(rb"\$([A-Z]{4,6},[^\r\n*$]*)\*([0-9A-F]{2})")
+_NMEA_LINE = re.compile(rb"\$([A-Z]{4,6},[^\r\n*$]*)\*([0-9A-F]{2})")
 
 
 class PortVerdict(StrEnum):
-    """Verdicts on a port without a mount. With one, the verdict is its protocol, or a key of ``detect_states``."""
+    """Verdicts on a port without a mount. With one, the verdict is its protocol, or a key of ``device_states``."""
 
     SILENT = "silent"
     ECHO = "echo"
@@ -111,10 +111,10 @@ async def listen_for_gps(listener: PortListener, seconds: float) -> str:
 
 
 def _judge_received(listener: PortListener, query: Probe) -> str | None:
-    return judge(listener.received, listener.quiet_seconds, query)
+    return judge_bytes(listener.received, listener.quiet_seconds, query)
 
 
-def judge(received: bytes, quiet_seconds: float, query: Probe) -> str | None:
+def judge_bytes(received: bytes, quiet_seconds: float, query: Probe) -> str | None:
     """Return the verdict on the bytes received after a query; None while they are ambiguous. ``quiet_seconds`` is the
     time since the last byte. Late answers to earlier queries are recognised, too.
     """
@@ -130,7 +130,7 @@ def judge(received: bytes, quiet_seconds: float, query: Probe) -> str | None:
 def has_nmea_sentence(received: bytes) -> bool:
     """Whether these bytes contain a complete NMEA 0183 sentence with a valid checksum."""
     return any(
-        NMEASentence.checksum(body.decode("latin-1")) == int(check, 16) for body, check in _NMEA.findall(received)
+        NMEASentence.checksum(body.decode("latin-1")) == int(check, 16) for body, check in _NMEA_LINE.findall(received)
     )
 
 
@@ -186,7 +186,7 @@ class PortFinding(Struct, frozen=True):
 
 async def examine_ports(ports: Iterable[SerialPortInfo]) -> list[PortFinding]:
     """Examine several ports at the same time."""
-    return await asyncio.gather(*(scan(place) for place in ports))
+    return await asyncio.gather(*(scan_port(place) for place in ports))
 
 
 async def ask_servers(urls: Sequence[str] | None) -> list[PortFinding]:
@@ -194,7 +194,7 @@ async def ask_servers(urls: Sequence[str] | None) -> list[PortFinding]:
     mounts = []
     for spec in PROTOCOLS.values():
         for answer in await spec.find_mounts(urls) if spec.find_mounts is not None else []:
-            place = SerialPortInfo(answer.where, answer.where, f"{spec.title}: {answer.server}")
+            place = SerialPortInfo(answer.url, answer.url, f"{spec.title}: {answer.server_name}")
             mount = FoundMount(
                 spec.name, answer.product, "", "?", (), answer.seconds, "jnow", None, None,
                 reports_model=False, reports_site=True, answered_commands={},
@@ -206,18 +206,21 @@ async def ask_servers(urls: Sequence[str] | None) -> list[PortFinding]:
     return mounts
 
 
-async def scan(
-    port: SerialPortInfo, wire: BaudTransport | None = None, first: ProbeTimes = AT_9600, others: ProbeTimes = AT_OTHERS
+async def scan_port(
+    port: SerialPortInfo,
+    transport: BaudTransport | None = None,
+    first_times: ProbeTimes = AT_9600,
+    other_times: ProbeTimes = AT_OTHERS,
 ) -> PortFinding:
-    """Examine a port; problems are reported in the result. ``wire``, if given, is used instead of the port's URL."""
-    if wire is None and (process := serving_gateway_pid(port.url)):
+    """Examine a port; the result reports problems. ``transport``, if given, is used instead of the port's URL."""
+    if transport is None and (process := serving_gateway_pid(port.url)):
         return PortFinding(port, SERVED, reason=f"mount-gateway, process {process}")
-    who = port_holder(port.url) if wire is None else ""
+    who = port_holder(port.url) if transport is None else ""
     if who:
         return PortFinding(port, BUSY, reason=f"in use by {who}")
     now = asyncio.get_running_loop().time
     began = now()
-    listener = PortListener(wire or SerialTransport(port.url, DEFAULT_BAUD))
+    listener = PortListener(transport or SerialTransport(port.url, DEFAULT_BAUD))
     try:
         await listener.open_port()
     except Exception as error:  # pyserial has more kinds of failure than OSError
@@ -226,7 +229,7 @@ async def scan(
             return PortFinding(port, FOREIGN, reason=f"in use, {who}", seconds=now() - began)
         return PortFinding(port, state, reason=getattr(error, "strerror", None) or str(error), seconds=now() - began)
     try:
-        verdict, baud, rates = await _probe_at_every_rate(listener, port, first, others)
+        verdict, baud, rates = await _probe_at_every_rate(listener, port, first_times, other_times)
         state, mount, reason = str(verdict), None, ""
         if state in PROTOCOLS:
             named = port.typed_endpoint if port.typed_endpoint and port.typed_endpoint.protocol == state else None
@@ -249,11 +252,11 @@ async def scan(
 
 
 async def _probe_at_every_rate(
-    listener: PortListener, port: SerialPortInfo, first: ProbeTimes, others: ProbeTimes
+    listener: PortListener, port: SerialPortInfo, first_times: ProbeTimes, other_times: ProbeTimes
 ) -> tuple[str, int, int]:
     """Return the verdict, the baud rate and the number of rates tried. Raises OSError if the port disappears."""
     protocol = port.typed_endpoint.protocol if port.typed_endpoint else None
-    verdict, baud, rates = await probe(listener, first, protocol), DEFAULT_BAUD, 1
+    verdict, baud, rates = await probe(listener, first_times, protocol), DEFAULT_BAUD, 1
     if not port.has_baud_setting or verdict not in UNDECIDED_VERDICTS:
         return verdict, baud, rates
     talks, garbled = verdict == PortVerdict.TALKER, verdict == PortVerdict.GARBLED
@@ -264,7 +267,7 @@ async def _probe_at_every_rate(
             await listener.wait_briefly()
             continue  # a rate that this port does not have
         rates += baud != DEFAULT_BAUD
-        verdict = await (listen_for_gps(listener, LISTENING_TIME) if talks else probe(listener, others, protocol))
+        verdict = await (listen_for_gps(listener, LISTENING_TIME) if talks else probe(listener, other_times, protocol))
         if verdict not in UNDECIDED_VERDICTS:
             return verdict, baud, rates
         garbled = garbled or verdict == PortVerdict.GARBLED

@@ -79,14 +79,14 @@ def check_extras(facts: Facts) -> Iterator[Said]:
 
 def check_clock(facts: Facts) -> Iterator[Said]:
     """Check that the clock is not earlier than this software's release, and that a time source keeps it right."""
-    now = _date(facts.now, "%Y-%m-%d %H:%M:%S UTC")
+    now = _date_text(facts.now, "%Y-%m-%d %H:%M:%S UTC")
     set_it = "sudo timedatectl set-ntp true with a network; without one sudo date -u -s 'YYYY-MM-DD HH:MM:SS'"
     least = max(EARLIEST_VALID_TIME, facts.published or 0.0)
     if facts.now < least:
         yield (
             BAD,
             f"this computer's clock has lost the time: it shows {now}, and the installed astronomy data are of "
-            f"{_date(least)}",
+            f"{_date_text(least)}",
             f"set it: {set_it}. A mount with GPS has its own",
         )
     elif facts.clock_synchronized is False:
@@ -112,7 +112,7 @@ def check_astronomy(facts: Facts) -> Iterator[Said]:
 def _check_almanac(facts: Facts) -> Said:
     calculate = "mount-gateway almanac FILE --days 400 on a computer with astropy, and run --almanac FILE here"
     if facts.almanac_until is not None:
-        covers = f"astropy is not installed, and not needed: the almanac lasts until {_date(facts.almanac_until)}"
+        covers = f"astropy is not installed, and not needed: the almanac lasts until {_date_text(facts.almanac_until)}"
         soon = facts.almanac_until < facts.now + MIN_ALMANAC_DAYS * DAY_SECONDS
         return (NOTE, covers, calculate) if soon else (GOOD, covers, "")
     if any(running.sky_source.startswith("almanac of") for running in facts.gateways):
@@ -231,7 +231,7 @@ def check_gateways(facts: Facts) -> Iterator[Said]:
         yield GOOD, "no gateway runs now", ""
 
 
-def _date(unix: float, date_format: str = "%Y-%m-%d") -> str:
+def _date_text(unix: float, date_format: str = "%Y-%m-%d") -> str:
     return datetime.fromtimestamp(unix, UTC).strftime(date_format)
 
 

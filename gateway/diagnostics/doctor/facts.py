@@ -48,7 +48,7 @@ class Port(Struct, frozen=True):
     modem_manager_ignores: bool = False
 
 
-class GatewayRun(Struct, frozen=True):
+class GatewayFacts(Struct, frozen=True):
     """A running gateway: process id, mount (empty if the gateway does not answer this user), user, whether that is
     another user, the addresses where clients connect now, and its state folder.
     """
@@ -86,7 +86,7 @@ class Facts(Struct, frozen=True):
     meddlers: dict[str, int]
     state_folder: str
     state_problem: str  # why the state folder cannot be written to, or empty
-    gateways: list[GatewayRun]
+    gateways: list[GatewayFacts]
     #: The pip command of this environment, for the user to type.
     pip: str = "pip"
 

@@ -28,7 +28,7 @@ from gateway.app.status import State
 from gateway.astro.ephemeris.almanac import DAY, load_stored
 from gateway.core.about import full_version
 from gateway.diagnostics.detect.ports import is_not_built_in, local_ports, port_holder
-from gateway.diagnostics.doctor.facts import Facts, GatewayRun, Package, Port
+from gateway.diagnostics.doctor.facts import Facts, GatewayFacts, Package, Port
 from gateway.system.computer_clock import is_clock_synchronised
 from gateway.system.files import state_folder
 from gateway.system.own_commands import pip_command
@@ -36,7 +36,7 @@ from gateway.system.processes import PROC_FOLDER
 from gateway.system.runtime_folders import user_name
 from gateway.transport.wires import group_of
 
-PRODUCT_NAME, DATA_PACKAGE = "mount-gateway", "astropy-iers-data"
+PRODUCT_NAME, IERS_PACKAGE = "mount-gateway", "astropy-iers-data"
 #: Extras that only developers of mount-gateway need.
 DEVELOPER_EXTRAS = ("test", "judges", "dev", "docs", "single-file")
 
@@ -108,11 +108,11 @@ def gather_facts(named_state_folder: str | None = None, almanac_file: str | None
         python=sys.version_info[:3],
         system=f"{platform.system()} {platform.release()} ({platform.machine()})",
         now=time.time(),
-        published=release_date(installed_version(DATA_PACKAGE)),
+        published=release_date(installed_version(IERS_PACKAGE)),
         almanac_until=_almanac_until(time.time(), almanac_file),
         packages=list(required_packages()),
         missing_extras=missing_extras(),
-        ports=list(ports()),
+        ports=list(list_ports()),
         groups=granted,
         active_groups=active,
         clock_synchronized=is_clock_synchronised(),
@@ -126,11 +126,11 @@ def gather_facts(named_state_folder: str | None = None, almanac_file: str | None
 
 def _almanac_until(now: float, path: str | None) -> float | None:
     today = int(now // DAY)
-    days = load_stored(path).consecutive_days_from(today)
+    days = load_stored(path).count_days_from(today)
     return (today + days - 1) * DAY if days else None
 
 
-def ports() -> Iterator[Port]:
+def list_ports() -> Iterator[Port]:
     """List the serial ports of this computer without opening them, as programs may be using them."""
     for port in local_ports():
         yield Port(
@@ -156,13 +156,13 @@ def why_unwritable(folder: Path) -> str:
     return "the disk is full" if shutil.disk_usage(existing).free == 0 else ""
 
 
-def running_gateways(scope: Scope) -> Iterator[GatewayRun]:
+def running_gateways(scope: Scope) -> Iterator[GatewayFacts]:
     """Yield the gateways that can be queried, then those of which only the process is visible."""
     endpoints = [endpoint for _, endpoint in search(scope).gateways if is_listening(endpoint)]
     for endpoint, (places, sky) in zip(endpoints, asyncio.run(_query_gateways(endpoints)), strict=True):
-        yield GatewayRun(endpoint.pid, endpoint.title, addresses=places, state_folder=endpoint.state, sky_source=sky)
+        yield GatewayFacts(endpoint.pid, endpoint.title, addresses=places, state_folder=endpoint.state, sky_source=sky)
     for process in unreachable_gateways(scope):
-        yield GatewayRun(process.pid, user=user_name(process.user_id), is_other_users=not may_reach(process))
+        yield GatewayFacts(process.pid, user=user_name(process.user_id), is_other_users=not may_reach(process))
 
 
 async def _query_gateways(endpoints: Sequence[ControlEndpoint]) -> list[tuple[tuple[str, ...], str]]:
@@ -186,11 +186,11 @@ def processes_named(names: Collection[str], proc_folder: Path = PROC_FOLDER) -> 
     return results
 
 
-def modem_manager_ignores(device: str, udev: Path = UDEV_FOLDER) -> bool:
+def modem_manager_ignores(device: str, udev_folder: Path = UDEV_FOLDER) -> bool:
     """Whether a udev rule tells ModemManager to ignore a port."""
     try:
         number = os.stat(device).st_rdev
-        properties = (udev / f"c{os.major(number)}:{os.minor(number)}").read_text()
+        properties = (udev_folder / f"c{os.major(number)}:{os.minor(number)}").read_text()
     except OSError:
         return False
     return any(line in properties.splitlines() for line in ("E:ID_MM_PORT_IGNORE=1", "E:ID_MM_DEVICE_IGNORE=1"))

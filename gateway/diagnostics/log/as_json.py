@@ -36,12 +36,12 @@ EVENT_KINDS = {
 DIRECTIONS = {">": "to mount", "<": "from mount"}
 
 
-def is_json(log_setting: bool | str) -> bool:
+def selects_json(log_setting: bool | str) -> bool:
     """Whether this value of the setting ``log`` selects the JSON format."""
     return isinstance(log_setting, str) and log_setting.partition("-")[0] == JSON_FORMAT
 
 
-def filter_of(log: bool | str) -> str:
+def filter_name(log: bool | str) -> str:
     """Return the filter that a value of the setting ``log`` names: "normal" for true, "all" if it names none."""
     if log is True:
         return "normal"
@@ -81,12 +81,12 @@ def _format_line(
     return json.dumps(fields)
 
 
-def json_printer(rows: RowBuilder, stream: TextIO, mount_name: str) -> Callable[[Entry], None]:
+def json_printer(row_builder: RowBuilder, stream: TextIO, mount_name: str) -> Callable[[Entry], None]:
     """Return a sink for wire log entries, which writes them as JSON lines to a stream."""
-    notice, info = (streams.prefix(number, stream) for number in (streams.NOTICE, streams.INFO))
+    notice, info = (streams.journal_prefix(number, stream) for number in (streams.NOTICE, streams.INFO))
 
     def write(entry: Entry) -> None:
-        for row in rows.process(entry):
+        for row in row_builder.process(entry):
             stream.write(f"{notice if row.arrow == '!' else info}{format_row(row, mount_name)}\n")
         stream.flush()
 

@@ -27,8 +27,8 @@ class DecodedMessage(NamedTuple):
     """A decoded command or reply, its description, and the command's name in the command table (empty if unknown).
 
     ``is_query``: a query that changes nothing, or its reply. ``fails``: refused, or not understood. ``fields``
-    are all fields of a reply by name; ``values`` are those that stay constant while nothing happens (no positions, no
-    times). ``pushed``: a message that answers no request.
+    are all fields of a reply by name; ``steady_values`` are those that stay constant while nothing happens (no
+    positions, no times). ``pushed``: a message that answers no request.
     """
 
     data: bytes
@@ -36,7 +36,7 @@ class DecodedMessage(NamedTuple):
     command: str = ""
     is_query: bool = False
     fails: bool = False
-    values: tuple[object, ...] = ()
+    steady_values: tuple[object, ...] = ()
     fields: Mapping[str, object] = MappingProxyType({})
     pushed: bool = False
 
@@ -52,7 +52,7 @@ class ConnectionDecoder:
     def __init__(self, protocol: str, model: str | None = None) -> None:
         framing, self._reply_rules = framer_and_parser(protocol, model)
         self.protocol, self._framer = protocol, framing()
-        self._sent: deque[Send] = deque(maxlen=MAX_UNANSWERED)
+        self._requests: deque[Send] = deque(maxlen=MAX_UNANSWERED)
         self._partial_reply = b""
         #: The messages of this protocol that are sent without a request.
         self._pushed = [Send(name) for name, command in load(protocol).commands.items() if command.pushed is not None]
@@ -67,9 +67,12 @@ class ConnectionDecoder:
     def describe_command(self, frame: bytes) -> DecodedMessage:
         """Describe a complete command; the next matching reply is its answer."""
         if isinstance(frame, Unterminated):
-            self._sent += [Send(name) for name in frame.names[:1] if name and not frame.late]
+            self._requests += [Send(name) for name in frame.command_names[:1] if name and not frame.late]
             return DecodedMessage(
-                frame, "its end (#) is missing: refused", frame.names[0] if frame.names else "", fails=True
+                frame,
+                "its end (#) is missing: refused",
+                frame.command_names[0] if frame.command_names else "",
+                fails=True,
             )
         match = self._reply_rules.protocol.find(frame)
         if match is None:
@@ -79,10 +82,10 @@ class ConnectionDecoder:
             values = picture.decode(frame)
         except ValueError as error:
             if command.replies:
-                self._sent.append(Send(command.name))
+                self._requests.append(Send(command.name))
             return DecodedMessage(frame, f"{command.help}; not valid: {error}", command.name, fails=True)
         if command.replies:
-            self._sent.append(Send(command.name, values))
+            self._requests.append(Send(command.name, values))
         fields = format_fields(self.protocol, command.name, values)
         text = f"{_short_meaning(command.help)}: {fields}" if fields else _short_meaning(command.help)
         return DecodedMessage(frame, text, command.name, command.is_query)
@@ -104,15 +107,15 @@ class ConnectionDecoder:
 
     def _match_reply(self) -> tuple[DecodedMessage, int] | None:
         """Match the received bytes to the oldest command that they can answer; forget commands before it."""
-        for skipped, ask in enumerate(self._sent):
+        for skipped, ask in enumerate(self._requests):
             taken = self._parse_reply(ask, self._partial_reply)
             if taken is not None and taken[1]:
                 for _ in range(skipped + 1):
-                    self._sent.popleft()
+                    self._requests.popleft()
                 return self._describe(ask, *taken)
         if (message := self._match_pushed(self._partial_reply)) is not None:
             return message
-        if self._sent or self._pushed:
+        if self._requests or self._pushed:
             return None
         return DecodedMessage(b"", "nobody asked", fails=True), len(self._partial_reply)
 
@@ -122,8 +125,8 @@ class ConnectionDecoder:
         """
         if (message := self._match_pushed(data)) is not None:
             return message[0]._replace(data=data)
-        ask = self._sent[-1] if self._sent else None
-        self._sent.clear()
+        ask = self._requests[-1] if self._requests else None
+        self._requests.clear()
         taken = self._parse_reply(ask, data) if ask is not None else None
         if ask is None or taken is None:
             return DecodedMessage(data, "")
@@ -144,14 +147,14 @@ class ConnectionDecoder:
         except ValueError as error:
             return Refused(f"garbled: {error}"), len(data)
 
-    def _describe(self, request: Send, outcome: dict[str, object] | Fault, length: int) -> tuple[DecodedMessage, int]:
+    def _describe(self, request: Send, reply: dict[str, object] | Fault, length: int) -> tuple[DecodedMessage, int]:
         command = self._reply_rules.protocol.commands[request.command]
-        if isinstance(outcome, Fault):
-            return DecodedMessage(b"", f"{command.name}: {outcome}", command.name, fails=True), length
-        values = {key: value for key, value in outcome.items() if key != "length"}
+        if isinstance(reply, Fault):
+            return DecodedMessage(b"", f"{command.name}: {reply}", command.name, fails=True), length
+        values = {key: value for key, value in reply.items() if key != "length"}
         text = format_fields(self.protocol, command.name, values) or "accepted"
         lasting = constant_values(self.protocol, command.name, values)
         heard = DecodedMessage(
-            b"", f"{command.name}: {text}", command.name, command.is_query, values=lasting, fields=values
+            b"", f"{command.name}: {text}", command.name, command.is_query, steady_values=lasting, fields=values
         )
         return heard, length

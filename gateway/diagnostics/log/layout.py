@@ -52,7 +52,7 @@ def as_one_line(row: Row, with_time: bool = True) -> str:
     return " ".join([_line_head(row, with_time), *data, row.text]).rstrip()
 
 
-def wrapped(row: Row, columns: int) -> list[str]:
+def wrap_row(row: Row, columns: int) -> list[str]:
     """Format a row as lines of at most so many columns."""
     head, columns = _line_head(row, with_time=True) + " ", max(columns, MIN_COLUMNS)
     start: list[str] = []
@@ -64,14 +64,14 @@ def wrapped(row: Row, columns: int) -> list[str]:
     elif len(data.ljust(BYTES_COLUMNS)) + 1 + len(row.text) <= room:
         lines = [f"{data:<{BYTES_COLUMNS}} {row.text}"]
     else:
-        lines = _in_columns(data, row.text, room)
+        lines = _lines_in_columns(data, row.text, room)
     indent = " " * len(head)
     if start:
         return [line.rstrip() for line in (start[0], *(INDENTATION + line for line in (*start[1:], *lines)))]
     return [line.rstrip() for line in (head + lines[0], *(indent + line for line in lines[1:]))]
 
 
-def _in_columns(data: str, note: str, width: int) -> list[str]:
+def _lines_in_columns(data: str, note: str, width: int) -> list[str]:
     """Return lines with the bytes, and the text beside or below them."""
     beside = BYTES_COLUMNS + 1 if width - BYTES_COLUMNS - 1 >= MIN_TEXT_COLUMNS else 2
     pieces = _chunks(data, width)
@@ -109,7 +109,7 @@ def _split_text(text: str, width: int) -> list[str]:
 # --- the stream -----------------------------------------------------------------------------------------------------
 
 
-def columns_of(stream: TextIO) -> Callable[[], int]:
+def columns_getter(stream: TextIO) -> Callable[[], int]:
     """Return a function that returns the stream's present number of columns: its window may be resized."""
 
     def columns() -> int:
@@ -129,6 +129,6 @@ def colours_of(stream: TextIO, night_colours: bool) -> dict[str, str]:
     return NIGHT_COLOURS if night_colours else DAY_COLOURS
 
 
-def painted(line: str, kind: str, colours: dict[str, str]) -> str:
+def paint_line(line: str, kind: str, colours: dict[str, str]) -> str:
     """Return the line in the colour of its kind."""
     return f"\x1b[{colours[kind]}m{line}\x1b[0m" if kind in colours else line

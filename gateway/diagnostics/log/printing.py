@@ -15,7 +15,7 @@ from msgspec import Struct
 from gateway.clients.wrong_preset import other_telescope_type
 from gateway.core.wire_log import MOUNT_SIDE, Entry, printable
 from gateway.diagnostics.log.conversation import ConnectionDecoder, DecodedMessage
-from gateway.diagnostics.log.layout import Row, as_one_line, colours_of, columns_of, painted, wrapped
+from gateway.diagnostics.log.layout import Row, as_one_line, colours_of, columns_getter, paint_line, wrap_row
 from gateway.protocols.registry import ANY, guess_protocol
 from gateway.protocols.wireformat.command_set import load
 from gateway.system import streams
@@ -71,7 +71,7 @@ class LogFilter:
     """
 
     def __init__(self, filter_name: str = "all") -> None:
-        self._filter = filter_name
+        self._filter_name = filter_name
         self._open_connections: dict[str, _LoggedConnection] = {}
         self._closed_connections: dict[str, _LoggedConnection] = {}
 
@@ -101,7 +101,7 @@ class LogFilter:
         if party is None or has_party or line.row.time - party.closed_at > RECONNECT_WINDOW:
             party = _LoggedConnection()
         self._open_connections[line.row.side] = party
-        if not party.polls and self._filter != "refusals":
+        if not party.polls and self._filter_name != "refusals":
             return [line.row]
         party.held_rows = [line.row]
         return []
@@ -109,7 +109,7 @@ class LogFilter:
     def _protocol_recognised(self, line: LogLine) -> list[Row]:
         """Handle the recognition of a connection's protocol, which is shown together with the connection."""
         party = self._connection_of(line)
-        if not party.held_rows and self._filter != "refusals":
+        if not party.held_rows and self._filter_name != "refusals":
             return self._show_line(party, line)
         party.held_rows.append(line.row)
         return []
@@ -125,7 +125,7 @@ class LogFilter:
         if silent and not rows:
             party.held_rows.clear()
             return []
-        return [*rows, *self._repeat_counts_row(party, line.row), line.row] if self._filter != "refusals" else rows
+        return [*rows, *self._repeat_counts_row(party, line.row), line.row] if self._filter_name != "refusals" else rows
 
     # --- commands and replies -----------------------------------------------------------------------------------------
 
@@ -135,21 +135,21 @@ class LogFilter:
         if line.message.fails:
             return [*rows, *self._show_line(party, line)]
         if not line.message.is_query:
-            if self._filter == "refusals":
+            if self._filter_name == "refusals":
                 party.held_rows.append(line.row)
                 return rows
             return [*rows, *self._show_line(party, line)]
-        if line.row.data in party.polls or self._filter in ("changes", "refusals"):
+        if line.row.data in party.polls or self._filter_name in ("changes", "refusals"):
             party.held_rows.append(line.row)
             return rows
         party.polls[line.row.data] = _RepeatedQuery(line.row.time)
-        return [*rows, *self._show_held(party), line.row]
+        return [*rows, *self._take_held_rows(party), line.row]
 
     def _on_reply(self, line: LogLine) -> list[Row]:
         party = self._connection_of(line)
         if line.message.fails:
             return self._show_line(party, line)
-        if self._filter == "refusals" or (line.message.is_query and self._filter == "changes"):
+        if self._filter_name == "refusals" or (line.message.is_query and self._filter_name == "changes"):
             party.held_rows = [row for row in party.held_rows if row.arrow in CONNECTION_ARROWS]
             return []
         asked: Row | None = line.row
@@ -160,11 +160,11 @@ class LogFilter:
             if repeated is None:
                 return self._show_line(party, line)
             run, asked = repeated, next((row for row in party.held_rows if row.arrow == ">"), None)
-        new, run.last_values = run.last_values != line.message.values, line.message.values
+        new, run.last_values = run.last_values != line.message.steady_values, line.message.steady_values
         if asked is None or new:
             counted = self._count_row(key, run, asked) if asked is not None else []
             run.shown_at = line.row.time
-            return [*counted, *self._show_held(party), line.row]
+            return [*counted, *self._take_held_rows(party), line.row]
         if not line.message.pushed:
             party.held_rows.remove(asked)
         run.count, run.last_reply = run.count + 1, line.row.text
@@ -174,18 +174,18 @@ class LogFilter:
         """Return the held rows if a request is among them, which was not answered before the next one; else []."""
         if all(row.arrow in CONNECTION_ARROWS for row in connection.held_rows):
             return []
-        if self._filter == "refusals":
+        if self._filter_name == "refusals":
             connection.held_rows = [row for row in connection.held_rows if row.arrow in CONNECTION_ARROWS]
             return []
-        return self._show_held(connection)
+        return self._take_held_rows(connection)
 
     def _show_line(self, connection: _LoggedConnection, line: LogLine) -> list[Row]:
         """Return a line to show, after the counts of repeated queries and the held lines; restart the counts."""
-        rows = [*self._repeat_counts_row(connection, line.row), *self._show_held(connection), line.row]
+        rows = [*self._repeat_counts_row(connection, line.row), *self._take_held_rows(connection), line.row]
         connection.polls.clear()
         return rows
 
-    def _show_held(self, connection: _LoggedConnection) -> list[Row]:
+    def _take_held_rows(self, connection: _LoggedConnection) -> list[Row]:
         rows, connection.held_rows = connection.held_rows[-MAX_HELD_LINES:], []
         return rows
 
@@ -194,7 +194,7 @@ class LogFilter:
         counts = {printable(asked) or "line unasked": run.count for asked, run in connection.polls.items() if run.count}
         for run in connection.polls.values():
             run.count, run.shown_at = 0, row.time
-        if not counts or self._filter == "normal":
+        if not counts or self._filter_name == "normal":
             return []
         text = "repeated: " + ", ".join(f"{asked} ×{count}" for asked, count in counts.items())
         return [Row(row.time, row.side, "=", b"", text, "again", row.mount_name)]
@@ -213,7 +213,7 @@ def _times_text(count: int) -> str:
 
 
 #: Entries that are not shown: raw bytes (shown as commands), and a lost port (a note follows).
-HIDDEN_ENTRIES = ("raw", "v")
+HIDDEN_ARROWS = ("raw", "v")
 #: The meaning of the arrows that carry no bytes.
 EVENT_WORDS = {"+": "connected", "-": "gone", "~": "speaks", "^": "port opened", "v": "port lost"}
 
@@ -221,17 +221,19 @@ EVENT_WORDS = {"+": "connected", "-": "gone", "~": "speaks", "^": "port opened",
 class RowBuilder:
     """Turns wire log entries into rows. ``surfaces`` are the surfaces' endpoints (or protocols) in their order."""
 
-    def __init__(self, mount: str, surfaces: Sequence[str], filter_name: str = "all", mount_name: str = "") -> None:
-        self._mount, self._surfaces, self._mount_name = mount, surfaces, mount_name
+    def __init__(
+        self, mount_protocol: str, surfaces: Sequence[str], filter_name: str = "all", mount_name: str = ""
+    ) -> None:
+        self._mount_protocol, self._surfaces, self._mount_name = mount_protocol, surfaces, mount_name
         self._filter_name = filter_name
         self._log_filter = LogFilter(filter_name)
-        self._decoder_by_side: dict[str, ConnectionDecoder] = {}
+        self._connection_decoders: dict[str, ConnectionDecoder] = {}
         self._last_queries: dict[str, bytes] = {}
 
     def process(self, entry: Entry) -> Iterable[Row]:
         """Process an entry and return the rows to show now."""
         ours = entry.side == MOUNT_SIDE
-        if entry.arrow in HIDDEN_ENTRIES or self._filter_name == (MOUNT_SIDE if not ours else "program"):
+        if entry.arrow in HIDDEN_ARROWS or self._filter_name == (MOUNT_SIDE if not ours else "program"):
             return ()
         host = entry.side.rpartition(":")[0] or entry.side
         kind = "mount" if ours else "program"
@@ -247,15 +249,15 @@ class RowBuilder:
         if entry.arrow == ">":
             self._last_queries[entry.side] = bytes(entry.data)
         elif entry.arrow == "~":
-            self._decoder_by_side[entry.side] = ConnectionDecoder(entry.note.partition(",")[0])
+            self._connection_decoders[entry.side] = ConnectionDecoder(entry.note.partition(",")[0])
         elif entry.arrow == "-":
-            self._decoder_by_side.pop(entry.side, None)
+            self._connection_decoders.pop(entry.side, None)
             self._last_queries.pop(entry.side, None)
         return self._log_filter.process(LogLine(row, host, heard, asked))
 
     def set_protocol(self, side: str, protocol: str) -> None:
         """Note the protocol of a connection that was open before this log began."""
-        self._decoder_by_side[side] = ConnectionDecoder(protocol)
+        self._connection_decoders[side] = ConnectionDecoder(protocol)
 
     def _surface(self, entry: Entry) -> str:
         """Return the surface whose number a connection's entry contains; empty if it is unknown."""
@@ -266,7 +268,7 @@ class RowBuilder:
         if surface := self._surface(entry):
             protocol = surface.partition("@")[0].partition(":")[0]
             if protocol != ANY:  # an entry for the recognised protocol follows
-                self._decoder_by_side[entry.side] = ConnectionDecoder(protocol)
+                self._connection_decoders[entry.side] = ConnectionDecoder(protocol)
 
     def _describe_entry(self, entry: Entry) -> DecodedMessage:
         """Decode and describe an entry."""
@@ -275,16 +277,16 @@ class RowBuilder:
             if entry.arrow == "+" and "@" in (surface := self._surface(entry)):
                 note = note.replace(note.partition(",")[0], surface, 1)
             return DecodedMessage(entry.data, describe_event(entry.arrow, _escape(note)))
-        side = self._decoder_by_side.get(entry.side)
+        side = self._connection_decoders.get(entry.side)
         if side is None and entry.arrow == "<" and entry.side != MOUNT_SIDE:
             # A client that connected before this log began: its next command shows its protocol.
             return DecodedMessage(entry.data, _escape(entry.note), fails=bool(entry.note))
         if side is None:
-            protocol = self._mount if entry.side == MOUNT_SIDE else guess_protocol(entry.data)
+            protocol = self._mount_protocol if entry.side == MOUNT_SIDE else guess_protocol(entry.data)
             # What is no command of any protocol says nothing of what follows.
             if protocol is None or (entry.side != MOUNT_SIDE and load(protocol).find(entry.data) is None):
                 return DecodedMessage(entry.data, _escape(entry.note), fails=bool(entry.note))
-            side = self._decoder_by_side[entry.side] = ConnectionDecoder(protocol)
+            side = self._connection_decoders[entry.side] = ConnectionDecoder(protocol)
         if entry.arrow == "x":
             foreign = other_telescope_type(side.protocol, entry.data)
             hint = f"; {foreign} has such a command" if foreign else ""
@@ -304,16 +306,16 @@ def _escape(text: str) -> str:
     return "".join(char if char.isprintable() else printable(char.encode("utf-8", "replace")) for char in text)
 
 
-def line_printer(rows: RowBuilder, stream: TextIO, night_colours: bool = False) -> Callable[[Entry], None]:
+def line_printer(row_builder: RowBuilder, stream: TextIO, night_colours: bool = False) -> Callable[[Entry], None]:
     """Return a sink that writes lines to a stream; in systemd's journal notes have a higher level than the rest."""
-    notice, info = (streams.prefix(number, stream) for number in (streams.NOTICE, streams.INFO))
-    colours, columns = colours_of(stream, night_colours), columns_of(stream)
+    notice, info = (streams.journal_prefix(number, stream) for number in (streams.NOTICE, streams.INFO))
+    colours, columns = colours_of(stream, night_colours), columns_getter(stream)
 
     def write(entry: Entry) -> None:
-        for row in rows.process(entry):
+        for row in row_builder.process(entry):
             level = notice if row.arrow == "!" else info
-            for line in [as_one_line(row, with_time=False)] if level else wrapped(row, columns()):
-                stream.write(f"{level}{painted(line, row.kind, colours)}\n")
+            for line in [as_one_line(row, with_time=False)] if level else wrap_row(row, columns()):
+                stream.write(f"{level}{paint_line(line, row.kind, colours)}\n")
         stream.flush()
 
     return write

@@ -65,9 +65,9 @@ def untried_rest_title(stage: str) -> str:
 
 
 class StageReporter(Protocol):
-    """Receives findings and progress of a stage. ``earlier``: the findings of an earlier session in the same stage."""
+    """Receives findings and progress of a stage. ``old_findings``: those of an earlier session in the same stage."""
 
-    earlier: list[Finding]
+    old_findings: list[Finding]
 
     def add(self, finding: Finding) -> None: ...
     def progress(self, done_count: int, total: int, title: str) -> None: ...

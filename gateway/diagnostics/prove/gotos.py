@@ -18,10 +18,10 @@ from gateway.mount.motion.run_on import TimedPosition
 #: Seconds: the timeout of a goto; how long after its start the last goto is cancelled.
 GOTO_TIMEOUT, CANCEL_DELAY = 300.0, 2.0
 #: Degrees: length of the goto, allowed error, allowed motion at rest, and the error from which on the stage ends.
-GOTO_DISTANCE, GOAL_TOLERANCE, REST_TOLERANCE, MIN_DISTANCE_FROM_GOAL = 5.0, 0.1, 0.1, 1.0
+GOTO_DISTANCE, GOAL_TOLERANCE, REST_TOLERANCE, MAX_GOAL_ERROR = 5.0, 0.1, 0.1, 1.0
 #: Degrees, for enough room: least distance from lowest and highest altitude, greatest declination, and the least
 #: distance from the Sun beyond the gateway's limit.
-MARGIN, MAX_DECLINATION, SUN_MARGIN = 20.0, 75.0, 7.0
+ALT_MARGIN, MAX_DECLINATION, SUN_MARGIN = 20.0, 75.0, 7.0
 #: A German mount's least distance from the meridian, degrees: for small motions, and for the goal of a goto.
 ROOMY_MERIDIAN_DISTANCE, MIN_MERIDIAN_DISTANCE = 15.0, 3.0
 #: Where to look for a better position: hour angles, degrees; the declination is the latitude times this factor.
@@ -42,7 +42,7 @@ def why_no_room(telescope: CheckedMount, position: op.Equatorial | None = None) 
         return "it points near the pole"
     if (sun := min(suns.distances(position), default=inf)) < suns.min_dist + SUN_MARGIN:
         return f"it points {sun:.0f}° from the Sun"
-    if altitude is not None and not limits.lowest + MARGIN <= altitude <= min(90.0, limits.highest) - MARGIN:
+    if altitude is not None and not limits.lowest + ALT_MARGIN <= altitude <= min(90.0, limits.highest) - ALT_MARGIN:
         return f"its altitude is {altitude:.0f}°"
     if telescope.driver.german and hour_angle is not None and abs(wrap180(hour_angle)) < ROOMY_MERIDIAN_DISTANCE:
         return "it points near the meridian, where it would change the side of its pier"
@@ -77,7 +77,7 @@ async def _pick_goal(telescope: CheckedMount, goals: Iterable[op.Equatorial]) ->
     """Return the first goal that the gateway allows, or None and why the last goal was refused."""
     refusal: Fault | None = None
     for goal in goals:
-        refusal = await telescope.controller.preview(goal)
+        refusal = await telescope.controller.preview_goto(goal)
         if refusal is None:
             return goal, ""
     return None, str(refusal or "all are too near to the meridian or the pole")
@@ -153,7 +153,7 @@ async def _goto_and_back(telescope: CheckedMount, report: StageReporter) -> tupl
 
 def check_arrival(end_position: TimedPosition, goal: op.Equatorial) -> None:
     """Raise StageEnded if a goto has ended far from its goal."""
-    if (off := sky_distance(end_position.position, goal)) > MIN_DISTANCE_FROM_GOAL:
+    if (off := sky_distance(end_position.position, goal)) > MAX_GOAL_ERROR:
         raise StageEnded(f"the goto ended {off:.0f}° from its goal: somebody used its keys, or it cannot go there")
 
 

@@ -73,14 +73,14 @@ class GuidedCheck:
         self._telescope, self._person, self._findings, self._save = CheckedMount(gateway), person, findings, save
         self._stages = stages
         self._stage_findings: list[Finding] = []
-        self.earlier: list[Finding] = []
+        self.old_findings: list[Finding] = []
 
     async def run(self) -> Findings:
         """Lead through all unfinished stages, as far as the person wants, and return the findings. Raises UserError if
         the saved findings belong to another mount.
         """
         person, telescope = self._person, self._telescope
-        identity: op.Identity | None = telescope.controller.cache.value(op.GetIdentity)
+        identity: op.Identity | None = telescope.controller.cache.last_value(op.GetIdentity)
         if identity is not None:
             mount, version = reads.name_and_version(identity, telescope.driver)
             findings = self._findings
@@ -144,7 +144,7 @@ class GuidedCheck:
             return "it is held (mount-gateway stop --release ends that)"
         if stage.moves_mount and (controller.driver.asleep or controller.driver.parked):
             return "it is parked or asleep; unpark it first (mount-gateway unpark)"
-        status: op.Status | None = controller.cache.value(op.GetStatus)
+        status: op.Status | None = controller.cache.last_value(op.GetStatus)
         if (stage.moves_mount or stage.needs_alignment) and status is not None and not status.aligned:
             return "it is not aligned, so that it does not know where it points; align it first"
         return ""
@@ -152,7 +152,7 @@ class GuidedCheck:
     async def _carry_out(self, stage: Stage) -> str:
         """Carry out a stage; return the key for the next step: y for the next stage, a for again, q to quit."""
         telescope, person = self._telescope, self._person
-        self._stage_findings, self.earlier = [], self._findings.stages.get(stage.name, [])
+        self._stage_findings, self.old_findings = [], self._findings.stages.get(stage.name, [])
         telescope.begin_stage()
         try:
             await telescope.read_position()
@@ -198,7 +198,7 @@ class GuidedCheck:
     def _note_early_end(self, stage: Stage, reason: str) -> None:
         """Add the findings of an earlier run that this run has not replaced, and the reason why the rest is missing."""
         again = {untried_rest_title(stage.name), *(finding.what for finding in self._stage_findings)}
-        self._stage_findings += [finding for finding in self.earlier if finding.what not in again]
+        self._stage_findings += [finding for finding in self.old_findings if finding.what not in again]
         self._stage_findings.append(Finding(untried_rest_title(stage.name), NOT_TRIED, reason))
 
     def _save_findings(self, stage: Stage) -> None:
@@ -242,7 +242,7 @@ class GuidedCheck:
 
     def add(self, finding: Finding) -> None:
         self._stage_findings.append(finding)
-        if any(earlier is finding for earlier in self.earlier):  # a rate measured before the stage was ended
+        if any(earlier is finding for earlier in self.old_findings):  # a rate measured before the stage was ended
             return
         self._person.say(finding.as_line)
         if finding.verdict == DIFFERS and finding.means:

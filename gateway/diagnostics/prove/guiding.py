@@ -22,7 +22,7 @@ RATE_TOLERANCE = 0.25
 
 async def run(telescope: CheckedMount, report: StageReporter) -> None:
     """Carry out the stage and report a finding for each axis. Raises StageEnded."""
-    abilities = telescope.driver.can_do(telescope.status.equatorial)
+    abilities = telescope.driver.abilities(telescope.status.equatorial)
     if not {"Pulse", "PulseAxis"} & abilities.can or telescope.status.tracking is op.Tracking.OFF:
         report.add(Finding("guiding", NOT_TRIED, "it is not guided while it does not track, or not at all"))
         return

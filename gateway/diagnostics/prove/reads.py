@@ -51,7 +51,7 @@ def _query_names(driver: Driver) -> Iterator[str]:
 
 async def run(telescope: CheckedMount, report: StageReporter) -> None:
     """Ask all questions and report findings on identity, form of replies and reply times. Raises StageEnded."""
-    identity: op.Identity | None = telescope.controller.cache.value(op.GetIdentity)
+    identity: op.Identity | None = telescope.controller.cache.last_value(op.GetIdentity)
     report.add(_identity_finding(identity, telescope.driver))
     #: Seconds until the replies, by command; the commands without a reply, and those whose reply has not their form.
     took, silent, strange = dict[str, float](), list[str](), list[str]()

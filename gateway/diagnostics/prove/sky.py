@@ -15,7 +15,7 @@ from gateway.diagnostics.prove import reads
 from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, SAME, Finding, StageReporter
 from gateway.diagnostics.prove.telescope import CheckedMount
 from gateway.mount.safety.admission.contradictions import contradictions
-from gateway.mount.site.site_clock import COMPUTER, MOUNT_SOURCE, SourcedSite
+from gateway.mount.site.site_clock import COMPUTER_SOURCE, MOUNT_SOURCE, SourcedSite
 
 #: Degrees by which reported altitude and azimuth may differ from calculated ones; the sky's motion meanwhile is less.
 DIRECTION_TOLERANCE = 0.5
@@ -36,7 +36,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
     if not any(doubt.difference.endswith(" km") for doubt in doubts):
         report.add(_site_finding(telescope, sites))
     by_mount = next((time for time in times if time.source == MOUNT_SOURCE), None)
-    computer = next((time for time in times if time.source == COMPUTER), None)
+    computer = next((time for time in times if time.source == COMPUTER_SOURCE), None)
     if by_mount is None or computer is None:
         report.add(Finding("clock", NOT_MEASURABLE, "the mount reports no time"))
     elif abs(by_mount.unix - computer.unix) <= CLOCK_TOLERANCE:

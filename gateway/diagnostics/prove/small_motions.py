@@ -25,14 +25,14 @@ from gateway.diagnostics.prove.findings import (
     MeasuredRate,
     StageReporter,
 )
-from gateway.diagnostics.prove.telescope import FAST, MAX_DURATION, MAX_TRAVEL, CheckedMount, Motion
+from gateway.diagnostics.prove.telescope import FAST_RATE, MAX_DURATION, MAX_TRAVEL, CheckedMount, Motion
 from gateway.mount.safety.allow import RUN_ON, RUN_UP_SECONDS
 
 #: The rate keys of the hand control, fastest first. If several have the same speed, only the lowest is tried.
 RATE_KEYS: Sequence[int] = range(9, 0, -1)
 #: Tolerances of a rate, as fractions of it: sampled, that is, measured between two readings on the way; of a stepped
 #: motion, which is a series of small gotos; of a short motion, by its whole distance.
-STEADINESS_TOLERANCE, STEPPED_TOLERANCE, SHORT_TOLERANCE = 0.08, 0.25, 0.35
+SAMPLED_TOLERANCE, STEPPED_TOLERANCE, SHORT_TOLERANCE = 0.08, 0.25, 0.35
 #: Seconds: the least time between two readings that show a rate, and how long tracking is observed.
 MIN_RATE_SPAN, TRACKING_TIME = 1.5, 10.0
 #: A distance is only measured if it is longer than so many steps of the mount's reading.
@@ -74,9 +74,7 @@ def velocity(telescope: CheckedMount, motion: Motion, axis: int, speed: float) -
     elif len(two := even[:1] + even[-1:] if not short else list(motion.positions[-2:])) == 2:
         span = two[1].at - two[0].at
         rate = telescope.axis_turns(*two)[number] / span
-        part = (
-            SHORT_TOLERANCE if short else STEPPED_TOLERANCE if telescope.driver.moves_by_gotos else STEADINESS_TOLERANCE
-        )
+        part = SHORT_TOLERANCE if short else STEPPED_TOLERANCE if telescope.driver.moves_by_gotos else SAMPLED_TOLERANCE
         error = part * abs(rate) + 2.0 * tick / span
     else:
         rate, error = copysign(speed, distance), inf
@@ -90,20 +88,22 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
     tried = [(speed, key, pair) for speed, key in sorted(speeds.items()) for pair in DIRECTION_PAIRS]
     if getattr(telescope.driver, "tracking", None) is None:  # its driver learns the mode from the first motion
         await telescope.move_by_key(Direction.WEST, 1, 1.0)
-    before = {item.what: item for item in report.earlier if item.rate is not None}
+    before = {item.what: item for item in report.old_findings if item.rate is not None}
     findings = list[Finding]()
     for number, (speed, key, pair) in enumerate(tried):
         what = f"rate {key} {pair[0].label}/{pair[1].label}"
         report.progress(number, len(tried), what)
         finding = before.get(what)
         if finding is None or finding.rate is None or finding.rate.assumed != speed:
-            finding = await _measure(telescope, what, speed, key, pair)
+            finding = await _measure_rate(telescope, what, speed, key, pair)
         report.add(finding)
         findings.append(finding)
     moved = [(item, item.rate) for item in findings if item.rate is not None and item.rate.run_ons]
     for axis, pair in enumerate(DIRECTION_PAIRS, 1):
         report.add(direction_finding(pair, [rate.real < 0.0 for _, rate in moved if rate.axis == axis]))
-    run_ons = [(abs(rate.real), distance) for _, rate in moved if abs(rate.real) >= FAST for distance in rate.run_ons]
+    run_ons = [
+        (abs(rate.real), distance) for _, rate in moved if abs(rate.real) >= FAST_RATE for distance in rate.run_ons
+    ]
     report.add(run_on_finding(run_ons, telescope.controller.line.times.typical_rtt, telescope.controller.policy.run_on))
     report.add(await check_tracking(telescope))
     even = [(rate.assumed, abs(rate.real)) for item, rate in moved if item.verdict == DIFFERS and rate.evenly]
@@ -113,10 +113,14 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         report.add(Finding("rates of all keys", DIFFERS, "measured", "its maker's", RATE_EFFECT, {"rates": rates}))
 
 
-async def _measure(telescope: CheckedMount, name: str, speed: float, key: int, pair: tuple[Direction, ...]) -> Finding:
+async def _measure_rate(
+    telescope: CheckedMount, name: str, speed: float, key: int, directions: tuple[Direction, ...]
+) -> Finding:
     """Turn an axis both ways at a rate, and return the finding on that rate. Raises StageEnded."""
-    axis = pair[0].axis
-    motions = [await telescope.move_by_key(direction, key, min(MAX_DURATION, MAX_TRAVEL / speed)) for direction in pair]
+    axis = directions[0].axis
+    motions = [
+        await telescope.move_by_key(direction, key, min(MAX_DURATION, MAX_TRAVEL / speed)) for direction in directions
+    ]
     onwards, back = (velocity(telescope, motion, axis, speed) for motion in motions)
     if onwards is None or back is None:
         return Finding(name, NOT_TRIED, motions[0].refusal or motions[1].refusal)
@@ -139,7 +143,7 @@ def rate_finding(
     if error == inf:
         return Finding(title, NOT_MEASURABLE, "it runs on for too long", assumed)
     off = abs(rate - nominal)
-    if off <= max(STEADINESS_TOLERANCE * nominal, 0.0 if measured_velocity.is_short else error):
+    if off <= max(SAMPLED_TOLERANCE * nominal, 0.0 if measured_velocity.is_short else error):
         return Finding(title, SAME, measured, assumed)
     if measured_velocity.is_short and (off <= error or rate < nominal):
         return Finding(title, NOT_MEASURABLE, f"{measured} on average, still speeding up", assumed)
@@ -150,9 +154,9 @@ def rate_text(rate: float) -> str:
     return f"{abs(rate):.2f}°/s" if abs(rate) >= 0.1 else f'{abs(rate) * 3600.0:.1f}"/s'
 
 
-def direction_finding(pair: tuple[Direction, Direction], reversals: list[bool]) -> Finding:
-    """Return the finding on the direction of an axis."""
-    what = f"direction of {pair[0].label} and {pair[1].label}"
+def direction_finding(directions: tuple[Direction, Direction], reversals: list[bool]) -> Finding:
+    """Return the finding on the direction of an axis. ``reversals``: whether it turned the wrong way at each rate."""
+    what = f"direction of {directions[0].label} and {directions[1].label}"
     if not reversals:
         return Finding(what, NOT_TRIED)
     if not any(reversals):

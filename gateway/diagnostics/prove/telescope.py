@@ -38,9 +38,9 @@ CHECK_PERIOD, REST_TIMEOUT, POSITION_SPACING = 0.1, 15.0, 0.8
 #: value is the greatest motion of the other axis, degrees.
 ENOUGH_READING_CHANGES, MAX_DURATION, MAX_TRAVEL, MAX_CROSS_MOTION = 20, 10.0, 5.0, 0.5
 #: At this rate (degrees a second) or faster, a reading must change within so many seconds.
-FAST, MAX_UNCHANGED_TIME = 0.5, 2.0
+FAST_RATE, MAX_UNCHANGED_TIME = 0.5, 2.0
 #: Degrees: the finest step of a server's angles that is believed; a change below the second value is a rounding error.
-FINEST_STEP, CALCULATED_CHANGE = 1.0 / 3600.0, 0.5 / 3600.0
+FINEST_STEP, ROUNDING_ERROR = 1.0 / 3600.0, 0.5 / 3600.0
 
 Pair = tuple[float, float]  # of the two axes, degrees
 
@@ -76,15 +76,15 @@ class CheckedMount:
     def __init__(self, gateway: Gateway) -> None:
         self.gateway, self.controller = gateway, gateway.controller
         self.now, self.driver = self.controller.now, self.controller.driver
-        self._stop_count, self._positions = self.controller.stops, list[TimedPosition]()
+        self._stop_count, self._positions = self.controller.stop_count, list[TimedPosition]()
         #: Whether a motion of the check is under way.
         self.is_moving = False
         #: A time of the event loop's clock, and the sidereal time (degrees) then; 0 for that if the site is unknown.
-        self._epoch: Pair | None = None
+        self._lst_epoch: Pair | None = None
         #: Whether somebody else has turned tracking on or off, or set its rate, in this stage.
         self.others_set_tracking = False
         self._steps = list(self.driver.angle_steps)
-        self.controller.reader.position.connect(lambda _: self._add_position())
+        self.controller.reader.position_read.connect(lambda _: self._add_position())
         self.controller.wanted.changed.connect(self._on_wanted_changed)
         #: The gateway's message when it switched tracking off; empty if it has not.
         self.tracking_off_note = ""
@@ -98,7 +98,7 @@ class CheckedMount:
     @property
     def status(self) -> op.Status:
         """The last status. Raises StageEnded if the mount has not reported one."""
-        status: op.Status | None = self.controller.cache.value(op.GetStatus)
+        status: op.Status | None = self.controller.cache.last_value(op.GetStatus)
         if status is None:
             raise StageEnded("the mount has not reported its status")
         return status
@@ -107,12 +107,12 @@ class CheckedMount:
 
     def begin_stage(self) -> None:
         """Begin a stage: only later stops and tracking orders of others count as interference."""
-        self._stop_count, self.others_set_tracking = self.controller.stops, False
+        self._stop_count, self.others_set_tracking = self.controller.stop_count, False
 
     def raise_if_stage_ends(self) -> None:
         """Raise StageEnded if somebody else stops or moves the mount, or if it does not answer."""
         controller = self.controller
-        if controller.stops != self._stop_count:
+        if controller.stop_count != self._stop_count:
             said = [entry.text for entry in controller.wire_log.recent_notices if entry.side != CLIENT]
             reason = controller.wanted.value.goto_failure or next(reversed(said), "")
             by = controller.wanted.stopped_by
@@ -203,21 +203,21 @@ class CheckedMount:
         self.is_moving = True
         try:
             answer = await self.ask(requests.PressKeyRequest(direction=direction, key=key, number=number, who=CLIENT))
-            if refused := self._refusal(answer):
+            if refused := self._refusal_reason(answer):
                 return Motion(refusal=refused)
             began, changed, count = self.now(), self.now(), 0
             while self.now() < began + max_seconds and count < ENOUGH_READING_CHANGES:
                 await asyncio.sleep(max(0.01, min(CHECK_PERIOD, began + max_seconds - self.now())))
                 self.raise_if_stage_ends()
-                observed = sum(self._has_changed(*two, fast=speed > FAST) for two in pairwise(self._positions))
+                observed = sum(self._has_changed(*two, is_fast=speed > FAST_RATE) for two in pairwise(self._positions))
                 if observed != count:
                     count, changed = observed, self.now()
-                if speed > FAST and self.now() > changed + MAX_UNCHANGED_TIME:
+                if speed > FAST_RATE and self.now() > changed + MAX_UNCHANGED_TIME:
                     break
         finally:
             await self.ask(requests.ReleaseKeyRequest(number=number, who=CLIENT, lost=True))
         ended = self.now()
-        places = tuple(place for place in self._positions if place.asked_at > began and place.at < ended)
+        places = tuple(place for place in self._positions if place.requested_at > began and place.at < ended)
         after = await self.settle()
         across = abs(self.axis_turns(before, after)[2 - direction.axis])
         if across > MAX_CROSS_MOTION + abs(SIDEREAL_RATE) * (after.at - before.at) and not self.driver.moves_by_gotos:
@@ -226,9 +226,9 @@ class CheckedMount:
             )
         return Motion(began, ended, before, places, after)
 
-    def _has_changed(self, before: TimedPosition, after: TimedPosition, fast: bool) -> bool:
+    def _has_changed(self, before: TimedPosition, after: TimedPosition, is_fast: bool) -> bool:
         """Whether a position has changed: in a fast motion, by more than tracking can explain."""
-        return self.drift(before, after) > max(self.angle_steps) if fast else before.position != after.position
+        return self.drift(before, after) > max(self.angle_steps) if is_fast else before.position != after.position
 
     async def goto(self, goal: op.Equatorial, timeout: float) -> str:
         """Go to a position; cancel the goto when time is up. Return why it was refused, or "". Raises StageEnded."""
@@ -237,7 +237,7 @@ class CheckedMount:
         self.is_moving, controller, over = True, self.controller, False
         try:
             answer = await self.ask(requests.GotoRequest(where=where, number=number, who=CLIENT))
-            if refused := self._refusal(answer):
+            if refused := self._refusal_reason(answer):
                 return refused
             over = await self.wait_until(lambda: not (controller.slewing or controller.wanted.goto_pending), timeout)
         finally:
@@ -249,7 +249,7 @@ class CheckedMount:
         """Send a guide pulse, as a guiding program does; a refusal is ignored."""
         await self.ask(replace(pack_operation(op.Pulse(direction, ms), requests.new_request_number()), who=CLIENT))
 
-    def _refusal(self, answer: requests.Answer) -> str:
+    def _refusal_reason(self, answer: requests.Answer) -> str:
         """Return why a request was refused; empty if it was not. Raises StageEnded."""
         if answer.is_ok:
             return ""
@@ -278,19 +278,19 @@ class CheckedMount:
         self._positions.append(place)
         before = self._positions[-2:][0].position
         for number, change in enumerate((wrap180(place.position.ra - before.ra), place.position.dec - before.dec)):
-            if abs(change) > CALCULATED_CHANGE:
+            if abs(change) > ROUNDING_ERROR:
                 self._steps[number] = min(self._steps[number], max(FINEST_STEP, abs(change)))
 
     def axis_angles(self, position: TimedPosition) -> Pair:
         """Return the angles of the axes: hour angle and declination, or azimuth and altitude. Raises StageEnded."""
-        if self._epoch is None:
+        if self._lst_epoch is None:
             try:
-                self._epoch = self.now(), self.controller.astrometry.sidereal_time()
+                self._lst_epoch = self.now(), self.controller.astrometry.sidereal_time()
             except Fault:
                 if not self.status.equatorial:
                     raise StageEnded("the site is not known: without it an alt-az mount cannot be measured") from None
-                self._epoch = self.now(), 0.0
-        hour_angle = self._epoch[1] + SIDEREAL_RATE * (position.at - self._epoch[0]) - position.position.ra
+                self._lst_epoch = self.now(), 0.0
+        hour_angle = self._lst_epoch[1] + SIDEREAL_RATE * (position.at - self._lst_epoch[0]) - position.position.ra
         if self.status.equatorial or self.driver.moves_by_gotos:
             return hour_angle, position.position.dec
         return hour_angle_to_horizon(hour_angle, position.position.dec, self.controller.astrometry.site().latitude)

@@ -15,11 +15,11 @@ from msgspec.structs import replace
 from gateway.app.bindings import presents_mount
 from gateway.app.config import Endpoint, parse_device
 from gateway.app.recording.format import unescape
-from gateway.astro.ephemeris.almanac import SHIPPED_FILE, decoded
+from gateway.astro.ephemeris.almanac import SHIPPED_FILE, decode
 from gateway.astro.ephemeris.sky import Sky
 from gateway.core.errors import UserError
 from gateway.core.wire_log import printable
-from gateway.diagnostics.command_outcomes import OUTCOME_MEANINGS, MountKind, choose, outcome, remarks
+from gateway.diagnostics.command_outcomes import OUTCOME_MEANINGS, MountKind, choose_ways, outcome, remarks
 from gateway.diagnostics.log.conversation import ConnectionDecoder
 from gateway.diagnostics.log.words import format_fields
 from gateway.diagnostics.rehearsal.play import (
@@ -29,7 +29,7 @@ from gateway.diagnostics.rehearsal.play import (
     is_refused,
     may_change_mount,
     observation_time,
-    set_up,
+    set_up_gateway,
 )
 from gateway.diagnostics.rehearsal.samples import example_request
 from gateway.diagnostics.virtual_time import run
@@ -55,7 +55,7 @@ class Explanation(NamedTuple):
     is_possible: bool
 
 
-def explain(surface: str, mount: str, typed_words: str) -> Explanation:
+def explain(surface: str, mount: str, typed_command: str) -> Explanation:
     """Explain a command. ``surface`` and ``mount`` are ``PROTOCOL[:MODEL[/VERSION]]``, or only a model. Raises
     UserError if any of them does not exist, or if the protocol does not have the command.
     """
@@ -63,12 +63,12 @@ def explain(surface: str, mount: str, typed_words: str) -> Explanation:
     if at.protocol not in drivers():
         raise UserError(f"{at.protocol} mounts cannot be driven; {' or '.join(drivers())} can")
     at = with_defaults(at)
-    frame = unescape(typed_words)
+    frame = unescape(typed_command)
     protocol, driven = load(face.protocol), load(at.protocol).in_dialect_of(at.model)
     match = protocol.find(frame)
     if match is None:
         hint = _unknown_command_hint(face.protocol, at.protocol, frame) or TABLES_HINT
-        raise UserError(f"{face.protocol} has no command {typed_words!r}{hint}")
+        raise UserError(f"{face.protocol} has no command {typed_command!r}{hint}")
     command, picture = match
     row = protocol.surface_rows.get(command.name)
     lines = [f"{printable(frame)}  {command.help}"]
@@ -102,7 +102,7 @@ def explain(surface: str, mount: str, typed_words: str) -> Explanation:
         for otherwise, changed in _circumstances(at):
             if (other := rehearse_command(face, at, frame, **changed)[1]) != became:
                 lines.append(f"  {otherwise}: {other}")
-        ways = choose(row, driven, MountKind(at.model or "", version_tuple(at)))
+        ways = choose_ways(row, driven, MountKind(at.model or "", version_tuple(at)))
         lines += [f"  {remark}" for remark in remarks(row, ways)]
     first = f"after {' '.join((*row.after, *row.during))}, " if row and (row.after or row.during) else ""
     lines.append(f"for example, {first}with the Crab nebula as the target and an aligned mount that tracks:")
@@ -113,7 +113,7 @@ def explain(surface: str, mount: str, typed_words: str) -> Explanation:
 def rehearsal_sky() -> Sky:
     """Return a sky with the almanac of the rehearsals' days, which is in the package: astropy is not needed."""
     exact = Sky()
-    exact.use(decoded(SHIPPED_FILE.read_bytes()))
+    exact.use(decode(SHIPPED_FILE.read_bytes()))
     return exact
 
 
@@ -129,7 +129,7 @@ def version_tuple(mount: Endpoint) -> Version | None:
     return PROTOCOLS[mount.protocol].command_set_version(mount.version) if mount.version else None
 
 
-def traits_of(surface: Endpoint, command: Command, facts: Model | None = None) -> frozenset[str]:
+def presented_traits(surface: Endpoint, command: Command, facts: Model | None = None) -> frozenset[str]:
     """Return the traits of a presented model, as the tables name them; none if its version lacks the command. ``facts``
     describe the model that the gateway has fitted to the mount, without the parts that the mount lacks.
     """
@@ -147,28 +147,30 @@ def commands_before(surface: Endpoint, row: SurfaceRow) -> Prelude:
 
 
 def rehearse_command(
-    face: Endpoint, mount: Endpoint, frame: bytes, *, aligned: bool = True, wedge: bool = False, missing: str = ""
+    surface: Endpoint, mount: Endpoint, frame: bytes, *, aligned: bool = True, wedge: bool = False, missing: str = ""
 ) -> tuple[Trace, str, str]:
     """Send a frame through a new gateway, which presents the surface's model; if it has none, one that fits the mount.
 
     Return the trace, the actual outcome, and the outcome by the tables. The two outcomes differ if the command is
     refused, or if the mount need not do anything.
     """
-    protocol, driven = load(face.protocol), load(mount.protocol).in_dialect_of(mount.model)
+    protocol, driven = load(surface.protocol), load(mount.protocol).in_dialect_of(mount.model)
     match = protocol.find(frame)
     assert match is not None
     command, row = match[0], protocol.surface_rows.get(match[0].name)
 
     async def play() -> tuple[Trace, str, str]:
-        async with set_up(face, mount, rehearsal_sky(), aligned=aligned, wedge=wedge, missing=missing) as whole_gateway:
+        async with set_up_gateway(
+            surface, mount, rehearsal_sky(), aligned=aligned, wedge=wedge, missing=missing
+        ) as whole_gateway:
             await whole_gateway.gateway.present_fitting_model()
             await asyncio.sleep(IDLE_TIME)  # readings in the cache expire, so that the mount is asked
             played = await Tracer(whole_gateway).trace(
                 frame,
-                Prelude() if row is None else commands_before(face, row),
+                Prelude() if row is None else commands_before(surface, row),
                 observation_time(command, aligned and bool(command.replies)),
             )  # an arrow may be carried out in many steps
-            presented = traits_of(face, command, dict(whole_gateway.binding.model))
+            presented = presented_traits(surface, command, dict(whole_gateway.binding.model))
             said = outcome(row, driven, MountKind(mount.model or "", version_tuple(mount), aligned, wedge), presented)
             if is_refused(played, command, whole_gateway.binding.surface):
                 return played, "refused", said
@@ -188,7 +190,7 @@ def _circumstances(mount: Endpoint) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield other circumstances (not aligned, on a wedge, without a part): as text, and as settings to try."""
     driven, spec = load(mount.protocol).in_dialect_of(mount.model), PROTOCOLS[mount.protocol]
     yield "before the alignment", {"aligned": False}
-    if driven.traits(mount.model or "") != driven.traits(mount.model or "", wedge=True):
+    if driven.traits(mount.model or "") != driven.traits(mount.model or "", on_wedge=True):
         yield "on a wedge", {"wedge": True}
     for part in (name for name, has in spec.rehearsal_settings(False).items() if has):
         yield f"without a {part}", {"missing": part}

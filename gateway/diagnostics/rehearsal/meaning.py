@@ -12,7 +12,7 @@ from gateway.diagnostics.log.words import FORMATS
 
 #: The names of the speeds, by the names that the protocols use.
 _RATE_NAMES = {"guide": "guiding speed", "center": "centring speed", "find": "finding speed", "max": "full speed"}
-_MODE_NAMES = {
+_TRACKING_NAMES = {
     "off": "off",
     "alt-az": "in alt-az",
     "eq-north": "equatorially, in the north",
@@ -99,7 +99,7 @@ def _describe_moon_place(operation: op.MoonPlace) -> str:
     return f"where is {FORMATS['north'](operation.latitude)}, {FORMATS['east'](operation.longitude)} on the Moon now?"
 
 
-def _sense_name(sense: int) -> str:
+def _turn_name(sense: int) -> str:
     return "forwards" if sense > 0 else "backwards"
 
 
@@ -135,13 +135,13 @@ _DESCRIBERS: dict[type[Operation], str | Callable[[Any], str]] = {
     op.Sync: lambda order: f"the mount points at {_ra_dec(order)} now",
     op.Move: lambda order: f"move {order.direction.label} {_rate(order.rate)}, until it is stopped{_limits(order)}",
     op.MoveAxis: lambda order: (
-        f"turn {_axis_name(order.axis)} {_sense_name(order.sense)} {_rate(order.rate)}, until it is stopped"),
+        f"turn {_axis_name(order.axis)} {_turn_name(order.sense)} {_rate(order.rate)}, until it is stopped"),
     op.StopAxis: lambda order: f"stop {_axis_name(order.axis)}",
     op.Pulse: lambda order: f"guide {order.direction.label} for {order.ms} ms",
-    op.PulseAxis: lambda order: f"guide with {_axis_name(order.axis)} {_sense_name(order.sense)} for {order.ms} ms"
+    op.PulseAxis: lambda order: f"guide with {_axis_name(order.axis)} {_turn_name(order.sense)} for {order.ms} ms"
                               + ("" if order.rate is None else f" at {order.rate:g} of the sidereal rate"),
     op.SetTracking: lambda order: "tracking off" if not order.on else
-                                "tracking on" + (f" {_MODE_NAMES[order.mode.value]}" if order.mode else ""),
+                                "tracking on" + (f" {_TRACKING_NAMES[order.mode.value]}" if order.mode else ""),
     op.TrackRate: lambda order: f"track at the {order.name} rate" if order.name else
                               f"track at {order.factor:g} of the sidereal rate",
     op.GuideRate: lambda order: f"how fast does {_axis_name(order.axis)} guide?",

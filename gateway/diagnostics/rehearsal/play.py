@@ -94,9 +94,11 @@ def may_change_mount(name: str) -> bool:
     return kind is not None and not issubclass(kind, Read)
 
 
-def is_refused(seen: Trace, command: Command, surface: Surface) -> bool:
+def is_refused(trace: Trace, command: Command, surface: Surface) -> bool:
     """Whether a command was refused: by its reply, or if that is empty or a mere acknowledgement, by the log."""
-    return is_refusal(command, seen.reply, surface, seen.frame) or (seen.refused and seen.reply in (b"", ACKNOWLEDGED))
+    return is_refusal(command, trace.reply, surface, trace.frame) or (
+        trace.refused and trace.reply in (b"", ACKNOWLEDGED)
+    )
 
 
 def is_refusal(command: Command, reply: bytes, surface: Surface, frame: bytes) -> bool:
@@ -130,7 +132,7 @@ def is_query(protocol: CommandSet, data: bytes) -> bool:
     return match is not None and match[0].name in query_commands(protocol)
 
 
-def set_up(
+def set_up_gateway(
     surface: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True, wedge: bool = False, missing: str = ""
 ) -> RehearsalGateway:
     """Return a gateway between a presented model and a simulated mount, each with its version, at ``START_TIME``.
@@ -167,31 +169,33 @@ async def _wait_until(condition: Callable[[], bool], timeout: float) -> None:
 class Tracer:
     """Sends frames through one rehearsal gateway, each on a new connection, and returns their traces."""
 
-    def __init__(self, stage: RehearsalGateway) -> None:
-        self.stage = stage
-        self.driver: Driver = stage.driver
-        self.surface = surface = stage.binding.surface
+    def __init__(self, rehearsal: RehearsalGateway) -> None:
+        self.rehearsal = rehearsal
+        self.driver: Driver = rehearsal.driver
+        self.surface = surface = rehearsal.binding.surface
         self._events: list[TraceStep] = []
         self._client_count = 0
         handle = surface.handle
         surface.subscriptions = lambda session: ()  # so that all bytes received are the reply
         surface.handle = lambda session, frame: relay_requests(handle(session, frame), self._note_request)  # type: ignore[method-assign]
-        stage.wire_log.sinks.append(self._note_entry)
+        rehearsal.wire_log.sinks.append(self._note_entry)
 
-    async def trace(self, frame: bytes, first: Prelude = Prelude(), seconds: float = SETTING_OBSERVATION_TIME) -> Trace:
-        """Send the commands of ``first``, then the frame; observe for some seconds after its reply."""
+    async def trace(
+        self, frame: bytes, prelude: Prelude = Prelude(), seconds: float = SETTING_OBSERVATION_TIME
+    ) -> Trace:
+        """Send the commands of ``prelude``, then the frame; observe for some seconds after its reply."""
         self._client_count += 1
-        visitor = self.stage.client(f"rehearsal{self._client_count}")
-        for said in first.completed:
+        visitor = self.rehearsal.client(f"rehearsal{self._client_count}")
+        for said in prelude.completed:
             visitor.send(said)
             await self._wait_for_replies(visitor, 0.0)
             await asyncio.sleep(BACKGROUND_TIMEOUT)
             await self._wait_for_rest()
-        for said in first.in_progress:
+        for said in prelude.in_progress:
             visitor.send(said)
             await self._wait_for_replies(visitor, BACKGROUND_TIMEOUT)
-        self.on_play_begin()
-        wire, refusals = len(self.stage.rx_data), self.stage.wire_log.refusal_count
+        self.before_frame()
+        wire, refusals = len(self.rehearsal.rx_data), self.rehearsal.wire_log.refusal_count
         self._events.clear()
         visitor.received = b""
         visitor.send(frame)
@@ -200,20 +204,22 @@ class Tracer:
         self._events.append(TraceStep("reply", "", reply))
         await asyncio.sleep(seconds)
         protocol = self.driver.protocol
-        acts = tuple(data for data in self.stage.rx_data[wire:] if not is_query(protocol, data))
-        return Trace(frame, tuple(self._events), reply, acts, refusals != self.stage.wire_log.refusal_count)
+        acts = tuple(data for data in self.rehearsal.rx_data[wire:] if not is_query(protocol, data))
+        return Trace(frame, tuple(self._events), reply, acts, refusals != self.rehearsal.wire_log.refusal_count)
 
-    def on_play_begin(self) -> None:
+    def before_frame(self) -> None:
         """For subclasses: called after the preceding commands, before the frame that is traced."""
 
-    async def _wait_for_replies(self, visitor: RehearsalClient, min_wait: float) -> None:
+    async def _wait_for_replies(self, client: RehearsalClient, min_wait: float) -> None:
         """Wait until all commands that have a reply are answered, for `REPLY_TIMEOUT` at most."""
         await asyncio.sleep(min_wait)
-        await _wait_until(lambda: visitor.all_answered, REPLY_TIMEOUT)
+        await _wait_until(lambda: client.all_answered, REPLY_TIMEOUT)
 
     async def _wait_for_rest(self) -> None:
         """Wait until the mount is at rest and the gateway has noticed that."""
-        await _wait_until(lambda: not (self.stage.sim.slewing or self.stage.controller.reconciler.busy), SLEW_TIMEOUT)
+        await _wait_until(
+            lambda: not (self.rehearsal.sim.slewing or self.rehearsal.controller.reconciler.busy), SLEW_TIMEOUT
+        )
 
     def _note_request(self, request: SurfaceStep) -> bool:
         """Record a request of the surface; return False, so that it is also carried out."""

@@ -80,8 +80,8 @@ class RehearsalGateway:
         self.driver, self.site_clock = self.controller.driver, self.controller.site_clock
         [made] = self.gateway.acceptors
         assert isinstance(made, ConnectionAcceptor)
-        self.binding, self.shared = made.binding, made.shared_state
-        self.acceptor = ConnectionAcceptor(self.controller, self.binding, self.shared, self.clock, access=access)
+        self.binding, self.shared_state = made.binding, made.shared_state
+        self.acceptor = ConnectionAcceptor(self.controller, self.binding, self.shared_state, self.clock, access=access)
 
     def open_state_store(self) -> None:
         """Do nothing: a rehearsal has no saved state. Subclasses may open a state store."""
@@ -120,10 +120,10 @@ class RehearsalGateway:
 class RehearsalClient:
     """A connection of a client to a rehearsal gateway; ``received`` are the bytes of its replies."""
 
-    def __init__(self, stage: RehearsalGateway, host: str) -> None:
+    def __init__(self, rehearsal: RehearsalGateway, host: str) -> None:
         self.received = b""
         self._received_event = TimedEvent()
-        self.connection = stage.acceptor.accept(NewConnection(host, host, self._on_received))
+        self.connection = rehearsal.acceptor.accept(NewConnection(host, host, self._on_received))
 
     def _on_received(self, data: bytes) -> None:
         self.received += data

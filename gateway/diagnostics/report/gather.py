@@ -15,7 +15,7 @@ from gateway.core.about import full_version
 from gateway.core.errors import UserError
 from gateway.core.wire_log import MOUNT_SIDE
 from gateway.diagnostics.log.conversation import ConnectionDecoder, DecodedMessage
-from gateway.diagnostics.recorded_sides import RecordedSides
+from gateway.diagnostics.recorded_sides import ConnectionProtocols
 from gateway.diagnostics.report.night import Incident, Night, Pointing, ProgramConnections, SiteOfNight
 from gateway.protocols.registry import PROTOCOLS
 
@@ -29,10 +29,10 @@ MAX_UNANSWERED = 64
 MAX_REMARKS = 10_000
 
 
-def gather(recording: Recording) -> Night:
+def gather_night(recording: Recording) -> Night:
     """Collect the data of a whole recording. Raises UserError if the file is damaged or empty."""
     gathering = _NightCollector(recording)
-    for event in gathering.sides.protocol_lines_first(recording):
+    for event in gathering.protocols.protocol_lines_first(recording):
         gathering.process(event)
     night = gathering.night
     night.cut_reason = recording.incomplete_reason
@@ -44,7 +44,7 @@ def gather(recording: Recording) -> Night:
 class _NightCollector:
     def __init__(self, recording: Recording) -> None:
         config = recording.settings["config"]
-        self.sides = RecordedSides(recording)
+        self.protocols = ConnectionProtocols(recording)
         self._start_time = recording.settings["began"]
         mount = config["mount"]
         self.night = Night(
@@ -59,12 +59,12 @@ class _NightCollector:
         if mount.get("site"):
             self.night.site = SiteOfNight(float(mount["site"][0]), float(mount["site"][1]), "the settings")
         self.entry_count = 0
-        protocol = PROTOCOLS[self.sides.protocol(MOUNT_SIDE)]
-        self._command_names = protocol.night
+        protocol = PROTOCOLS[self.protocols.protocol(MOUNT_SIDE)]
+        self._command_names = protocol.log_commands
         self._answered_commands = {name for name, command in protocol.commands.commands.items() if command.replies}
-        self._decoder_by_side: dict[str, ConnectionDecoder] = {}
+        self._connection_decoders: dict[str, ConnectionDecoder] = {}
         self._programs: dict[str, ProgramConnections] = {}
-        self._unanswered: deque[tuple[float, str]] = deque(maxlen=MAX_UNANSWERED)
+        self._open_requests: deque[tuple[float, str]] = deque(maxlen=MAX_UNANSWERED)
         self._last_coordinates: dict[str, tuple[float, float]] = {}
 
     def process(self, event: Event) -> None:
@@ -86,8 +86,8 @@ class _NightCollector:
             text = event.data.decode("latin-1")
             if event.arrow == "v":
                 text = f"the mount's port was lost: {text}" if text else "the mount's port was lost"
-                self._count_unanswered(len(self._unanswered))
-                self._decoder_by_side.pop(MOUNT_SIDE, None)
+                self._count_unanswered(len(self._open_requests))
+                self._connection_decoders.pop(MOUNT_SIDE, None)
             if text and len(self.night.remarks) < MAX_REMARKS:
                 self.night.remarks.append(Incident(time, MOUNT_SIDE, text))
             return
@@ -95,7 +95,7 @@ class _NightCollector:
         if event.arrow == ">":
             for heard in side.decode_commands(event.data, event.time):
                 if heard.command in self._answered_commands:
-                    self._unanswered.append((event.time, heard.command))
+                    self._open_requests.append((event.time, heard.command))
                 self.night.goto_count += heard.command in self._command_names.goto_commands
         else:
             for heard in side.decode_replies(event.data):
@@ -103,10 +103,10 @@ class _NightCollector:
 
     def _match_reply(self, message: DecodedMessage, time: float) -> None:
         """Match a reply to the newest request of its command; count older requests as unanswered."""
-        waiting = [place for place, (_, name) in enumerate(self._unanswered) if name == message.command]
+        waiting = [place for place, (_, name) in enumerate(self._open_requests) if name == message.command]
         if waiting:
             self._count_unanswered(waiting[-1])
-            asked, _ = self._unanswered.popleft()
+            asked, _ = self._open_requests.popleft()
             self.night.request_times.append(self._start_time + asked)
             self.night.reply_times.append(time - asked)
         if message.command in self._command_names.position_commands and not message.fails:
@@ -117,7 +117,7 @@ class _NightCollector:
     def _count_unanswered(self, number: int) -> None:
         """Count this many of the oldest requests as unanswered."""
         for _ in range(number):
-            self._unanswered.popleft()
+            self._open_requests.popleft()
         self.night.unanswered_count += number
 
     def _add_pointing(self, fields: Mapping[str, Any], time: float) -> None:
@@ -147,11 +147,11 @@ class _NightCollector:
             self._connection_opened(event, time)
             return
         if event.arrow == "~":
-            self._decoder_by_side.pop(event.side, None)
+            self._connection_decoders.pop(event.side, None)
             return
         program = self._programs.get(event.side)
         if event.arrow == "-":
-            self._decoder_by_side.pop(event.side, None)
+            self._connection_decoders.pop(event.side, None)
             self._programs.pop(event.side, None)
         elif event.arrow == "!":
             if program is not None:
@@ -161,15 +161,15 @@ class _NightCollector:
                 self.night.refusals.append(Incident(time, who, event.data.decode("latin-1")))
         elif event.arrow == ">":
             if program is None:
-                program = self._add_program(event.side, event.side, self.sides.protocol(event.side), time)
+                program = self._add_program(event.side, event.side, self.protocols.protocol(event.side), time)
             for heard in self._decoder(event.side).decode_commands(event.data, event.time):
                 program.commands[heard.command or "not understood"] += 1
                 program.last_time = time
 
     def _connection_opened(self, event: Event, time: float) -> None:
-        number = self.sides.surface_numbers[event.side]
+        number = self.protocols.surface_numbers[event.side]
         host = event.data.decode("latin-1").rpartition("host ")[2]
-        self._decoder_by_side.pop(event.side, None)
+        self._connection_decoders.pop(event.side, None)
         program = self._add_program(event.side, host, self.night.surfaces[number - 1], time)
         program.connection_count += 1
 
@@ -179,6 +179,6 @@ class _NightCollector:
         return program
 
     def _decoder(self, side: str) -> ConnectionDecoder:
-        if side not in self._decoder_by_side:
-            self._decoder_by_side[side] = self.sides.decoder(side)
-        return self._decoder_by_side[side]
+        if side not in self._connection_decoders:
+            self._connection_decoders[side] = self.protocols.decoder(side)
+        return self._connection_decoders[side]

@@ -45,7 +45,7 @@ class ProgramConnections:
     refusal_count: int = 0
 
     @property
-    def n_sent(self) -> int:
+    def command_count(self) -> int:
         return self.commands.total()
 
 

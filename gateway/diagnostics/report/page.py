@@ -20,7 +20,7 @@ from gateway.diagnostics.report.svg import format_time_of_day
 MAX_COMMANDS, MAX_ROWS = 8, 200
 
 
-def report_page(night: Night, source: str) -> str:
+def report_page(night: Night, recording_name: str) -> str:
     """Return the report on a night as a complete HTML file."""
     sky = Sky()  # its closed forms are good to a second of arc
     points = altaz_track(night, sky)
@@ -28,54 +28,54 @@ def report_page(night: Night, source: str) -> str:
     site = (
         f", {night.site.latitude:.2f}°, {night.site.longitude:.2f}° as {night.site.source} told" if night.site else ""
     )
-    parts = [_section("", "", f'<div class="summary">{said}</div>')]
+    parts = [_html_section("", "", f'<div class="summary">{said}</div>')]
     if points:
-        parts.append(_section(
+        parts.append(_html_section(
             "Where it pointed", "North is up and east is left, as you look up. Thick line: tracking or at rest. "
             "Thin line: slewing.", f'<div class="round">{plots.plot_all_sky(points, night)}</div>',
         ))  # fmt: skip
-        parts.append(_section(
+        parts.append(_html_section(
             "How high it pointed", "Behind the line: day, twilight, darkness. Triangles: refusals. Dashed: the "
-            "limits.", _scrollable(plots.plot_altitude(points, light_intervals(night, sky), night)),
+            "limits.", _make_scrollable(plots.plot_altitude(points, light_intervals(night, sky), night)),
         ))  # fmt: skip
     if night.reply_times:
-        parts.append(_section(
+        parts.append(_html_section(
             "How long the mount took to answer", "Line: the median. Band: nine of ten replies. Dots: the longest. "
             "Red: a note about the mount or its connection.",
-            _scrollable(plots.plot_reply_times(night)),
+            _make_scrollable(plots.plot_reply_times(night)),
         ))  # fmt: skip
     parts += [
-        _section("Programs", "", table_of_programs(night)),
-        _section("Refused", "", table_of_remarks(night.refusals, "Nothing was refused.", with_client_column=True)),
-        _section(
+        _html_section("Programs", "", table_of_programs(night)),
+        _html_section("Refused", "", table_of_remarks(night.refusals, "Nothing was refused.", with_client_column=True)),
+        _html_section(
             "Notes about the mount and its connection",
             "",
             table_of_remarks(night.remarks, "Nothing.", with_client_column=False),
         ),
     ]
-    heading, by = title(night), f" Recorded by mount-gateway {night.recorded_by}." if night.recorded_by else ""
+    heading, by = report_title(night), f" Recorded by mount-gateway {night.recorded_by}." if night.recorded_by else ""
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{html.escape(heading)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n"
         f"<h1>{html.escape(heading)}</h1>\n"
-        f'<p class="from">{html.escape(source)}{html.escape(site)}. Times are UTC.{html.escape(by)}</p>\n'
+        f'<p class="from">{html.escape(recording_name)}{html.escape(site)}. Times are UTC.{html.escape(by)}</p>\n'
         + "\n".join(parts)
         + "\n</main>\n</body>\n</html>\n"
     )
 
 
-def _scrollable(plot: str) -> str:
+def _make_scrollable(plot: str) -> str:
     """Wrap a plot so that it scrolls on a phone instead of becoming too small to read."""
     return f'<div class="wide">{plot}</div>'
 
 
-def _section(title: str, note: str, content: str) -> str:
+def _html_section(title: str, note: str, content: str) -> str:
     head = f"<h2>{html.escape(title)}</h2>" if title else ""
     return f'<section>{head}{f"""<p class="note">{html.escape(note)}</p>""" if note else ""}{content}</section>'
 
 
-def table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def html_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return an HTML table; the cells are HTML already."""
     head = "".join(f'<th scope="col">{html.escape(word)}</th>' for word in headings)
     body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
@@ -85,21 +85,22 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def table_of_programs(night: Night) -> str:
     """Return an HTML table of the programs, the one with most commands first."""
     rows = []
-    busiest = max((program.n_sent for program in night.programs.values()), default=1) or 1
-    for program in sorted(night.programs.values(), key=lambda listed: -listed.n_sent):
+    busiest = max((program.command_count for program in night.programs.values()), default=1) or 1
+    for program in sorted(night.programs.values(), key=lambda listed: -listed.command_count):
         named = [f"<b>{html.escape(name)}</b> {times:,}" for name, times in program.commands.most_common(MAX_COMMANDS)]
         more = len(program.commands) - MAX_COMMANDS
-        share, minutes = program.n_sent / busiest * 100.0, max((program.last_time - program.first_time) / 60.0, 1.0)
+        share = program.command_count / busiest * 100.0
+        minutes = max((program.last_time - program.first_time) / 60.0, 1.0)
         rows.append([
             html.escape(program.host), html.escape(program.surface),
             f"{format_time_of_day(program.first_time)}–{format_time_of_day(program.last_time)}",
             f"{program.connection_count:,}",
-            f'<span class="share" style="--share:{share:.1f}%">{program.n_sent:,}</span>',
-            f"{program.n_sent / minutes:,.0f}", f"{program.refusal_count:,}",
+            f'<span class="share" style="--share:{share:.1f}%">{program.command_count:,}</span>',
+            f"{program.command_count / minutes:,.0f}", f"{program.refusal_count:,}",
             " · ".join(named) + (f" · {more} others" if more > 0 else ""),
         ])  # fmt: skip
     heads = ("host", "surface", "time", "connections", "commands", "a minute", "refused", "which ones")
-    return table(heads, rows) if rows else "<p>No program was connected.</p>"
+    return html_table(heads, rows) if rows else "<p>No program was connected.</p>"
 
 
 def table_of_remarks(remarks: Sequence[Incident], empty_text: str, with_client_column: bool) -> str:
@@ -111,15 +112,15 @@ def table_of_remarks(remarks: Sequence[Incident], empty_text: str, with_client_c
         return f"<p>{html.escape(empty_text)}</p>"
     rows = []
     for (text, who), times in sorted(same.items(), key=lambda item: -len(item[1]))[:MAX_ROWS]:
-        when = format_time_of_day(times[0], seconds=True)
-        when += f" – {format_time_of_day(times[-1], seconds=True)}" if len(times) > 1 else ""
+        when = format_time_of_day(times[0], with_seconds=True)
+        when += f" – {format_time_of_day(times[-1], with_seconds=True)}" if len(times) > 1 else ""
         rows.append([f"{len(times):,} ×", when, *([html.escape(who)] if with_client_column else []), html.escape(text)])
     heads = ("how often", "when", *(["to whom"] if with_client_column else []), "what")
     left = f"<p>{len(same) - MAX_ROWS:,} others are not shown.</p>" if len(same) > MAX_ROWS else ""
-    return table(heads, rows) + left
+    return html_table(heads, rows) + left
 
 
-def title(night: Night) -> str:
+def report_title(night: Night) -> str:
     """Return the title of the report, with the date on which the recording began, UTC."""
     return f"The night of {datetime.fromtimestamp(night.began, UTC):%d %B %Y}".replace(" 0", " ")
 
@@ -177,7 +178,7 @@ def _format_reply_time(seconds: float) -> str:
 
 
 def _programs_sentence(night: Night) -> str:
-    sent = sum(program.n_sent for program in night.programs.values())
+    sent = sum(program.command_count for program in night.programs.values())
     if not night.programs:
         return "No program was connected."
     return f"{format_count(len(night.programs), 'program')} sent {format_count(sent, 'command')}."

@@ -14,7 +14,7 @@ from gateway.diagnostics.report.svg import TOP, PlotFrame, Point, format_time_of
 #: The number of intervals into which the night is divided.
 INTERVAL_COUNT = 240
 #: The vertical scale ends at this quantile of the reply times, multiplied by a margin.
-SHOWN_FRACTION, SCALE_MARGIN = 0.99, 1.3
+SHOWN_QUANTILE, SCALE_MARGIN = 0.99, 1.3
 
 
 class ReplyTimeSpread(NamedTuple):
@@ -48,7 +48,7 @@ def reply_time_spreads(night: Night) -> list[ReplyTimeSpread]:
 
 def _scale_maximum(night: Night) -> float:
     """Return the end of the scale of reply times, milliseconds."""
-    return max(quant(SHOWN_FRACTION, sorted(night.reply_times)) * 1000.0 * SCALE_MARGIN, 1.0)
+    return max(quant(SHOWN_QUANTILE, sorted(night.reply_times)) * 1000.0 * SCALE_MARGIN, 1.0)
 
 
 def _scale_step(value: float) -> float:
@@ -194,7 +194,7 @@ def plot_all_sky(points: list[TrackPoint], night: Night) -> str:
         x, y = _chart_xy(azimuth, 0.0, CHART_RADIUS + 14)
         drawn.append(text(letter, x, y + 5, "compass"))
     for piece in split_track(points):
-        drawn.append(path((_chart_xy(place.az, place.alt) for place in piece), _track_class(piece)))
+        drawn.append(path((_chart_xy(place.az, place.alt) for place in piece), _track_css_class(piece)))
     drawn += _draw_time_labels(points)
     return picture(CHART_SIZE, CHART_SIZE, "".join(drawn), "Where the telescope pointed, over the whole sky")
 
@@ -209,7 +209,7 @@ def _chart_xy(azimuth: float, altitude: float, radius: float | None = None) -> P
     return CHART_SIZE / 2 - reach * math.sin(turn), CHART_SIZE / 2 - reach * math.cos(turn)
 
 
-def _track_class(piece: list[TrackPoint]) -> str:
+def _track_css_class(piece: list[TrackPoint]) -> str:
     return "slew" if piece[-1].slewing else "track"
 
 
@@ -237,7 +237,7 @@ def plot_altitude(points: list[TrackPoint], lights: list[LightInterval], night: 
         y = frame.y(limit)
         drawn.append(tag("line", x1=frame.x(night.began), x2=frame.x(night.ended), y1=y, y2=y, class_="limit"))
     for piece in split_track(points):
-        drawn.append(path(((frame.x(place.time), frame.y(place.alt)) for place in piece), _track_class(piece)))
+        drawn.append(path(((frame.x(place.time), frame.y(place.alt)) for place in piece), _track_css_class(piece)))
     for remark in night.refusals:
         x = frame.x(remark.time)
         drawn.append(path(((x, frame.foot), (x - 4, frame.foot + 7), (x + 4, frame.foot + 7)), "refusal", closed=True))

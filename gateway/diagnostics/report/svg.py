@@ -44,9 +44,9 @@ def picture(width: float, height: float, content: str, label: str) -> str:
     return tag("svg", content, viewBox=f"0 0 {width:g} {height:g}", role="img", aria_label=label)
 
 
-def format_time_of_day(unix: float, seconds: bool = False) -> str:
+def format_time_of_day(unix: float, with_seconds: bool = False) -> str:
     """Format Unix seconds as the time of day, UTC."""
-    return datetime.fromtimestamp(unix, UTC).strftime("%H:%M:%S" if seconds else "%H:%M")
+    return datetime.fromtimestamp(unix, UTC).strftime("%H:%M:%S" if with_seconds else "%H:%M")
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ import msgspec
 from aiohttp import web
 from msgspec import Struct
 
-from gateway.app.pages import Pages, make_app, require_own_page, same_token
+from gateway.app.pages import Pages, is_same_token, make_app, require_own_page
 from gateway.fleet.client import BrokerAccess, Connect
 from gateway.fleet.link import BrokerLink
 from gateway.fleet.topics import ONLINE, MqttMessage, ReceivedMessage, Topics
@@ -131,7 +131,7 @@ class StopForm(Struct, frozen=True, forbid_unknown_fields=True):
     mount: str = ""
 
 
-class Overview:
+class OverviewServer:
     """Serves the page until ``close``. ``on_connection`` is called when the broker is connected or lost.
     ``style_folder``: the folder of the console's page, whose style this page shares.
     """
@@ -145,9 +145,9 @@ class Overview:
         on_connection: Callable[[bool, str], None],
         connect: Connect | None = None,
     ) -> None:
-        self._roster, self._prefix, self._notify_connection = MountList(prefix, clock), prefix, on_connection
+        self._mount_list, self._prefix, self._notify_connection = MountList(prefix, clock), prefix, on_connection
         self._command_topics = [Topics(prefix, "+").of("+", "command"), Topics(prefix, "+").all_mounts]
-        subscriptions = [*self._roster.subscriptions, *self._command_topics]
+        subscriptions = [*self._mount_list.subscriptions, *self._command_topics]
         self._link = BrokerLink(
             access, subscriptions, self._on_message, self._on_connection, connect=connect, max_rate=MAX_MESSAGE_RATE
         )
@@ -170,7 +170,7 @@ class Overview:
             web.get("/", require_own_page(self._index)),
             web.get("/fleet.json", require_own_page(self._mounts, self._refusal_reason)),
             web.post("/stop", require_own_page(self._stop, self._refusal_reason)),
-            web.get("/{path:.+}", require_own_page(self._files.file)),
+            web.get("/{path:.+}", require_own_page(self._files.serve_file)),
         ])  # fmt: skip
         return app
 
@@ -189,7 +189,7 @@ class Overview:
         if message.topic in self._waiting_for_echo and not message.retained:
             self._waiting_for_echo[message.topic].set()
         else:
-            self._roster.receive(message)
+            self._mount_list.receive(message)
 
     async def send_stop(self, stop: StopForm) -> str:
         """Send a stop to one mount or all; return why it was not sent, or an empty text."""
@@ -213,14 +213,14 @@ class Overview:
 
     def _refusal_reason(self, request: web.Request) -> str:
         """Return why a request is refused; an empty text if it has the token of the page."""
-        known = same_token(request.headers.get("X-Token"), self._token)
+        known = is_same_token(request.headers.get("X-Token"), self._token)
         return "" if known else "Only the page of this overview may ask for this."
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
-        return await self._files.index(request, token=self._token)
+        return await self._files.serve_page(request, token=self._token)
 
     async def _mounts(self, request: web.Request) -> web.StreamResponse:
-        state = {"there": self._is_connected, "why": self._disconnect_reason, "mounts": self._roster.mounts()}
+        state = {"there": self._is_connected, "why": self._disconnect_reason, "mounts": self._mount_list.mounts()}
         return web.Response(body=msgspec.json.encode(state), content_type="application/json")
 
     async def _stop(self, request: web.Request) -> web.StreamResponse:

@@ -58,7 +58,7 @@ _TIME_FIELDS = ("time", "sidereal", "hour", "minute", "second")
 #: The fields of a reply that are angles on a sphere: each longitude with its latitude.
 _LATITUDE_OF = {"ra": "dec", "az": "alt", "longitude": "latitude"}
 #: Seconds between two position reads that test whether a hibernating mount was woken: as for an awake mount at rest.
-RETRY_PERIOD = 5.0
+WAKE_TEST_PERIOD = 5.0
 _T = TypeVar("_T")
 
 
@@ -76,7 +76,7 @@ class ReplyVerifier:
 
     def __init__(self, line: MountLink, clock: Callable[[], float], speed_factor: float = 1.0) -> None:
         self._line, self._clock, self._max_speed = line, clock, MAX_SPEED * speed_factor
-        self._late_replies = line.transaction.late
+        self._late_replies = line.transaction.late_replies
         self._last_replies: dict[tuple[object, ...], ReceivedReply] = {}
         self._latitudes: dict[str, float] = {}
 
@@ -85,7 +85,7 @@ class ReplyVerifier:
         kind = self._line.reply_rules.expected_reply(command).answer_kind
         if kind is None:
             asked = self._clock()
-            return ReceivedReply(await self._send_order(command, priority), None, asked, self._clock()), 1
+            return ReceivedReply(await self._send_change(command, priority), None, asked, self._clock()), 1
         key = (
             command.command,
             command.include_raw,
@@ -97,7 +97,7 @@ class ReplyVerifier:
         while times < MAX_TRIES:
             times += 1
             late_count = max(late_count, self._late_replies.count(command, self._clock()))
-            reply = await self._ask(command, priority)
+            reply = await self._get_reply(command, priority)
             mute = isinstance(reply.fault, Silence)  # which always takes its whole timeout
             if mute and not command.include_raw:
                 break  # the driver asked for this answer by ``patience``
@@ -118,20 +118,20 @@ class ReplyVerifier:
             moves = kind == "position" and longest == 1 and needed <= 2  # only a position may change so fast
             if len(agreeing) < (2 if needed < JUMP_REPLIES else SLOW_LINE_JUMP_REPLIES) and not moves:
                 raise Garbled
-        self._remember(key, reply)
+        self._remember_reply(key, reply)
         self._latitudes |= {name: reply.values[name] for name in _LATITUDE_OF.values() if name in reply.values}
         if reply.fault is not None:
             raise type(reply.fault)(str(reply.fault))  # a copy: a raised exception keeps its callers' frames alive
         return reply, times
 
-    def _remember(self, key: tuple[object, ...], reply: ReceivedReply) -> None:
+    def _remember_reply(self, key: tuple[object, ...], reply: ReceivedReply) -> None:
         """Remember the last reply; if there are too many, forget the oldest."""
         self._last_replies.pop(key, None)
         self._last_replies[key] = reply
         if len(self._last_replies) > MAX_LAST_REPLIES:
             del self._last_replies[next(iter(self._last_replies))]
 
-    async def _send_order(self, command: Send, priority: int) -> Values:
+    async def _send_change(self, command: Send, priority: int) -> Values:
         """Send a command that changes something, once no late acknowledgement can be taken for its own. Raises Fault.
 
         A stop never waits: it is repeated until an acknowledgement can only belong to it.
@@ -152,7 +152,7 @@ class ReplyVerifier:
             if times > min(late_count, MAX_LATE_REPLIES):
                 return answer
 
-    async def _ask(self, command: Send, priority: int) -> ReceivedReply:
+    async def _get_reply(self, command: Send, priority: int) -> ReceivedReply:
         """Return a reply; ask again if it is garbled. Raises Garbled if it stays so, NoAnswer if none comes, Busy."""
         for attempt in range(GARBLED_TRIES):
             values: Values = {}
@@ -258,8 +258,8 @@ class HibernationGate:
         self._next_read_at = 0.0
 
     def note_hibernation(self) -> None:
-        """Note that the mount was sent to hibernate: its position is not read for ``RETRY_PERIOD`` seconds."""
-        self._next_read_at = self._clock() + RETRY_PERIOD
+        """Note that the mount was sent to hibernate: its position is not read for ``WAKE_TEST_PERIOD`` seconds."""
+        self._next_read_at = self._clock() + WAKE_TEST_PERIOD
 
     def allow_next_read(self) -> None:
         """Allow the next read of the position: the line was lost, and the mount may have been switched off and on."""
@@ -276,7 +276,7 @@ class HibernationGate:
             return
         if self.refuses_reads or priority != POSITION:
             raise Asleep
-        self._next_read_at = self._clock() + RETRY_PERIOD
+        self._next_read_at = self._clock() + WAKE_TEST_PERIOD
 
     def _answers_while_asleep(self, command: Send) -> bool:
         return bool(self._driver.protocol.commands[command.command].allowed_while_asleep)

@@ -112,7 +112,7 @@ class MountLink:
 
     def was_busy_after(self, loop_time: float) -> bool:
         """Whether the mount has worked on a long operation since this loop time."""
-        return self.occupied or self.transaction.long_ended_at >= loop_time
+        return self.occupied or self.transaction.long_op_ended_at >= loop_time
 
     async def close(self) -> None:
         """End the worker and close the wire; waiting and later requests fail with NoAnswer."""
@@ -135,23 +135,25 @@ class MountLink:
     async def timed_exchange(self, command: Send, priority: int) -> tuple[Values, float]:
         """Like `exchange`, but also return the seconds that the reply took. Raises Fault, with ``reply_seconds``."""
         if self.state == "down":
-            self._hurry_stop(priority)
+            self._wake_exchange(priority)
             unheard = NoAnswer()
             unheard.is_sent = False
             raise unheard
         if self.state == "busy" and priority != STOP:
             raise Busy
         outcome = self.queue.add(command, priority)
-        self._hurry_stop(priority)
+        self._wake_exchange(priority)
         return await outcome
 
-    def _hurry_stop(self, priority: int) -> None:
+    def _wake_exchange(self, priority: int) -> None:
         """Wake the exchange under way for a stop that is not written yet; during a long operation, for any request."""
-        stop = priority == STOP and not (self.transaction.stops and self.transaction.stops.issuperset(self._due_stop()))
+        stop = priority == STOP and not (
+            self.transaction.written_stops and self.transaction.written_stops.issuperset(self._stop_commands())
+        )
         if stop or self.transaction.is_long_op:
             self.transaction.wake(stop)
 
-    def _due_stop(self) -> list[bytes]:
+    def _stop_commands(self) -> list[bytes]:
         """Return the commands of the stop that the mount has not acknowledged, else those of the queued stops."""
         commands: list[bytes] = []
         self.writing_stop.emit(commands)
@@ -189,15 +191,15 @@ class MountLink:
     async def _resync_reopened_line(self) -> None:
         """Bring a reopened line into step. If half a command was sent before, first wait until the mount drops it."""
         self.reopened.emit(None)
-        half, self.transaction.half_sent = self.transaction.half_sent, False
+        half, self.transaction.half_command_sent = self.transaction.half_command_sent, False
         stopped = await self._write_stop()
         if half and not stopped:
             await self.transaction.idle(self.transaction.written_at + HALF_COMMAND_SILENCE - self._clock())
         await self._recover()
 
     async def _write_stop(self) -> bool:
-        """Write the commands of `_due_stop` without waiting for replies; return whether there were any."""
-        commands, before = self._due_stop(), self.reply_rules.half_command_end
+        """Write the commands of `_stop_commands` without waiting for replies; return whether there were any."""
+        commands, before = self._stop_commands(), self.reply_rules.half_command_end
         self.transaction.note_stop_written(commands)
         for command in commands:
             if not self.transaction.send(before + command):
@@ -232,7 +234,7 @@ class MountLink:
                 else:
                     request.future.set_result((outcome, self.times.last_rtt))
                 answered = True
-            if isinstance(outcome, Silence) and self.reply_rules.expected_reply(request.command).needs_close:
+            if isinstance(outcome, Silence) and self.reply_rules.expected_reply(request.command).needs_command_end:
                 self.transaction.send(self.reply_rules.half_command_end)
                 await self.transaction.drain(max(QUIET_TIME, 2.0 * self.times.typical_rtt))
             if isinstance(outcome, NoAnswer | Silence) and not isinstance(outcome, GaveWayToStop):

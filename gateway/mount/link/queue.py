@@ -86,7 +86,7 @@ class RequestQueue:
         heapq.heappush(self._urgent_times, urgent_at)
 
     @property
-    def stop_waits(self) -> bool:
+    def has_waiting_stop(self) -> bool:
         for request in self._waiting:  # noqa: SIM110  # called in every iteration, and faster than a generator
             if request.priority == STOP and not request.future.done():
                 return True
@@ -145,7 +145,7 @@ class RequestQueue:
     def _let_clients_follow_up(self) -> Iterator[None]:
         """Let clients that just got a reply queue their next request, unless the queue is empty or holds a stop."""
         for _ in range(FOLLOW_UP_ITERATIONS):
-            if not self._waiting or self.stop_waits:
+            if not self._waiting or self.has_waiting_stop:
                 return
             yield  # one event loop iteration, cheaper than asyncio.sleep(0)
 
@@ -186,12 +186,14 @@ class RequestQueue:
         return request.future.done()
 
 
-def sort_queue(waiting: Iterable[QueuedCommand], now: float, n_motions: int, setting_skips: int) -> list[QueuedCommand]:
-    """Return the waiting requests in the order in which they will be sent, if the last ``n_motions`` exchanges were
+def sort_queue(
+    waiting: Iterable[QueuedCommand], now: float, motion_count: int, setting_skips: int
+) -> list[QueuedCommand]:
+    """Return the waiting requests in the order in which they will be sent, if the last ``motion_count`` exchanges were
     motions and the last ``setting_skips`` exchanges no settings.
     """
     before_all = STOP + 0.5
-    waited = before_all if n_motions >= MAX_MOTIONS_IN_A_ROW else AGED_READ
+    waited = before_all if motion_count >= MAX_MOTIONS_IN_A_ROW else AGED_READ
     risen = {POSITION: waited, READ: waited, SETTING: before_all if setting_skips >= MAX_SETTING_SKIPS else SETTING}
 
     def sort_key(queued: QueuedCommand) -> tuple[float, int, int]:
@@ -201,13 +203,13 @@ def sort_queue(waiting: Iterable[QueuedCommand], now: float, n_motions: int, set
     return sorted(waiting, key=sort_key)
 
 
-def hold_back_time(first: QueuedCommand, now: float, urgent_at: float | None, typical_rtt: float) -> float | None:
+def hold_back_time(request: QueuedCommand, now: float, urgent_at: float | None, typical_rtt: float) -> float | None:
     """Return the seconds that a read waits for a request due at loop time ``urgent_at``; None if it need not wait."""
-    if urgent_at is None or first.priority not in READS or urgent_at - now >= URGENT_FACTOR * typical_rtt:
+    if urgent_at is None or request.priority not in READS or urgent_at - now >= URGENT_FACTOR * typical_rtt:
         return None
     return max(0.0, urgent_at - now) + URGENT_GRACE
 
 
-def is_too_late(command: QueuedCommand, now: float) -> bool:
+def is_too_late(request: QueuedCommand, now: float) -> bool:
     """Whether the request begins a motion by hand that was asked for too long ago."""
-    return command.command.at_once_or_never and now - command.queued_at > MAX_START_DELAY
+    return request.command.at_once_or_never and now - request.queued_at > MAX_START_DELAY

@@ -28,8 +28,8 @@ QUIET_TIME = 0.15
 DRAIN_TIMEOUT = 5.0
 #: If a line duplicates a reply, the copy follows within COPY_GAP seconds. Until then the gateway sends no request to
 #: which the copy could be the reply, if the copy is an acknowledgement only or if stray bytes came within the last
-#: UNRULY_TIME seconds.
-COPY_GAP, UNRULY_TIME = 0.05, 300.0
+#: STRAY_BYTES_TIME seconds.
+COPY_GAP, STRAY_BYTES_TIME = 0.05, 300.0
 #: Seconds after a request from which arriving bytes are no reply to it: the gateway no longer waits for them to end.
 BABBLE_TIME = 3.0
 #: A reply that is an acknowledgement only counts when nothing has followed it for this many seconds.
@@ -53,8 +53,8 @@ TIMEOUT_FACTOR, SHORTEST_TIMEOUT, MIN_REPLY_COUNT = 8.0, 1.2, 20
 LATE_FACTOR, MAX_COUNTED_LATE = 1.5, 6.0
 #: The first reply sets the typical time, up to this many seconds.
 MAX_FIRST_REPLY_TIME = 1.0
-#: Smoothing of the typical time: weight of the newest, which is cut to MAX_GROWTH averages plus MARGIN seconds.
-SMOOTHING_WEIGHT, MAX_GROWTH, MARGIN = 0.2, 3.0, 0.01
+#: Smoothing of the typical time: weight of the newest, which is cut to MAX_GROWTH averages plus RTT_MARGIN seconds.
+RTT_WEIGHT, MAX_GROWTH, RTT_MARGIN = 0.2, 3.0, 0.01
 
 #: The fields of a reply, or the fault that it reports; and the same together with the reply's length in bytes.
 Answer = Values | Fault
@@ -79,7 +79,7 @@ class ReplyTimes:
         self.reply_count += 1
         if not in_average:
             return
-        self.typical_rtt += SMOOTHING_WEIGHT * (min(elapsed, MAX_GROWTH * self.typical_rtt + MARGIN) - self.typical_rtt)
+        self.typical_rtt += RTT_WEIGHT * (min(elapsed, MAX_GROWTH * self.typical_rtt + RTT_MARGIN) - self.typical_rtt)
         if self.reply_count == 1:
             self.typical_rtt = max(self.typical_rtt, min(elapsed, MAX_FIRST_REPLY_TIME))
 
@@ -142,15 +142,15 @@ class Transaction:
         self.lost = False
         self.wire_lost: Signal[None] = Signal()
         #: Whether the line was lost during an exchange, so that the mount may have received half a command.
-        self.half_sent = False
+        self.half_command_sent = False
         self.last_request = b""
         #: Whether a long operation is under way, whether it takes so long that other requests are refused, and the loop
         #: time at which the last one ended.
-        self.is_long_op, self.busy, self.long_ended_at = False, False, -1e9
+        self.is_long_op, self.busy, self.long_op_ended_at = False, False, -1e9
         #: Loop time of the last write; long ago if there was none.
         self.written_at = -1e9
         self.times = ReplyTimes()
-        self.late = LateReplies(reply_rules.ambiguous_with)
+        self.late_replies = LateReplies(reply_rules.ambiguous_with)
         self._clock = asyncio.get_running_loop().time
         #: Whether any byte ever arrived; the last request without a proper reply, and the bytes that came instead.
         self.ever_answered = False
@@ -171,7 +171,7 @@ class Transaction:
         self._stop_due_at = math.inf
         #: The stop commands that were written without waiting for replies, cleared by the next exchange (not by checks
         #: of the line); and the loop time at which the newest of them was first written.
-        self.stops: set[bytes] = set()
+        self.written_stops: set[bytes] = set()
         self._stop_first_written_at = -1e9
         self._opening_count = 0
 
@@ -222,9 +222,9 @@ class Transaction:
     def note_stop_written(self, commands: Collection[bytes]) -> None:
         """Note that these commands of the due stop were written, and calculate when they must be written again."""
         now, self._stop_due_at = self._clock(), math.inf
-        if not self.stops.issuperset(commands):
+        if not self.written_stops.issuperset(commands):
             self._stop_first_written_at = now
-        self.stops.update(commands)
+        self.written_stops.update(commands)
         if commands:
             again = (self._stop_first_written_at + after for after in STOP_RETRY_DELAYS)
             self._stop_due_at = next((at for at in again if at > now), math.inf)
@@ -255,7 +255,7 @@ class Transaction:
         if not self._unknown_bytes:
             if self._last_command is None or not self.reply_rules.ambiguous_with(self._last_command, command):
                 return 0.0
-            if now > self._stray_at + UNRULY_TIME and not self.reply_rules.expected_reply(command).unterminated:
+            if now > self._stray_at + STRAY_BYTES_TIME and not self.reply_rules.expected_reply(command).unterminated:
                 return 0.0
         return left
 
@@ -263,25 +263,27 @@ class Transaction:
         """Carry out an exchange. If the pause before it was cut short, a stop is sent twice: the first may be lost."""
         hurried, self._pause_cut_short = self._pause_cut_short, False
         if not is_stop:
-            self.stops.clear()
+            self.written_stops.clear()
         # A stop is cut off, too, so that all of it is written; but not when it is sent again after that.
-        self._stop_due_at = self._clock() if is_stop and not self.stops else math.inf
+        self._stop_due_at = self._clock() if is_stop and not self.written_stops else math.inf
         try:
-            outcome = await self.exchange(command, firm=hurried, stop=is_stop)
+            outcome = await self.exchange(command, full_pause=hurried, is_stop=is_stop)
             if not isinstance(outcome, NoAnswer):
-                self.stops.clear()
+                self.written_stops.clear()
             if hurried and is_stop and self.reply_rules.expected_reply(command).delay_after:
                 outcome = await self.exchange(
-                    command, stop=True
+                    command, is_stop=True
                 )  # without the pause the mount may have missed the first
             return outcome
         finally:
             self.busy = False
 
-    async def exchange(self, command: Send, firm: bool = False, is_resync: bool = False, stop: bool = False) -> Answer:
-        """Send a request and return the fields of its reply, or the Fault that came instead. ``firm``: a stop
+    async def exchange(
+        self, command: Send, full_pause: bool = False, is_resync: bool = False, is_stop: bool = False
+    ) -> Answer:
+        """Send a request and return the fields of its reply, or the Fault that came instead. ``full_pause``: a stop
         does not cut short the pause after the exchange. ``is_resync``: the reply gets the protocol's full timeout.
-        ``stop``: the request is a stop, and does not wait until the line is quiet.
+        ``is_stop``: the request is a stop, and does not wait until the line is quiet.
         """
         try:
             request = self.reply_rules.encode(command)
@@ -289,7 +291,7 @@ class Transaction:
             return fault
         expected = self.reply_rules.expected_reply(command)
         settle = (
-            COPY_GAP if stop and self.quiet_needed(command) else SETTLE_TIME
+            COPY_GAP if is_stop and self.quiet_needed(command) else SETTLE_TIME
         )  # a request that skipped the quiet must wait after the reply
         self.discard("unsolicited")
         self._bytes_event.clear()
@@ -298,13 +300,13 @@ class Transaction:
         self.is_long_op, self._stops_sent, self._stop_is_waiting = command.long, 0, False
         overtakes = getattr(self.wire, "newest_only", False)
         waits = expected.max_stop_wait if overtakes else self.times.typical_rtt + STOP_WAIT
-        self._gives_way_at = math.inf if command.long or (overtakes and stop) else began + waits
+        self._gives_way_at = math.inf if command.long or (overtakes and is_stop) else began + waits
         taken = await self._await_reply(command, expected, began, settle, is_resync) if self.send(request) else None
-        self._stop_unanswered = stop and expected.silent
-        self.is_long_op, self.long_ended_at = False, self._clock() if command.long else self.long_ended_at
+        self._stop_unanswered = is_stop and expected.silent
+        self.is_long_op, self.long_op_ended_at = False, self._clock() if command.long else self.long_op_ended_at
         if taken is None:
             gave_way = overtakes and self._must_give_way
-            return GaveWayToStop() if gave_way else self._silent_fault(command, expected, began)
+            return GaveWayToStop() if gave_way else self._no_reply_fault(command, expected, began)
         outcome, length = taken
         if len(self._buffer) > length + self._stops_sent:  # each stop sent meanwhile may have been refused with a byte
             outcome = Garbled()
@@ -313,10 +315,10 @@ class Transaction:
             self.discard("garbled")
             return outcome
         if command.include_raw and isinstance(outcome, dict):
-            outcome = {**outcome, "raw": self._buffer[:length].rstrip(self.reply_rules.padding)}
+            outcome = {**outcome, "raw": self._buffer[:length].rstrip(self.reply_rules.ignored_bytes)}
         self._consume(length)
         self.times.add_reply(self.heard_at - began, self._clock() - began, in_average=bool(length) and not command.long)
-        if expected.delay_after and await self._pause(expected.delay_after, firm):
+        if expected.delay_after and await self._pause(expected.delay_after, full_pause):
             outcome = self._objection(command) or outcome
         return outcome
 
@@ -324,11 +326,11 @@ class Transaction:
         """Send a command if it needs no reply, and return whether it was sent; return None if it needs a reply."""
         return self.send(self.reply_rules.encode(command)) if self.reply_rules.expected_reply(command).silent else None
 
-    async def _pause(self, seconds: float, firm: bool) -> bool:
-        """Pause after a command without a reply. Return False if a stop cuts it short, which ``firm`` prevents."""
+    async def _pause(self, seconds: float, in_full: bool) -> bool:
+        """Pause after a command without a reply. Return False if a stop cuts it short, which ``in_full`` prevents."""
         until = self._clock() + seconds
         while not self.lost and (left := until - self._clock()) > 0:
-            if not firm and self._queue.stop_waits:
+            if not in_full and self._queue.has_waiting_stop:
                 self._pause_cut_short = True
                 return False
             await self._queue.wait_for_change_within(left)
@@ -361,7 +363,7 @@ class Transaction:
                 if taken[1] and expected.unterminated and not self._stop_is_waiting:
                     self._awaiting_more_bytes = True
                     alone = max(REPLY_END_GAP, 2.0 * self.times.typical_rtt)
-                    ambiguous = self._buffer[: taken[1]] in expected.ambiguous
+                    ambiguous = self._buffer[: taken[1]] in expected.ambiguous_replies
                     if await self._bytes_event.wait_within(max(settle_time, alone if ambiguous else 0.0)):
                         taken = self._parsed_reply(command)
                     self._awaiting_more_bytes = False
@@ -374,10 +376,10 @@ class Transaction:
             await self._bytes_event.wait_within(min(at for at in (deadline, cut, *nearer) if at > now) - now)
         return None
 
-    def _silent_fault(self, command: Send, expected: ExpectedReply, started_at: float) -> Fault:
+    def _no_reply_fault(self, command: Send, expected: ExpectedReply, started_at: float) -> Fault:
         self.times.last_rtt = self._clock() - started_at
         if self.lost:
-            self.half_sent = True
+            self.half_command_sent = True
         elif command.timeout is not None and not command.long and not self._unknown_bytes and not self._must_give_way:
             return Silence()
         self._expect_late_reply(command, expected, started_at)
@@ -387,7 +389,7 @@ class Transaction:
 
     def _expect_late_reply(self, command: Send, expected: ExpectedReply, started_at: float) -> None:
         """Note that the reply to a request may still arrive."""
-        self.late.add(command, started_at + max(expected.timeout, command.timeout or 0.0) + LATE_REPLY_TIME)
+        self.late_replies.add(command, started_at + max(expected.timeout, command.timeout or 0.0) + LATE_REPLY_TIME)
         self._unanswered_since = started_at
         self.last_failed_exchange = self.last_request, self._buffer
 
@@ -419,7 +421,7 @@ class Transaction:
     @property
     def _unknown_bytes(self) -> bytes:
         """The received bytes that belong to no reply, without the padding that some mounts send around replies."""
-        return self._buffer.strip(self.reply_rules.padding)
+        return self._buffer.strip(self.reply_rules.ignored_bytes)
 
     async def idle(self, seconds: float) -> None:
         """Wait for some seconds, but not longer than until a stop is due."""
@@ -436,8 +438,8 @@ class Transaction:
             await self._bytes_event.wait_within(left)
 
     async def drain(self, quiet_time: float) -> bool:
-        """Wait until the wire has been quiet for ``quiet_time`` seconds, or a stop is due; drop the received bytes, and
-        return whether there were any.
+        """Wait, not for ever, until the wire is quiet for ``quiet_time`` seconds, a stop is due or the wire is lost.
+        Drop the received bytes, and return whether there were any.
         """
         give_up = self._clock() + DRAIN_TIMEOUT
         while not self.lost and not self.stop_is_due and self._clock() < give_up:

@@ -21,7 +21,7 @@ from gateway.core.motion_kinds import (
     HAND_MOTIONS,
     MOVERS,
     RESUMABLE_ORDERS,
-    axis_moved,
+    moved_axis,
     stops_focuser,
     survives_abort,
 )
@@ -69,7 +69,7 @@ def after_stop(wanted: Wanted, reason: str | None = None) -> Wanted:
     ends_goto = bool(reason) and isinstance(wanted.motion, Slew)
     failure = f"the goto ended before its goal: {reason}" if ends_goto else wanted.goto_failure
     return replace(
-        wanted, pending=pending, pulses=(), arrows=(), taps=(), stop_owed=True, n_stops=wanted.n_stops + 1,
+        wanted, pending=pending, pulses=(), arrows=(), taps=(), stop_owed=True, stop_count=wanted.stop_count + 1,
         goto_failure="" if reason == "" else failure,
     )  # fmt: skip
 
@@ -109,20 +109,20 @@ def add_follow_up(wanted: Wanted, schedule: Schedule, order_number: int, now: fl
     return replace(wanted, pending=(*others, order))
 
 
-def stopped_since(wanted: Wanted, operation: op.Operation, stop_count: int | None) -> bool:
+def was_stopped_since(wanted: Wanted, operation: op.Operation, stop_count: int | None) -> bool:
     """Whether a stop since the request makes the operation void. ``stop_count``: how many stops preceded it."""
-    if stop_count is None or stop_count == wanted.n_stops:
+    if stop_count is None or stop_count == wanted.stop_count:
         return False
     return not (isinstance(operation, op.StopAxis) or survives_abort(operation))
 
 
-def without_superseded(wanted: Wanted, operation: op.Operation) -> Wanted:
+def without_superseded_orders(wanted: Wanted, operation: op.Operation) -> Wanted:
     """Remove the pending orders that a halt, an end of all gotos or a newer rate cancels before they begin."""
     pending = tuple(order for order in wanted.pending if not _cancels(operation, order, order.number == wanted.active))
     return wanted if len(pending) == len(wanted.pending) else replace(wanted, pending=pending)
 
 
-def interrupt(wanted: Wanted, halt: Halt) -> Wanted:
+def interrupt_order(wanted: Wanted, halt: Halt) -> Wanted:
     """Let a halt interrupt the active order, if that order can begin again after it."""
     active = wanted.active_order
     if (
@@ -139,12 +139,12 @@ def _cancels(operation: op.Operation, order: Order, is_active: bool) -> bool:
     other = order.operation
     match operation:
         case op.StopAxis(axis=axis):
-            return axis_moved(other) == axis or order.pulse_axis == axis
+            return moved_axis(other) == axis or order.pulse_axis == axis
         case op.AbortSlew():
             return isinstance(other, GOTOS)
         case op.Move() | op.MoveAxis() | op.TrackRate():
-            held = not is_active and order.held is None
-            return held and (axis_moved(other), type(other)) == (axis_moved(operation), type(operation))
+            held = not is_active and order.held_for is None
+            return held and (moved_axis(other), type(other)) == (moved_axis(operation), type(operation))
     return False
 
 
@@ -153,18 +153,18 @@ def _cancels(operation: op.Operation, order: Order, is_active: bool) -> bool:
 
 def _append_order(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """Append the order, after removing what it supersedes."""
-    wanted = without_superseded(wanted, order.operation)
+    wanted = without_superseded_orders(wanted, order.operation)
     return replace(wanted, pending=(*wanted.pending, order), order_count=wanted.order_count + 1)
 
 
 def _apply_arrow(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """Append the motion of an arrow key. It cancels postponed gotos: its user wants to move the mount himself."""
-    axis = axis_moved(order.operation)
+    axis = moved_axis(order.operation)
     pending = tuple(other for other in wanted.pending if other.number == wanted.active or not _is_postponed(other))
     wanted = wanted if len(pending) == len(wanted.pending) else replace(wanted, pending=pending)
     if order.client is not None and axis is not None:
         others = tuple(press for press in wanted.arrows if (press.host, press.axis) != (order.client.host, axis))
-        wanted = replace(wanted, arrows=(*others, PressedArrow(order.client.host, axis, wanted.n_gotos)))
+        wanted = replace(wanted, arrows=(*others, PressedArrow(order.client.host, axis, wanted.goto_count)))
     return _append_order(wanted, order, now, slewing)
 
 
@@ -173,7 +173,7 @@ def _apply_goto(wanted: Wanted, order: Order, now: float, slewing: bool) -> Want
     if any(isinstance(other.operation, op.Move | op.MoveAxis) for other in wanted.pending):
         wanted = without_waiting_arrows(wanted)
     pending = tuple(other for other in wanted.pending if other.number == wanted.active or not _replaced_by_goto(other))
-    return _append_order(replace(wanted, n_gotos=wanted.n_gotos + 1, pending=pending), order, now, slewing)
+    return _append_order(replace(wanted, goto_count=wanted.goto_count + 1, pending=pending), order, now, slewing)
 
 
 def _is_postponed(order: Order) -> bool:
@@ -199,7 +199,11 @@ def _apply_halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Want
     assert isinstance(order, Halt)
     if order.ends_tap:
         return end_tap(wanted, order)
-    if not wanted.waiting_gotos and (wanted.by_hand or not slewing) and (tapped := released(wanted, order)) is not None:
+    if (
+        not wanted.waiting_gotos
+        and (wanted.hand_moves or not slewing)
+        and (tapped := released(wanted, order)) is not None
+    ):
         return tapped
     axis = halted_axis(order.operation)
     presser = None if order.client is None else (order.client.host, axis)
@@ -207,9 +211,9 @@ def _apply_halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Want
     others = (arrow for arrow in wanted.arrows if arrow is not press)
     wanted = replace(wanted, arrows=tuple(arrow for arrow in others if order.client is not None or arrow.axis != axis))
     gotos = wanted.waiting_gotos
-    if not gotos and (wanted.by_hand or not slewing):  # motion by hand means that the goto has ended
+    if not gotos and (wanted.hand_moves or not slewing):  # motion by hand means that the goto has ended
         return _queue_halt(wanted, order, now, slewing)
-    if press is None or press.gotos_before >= wanted.n_gotos:
+    if press is None or press.gotos_before >= wanted.goto_count:
         return after_stop(wanted)
     return replace(wanted, pending=(*wanted.pending, replace(order, voided_by=gotos[-1].number))) if gotos else wanted
 
@@ -218,12 +222,12 @@ def _queue_halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Want
     """Queue a halt: before all other orders, but behind a pending goto, and last if a client keeps repeating it."""
     assert isinstance(order, Halt)
     axis = halted_axis(order.operation)
-    wanted = without_superseded(
+    wanted = without_superseded_orders(
         replace(wanted, pulses=tuple(pulse for pulse in wanted.pulses if pulse.axis != axis)), order.operation
     )
     same = equal_pending_halt(wanted, order.operation)
     if same is not None:
-        return interrupt(wanted, same)
+        return interrupt_order(wanted, same)
     before = next((halt for halt in wanted.halts if halt.operation == order.operation), None)
     again = before is not None and before.order_count == wanted.order_count and now - before.at <= URGENT_REPEAT_WINDOW
     order = replace(
@@ -233,7 +237,7 @@ def _queue_halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Want
         repeat_number=before.repeat_number + 1 if before is not None and again else 0,
     )
     order = replace(order, rank=FIRST_RANK if order.overtakes and not order.keeps_repeating else USUAL_RANK)
-    return interrupt(replace(wanted, pending=(*wanted.pending, order)), order)
+    return interrupt_order(replace(wanted, pending=(*wanted.pending, order)), order)
 
 
 def halted_axis(operation: op.Operation) -> int | None:
@@ -294,7 +298,7 @@ def after_failure(wanted: Wanted, order: Order) -> Wanted:
     pending = tuple(
         replace(other, voided_by=0, rank=FIRST_RANK) if _is_void_after(other, order) else other
         for other in wanted.pending
-        if not _is_void_after(other, order) or getattr(other.operation, "axis", 0) in wanted.by_hand
+        if not _is_void_after(other, order) or getattr(other.operation, "axis", 0) in wanted.hand_moves
     )
     return replace(wanted, pending=pending)
 
@@ -330,7 +334,7 @@ def after_ack(
             )
             motion = AxisMotion(operation, order.client, now, speed, order.came_at, max(sent_at, order.came_at))
             moved = _with_axis_motion(wanted, operation.axis, motion)
-            return moved if order.held is None else begin_tap(moved, motion, operation.axis, order.held)
+            return moved if order.held_for is None else begin_tap(moved, motion, operation.axis, order.held_for)
         case op.StopAxis() if order.follow_up:
             return wanted
         case op.StopAxis():
@@ -348,7 +352,7 @@ def after_ack(
 
 def refuse_earlier_orders(wanted: Wanted) -> Wanted:
     """Count a stop, which voids the orders of clients that still wait in a connection."""
-    return replace(wanted, n_stops=wanted.n_stops + 1)
+    return replace(wanted, stop_count=wanted.stop_count + 1)
 
 
 def after_acknowledged_stop(wanted: Wanted) -> Wanted:

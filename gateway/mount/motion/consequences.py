@@ -19,7 +19,7 @@ MIN_LOGGED_EXCESS = 0.1
 
 class Consequences:
     """Updates the cache of readings and the watches of motion when the mount has acknowledged an operation.
-    ``on_acknowledged`` is called before that operation enters ``Wanted``, ``on_ack`` afterwards.
+    ``on_ack_received`` is called before that operation enters ``Wanted``, ``on_ack_stored`` afterwards.
     """
 
     def __init__(
@@ -39,12 +39,12 @@ class Consequences:
         self._watch.on_motion_end()
         self._cache.put(op.Slewing, False, self._clock())
 
-    def on_acknowledged(self, operation: op.Operation) -> None:
+    def on_ack_received(self, operation: op.Operation) -> None:
         self._reader.note_acknowledged(operation, isinstance(operation, END_ORDERS) and self._watch.moved_by_others)
         if isinstance(operation, (*GOTOS, op.Move, op.MoveAxis, op.Sync)):
             self._watch.on_motion_start(operation)
 
-    def on_ack(self, operation: op.Operation, wanted_before: Wanted) -> None:
+    def on_ack_stored(self, operation: op.Operation, wanted_before: Wanted) -> None:
         """Handle an acknowledged operation; ``wanted_before`` is the ``Wanted`` before its acknowledgement."""
         cache, run_on = self._cache, self._context.run_on
         if run_on.current is not None and isinstance(operation, (*GOTOS, op.Move, op.MoveAxis)):
@@ -58,7 +58,7 @@ class Consequences:
                 self._context.note("the goto was stopped before its goal by an arrow")
             cache.mark_changed(op.Position)  # no new position, but it must be polled more often from now on
         elif isinstance(operation, op.StopAxis):
-            self._on_axis_halted(operation.axis, wanted_before.by_hand.get(operation.axis))
+            self._on_axis_halted(operation.axis, wanted_before.hand_moves.get(operation.axis))
         elif isinstance(operation, op.AbortMotion):  # of an arrow that was stopped at once
             self.on_stop_sent()
             self.on_stop_acknowledged()
@@ -79,7 +79,7 @@ class Consequences:
         """After the last step of a park, note in the cached status that tracking is off: no read is needed."""
         status: op.Status | None = self._cache.last_or_forgotten(op.GetStatus)
         if status is not None and self._context.driver.parked and getattr(operation, "then", "") == "park":
-            self._cache.correct(op.GetStatus, replace(status, tracking=op.Tracking.OFF))
+            self._cache.correct_value(op.GetStatus, replace(status, tracking=op.Tracking.OFF))
 
     def log_pulse_excess(self, axis: int, ordered_at: float, sent_at: float) -> None:
         """Log by how much a guide pulse was too long, if that matters. ``ordered_at`` is the loop time at which the
@@ -106,12 +106,12 @@ class Consequences:
             self._end_watch.watch_end((axis,), self._context.driver.speed(ended_motion.rate))
             self._context.run_on.begin(after_goto=False)
         self._watch.on_axis_stop()
-        if not self._context.wanted.by_hand:
+        if not self._context.wanted.hand_moves:
             self._watch.on_motion_end()
 
     def _on_sync(self) -> None:
         """Add the sync to the sum of all syncs, and forget the cached positions, which a sync changes."""
         self._context.syncs.note_acknowledged()
-        status = self._cache.value(op.GetStatus)
+        status = self._cache.last_value(op.GetStatus)
         aligns = (op.GetStatus,) if status is not None and not status.aligned else ()
         self._cache.forget(op.Position, op.HorizontalPosition, op.AxisPosition, *aligns)

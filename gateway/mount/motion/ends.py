@@ -1,6 +1,6 @@
 """Repeats the command that ends a motion until positions show the end: some mounts do not acknowledge it.
 
-A motion has ended when its speed has fallen below ``MIN_RATIO`` of the ordered speed. Until then the command
+A motion has ended when its speed has fallen below ``MIN_SPEED_RATIO`` of the ordered speed. Until then the command
 is repeated at growing intervals. After ``TRIES_BEFORE_WARNING`` attempts the log warns the user. After ``MAX_TRIES``
 the gateway gives up, because a person at the hand control may be moving the mount. Pure functions over frozen values
 decide; angles are degrees, times seconds of a monotonic clock.
@@ -30,7 +30,7 @@ MAX_TRIES = TRIES_BEFORE_WARNING + 3
 #: A speed is measured over at least this many units of the position's resolution.
 MIN_STEP_UNITS = 3
 #: The fraction of the ordered speed that still counts as motion: some mounts reach only half of the ordered speed.
-MIN_RATIO = 0.4
+MIN_SPEED_RATIO = 0.4
 #: Degrees a second below which positions cannot distinguish motion by hand from tracking.
 MIN_VISIBLE_SPEED = 0.05
 
@@ -53,11 +53,11 @@ class MotionEnd(Struct, frozen=True):
 
     axes: frozenset[int]
     speed: float
-    sent_at: tuple[float, ...]
+    sent_times: tuple[float, ...]
     motions_begun: tuple[int, int] = (0, 0)
 
     def with_retry(self, now: float) -> MotionEnd:
-        return replace(self, sent_at=(*self.sent_at, now))
+        return replace(self, sent_times=(*self.sent_times, now))
 
 
 class EndStep(Enum):
@@ -69,7 +69,7 @@ class EndStep(Enum):
     SEND_AND_WARN = auto()
 
 
-def is_visible(ending: MotionEnd) -> bool:
+def is_end_visible(ending: MotionEnd) -> bool:
     """Whether the motion is fast enough for positions to show that it has not ended."""
     return ending.speed >= 2.0 * MIN_VISIBLE_SPEED
 
@@ -79,7 +79,7 @@ def speed_since_end(ending: MotionEnd, samples: Sequence[AxisSample]) -> float |
 
     Only the last two samples that are far enough apart count, to leave out the run-on before them.
     """
-    since = [sample for sample in samples if sample.time >= ending.sent_at[-1]]
+    since = [sample for sample in samples if sample.time >= ending.sent_times[-1]]
     for before, after in reversed(list(pairwise(since))):
         elapsed = after.time - before.time
         if elapsed * ending.speed / 2.0 >= MIN_STEP_UNITS * max(before.resolution, after.resolution):
@@ -90,14 +90,14 @@ def speed_since_end(ending: MotionEnd, samples: Sequence[AxisSample]) -> float |
 
 def next_step(ending: MotionEnd, samples: Sequence[AxisSample], now: float) -> EndStep:
     """Return what to do now so that a motion ends."""
-    if not is_visible(ending):
+    if not is_end_visible(ending):
         return EndStep.DONE
     measured = speed_since_end(ending, samples)
-    if measured is not None and measured < max(MIN_VISIBLE_SPEED, ending.speed * MIN_RATIO):
+    if measured is not None and measured < max(MIN_VISIBLE_SPEED, ending.speed * MIN_SPEED_RATIO):
         return EndStep.DONE
-    times = len(ending.sent_at)
+    times = len(ending.sent_times)
     pause = RETRY_DELAYS[times - 1] if times <= len(RETRY_DELAYS) else LATER_RETRY_PERIOD
-    if measured is None or now - ending.sent_at[-1] < pause:
+    if measured is None or now - ending.sent_times[-1] < pause:
         return EndStep.READ_POSITION
     return EndStep.SEND_AGAIN if times < TRIES_BEFORE_WARNING else EndStep.SEND_AND_WARN
 
@@ -132,7 +132,7 @@ class EndWatch:
         """Watch axes for which a stop was sent, and which moved at up to this speed until then, degrees a second."""
         both, before, begun = frozenset(axes), self.ending, self._wanted.value.motions_begun
         if before is not None and before.axes == both:
-            self._ending = MotionEnd(both, max(speed, before.speed), (*before.sent_at[:-1], self._clock()), begun)
+            self._ending = MotionEnd(both, max(speed, before.speed), (*before.sent_times[:-1], self._clock()), begun)
         elif speed > 0.0:
             rest = (before.axes, before.speed) if before is not None else (frozenset[int](), 0.0)
             self._ending = MotionEnd(both | rest[0], max(speed, rest[1]), (self._clock(),), begun)
@@ -148,7 +148,7 @@ class EndWatch:
             self._ending = None
         elif step is not EndStep.READ_POSITION:
             again = ending.with_retry(self._clock())
-            self._ending = again if len(again.sent_at) < MAX_TRIES else None
+            self._ending = again if len(again.sent_times) < MAX_TRIES else None
             self._warn(
                 f"WARNING: the mount keeps moving after {TRIES_BEFORE_WARNING} stop commands: switch it off"
                 if step is EndStep.SEND_AND_WARN

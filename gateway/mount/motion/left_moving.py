@@ -15,7 +15,7 @@ from gateway.astro.axes import Pair
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.motion_kinds import MOVERS
-from gateway.mount.motion.ends import MIN_RATIO, MIN_VISIBLE_SPEED, AxisSample
+from gateway.mount.motion.ends import MIN_SPEED_RATIO, MIN_VISIBLE_SPEED, AxisSample
 from gateway.mount.motion.wanted import Slew, Wanted
 
 #: Age of the marker in seconds up to which the mount is stopped without reading its position.
@@ -41,7 +41,7 @@ class Leftover(Struct, frozen=True, omit_defaults=True):
 def find_leftover(wanted: Wanted, speed_of: Callable[[op.Rate], float], samples: list[AxisSample]) -> Leftover | None:
     """Return the motion that the gateway has begun; None if positions could not show later whether it goes on."""
     begun = [
-        *wanted.by_hand.values(),
+        *wanted.hand_moves.values(),
         *(order.operation for order in wanted.pending if isinstance(order.operation, MOVERS)),
     ]
     if isinstance(wanted.motion, Slew):
@@ -56,7 +56,7 @@ def find_leftover(wanted: Wanted, speed_of: Callable[[op.Rate], float], samples:
             return None
         speeds[operation.axis] = speed_of(operation.rate)
     rate = axis_speeds(samples[-2], samples[-1])[0] if 1 in speeds and len(samples) > 1 else 0.0
-    shown = abs(rate) >= MIN_RATIO * speeds.get(1, 0.0)
+    shown = abs(rate) >= MIN_SPEED_RATIO * speeds.get(1, 0.0)
     return Leftover(speeds, (rate > 0.0) - (rate < 0.0) if shown else 0)
 
 
@@ -66,12 +66,14 @@ def axis_speeds(before: AxisSample, after: AxisSample) -> Pair:
     return wrap180(after.angles[0] - before.angles[0]) / elapsed, wrap180(after.angles[1] - before.angles[1]) / elapsed
 
 
-def axes_still_moving(left: Leftover, speeds: Pair) -> frozenset[int]:
+def axes_still_moving(leftover: Leftover, speeds: Pair) -> frozenset[int]:
     """Return the axes that still turn as recorded. ``speeds``: the present speeds, degrees a second."""
     axes = {
-        axis for axis, speed in left.speeds.items() if MIN_RATIO * speed <= abs(speeds[axis - 1]) <= MAX_SPEEDUP * speed
+        axis
+        for axis, speed in leftover.speeds.items()
+        if MIN_SPEED_RATIO * speed <= abs(speeds[axis - 1]) <= MAX_SPEEDUP * speed
     }
-    return frozenset(axes - ({1} if speeds[0] * left.direction < 0.0 else set()))
+    return frozenset(axes - ({1} if speeds[0] * leftover.direction < 0.0 else set()))
 
 
 def is_at_rest(axis_rates: Pair) -> bool:

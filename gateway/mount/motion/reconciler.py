@@ -111,9 +111,9 @@ class Reconciler:
         ``stop_count`` the number of stops before it. The client waits ``max_delay`` seconds; later no goto is begun.
         """
         now, wanted = self._loop.time(), self.wanted
-        if self.closed or changes.stopped_since(wanted, operation, stop_count):
+        if self.closed or changes.was_stopped_since(wanted, operation, stop_count):
             return waiting.cancelled_outcome()
-        releases = isinstance(operation, op.StopAxis) and operation.axis in wanted.by_hand
+        releases = isinstance(operation, op.StopAxis) and operation.axis in wanted.hand_moves
         if releases and self._link.occupied and not wanted.waiting_gotos:  # the mount would ignore it for seconds
             self._context.note(
                 "the mount is busy calculating and accepts nothing but a full stop: both axes are stopped"
@@ -144,7 +144,7 @@ class Reconciler:
         late = taps.dropped_press(self.wanted, after, order) if isinstance(order.operation, op.StopAxis) else None
         if late is not None and (outcome := self._outcomes.pop(late.number, None)) is not None:
             outcome.set_exception(taps.TapDropped())
-        if after.n_stops != self.wanted.n_stops:
+        if after.stop_count != self.wanted.stop_count:
             return self.begin_stop()
         asked = any(other.number == order.number for other in after.pending)
         if asked:
@@ -160,9 +160,9 @@ class Reconciler:
         begins = any(isinstance(order.operation, (*GOTOS, op.Move, op.MoveAxis)) for order in self.wanted.pending)
         if begins or self._movement.slewing:
             return False
-        wanted = changes.without_superseded(self.wanted, operation)
+        wanted = changes.without_superseded_orders(self.wanted, operation)
         same = changes.equal_pending_halt(wanted, operation)
-        self.update(wanted if same is None else changes.interrupt(wanted, same))
+        self.update(wanted if same is None else changes.interrupt_order(wanted, same))
         return same is not None
 
     def treat_as_release(self, activity: HostActivity) -> bool:
@@ -172,7 +172,7 @@ class Reconciler:
             self.update(after)
         return after is not None
 
-    def outcomes_of(self, kind: type[op.Operation]) -> list[Outcome]:
+    def outcomes_of_kind(self, kind: type[op.Operation]) -> list[Outcome]:
         numbers = (order.number for order in self.wanted.pending if isinstance(order.operation, kind))
         return [outcome for number in numbers if (outcome := self._outcomes.get(number)) is not None]
 
@@ -228,8 +228,8 @@ class Reconciler:
         self._store_wanted(wanted)
         for tap in wanted.taps:
             if tap not in before.taps:
-                self._loop.call_at(tap.until, self._end_tap, tap)
-                self._link.queue.expect_urgent(tap.until)
+                self._loop.call_at(tap.ends_at, self._end_tap, tap)
+                self._link.queue.expect_urgent(tap.ends_at)
         if before.pending is not wanted.pending:
             left = {order.number for order in wanted.pending}
             for order in before.pending:
@@ -244,7 +244,9 @@ class Reconciler:
     def _end_tap(self, tap: Tap) -> None:
         """End the motion of an arrow that was released a while ago, unless something else has ended it."""
         if tap in self.wanted.taps and not self.closed:
-            self._accept(Halt(next(self._order_ids), op.StopAxis(tap.axis), tap.by, came_at=tap.until, ends_tap=True))
+            self._accept(
+                Halt(next(self._order_ids), op.StopAxis(tap.axis), tap.client, came_at=tap.ends_at, ends_tap=True)
+            )
 
     # --- the loop ---------------------------------------------------------------------------------------------------
 
@@ -308,7 +310,7 @@ class Reconciler:
     def _postpone_if_needed(self, order: Order) -> bool:
         """Postpone an order that the mount cannot be given now; refuse it if it has waited too long."""
         now = self._loop.time()
-        wait = order.needed_wait(now, self._link.occupied, self._context.incoming)
+        wait = order.needed_wait(now, self._link.occupied, self._context.incoming_settings)
         if wait is not None and order.may_wait(now, wait.max_wait) and not order.client_disconnected:
             self._update(self.wanted.postpone(order, now))
         elif wait is not None:
@@ -349,7 +351,7 @@ class Reconciler:
     def _check_tap(self, number: int, max_age: float) -> None:
         """Raises TapDropped if the order is an arrow that was pressed over ``max_age`` seconds ago and is released."""
         for order in self.wanted.pending:
-            if order.number == number and order.held is not None and self._loop.time() - order.came_at > max_age:
+            if order.number == number and order.held_for is not None and self._loop.time() - order.came_at > max_age:
                 raise taps.TapDropped
 
     async def _carry_out_follow_up(self, order: Order) -> Any:
@@ -374,7 +376,7 @@ class Reconciler:
         self._update(changes.after_failure(self.wanted, order))
         sent = isinstance(order.operation, GOTOS) and self._last_admitted == order.number
         # It may have ended the motion before it, or left tracking suspended.
-        interrupts = sent and (bool(self.wanted.by_hand) or self._driver.tracking_suspended)
+        interrupts = sent and (bool(self.wanted.hand_moves) or self._driver.tracking_suspended)
         half_begun = changes.may_have_begun(order, error) or interrupts
         not_ended = isinstance(order.operation, END_ORDERS) and not (self._driver.asleep and not order.follow_up)
         if stops_focuser(order.operation) and isinstance(error, NoAnswer | Busy) and not self._driver.asleep:
@@ -403,14 +405,14 @@ class Reconciler:
     def _on_acknowledged(self, order: Order, operation: op.Operation) -> None:
         """Add the acknowledged operation to ``Wanted``, and handle its consequences."""
         before, by_hand = self.wanted, isinstance(operation, op.Move | op.MoveAxis)
-        self._consequences.on_acknowledged(operation)
+        self._consequences.on_ack_received(operation)
         speed = self._driver.speed(operation.rate) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
         self._update(changes.after_ack(before, order, operation, self._loop.time(), speed, self._last_sent_at))
         self.acknowledged.emit(operation)
-        self._consequences.on_ack(operation, before)
+        self._consequences.on_ack_stored(operation, before)
         if by_hand or isinstance(operation, op.Focus):
             self.needs_client.emit(None)
-        elif isinstance(operation, op.StopAxis) and self.wanted.by_hand:
+        elif isinstance(operation, op.StopAxis) and self.wanted.hand_moves:
             self._context.tasks.spawn(self._check_other_axis())
         self.saved_state_changed.emit(None)
 

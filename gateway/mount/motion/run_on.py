@@ -21,7 +21,7 @@ from gateway.mount.motion.wanted import HandMove, Slew, Wanted
 
 ARCSECOND = 1.0 / 3600.0
 #: Degrees a second: the motion of the sky, and the greatest difference between the sidereal and other tracking rates.
-SKY, MAX_RATE_DIFF = 15.041 * ARCSECOND, 3.0 * ARCSECOND
+SKY_SPEED, MAX_RATE_DIFF = 15.041 * ARCSECOND, 3.0 * ARCSECOND
 #: Seconds: the least time between two positions that are compared; the age up to which a position from before the end
 #: of a goto counts; and the time without a position after which the motion is unknown.
 MIN_POSITION_GAP, MAX_EARLY_POSITION_AGE, MAX_SILENCE = 0.25, 1.5, 3.0
@@ -32,10 +32,10 @@ REST_UNITS = 1.25
 
 
 class TimedPosition(Struct, frozen=True):
-    """A position, and the loop times of its arrival (``at``) and of its request (``asked_at``)."""
+    """A position, and the loop times of its arrival (``at``) and of its request (``requested_at``)."""
 
     at: float
-    asked_at: float
+    requested_at: float
     position: op.Equatorial
 
 
@@ -56,14 +56,14 @@ def unexplained_motion(before: op.Equatorial, after: op.Equatorial, elapsed: flo
     On an ``equatorial`` mount a turn in right ascension counts in full, because near the pole it hardly moves the tube.
     """
     distance = separation(before.ra, before.dec, after.ra, after.dec)
-    passed = separation(before.ra + SKY * elapsed, before.dec, after.ra, after.dec)
+    passed = separation(before.ra + SKY_SPEED * elapsed, before.dec, after.ra, after.dec)
     turned = wrap180(after.ra - before.ra) * equatorial
-    return max(min(distance, passed), min(abs(turned), abs(turned - SKY * elapsed))) - MAX_RATE_DIFF * elapsed
+    return max(min(distance, passed), min(abs(turned), abs(turned - SKY_SPEED * elapsed))) - MAX_RATE_DIFF * elapsed
 
 
 def after_position(run_on: RunOn, position: TimedPosition, equatorial: bool, resolution: float) -> RunOn | None:
     """Return the run-on after a position with this ``resolution`` (degrees); None if the mount is at rest."""
-    if position.asked_at < run_on.ended_at:
+    if position.requested_at < run_on.ended_at:
         return replace(run_on, last_position_at=position.at)
     older = [place for place in run_on.positions if position.at - place.at >= MIN_POSITION_GAP]
     if older:
@@ -119,16 +119,17 @@ class RunOnWatch:
         """Note that the mount may be moving by a command of an earlier run of the gateway."""
         self._commands_at_rest = -1
 
-    def begin(self, after_goto: bool, latest: TimedPosition | None = None, moved_by_others: bool = False) -> None:
-        """Note that the mount has acknowledged the end of a motion, or that a goto has ended by itself. ``latest``, the
-        last position, may already show rest. Nothing changes if the mount was at rest, unless somebody else moved it.
+    def begin(self, after_goto: bool, position: TimedPosition | None = None, moved_by_others: bool = False) -> None:
+        """Note that the mount has acknowledged the end of a motion, or that a goto has ended by itself. ``position``,
+        the last position, may already show rest. Nothing changes if the mount was at rest, unless somebody else moved
+        it.
         """
         now = self._clock()
         if self.current is not None or not (self.may_move.count != self._commands_at_rest or moved_by_others):
             self.current = None if self.current is None else replace(self.current, goto=after_goto or self.current.goto)
             return
-        counts = latest is not None and now - latest.asked_at < MAX_EARLY_POSITION_AGE
-        self.current = RunOn(now, after_goto, now, (latest,) if counts and latest is not None else ())
+        counts = position is not None and now - position.requested_at < MAX_EARLY_POSITION_AGE
+        self.current = RunOn(now, after_goto, now, (position,) if counts and position is not None else ())
         self.changed.emit(now + MAX_PULSE_WAIT)
 
     def forget(self) -> None:

@@ -19,7 +19,7 @@ JUMP_DEGREES = 30.0
 #: The resolution of positions in degrees: a second of right ascension or a 16-bit reading; that of low precision.
 POSITION_RESOLUTION, COARSE_RESOLUTION = 0.006, 0.025
 #: Degrees between two positions that show the direction of a motion; declination or altitude above which none do.
-MIN_DIRECTION_STEP, NEAR_POLE = 0.2, 85.0
+MIN_DIRECTION_STEP, NEAR_POLE_LAT = 0.2, 85.0
 #: When the tube passes the pole or the zenith, the first axis seems to turn by half a circle: the degrees that count as
 #: such, and the declination or altitude above which they do.
 POLE_PASSAGE_TURN, PASSAGE_LAT = 90.0, 60.0
@@ -115,7 +115,7 @@ def set_upright(observed: ObservedMotion, equatorial: bool, speed: float) -> Obs
     if before is None or last is None or last.axis2_move is None or last.axis2_move is not before.axis2_move:
         return observed
     was, now = (sample.position.dec if equatorial else sample.altitude or 0.0 for sample in (before, last))
-    if max(abs(was), abs(now)) > NEAR_POLE:
+    if max(abs(was), abs(now)) > NEAR_POLE_LAT:
         return observed
     rose = now - was
     # otherwise something else moved the tube
@@ -139,12 +139,12 @@ def update_upright_by_passage(
     return replace(observed, upright=not observed.upright) if passes else observed
 
 
-def extrapolate_ra(now: float, position: op.Equatorial, before: PositionSample, lag: float) -> op.Equatorial:
+def extrapolate_ra(now: float, position: op.Equatorial, previous: PositionSample, lag: float) -> op.Equatorial:
     """Return a position whose right ascension, read ``lag`` seconds before the declination, is extrapolated to it."""
-    turned = wrap180(position.ra - before.position.ra)
+    turned = wrap180(position.ra - previous.position.ra)
     if not lag or abs(turned) > JUMP_DEGREES:
         return position
-    return replace(position, ra=(position.ra + turned / (now - before.time) * lag) % 360.0)
+    return replace(position, ra=(position.ra + turned / (now - previous.time) * lag) % 360.0)
 
 
 def axis_sample(

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.errors import Busy
-from gateway.core.motion_kinds import END_ORDERS, axis_moved
+from gateway.core.motion_kinds import END_ORDERS, moved_axis
 from gateway.mount.motion.wanted import FIRST_RANK, Arrow, AxisMotion, Halt, HandMove, NoOrderedMove, Order, Tap, Wanted
 from gateway.mount.presence import HostActivity
 
@@ -44,7 +44,7 @@ def released(wanted: Wanted, release: Order) -> Wanted | None:
             if is_free_or_ending(wanted, axis) and not _waited_too_long(waiting[-1], release)
             else None
         )
-    if any(order.held is not None and _same_arrow(release, order) for order in wanted.pending):
+    if any(order.held_for is not None and _same_arrow(release, order) for order in wanted.pending):
         return wanted  # a program that releases an arrow twice
     begun = motion_of(wanted, axis)
     if begun is None or is_free_or_ending(wanted, axis) or not _same_host(begun.client, release.client):
@@ -74,13 +74,13 @@ def _release_waiting(wanted: Wanted, orders: list[Order], release: Order) -> Wan
 
 def _tap_to_pulse(wanted: Wanted, tap: Order) -> Wanted:
     """Turn a tap at guide rate into a guide pulse; if it is too short for the mount, add its time to the next tap."""
-    before = sum(other.held or 0.0 for other in wanted.short_taps if other.operation == tap.operation)
+    before = sum(other.held_for or 0.0 for other in wanted.short_taps if other.operation == tap.operation)
     others_kept = tuple(other for other in wanted.short_taps if axis_of(other) != axis_of(tap))
-    tap = replace(_with_holding_time(tap, before + (tap.held or 0.0)), due_from=0.0)
+    tap = replace(_with_holding_time(tap, before + (tap.held_for or 0.0)), due_from=0.0)
     others = tuple(other for other in wanted.pending if other.number != tap.number)
-    if (tap.held or 0.0) < tap.arrow.min_time:
+    if (tap.held_for or 0.0) < tap.arrow.min_time:
         return replace(wanted, pending=others, short_taps=(*others_kept, tap))
-    pulse = replace(tap, operation=replace(tap.operation, ms=round((tap.held or 0.0) * 1000.0)))
+    pulse = replace(tap, operation=replace(tap.operation, ms=round((tap.held_for or 0.0) * 1000.0)))
     return replace(wanted, pending=(*others, pulse), short_taps=others_kept)
 
 
@@ -95,15 +95,17 @@ def _join_taps(wanted: Wanted, tap: Order) -> Wanted:
     others = tuple(other for other in wanted.pending if other is not tap)
     before = next((other for other in reversed(others) if _same_arrow(tap, other) and other.number < tap.number), None)
     if before is not None:
-        held = (before.held or 0.0) + (tap.held or 0.0)
+        held = (before.held_for or 0.0) + (tap.held_for or 0.0)
         if before.operation == tap.operation and tap.number != wanted.active and held <= MAX_TAP_TIME:
             joined = replace(_with_holding_time(before, held), came_at=tap.came_at)
             return replace(wanted, pending=tuple(joined if other is before else other for other in others))
     elif (
-        begun is not None and begun.operation == tap.operation and is_tap_on(wanted, axis) and not _halted(wanted, axis)
+        begun is not None and begun.operation == tap.operation and has_tap(wanted, axis) and not _has_halt(wanted, axis)
     ):
-        longer = [replace(other, until=other.until + (tap.held or 0.0)) for other in wanted.taps if other.axis == axis]
-        if _same_host(begun.client, tap.client) and longer[0].until - begun.sent_at <= MAX_TAP_TIME:
+        longer = [
+            replace(other, ends_at=other.ends_at + (tap.held_for or 0.0)) for other in wanted.taps if other.axis == axis
+        ]
+        if _same_host(begun.client, tap.client) and longer[0].ends_at - begun.sent_at <= MAX_TAP_TIME:
             taps = (*(other for other in wanted.taps if other.axis != axis), *longer)
             return replace(wanted, pending=others, taps=taps)
     return wanted
@@ -117,9 +119,9 @@ def was_fulfilled_otherwise(order: Order, wanted: Wanted) -> bool:
     """
     if isinstance(order.operation, END_ORDERS):
         return True
-    axis = axis_moved(order.operation)
+    axis = moved_axis(order.operation)
     begun = motion_of(wanted, axis or 0)
-    joined = is_tap_on(wanted, axis) and begun is not None and _same_host(begun.client, order.client)
+    joined = has_tap(wanted, axis) and begun is not None and _same_host(begun.client, order.client)
     return axis is not None and (
         joined or any(_same_arrow(order, waiting_order) for waiting_order in (*wanted.pending, *wanted.short_taps))
     )
@@ -141,20 +143,20 @@ def after_stop_as_release(wanted: Wanted, activity: HostActivity, now: float) ->
     if moving or len(waiting) != 1:
         return None
     [press] = waiting
-    if axis_moved(press.operation) is None or press.held is not None or not _same_host(press.client, activity):
+    if moved_axis(press.operation) is None or press.held_for is not None or not _same_host(press.client, activity):
         return None
     if now - press.came_at > RECENT_PRESS_AGE:
         return None
     tap = replace(press, arrow=Arrow(held_seconds=0.0, then_stop=True))
     pending = tuple(tap if other is press else other for other in wanted.pending)
-    return replace(wanted, pending=pending, arrows=(), n_stops=wanted.n_stops + 1)
+    return replace(wanted, pending=pending, arrows=(), stop_count=wanted.stop_count + 1)
 
 
-def end_tap(wanted: Wanted, end: Halt) -> Wanted:
+def end_tap(wanted: Wanted, halt: Halt) -> Wanted:
     """Add the halt that ends a tap; it cancels no later order. If a goto is being sent, its start voids the halt."""
     goto = next((other.number for other in wanted.waiting_gotos if other.number == wanted.active), 0)
-    end = replace(end, rank=FIRST_RANK, overtakes=True, order_count=wanted.order_count, voided_by=goto)
-    return replace(wanted, pending=(*wanted.pending, end))
+    halt = replace(halt, rank=FIRST_RANK, overtakes=True, order_count=wanted.order_count, voided_by=goto)
+    return replace(wanted, pending=(*wanted.pending, halt))
 
 
 def dropped_press(wanted: Wanted, wanted_after: Wanted, release: Order) -> Order | None:
@@ -167,11 +169,11 @@ def dropped_press(wanted: Wanted, wanted_after: Wanted, release: Order) -> Order
 
 def without_waiting_arrows(wanted: Wanted) -> Wanted:
     """Remove the arrows that wait for their turn; an arrow that is being carried out stays."""
-    waiting = [order for order in wanted.pending if axis_moved(order.operation) and order.number != wanted.active]
+    waiting = [order for order in wanted.pending if moved_axis(order.operation) and order.number != wanted.active]
     tapped = {
-        (order.client.host, axis_moved(order.operation))
+        (order.client.host, moved_axis(order.operation))
         for order in waiting
-        if order.client is not None and order.held is not None
+        if order.client is not None and order.held_for is not None
     }
     return replace(
         wanted,
@@ -182,13 +184,13 @@ def without_waiting_arrows(wanted: Wanted) -> Wanted:
 
 def waiting_arrows(wanted: Wanted, release: Order) -> list[Order]:
     """Return the arrows of an axis that this client holds and whose motion has not begun, in their order."""
-    return [order for order in wanted.pending if order.held is None and _same_arrow(release, order)]
+    return [order for order in wanted.pending if order.held_for is None and _same_arrow(release, order)]
 
 
 def arrow_holder(wanted: Wanted, axis: int) -> HostActivity | None:
     """Return the client that has pressed the newest arrow of an axis and has not released it."""
     for order in reversed(wanted.pending):
-        if axis_moved(order.operation) == axis and order.held is None:
+        if moved_axis(order.operation) == axis and order.held_for is None:
             return order.client
     begun = motion_of(wanted, axis)
     return None if begun is None or is_free_or_ending(wanted, axis) else begun.client
@@ -196,14 +198,14 @@ def arrow_holder(wanted: Wanted, axis: int) -> HostActivity | None:
 
 def is_free_or_ending(wanted: Wanted, axis: int) -> bool:
     """Whether no motion by hand turns the axis, or that motion is ending: it is a tap, or a halt is pending."""
-    return motion_of(wanted, axis) is None or _halted(wanted, axis) or wanted.stop_owed or is_tap_on(wanted, axis)
+    return motion_of(wanted, axis) is None or _has_halt(wanted, axis) or wanted.stop_owed or has_tap(wanted, axis)
 
 
-def _halted(wanted: Wanted, axis: int) -> bool:
+def _has_halt(wanted: Wanted, axis: int) -> bool:
     return any(isinstance(order, Halt) and order.operation == op.StopAxis(axis) for order in wanted.pending)
 
 
-def is_tap_on(wanted: Wanted, axis: int | None) -> bool:
+def has_tap(wanted: Wanted, axis: int | None) -> bool:
     """Whether a tap on this axis has begun and not ended: the next motion by hand waits for its end."""
     return any(tap.axis == axis for tap in wanted.taps)
 
@@ -230,7 +232,7 @@ def _waited_too_long(press: Order, release: Order) -> bool:
 
 def _same_arrow(order: Order, other: Order) -> bool:
     """Whether ``other`` is an arrow of the same axis and host as ``order``, which is an arrow or a release."""
-    return axis_moved(other.operation) == axis_of(order) and _same_host(other.client, order.client)
+    return moved_axis(other.operation) == axis_of(order) and _same_host(other.client, order.client)
 
 
 def _same_host(press: HostActivity | None, release: HostActivity | None) -> bool:

@@ -16,7 +16,7 @@ from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault
-from gateway.core.motion_kinds import END_ORDERS, GOTOS, axis_moved
+from gateway.core.motion_kinds import END_ORDERS, GOTOS, moved_axis
 from gateway.core.signals import Signal
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import ReadingsCache
@@ -71,7 +71,7 @@ class Order(Struct, frozen=True):
     arrow: Arrow = Arrow()
 
     @property
-    def held(self) -> float | None:
+    def held_for(self) -> float | None:
         """For how many seconds an arrow was held, if it was released before its motion has begun; else None."""
         return self.arrow.held_seconds
 
@@ -108,16 +108,16 @@ class Order(Struct, frozen=True):
         """Whether the order may wait longer; if not, it fails before its client stops waiting for the outcome."""
         return self.not_while_busy or now < min(self.came_at + max_wait, self.deadline)
 
-    def needed_wait(self, now: float, occupied: bool, incoming: IncomingSettings) -> Postponement | None:
+    def needed_wait(self, now: float, mount_busy: bool, incoming: IncomingSettings) -> Postponement | None:
         """Return how long the order has to wait although it is due; None if it need not.
 
         The limits for a goto depend on site and clock, so it waits for those that clients have set before it.
         """
         if isinstance(self.operation, GOTOS) and not self.follow_up and (incoming.pending or incoming.deadlines):
-            refusal = incoming.goto_refusal(now, occupied)
+            refusal = incoming.goto_refusal(now, mount_busy)
             if refusal is not None:
                 return Postponement(MAX_SETTINGS_WAIT, refusal)
-        if occupied and self.can_be_postponed:
+        if mount_busy and self.can_be_postponed:
             return Postponement(MAX_POSTPONEMENT, Busy())
         arrow = isinstance(self.operation, op.Move | op.MoveAxis)
         if arrow and incoming.type_being_sent and now < self.came_at + MAX_EXCHANGE_WAIT:
@@ -199,8 +199,8 @@ class Tap(Struct, frozen=True):
     """A motion by hand whose arrow was released before it began: its axis, the client, and when it ends."""
 
     axis: int
-    by: HostActivity | None
-    until: float
+    client: HostActivity | None
+    ends_at: float
 
 
 class PressedArrow(Struct, frozen=True):
@@ -225,12 +225,12 @@ class DoneHalt(Struct, frozen=True):
 class Wanted(Struct, frozen=True):
     """All that the gateway wants of a mount now. ``active``: the order that is being carried out, 0 for none.
 
-    ``short_taps`` are taps that are too short for this mount, and are added to the next ones. ``n_stops`` and
-    ``n_gotos`` count the orders of these kinds so far, ``gotos_begun`` the gotos that the mount has acknowledged,
+    ``short_taps`` are taps that are too short for this mount, and are added to the next ones. ``stop_count`` and
+    ``goto_count`` count the orders of these kinds so far, ``gotos_begun`` the gotos that the mount has acknowledged,
     ``motions_begun`` the acknowledged motions of each axis, ``order_count`` all orders except halts. ``stop_owed``: the
     mount has not acknowledged a stop yet. ``homed``: the mount was sent home, and no order has moved it since.
     ``goto_failure`` is why the last goto ended before its goal, until the next order. Guide pulses wait until the mount
-    is at rest, but not beyond the loop time ``at_rest_by``.
+    is at rest, but not beyond the loop time ``pulses_from``.
     """
 
     motion: NoOrderedMove | Slew | HandMove = NoOrderedMove()
@@ -243,17 +243,17 @@ class Wanted(Struct, frozen=True):
     halts: tuple[DoneHalt, ...] = ()
     stop_owed: bool = False
     homed: bool = False
-    at_rest_by: float = 0.0
+    pulses_from: float = 0.0
     active: int = 0
-    n_stops: int = 0
-    n_gotos: int = 0
+    stop_count: int = 0
+    goto_count: int = 0
     gotos_begun: int = 0
     motions_begun: tuple[int, int] = (0, 0)
     order_count: int = 0
     goto_failure: str = ""
 
     @property
-    def by_hand(self) -> dict[int, op.Move | op.MoveAxis]:
+    def hand_moves(self) -> dict[int, op.Move | op.MoveAxis]:
         """The motions by hand, by axis."""
         motion, motions = self.motion, {}
         if isinstance(motion, HandMove):  # without a loop, because every position calls this a dozen times
@@ -291,12 +291,12 @@ class Wanted(Struct, frozen=True):
 
     def due_at(self, order: Order) -> float:
         """Return the loop time from which an order may be carried out."""
-        if self.taps and (axis := axis_moved(order.operation)) and any(tap.axis == axis for tap in self.taps):
+        if self.taps and (axis := moved_axis(order.operation)) and any(tap.axis == axis for tap in self.taps):
             return inf
         axis = None if order.follow_up else order.pulse_axis
         if axis is None:
             return order.due_from
-        return max((order.due_from, self.at_rest_by, *(pulse.ends_at for pulse in self.pulses if pulse.axis == axis)))
+        return max((order.due_from, self.pulses_from, *(pulse.ends_at for pulse in self.pulses if pulse.axis == axis)))
 
     def postpone(self, order: Order, now: float) -> Wanted:
         pending = tuple(
@@ -316,18 +316,18 @@ class WantedState:
         self.changed: Signal[Wanted] = Signal()
 
     @property
-    def by_hand(self) -> dict[int, op.Move | op.MoveAxis]:
+    def hand_moves(self) -> dict[int, op.Move | op.MoveAxis]:
         """The motions by hand, by axis."""
-        return self.value.by_hand
+        return self.value.hand_moves
 
     @property
     def axes_moved_by_hand(self) -> set[int]:
-        return set(self.value.by_hand)
+        return set(self.value.hand_moves)
 
     @property
     def goto_event_count(self) -> int:
         """A number that grows whenever a goto is ordered, and when the mount has acknowledged it."""
-        return self.value.n_gotos + self.value.gotos_begun
+        return self.value.goto_count + self.value.gotos_begun
 
     @property
     def stop_owed(self) -> bool:
@@ -351,13 +351,13 @@ class WantedState:
 
 
 class MotionState(Struct, frozen=True):
-    """The motions under way. ``slewing``: the mount reports a goto. ``by_hand``: the motions by hand, by axis.
+    """The motions under way. ``slewing``: the mount reports a goto. ``hand_moves``: those by hand, by axis.
     ``end_pending``: a stop or a halt is not acknowledged yet. ``ordered_by_client``: clients ordered them, not the
     hand control.
     """
 
     slewing: bool
-    by_hand: Mapping[int, op.Move | op.MoveAxis]
+    hand_moves: Mapping[int, op.Move | op.MoveAxis]
     end_pending: bool = False
     ordered_by_client: bool = True
 
@@ -369,7 +369,7 @@ class MotionState(Struct, frozen=True):
     @property
     def any_motion(self) -> bool:
         """Whether a motion is under way that a stop should end."""
-        return self.slewing or bool(self.by_hand)
+        return self.slewing or bool(self.hand_moves)
 
 
 class Movement:
@@ -386,7 +386,7 @@ class Movement:
     @property
     def any_motion(self) -> bool:
         """Whether a motion is under way that a stop should end."""
-        return bool(self._wanted.value.by_hand) or self.slewing
+        return bool(self._wanted.value.hand_moves) or self.slewing
 
     def _note_slewing(self, slewing: bool) -> None:
         self.slewing = slewing
@@ -401,4 +401,4 @@ class Movement:
         return not isinstance(self._wanted.value.motion, NoOrderedMove) or (self._ordered_by_client and self.slewing)
 
     def snapshot(self) -> MotionState:
-        return MotionState(self.slewing, self._wanted.value.by_hand, self._wanted.is_ending, self.ordered_by_client)
+        return MotionState(self.slewing, self._wanted.value.hand_moves, self._wanted.is_ending, self.ordered_by_client)

@@ -80,8 +80,9 @@ class CachedAnswer(Struct):
     fresh.
 
     ``asked_at``: loop time of the request. ``order_count``: number of orders and settings sent before it. A position
-    also has its ``reading``, the entry before it (``prev``) and, once calculated, its extrapolation (``forecast``).
-    ``from_kind``: the kind from which it was calculated. A ``forgotten`` answer is used only if the mount is silent.
+    also has its ``reading``, the entry before it (``prev``) and, once calculated, its extrapolation
+    (``extrapolation``). ``from_kind``: the kind from which it was calculated. A ``forgotten`` answer is used only if
+    the mount is silent.
     """
 
     value: Any
@@ -91,7 +92,7 @@ class CachedAnswer(Struct):
     order_count: int = 0
     reading: Reading | None = None
     prev: CachedAnswer | None = None
-    forecast: Any = None
+    extrapolation: Any = None
     from_kind: Kind | None = None
     forgotten: bool = False
 
@@ -123,7 +124,7 @@ class ReadingsCache:
         self.entries[kind] = entry
         self.mark_changed(kind)
 
-    def correct(self, kind: Kind, value: Any) -> None:
+    def correct_value(self, kind: Kind, value: Any) -> None:
         """Replace the last answer by the value that an order has caused; this does not delay the next read."""
         self.entries[kind].value = value
         self.mark_changed(kind)
@@ -146,9 +147,9 @@ class ReadingsCache:
         for woken in POLLS_RESCHEDULED_BY.get(kind, ()):
             self.due_events[woken].set()
         if kind is op.Slewing:
-            self.slewing_changed.emit(bool(self.value(kind)))
+            self.slewing_changed.emit(bool(self.last_value(kind)))
 
-    def outdate(self, now: float) -> None:
+    def mark_outdated(self, now: float) -> None:
         """Treat positions that were requested before ``now`` as outdated for clients."""
         self.outdated_before = now
         self.version += 1
@@ -157,12 +158,12 @@ class ReadingsCache:
         for kind in kinds:
             self._last_polled_at[kind] = now
 
-    def value(self, kind: Kind) -> Any:
+    def last_value(self, kind: Kind) -> Any:
         """Return the last answer, however old; None if there is none or it is forgotten."""
         entry = self.entries.get(kind)
         return None if entry is None or entry.forgotten else entry.value
 
-    def poll(self, kind: Kind, now: float) -> Any:
+    def fresh_answer(self, kind: Kind, now: float) -> Any:
         """Return the answer for a client if it is fresh, else NOT_CACHED, and note that a client polls this kind.
         Answers stay fresh for longer while the line is slow or not up.
         """
@@ -218,7 +219,7 @@ class NotRead(Exception):
     """The cache has no reading of this kind: the mount has not been asked for it yet."""
 
 
-class Readings(Protocol):
+class ReadingSource(Protocol):
     """How the safety rules read the mount: from the ``Reader``, or from ``LastReadings`` for a preview."""
 
     async def read(self, operation: op.Operation[_T]) -> _T: ...
@@ -236,7 +237,7 @@ class LastReadings:
 
     async def read(self, operation: op.Operation[_T]) -> _T:
         """Return the last reading. Raises NotRead."""
-        value = self._cache.value(type(operation))
+        value = self._cache.last_value(type(operation))
         if value is None:
             raise NotRead
         return cast(_T, value)

@@ -120,24 +120,24 @@ def _max_change(previous: Reading, last: Reading, goal: Pair, angle_index: int) 
 
 def extrapolation_of(context: Context, kind: Kind, entry: CachedAnswer) -> Extrapolation:
     """Return the extrapolation from a cached position; it is calculated once for each entry."""
-    if entry.forecast is None:
+    if entry.extrapolation is None:
         assert entry.reading is not None
         before = entry.prev if entry.prev is not None and entry.prev.asked_at >= context.cache.outdated_before else None
-        entry.forecast = extrapolate(
+        entry.extrapolation = extrapolate(
             None if before is None else before.reading,
             entry.reading,
             max_speed=MAX_SPEED * context.driver.speed_factor,
-            resolution=context.driver.resolution,
+            resolution=context.driver.rest_tolerance,
             goal=_goal_angles(context, kind),
             on_sphere=kind is not op.AxisPosition,
         )
-    result: Extrapolation = entry.forecast
+    result: Extrapolation = entry.extrapolation
     return result
 
 
 def is_equatorial(context: Context) -> bool:
     """Whether the mount has reported that it is equatorial."""
-    status = context.cache.value(op.GetStatus)
+    status = context.cache.last_value(op.GetStatus)
     return status is not None and bool(status.equatorial)
 
 

@@ -51,7 +51,7 @@ class Reader:
     """Reads for clients: ``peek`` returns a cached answer, and ``answer`` asks the mount, within a timeout. Reads for
     the gateway are not extrapolated: ``read`` uses the cache if possible, ``read_now`` always asks the mount.
 
-    Signals: ``position``, ``axes`` and ``status`` with each new reading; ``position_failed`` after a failed read;
+    Signals: ``position_read``, ``axes_read`` and ``status_read`` with each reading; ``position_failed`` if one fails;
     ``goto_over`` when the mount reports the end of a goto, and ``goto_missed`` with a message if it missed its goal.
     """
 
@@ -72,9 +72,9 @@ class Reader:
         self.gives_last_position = False
         #: By kind, for the last position given without extrapolation: the loop times of its reading and of the answer.
         self._given_positions: dict[Kind, tuple[float, float]] = {}
-        self.position: Signal[op.Equatorial] = Signal()
-        self.axes: Signal[op.Horizontal] = Signal()
-        self.status: Signal[op.Status] = Signal()
+        self.position_read: Signal[op.Equatorial] = Signal()
+        self.axes_read: Signal[op.Horizontal] = Signal()
+        self.status_read: Signal[op.Status] = Signal()
         self.position_failed: Signal[None] = Signal()
         self.goto_over: Signal[None] = Signal()
         self.goto_missed: Signal[str] = Signal()
@@ -93,14 +93,14 @@ class Reader:
         run_on = self._context.run_on.current
         if kind is op.Slewing and (self._wanted.goto_pending or (run_on is not None and run_on.goto)):
             return True
-        return self._cache.poll(kind, self._clock())
+        return self._cache.fresh_answer(kind, self._clock())
 
     def peek(self, kind: Kind) -> object:
         """Return the answer to a client's read if it is cached; NOT_CACHED if it must be requested."""
         value = self.fresh_reading(kind)
         if kind not in POSITION_READS:
             return value
-        if (source := self.source_of(kind)) is not None:
+        if (source := self.source_kind_of(kind)) is not None:
             return self._convert_to(kind, self.peek(source))
         return NOT_CACHED if value is NOT_CACHED else self._position_for_client(kind, self._cache.entries[kind])
 
@@ -137,9 +137,9 @@ class Reader:
         if kind is op.Slewing:
             return self._movement.slewing or self._wanted.goto_pending or self._context.run_on.is_after_goto
         if kind is op.GetStatus:
-            return self._cache.value(kind) or UNKNOWN_STATUS
+            return self._cache.last_value(kind) or UNKNOWN_STATUS
         entry = self._cache.entries.get(kind)
-        source = self.source_of(kind) or (op.Position if kind is op.HorizontalPosition else None)
+        source = self.source_kind_of(kind) or (op.Position if kind is op.HorizontalPosition else None)
         if entry is None or entry.reading is None:
             return NOT_CACHED if source is None else self._convert_to(kind, self.last_answer(source))
         if entry.asked_at < self._cache.outdated_before or self._clock() - entry.reading.completed_at > MAX_STALE_AGE:
@@ -154,7 +154,7 @@ class Reader:
     def fresh_until(self, kinds: list[Kind]) -> float:
         """Return the loop time until which the last answers may be given again."""
         positions = [kind for kind in kinds if kind in POSITION_READS]
-        sources = [source for kind in positions if (source := self.source_of(kind)) is not None]
+        sources = [source for kind in positions if (source := self.source_kind_of(kind)) is not None]
         until = self._cache.fresh_until([*kinds, *sources])
         return min(until, self._extrapolated_to + POSITION_REUSE_TIME) if positions and self._is_moving else until
 
@@ -174,7 +174,7 @@ class Reader:
         """Return the position of a moving mount, extrapolated to this loop time."""
         return type(entry.value)(*predict(extrapolation_of(self._context, kind, entry), moment))
 
-    def source_of(self, kind: Kind) -> Kind | None:
+    def source_kind_of(self, kind: Kind) -> Kind | None:
         """Return the kind of position from which this kind is calculated; None if this kind is read. A mount that
         needs two requests per position is asked for only one kind while it moves.
         """
@@ -214,15 +214,15 @@ class Reader:
                 return
             self._commands_before_stop = -1 if moves and not isinstance(operation, op.AbortMotion) else sent
         elif isinstance(operation, op.Move | op.MoveAxis):
-            if self._wanted.by_hand.get(operation.axis) == operation:
+            if self._wanted.hand_moves.get(operation.axis) == operation:
                 return  # the same motion continues
         elif not isinstance(operation, (*GOTOS, op.Sync)):
             return
-        self.outdate()
+        self.mark_outdated()
 
-    def outdate(self) -> None:
+    def mark_outdated(self) -> None:
         """Treat readings that were requested before now as outdated."""
-        self._cache.outdate(self._clock())
+        self._cache.mark_outdated(self._clock())
         self._extrapolated_to = -1e9
 
     # --- answers that may take an exchange --------------------------------------------------------------------------
@@ -248,7 +248,7 @@ class Reader:
         """Return a new answer of the mount; ask again if a motion order has outdated its position. Raises Fault."""
         kind, answer = type(operation), NOT_CACHED
         for _ in range(MAX_READ_TRIES):
-            if (source := self.source_of(kind)) is not None:
+            if (source := self.source_kind_of(kind)) is not None:
                 known = self.peek(source)
                 value = self._convert_to(kind, await self.answer(source()) if known is NOT_CACHED else known)
                 if value is not NOT_CACHED:
@@ -259,7 +259,7 @@ class Reader:
             if kind not in POSITION_READS:
                 return answer
             self._cache.note_polled((kind,), self._clock())  # its client goes on from here
-            if self.source_of(kind) is None:
+            if self.source_kind_of(kind) is None:
                 value = self._position_for_client(kind, self._cache.entries[kind])
                 if value is not NOT_CACHED:
                     return value
@@ -387,11 +387,11 @@ class Reader:
             self._link_to_previous(kind, entry)
         self._cache.store(kind, entry, self._clock())
         if isinstance(entry.value, op.Status):
-            self.status.emit(entry.value)
+            self.status_read.emit(entry.value)
         if kind is op.Position:
-            self.position.emit(entry.value)
+            self.position_read.emit(entry.value)
         elif kind is op.AxisPosition:
-            self.axes.emit(entry.value)
+            self.axes_read.emit(entry.value)
 
     def _link_to_previous(self, kind: Kind, entry: CachedAnswer) -> None:
         """Link a new position to the previous one, for the extrapolation; pass it to the run-on watch."""
@@ -399,7 +399,7 @@ class Reader:
         assert entry.reading is not None
         if kind is op.Position and context.run_on.current is not None:
             present = TimedPosition(self._clock(), entry.asked_at, entry.value)
-            context.run_on.add_position(present, is_equatorial(context), self._driver.resolution)
+            context.run_on.add_position(present, is_equatorial(context), self._driver.rest_tolerance)
         if last is not None and last.reading is not None:
             near = min(entry.reading.times) - min(last.reading.times) < MIN_GAP
             entry.prev, last.prev = last.prev if near else last, None
@@ -430,11 +430,12 @@ class Reader:
         slew, ends = before.motion, self._wanted.is_ending
         self.goto_over.emit(None)
         self._cache.forget(op.HorizontalPosition, op.AxisPosition, op.Position, op.PierSide)
-        self.outdate()
+        self.mark_outdated()
         await self.answer(op.Position())
-        position = self._cache.value(op.Position)  # None if the mount has not reported a new one
+        position = self._cache.last_value(op.Position)  # None if the mount has not reported a new one
         after = self._wanted.value
-        if ends or self._wanted.is_ending or (before.n_stops, before.n_gotos) != (after.n_stops, after.n_gotos):
+        is_newer = (before.stop_count, before.goto_count) != (after.stop_count, after.goto_count)
+        if ends or self._wanted.is_ending or is_newer:
             return  # a client has ended or replaced it, and knows
         if position is None or not isinstance(slew, Slew) or self._wanted.axes_moved_by_hand:
             return
@@ -445,15 +446,17 @@ class Reader:
     async def _miss_message_for(self, goto: op.Operation, position: op.Equatorial) -> str:
         """Return the log line for a goto that missed its goal; empty if it reached the goal or that is unknown."""
         if isinstance(goto, op.Goto):
-            return missed(self._astrometry.from_mount_equinox(op.Equatorial(goto.ra, goto.dec)), position)
+            return miss_text(self._astrometry.from_mount_equinox(op.Equatorial(goto.ra, goto.dec)), position)
         goal = self._driver.destination(goto) if isinstance(goto, op.Park) else goto
         if not isinstance(goal, op.GotoAxes | op.GotoHorizontal):
             return ""
         kind = op.AxisPosition if isinstance(goal, op.GotoAxes) else op.HorizontalPosition
         await self.answer(kind())
-        reached = self._cache.value(kind)
+        reached = self._cache.last_value(kind)
         return (
-            "" if reached is None else missed(op.Equatorial(goal.az, goal.alt), op.Equatorial(reached.az, reached.alt))
+            ""
+            if reached is None
+            else miss_text(op.Equatorial(goal.az, goal.alt), op.Equatorial(reached.az, reached.alt))
         )
 
     async def tube_side(self) -> str | None:
@@ -466,7 +469,7 @@ class Reader:
             return None
 
 
-def missed(goal: op.Equatorial, position: op.Equatorial) -> str:
+def miss_text(goal: op.Equatorial, position: op.Equatorial) -> str:
     """Return the log line for a goto that missed its goal; empty if it reached the goal. ``goal`` and ``position`` are
     in the same coordinates. The gateway does not repeat the goto: a person may have ended it at the hand control.
     """

@@ -16,11 +16,11 @@ from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Asleep, Fault
 from gateway.mount.context import Context
-from gateway.mount.motion.run_on import ARCSECOND, SKY, unexplained_motion
+from gateway.mount.motion.run_on import ARCSECOND, SKY_SPEED, unexplained_motion
 from gateway.mount.readings.reader import Reader
 
 #: The longest time in seconds from the acknowledgement of a stop to rest; mounts move on for up to two seconds.
-TIME_TO_REST = 8.0
+MAX_TIME_TO_REST = 8.0
 #: The shortest time in seconds between two samples that are compared, and the time between successive samples.
 MIN_COMPARED_GAP, SAMPLE_GAP = 0.7, 0.2
 #: Degrees a second: the slowest motion that the check must notice.
@@ -31,23 +31,23 @@ MIN_TRACKING_SPEED, ZENITH_SPEED_FACTOR, MAX_AZ_SPEED = 0.1, 3.0, 2.5
 
 
 class RestSample(NamedTuple):
-    """A position and its loop time. For an alt-azimuth mount also its azimuth, degrees, and ``tracking_speed``: up to
-    this speed, degrees a second, a turn of the azimuth axis counts as tracking.
+    """A position and its loop time. For an alt-azimuth mount also its azimuth, degrees, and ``max_tracking_speed``: up
+    to this speed, degrees a second, a turn of the azimuth axis counts as tracking.
     """
 
     sampled_at: float
     position: op.Equatorial
     azimuth: float | None = None
-    tracking_speed: float = 0.0
+    max_tracking_speed: float = 0.0
 
 
-async def wait_for_rest(context: Context, reader: Reader, timeout: float = TIME_TO_REST) -> None:
+async def wait_for_rest(context: Context, reader: Reader, timeout: float = MAX_TIME_TO_REST) -> None:
     """Sample the position until the mount is at rest. Raises Fault if it still moves, or if that cannot be determined.
     A mount that hibernates is at rest and is not asked.
     """
     samples: deque[RestSample] = deque()
     rate, trouble, begun = None, Fault("the mount has not reported its position"), _count_motions(context)
-    apart = max(MIN_COMPARED_GAP, context.driver.resolution / MIN_NOTICED_SPEED)
+    apart = max(MIN_COMPARED_GAP, context.driver.rest_tolerance / MIN_NOTICED_SPEED)
     try:
         async with asyncio.timeout(timeout):
             while True:
@@ -60,7 +60,7 @@ async def wait_for_rest(context: Context, reader: Reader, timeout: float = TIME_
                 while len(samples) > 1 and samples[-1].sampled_at - samples[1].sampled_at >= apart:
                     samples.popleft()
                 if len(samples) > 1 and samples[-1].sampled_at - samples[0].sampled_at >= apart:
-                    rate = _unexplained_speed(samples[0], samples[-1], 1.25 * context.driver.resolution)
+                    rate = _unexplained_speed(samples[0], samples[-1], 1.25 * context.driver.rest_tolerance)
                     if rate == 0.0 and not context.movement.any_motion:
                         return
                 await asyncio.sleep(SAMPLE_GAP)
@@ -89,7 +89,8 @@ async def _take_sample(context: Context, reader: Reader) -> RestSample:
     tracking_speed = MIN_TRACKING_SPEED
     if status.tracking is not op.Tracking.OFF:
         tracking_speed = min(
-            MAX_AZ_SPEED, max(MIN_TRACKING_SPEED, ZENITH_SPEED_FACTOR * SKY / max(abs(cos(radians(reading.alt))), 1e-6))
+            MAX_AZ_SPEED,
+            max(MIN_TRACKING_SPEED, ZENITH_SPEED_FACTOR * SKY_SPEED / max(abs(cos(radians(reading.alt))), 1e-6)),
         )
     return RestSample(at, position, reading.az, tracking_speed)
 
@@ -99,6 +100,6 @@ def _unexplained_speed(before: RestSample, after: RestSample, min_motion: float)
     elapsed, equatorial = after.sampled_at - before.sampled_at, after.azimuth is None
     moved = unexplained_motion(before.position, after.position, elapsed, equatorial)
     if before.azimuth is not None and after.azimuth is not None:
-        tracking = max(before.tracking_speed, after.tracking_speed) * elapsed
+        tracking = max(before.max_tracking_speed, after.max_tracking_speed) * elapsed
         moved = max(moved, abs(wrap180(after.azimuth - before.azimuth)) - tracking)
     return moved / elapsed if moved > min_motion else 0.0

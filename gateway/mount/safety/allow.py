@@ -31,7 +31,7 @@ STOP_EXCHANGES = 3
 #: second's way. Mounts do not report how they slow down; owners see about a second from full speed, and less below it.
 RUN_ON = 0.5
 #: Exchanges between the stops of the two axes: meanwhile the second axis moves the tube alone.
-GAP_EXCHANGES = 2.0
+STOP_GAP_EXCHANGES = 2.0
 #: Seconds until motors have reached their speed; the rate that is measured earlier is too low.
 RUN_UP_SECONDS = 1.0
 #: The part of the commanded speed above which a rate shows an approach; a slower change means moving along the limit.
@@ -50,29 +50,29 @@ SUN_JITTER_DEGREES = 0.05
 
 
 class StopTiming(Struct, frozen=True):
-    """Timing of a mount in seconds: ``round_trip`` of an exchange (``n_reads`` of them read a position),
+    """Timing of a mount in seconds: ``round_trip`` of an exchange (``position_reads`` of them read a position),
     ``position_period`` between two positions, and the ``run_on`` after a stop, as a time at full speed.
     """
 
     round_trip: float
-    n_reads: int
+    position_reads: int
     position_period: float
     run_on: float = RUN_ON
 
     @property
     def ra_lag(self) -> float:
         """By how many seconds the first coordinate of a position is older than the second."""
-        return 2.0 * (self.n_reads - 1) * self.round_trip
+        return 2.0 * (self.position_reads - 1) * self.round_trip
 
     @property
     def position_interval(self) -> float:
         """Seconds between two positions. While the mount moves, each coordinate is read twice."""
-        return max(self.position_period, 2.0 * self.n_reads * self.round_trip)
+        return max(self.position_period, 2.0 * self.position_reads * self.round_trip)
 
     @property
     def stop_time(self) -> float:
         """Seconds from the reading of a position to the end of the motion, if that position causes a stop."""
-        return (STOP_EXCHANGES + self.n_reads - 1) * self.round_trip + self.run_on
+        return (STOP_EXCHANGES + self.position_reads - 1) * self.round_trip + self.run_on
 
     @property
     def reaction(self) -> float:
@@ -91,12 +91,12 @@ def max_rate(rate: float, earlier_rate: float | None, commanded_speed: float, fi
     and ``last_at`` are the seconds from the start of the motion to these positions. ``commanded_speed``: 0 if unknown.
     """
     grown = max(0.0, rate - earlier_rate) if earlier_rate is not None else 0.0
-    if first_at < RUN_UP_SECONDS and rate > MIN_APPROACH_PART * commanded_speed * _mean_speed(first_at, last_at):
+    if first_at < RUN_UP_SECONDS and rate > MIN_APPROACH_PART * commanded_speed * _speed_fraction(first_at, last_at):
         return max(rate + grown, commanded_speed)
     return rate + grown
 
 
-def _mean_speed(first_elapsed: float, last_elapsed: float) -> float:
+def _speed_fraction(first_elapsed: float, last_elapsed: float) -> float:
     """Return the mean speed of a motor between two times (seconds after its start), as a fraction of full speed."""
     if last_elapsed >= RUN_UP_SECONDS or last_elapsed <= max(0.0, first_elapsed):
         return 1.0
@@ -178,12 +178,14 @@ class JudgedState(Struct, frozen=True):
 
         A goto off its paths does not count: it is watched like a motion by hand.
         """
-        return self.moving.slewing and self.moving.ordered_by_client and not self.moving.by_hand and not self.is_astray
+        return (
+            self.moving.slewing and self.moving.ordered_by_client and not self.moving.hand_moves and not self.is_astray
+        )
 
     @property
     def _second_axis_run_on(self) -> float:
         """How far the second axis moves the tube after the first was stopped, degrees; 0 unless both move by hand."""
-        seconds = GAP_EXCHANGES * self.timing.round_trip if len(self.moving.by_hand) > 1 else 0.0
+        seconds = STOP_GAP_EXCHANGES * self.timing.round_trip if len(self.moving.hand_moves) > 1 else 0.0
         return self.observed.sky_speed * seconds
 
     def max_rate(self, rate: float, earlier_rate: float | None) -> float:
@@ -269,10 +271,10 @@ def first_position_deadline(state: JudgedState, now: float, speed: float) -> Ver
     return Verdict(stop_in=max(seconds, timing.position_interval + MIN_POSITION_GAP), limit_name="a limit")
 
 
-def degrees_to_limits(last: PositionSample, limits: Limits, sun_limit: float) -> list[float]:
+def degrees_to_limits(sample: PositionSample, limits: Limits, sun_limit: float) -> list[float]:
     """Return the degrees from a position to each altitude limit, and to the allowed distance from the Sun."""
-    rooms = [room for altitude in last.altitudes for room in degrees_inside(limits, altitude)]
-    return [180.0, *rooms, *(distance - sun_limit for distance in last.sun_distances)]
+    rooms = [room for altitude in sample.altitudes for room in degrees_inside(limits, altitude)]
+    return [180.0, *rooms, *(distance - sun_limit for distance in sample.sun_distances)]
 
 
 def degrees_inside(limits: Limits, altitude: float) -> Pair:
@@ -299,9 +301,9 @@ def altitude_rooms(state: JudgedState) -> Iterator[Room]:
     observed, before, last = state.observed, state.observed.previous, state.observed.last
     if before is None or last is None:
         return
-    goes = state.moving.slewing and state.moving.ordered_by_client and not state.moving.by_hand
+    goes = state.moving.slewing and state.moving.ordered_by_client and not state.moving.hand_moves
     beyond = (MAX_OVERSHOOT + READ_TIME_ALLOWANCE * observed.sky_speed) * state.on_checked_path
-    own, count = last.own_altitude_count, None if state.moving.by_hand else last.own_altitude_count
+    own, count = last.own_altitude_count, None if state.moving.hand_moves else last.own_altitude_count
     rates = state.approach_rates(observed.rates.altitudes, observed.prev_rates.altitudes)[:count]
     for number, (then, now, rate) in enumerate(zip(before.altitudes, last.altitudes, rates, strict=False)):
         limits = state.limits.without_default_altitudes() if goes or number else state.limits
@@ -324,23 +326,25 @@ def sun_rooms(state: JudgedState) -> Iterator[Room]:
     observed, last = state.observed, state.observed.last
     if observed.previous is None or last is None:
         return
-    count = None if state.moving.by_hand else state.own_sun_count
+    count = None if state.moving.hand_moves else state.own_sun_count
     rates = state.approach_rates(observed.rates.sun_distances, observed.prev_rates.sun_distances)[:count]
     for now, far, rate in zip(last.sun_distances, observed.farthest_from_suns, rates, strict=False):
         reason = f"the Sun ({now:.0f} degrees from it)"
         yield Room(now - state.sun_limit, far - SUN_JITTER_DEGREES - state.sun_limit, rate, reason, "the Sun")
 
 
-def farthest_from_suns(view: JudgedState) -> tuple[float, ...]:
+def farthest_from_suns(state: JudgedState) -> tuple[float, ...]:
     """Return, for each possible position of the Sun, the greatest distance since the tube came near it; or the present
     distance if it is not near.
     """
-    observed = view.observed
+    observed = state.observed
     if observed.last is None:
         return ()
-    rates = view.approach_rates(observed.rates.sun_distances, observed.prev_rates.sun_distances)
+    rates = state.approach_rates(observed.rates.sun_distances, observed.prev_rates.sun_distances)
     return tuple(
-        now if now >= view.sun_limit + view.stop_margin(rate) or now < before - SUN_JITTER_DEGREES else max(now, before)
+        now
+        if now >= state.sun_limit + state.stop_margin(rate) or now < before - SUN_JITTER_DEGREES
+        else max(now, before)
         for now, before, rate in zip(observed.last.sun_distances, observed.farthest_from_suns, rates, strict=True)
     )
 

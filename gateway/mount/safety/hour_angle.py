@@ -93,7 +93,7 @@ class HourAngleWatch:
     def has_limit(self) -> bool:
         """Whether a limit is set that can be enforced on this mount."""
         mount = self._mount
-        status = mount.cache.value(op.GetStatus)
+        status = mount.cache.last_value(op.GetStatus)
         limited = mount.policy.limits.hour_angle is not None and status is not None and status.equatorial
         return limited and can_enforce_hour_angle(mount)
 
@@ -120,7 +120,7 @@ class HourAngleWatch:
             return None
         if mount.movement.slewing:
             self.forget()
-            if mount.cache.value(op.PierSide) is not None:
+            if mount.cache.last_value(op.PierSide) is not None:
                 mount.cache.forget(op.PierSide)  # it is that of the goal
             return None
         if not reports_axes(mount) and observed.last is not None:
@@ -137,12 +137,12 @@ class HourAngleWatch:
                 return nearest
         return None if german and side is None else angle_from_pier_side(hour_angle, side if german else None)
 
-    def _follow_position(self, last: PositionSample) -> None:
+    def _follow_position(self, sample: PositionSample) -> None:
         """Update the angle of the axis by the last position, unless that was done."""
-        if last.hour_angle is not None and not (self._past_samples and last.time <= self._past_samples[-1][0]):
-            self._axis_angle = self.axis_angle(last.hour_angle, self._pier_side())
+        if sample.hour_angle is not None and not (self._past_samples and sample.time <= self._past_samples[-1][0]):
+            self._axis_angle = self.axis_angle(sample.hour_angle, self._pier_side())
             if self._axis_angle is not None:
-                self._add_sample(last.time, self._axis_angle)
+                self._add_sample(sample.time, self._axis_angle)
 
     def _add_sample(self, read_at: float, axis_angle: float) -> None:
         self._past_samples = (*self._past_samples[-2:], (read_at, past_meridian(axis_angle, self._mount.driver.german)))
@@ -154,13 +154,13 @@ class HourAngleWatch:
             return None
         if mount.cache.age(op.PierSide, mount.now()) > MAX_SIDE_AGE:
             mount.tasks.spawn(self._read_side())
-        return mount.driver.tube_side(mount.cache.value(op.PierSide) or "")
+        return mount.driver.tube_side(mount.cache.last_value(op.PierSide) or "")
 
 
-def _extrapolate(readings: tuple[Pair, ...], now: float) -> PastMeridianState | None:
+def _extrapolate(samples: tuple[Pair, ...], now: float) -> PastMeridianState | None:
     """Return how far the tube is past the meridian now, extrapolated from the last samples; None without a rate."""
-    rates = [(past - before) / (at - then) for (then, before), (at, past) in pairwise(readings) if at > then]
+    rates = [(past - before) / (at - then) for (then, before), (at, past) in pairwise(samples) if at > then]
     if not rates:
         return None
-    at, past = readings[-1]
+    at, past = samples[-1]
     return PastMeridianState(past + rates[-1] * (now - at), rates[-1], abs(rates[0]) if len(rates) > 1 else None)

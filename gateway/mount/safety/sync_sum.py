@@ -86,7 +86,7 @@ class SyncTotal:
         self.value, self.resync_reason = SyncSum(), reason
 
 
-def check_sync(
+def checked_sync_sum(
     sync_limit: float, old_sum: SyncSum, turns: Sequence[Pair], present: Equatorial, target: Equatorial
 ) -> SyncSum:
     """Return the sum with a sync. Raises SyncTooFar if the sync or the sum is larger than ``sync_limit`` on the sky.

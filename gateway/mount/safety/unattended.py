@@ -49,7 +49,7 @@ class SupervisedMotion(Struct, frozen=True):
     began_at: float
 
 
-class Supervisor:
+class ClientSupervisor:
     """Ends the motions of clients that went silent. ``perform`` carries out the operation that ends a motion."""
 
     def __init__(
@@ -125,7 +125,7 @@ def abandoned_motions(
     return moments
 
 
-class TrackingAtLimit:
+class TrackingLimiter:
     """Turns tracking off when ``watch`` reports that it carries the mount to a limit.
 
     ``perform`` carries out an operation. ``must_stop`` is emitted if tracking cannot be turned off: then everything
@@ -136,11 +136,11 @@ class TrackingAtLimit:
         self, context: Context, reader: Reader, watch: LimitWatch, perform: Callable[[op.Operation], Awaitable[object]]
     ) -> None:
         self._context, self._reader, self._perform = context, reader, perform
-        self._watch, self._switching = watch, False
+        self._watch, self._switching_off = watch, False
         #: Loop times at which tracking proved impossible to turn off, and at which the mount drifted with tracking off.
         self._refused_at = self._drifts_since = NEVER
         #: When tracking was last switched off here.
-        self._off_since = NEVER
+        self._switched_off_at = NEVER
         self.must_stop: Signal[str] = Signal()
         watch.carried_to_limit.connect(self.switch_off)
 
@@ -149,27 +149,27 @@ class TrackingAtLimit:
         drifts = self._drifts_since > max(began, tracked)
         if drifts and self._context.cache.age(op.GetStatus, now) > MAX_STATUS_AGE:
             self._reader.shared_task(op.GetStatus())
-        elif not (self._switching or drifts or self._refused_at > began):
-            self._switching = True
+        elif not (self._switching_off or drifts or self._refused_at > began):
+            self._switching_off = True
             self._context.tasks.spawn(self._switch_off(reason))
 
     async def _switch_off(self, reason: str) -> None:
         context = self._context
         try:
             if (await self._reader.read(op.GetStatus())).tracking is op.Tracking.OFF:
-                if context.now() - self._off_since > OLD_READING_TIME:
+                if context.now() - self._switched_off_at > OLD_READING_TIME:
                     context.note(
                         f"WARNING: tracking is off, but the mount is drifting past {reason}; there is nothing to stop"
                     )
                     self._drifts_since = context.now()
                 return
             await self._perform(op.SetTracking(on=False))
-            self._off_since = context.now()
+            self._switched_off_at = context.now()
             context.note(f"{SWITCHED_OFF_MESSAGE} {reason}")
         except Unsupported:
             self._refused_at = context.now()
             # at rest: the mount has not reached it by tracking
-            sky_changed = self._watch.sky.changed_at > self._watch.observed.began_at
+            sky_changed = self._watch.sky_change.changed_at > self._watch.observed.began_at
             context.note(f"{'WARNING: the mount is' if sky_changed else 'stopped'} at {reason}")
             context.note_once("this mount's tracking cannot be switched off at a limit")
             if not sky_changed:
@@ -177,7 +177,7 @@ class TrackingAtLimit:
         except Fault as fault:
             context.note(f"tracking could not be switched off at {reason} and continues beyond it: {fault}")
         finally:
-            self._switching = False
+            self._switching_off = False
 
 
 class SunApproachWatch:
@@ -201,7 +201,7 @@ class SunApproachWatch:
         before, self.warning = self.warning, ""
         if mount.movement.any_motion or self._watch.moved_by_others or not mount.sources.sites():
             return
-        status = mount.cache.value(op.GetStatus)
+        status = mount.cache.last_value(op.GetStatus)
         if status is None or not status.aligned:
             self._next_check = now + FIRST_RECHECK_DELAY
             return
@@ -214,7 +214,7 @@ class SunApproachWatch:
         suns = self._mount.suns
         up = {(sun.sync_shift, sun.confirmed) for sun in suns.suns_to_avoid()}
         for minute in range(round(LOOK_AHEAD_TIME / LOOK_AHEAD_STEP) + 1):
-            for sun in suns.calculate_suns(self._mount.frame(), minute * LOOK_AHEAD_STEP):
+            for sun in suns.calculate_suns(self._mount.tube_frame(), minute * LOOK_AHEAD_STEP):
                 distance = self._distance(position, sun, 0.0 if tracks else minute * LOOK_AHEAD_STEP)
                 if distance < suns.min_dist:
                     return self._warning_for(sun, distance, minute, (sun.sync_shift, sun.confirmed) not in up, tracks)
@@ -222,7 +222,7 @@ class SunApproachWatch:
 
     def _distance(self, position: op.Equatorial, sun: Sun, seconds: float) -> float:
         """Return the degrees to ``sun`` from a tube that stands still for ``seconds`` while the sky turns."""
-        tube = self._mount.suns.tube(position, sun.sync_shift)
+        tube = self._mount.suns.pointing(position, sun.sync_shift)
         return separation(tube.ra + SIDEREAL_RATE * seconds, tube.dec, sun.ra, sun.dec)
 
     def _warning_for(self, sun: Sun, distance: float, minute: int, rises: bool, tracks: bool) -> str:

@@ -86,7 +86,7 @@ class LimitWatch:
         #: Whether the mount was sent to a park position without altitude limits, and whether it has rested there.
         self._at_own_park = self._rested_at_park = False
         self._goto_is_astray = False
-        self.sky = SkyChange(mount)
+        self.sky_change = SkyChange(mount)
         #: Loop time of the last position while the mount may have been tracking.
         self.tracked_at = NEVER
         self.hour_angle = HourAngleWatch(mount, reader.tube_side)
@@ -119,7 +119,7 @@ class LimitWatch:
             return False
         then, at_then = (self._axis_sample(sample.time, sample.position) for sample in (before, last))
         least = max(MAX_TRACKING_SPEED * self.observed.elapsed, MIN_STEP_UNITS * at_then.resolution)
-        status = mount.cache.value(op.GetStatus)
+        status = mount.cache.last_value(op.GetStatus)
         axes = (axis,) if status is None or status.equatorial else (1, 2)
         turned = [abs(wrap180(at_then.angles[sample - 1] - then.angles[sample - 1])) for sample in axes]
         return any(min(way, 180.0 - way) > least for way in turned)  # a pulse over the pole is no half turn
@@ -146,7 +146,7 @@ class LimitWatch:
         moving = self._mount.movement.snapshot()
         if moving.slewing:
             return self.observed.sky_speed or self._mount.driver.speed(FASTEST_RATE)
-        return max((self._mount.driver.speed(motion.rate) for motion in moving.by_hand.values()), default=0.0)
+        return max((self._mount.driver.speed(motion.rate) for motion in moving.hand_moves.values()), default=0.0)
 
     @property
     def on_clear_path(self) -> bool:
@@ -180,9 +180,9 @@ class LimitWatch:
         self.observed = fold.begin_motion(self.observed, mount.now(), ordered_speed, at_rest=not self._is_moving)
         if not isinstance(operation, op.Move | op.MoveAxis):
             self._deadline.disarm()
-        elif moving.by_hand.get(operation.axis) != operation:  # a repeated command is judged already
+        elif moving.hand_moves.get(operation.axis) != operation:  # a repeated command is judged already
             speed = sum(
-                mount.driver.speed(motion.rate) for motion in {**moving.by_hand, operation.axis: operation}.values()
+                mount.driver.speed(motion.rate) for motion in {**moving.hand_moves, operation.axis: operation}.values()
             )
             self._apply_verdict(first_position_deadline(self._judged_state(mount.now(), moving), mount.now(), speed))
 
@@ -190,7 +190,7 @@ class LimitWatch:
         """Note the end of a goto. If it was stopped on its way, the tube may still be beyond the pole or the zenith."""
         self._goto_ended_at = self._mount.now()
         moving = self._mount.movement.snapshot()
-        if not (moving.end_pending or moving.by_hand):
+        if not (moving.end_pending or moving.hand_moves):
             self.observed = replace(self.observed, upright=True)
 
     def on_axis_stop(self) -> None:
@@ -220,13 +220,13 @@ class LimitWatch:
             return
         self._deadline.disarm()
         self._check_axes(now, position)
-        if self.sky.has_changed(now, self.moved_by_others):
+        if self.sky_change.has_changed(now, self.moved_by_others):
             last = None
             self.hour_angle.forget()
         elif last is not None and last.altitude is None:  # the site may be known by now
             last = self._sample(last.time, last.position)
             self.observed = fold.add_first_position(self.observed, last)
-        sample, status = self._sample(now, position, last), self._mount.cache.value(op.GetStatus)
+        sample, status = self._sample(now, position, last), self._mount.cache.last_value(op.GetStatus)
         near = max(abs(position.dec), sample.altitude or 0.0) > fold.PASSAGE_LAT
         if near and not (self._mount.movement.slewing or self.moved_by_others):
             self.observed = fold.update_upright_by_passage(self.observed, last, sample, self._mount.astrometry, status)
@@ -248,14 +248,14 @@ class LimitWatch:
 
     def _sample(self, now: float, reported: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
         """Return a position that was read at ``now`` with its altitude, hour angle and distances from the Sun."""
-        mount, frame = self._mount, self._mount.frame()
+        mount, frame = self._mount, self._mount.tube_frame()
         position = reported if before is None else fold.extrapolate_ra(now, reported, before, mount.stop_timing.ra_lag)
         altitude, hour_angle = mount.astrometry.alt_and_ha(position)
         shifted = tuple(unsynced_sources(mount, frame))
         others = () if altitude is None else (*shifted, *contradicting_sources(mount, self._limits))
         further = tuple(source.altitude(position) for source in others)
-        suns, lifting = tuple(mount.suns.distances(position)), mount.wanted.by_hand.get(2)
-        era = (mount.suns.resets, frame, altitude is None, len(further))
+        suns, lifting = tuple(mount.suns.distances(position)), mount.wanted.hand_moves.get(2)
+        era = (mount.suns.reset_count, frame, altitude is None, len(further))
         return PositionSample(now, reported, altitude, hour_angle, suns, lifting, era, further, 1 + len(shifted))
 
     def _update_state(self, now: float, status: op.Status | None, moving: MotionState) -> None:
@@ -278,7 +278,7 @@ class LimitWatch:
         """Whether this position of a goto is more than ``ASTRAY_DEGREES`` from the paths calculated for it."""
         if not self._current_path.points:
             return False
-        reading = axis_readings_at(self._mount.astrometry, position, self._mount.frame().polar)
+        reading = axis_readings_at(self._mount.astrometry, position, self._mount.tube_frame().polar)
         return all(separation(*reading, *way) > ASTRAY_DEGREES for way in self._current_path.points)
 
     def _has_left_park(self, status: op.Status | None) -> bool:
@@ -301,24 +301,26 @@ class LimitWatch:
             limits = limits.for_keypad()
             if now - mount.cache.age(op.Slewing, now) < self.others_watch.began_at:
                 moving = replace(moving, slewing=True)  # perhaps: the mount will say so in the next exchange
-        status = mount.cache.value(op.GetStatus)
+        status = mount.cache.last_value(op.GetStatus)
         suns = mount.suns
         return JudgedState(
             self.observed, limits, mount.stop_timing, moving, suns.min_dist, status, past, self._goto_is_astray,
-            suns.n_confirmed, self._current_path.min_altitude,
+            suns.confirmed_sun_count, self._current_path.min_altitude,
         )  # fmt: skip
 
     def _check_axes(self, now: float, position: op.Equatorial) -> None:
         """Check that stopped axes rest and that axes moved by hand do move."""
-        mount, by_hand = self._mount, self._mount.wanted.by_hand
+        mount, by_hand = self._mount, self._mount.wanted.hand_moves
         if self._end_watch.ending is None and not by_hand:
             self._stalls.clear()
             return
-        status, axes = mount.cache.value(op.GetStatus), self._axis_sample(now, position)
+        status, axes = mount.cache.last_value(op.GetStatus), self._axis_sample(now, position)
         self._end_watch.add_sample(axes)
         judged = status is not None and status.aligned and not mount.driver.moves_by_gotos
         ordered = {axis: mount.driver.speed(motion.rate) for axis, motion in by_hand.items()} if judged else {}
-        stalled = self._stalls.find_stalled(axes, ordered, mount.link.times.typical_rtt * mount.stop_timing.n_reads)
+        stalled = self._stalls.find_stalled(
+            axes, ordered, mount.link.times.typical_rtt * mount.stop_timing.position_reads
+        )
         if stalled is not None:
             self._stop(
                 f"stopped: axis {stalled} should move, but its position does not change; check the "
@@ -328,7 +330,7 @@ class LimitWatch:
     def _axis_sample(self, now: float, position: op.Equatorial) -> AxisSample:
         """Return a position as readings of the two axes."""
         mount = self._mount
-        status = mount.cache.value(op.GetStatus)
+        status = mount.cache.last_value(op.GetStatus)
         return fold.axis_sample(mount.astrometry, status, getattr(mount.driver, "low", False), now, position)
 
     # --- acting -----------------------------------------------------------------------------------------------------
@@ -362,7 +364,7 @@ def blind_reason(motions: MotionState, position_age: float, since_stop: float) -
     ``position_age`` and ``since_stop``: seconds since the last position and since the last such stop. An LX200GPS also
     reports nothing while it seeks home, but that is no motion by hand.
     """
-    if motions.by_hand and position_age > MAX_BLIND_TIME and since_stop > MAX_BLIND_TIME:
+    if motions.hand_moves and position_age > MAX_BLIND_TIME and since_stop > MAX_BLIND_TIME:
         return "it moves but does not report its position"
     return ""
 
@@ -372,12 +374,12 @@ class AxisCourse(Struct, frozen=True):
 
     speed: float
     began_at: float
-    last: AxisSample
+    last_sample: AxisSample
     distance: float = 0.0
 
     def updated(self, axis: int, sample: AxisSample) -> AxisCourse:
         """Add a position. The distance is summed step by step, because the reading turns back over a pole."""
-        step = abs(wrap180(sample.angles[axis - 1] - self.last.angles[axis - 1]))
+        step = abs(wrap180(sample.angles[axis - 1] - self.last_sample.angles[axis - 1]))
         return AxisCourse(self.speed, self.began_at, sample, self.distance + step)
 
 
@@ -451,7 +453,7 @@ class SkyChange:
         site_clock = mount.astrometry.site_clock
         self._last_sky = site_clock.site(), site_clock.unix() - now
         changed = place is not None and (place != self._last_sky[0] or abs(ahead - self._last_sky[1]) > CLOCK_JUMP)
-        if changed or any(kind in AT_REST for kind, _ in mount.incoming.pending):
+        if changed or any(kind in AT_REST for kind, _ in mount.incoming_settings.pending):
             self._settles_until = now + NEW_SITE_TIME
         if now >= self._settles_until or mount.movement.any_motion:
             return changed

@@ -20,7 +20,7 @@ from gateway.core.errors import Unsupported
 from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.safety.sync_sum import NO_SYNC, SyncTotal
 from gateway.mount.site.readers import SiteView
-from gateway.mount.site.site_clock import COMPUTER, SiteTimeSources, SourcedSite, SourcedTime
+from gateway.mount.site.site_clock import COMPUTER_SOURCE, SiteTimeSources, SourcedSite, SourcedTime
 from gateway.protocols.base.driver import Driver
 
 #: Seconds for which the Suns are cached: if there is one, and if there are several, because some move in RA and dec.
@@ -30,7 +30,7 @@ SAME_SUN_DEGREES, SUN_JUMP_DEGREES = 0.5, 0.1
 #: Degrees: from this altitude on the Sun counts as up, for refraction, its disk, and a horizon below eye level.
 SUN_UP_ALTITUDE = -1.0
 #: Degrees: a smaller pointing error of the tube is ignored, because alignment and refraction cause such errors.
-NOISE = 1.0
+MIN_SHIFT = 1.0
 
 
 class FixedSiteTime(NamedTuple):
@@ -143,7 +143,7 @@ class TubeFrame:
         self._polar = False
 
     def __call__(self) -> PointingFrame:
-        status, total = self._cache.value(op.GetStatus), self._sync_total.value
+        status, total = self._cache.last_value(op.GetStatus), self._sync_total.value
         self._polar = self._polar if status is None else status.equatorial
         plain = _POLAR if self._polar else _ALTAZ
         if total == NO_SYNC:
@@ -153,7 +153,9 @@ class TubeFrame:
         sense = 1.0 if place is not None and place.latitude < 0.0 else -1.0
         candidates = [SyncShift(sense * first, sense * second, polar) for first, second in total.axis_turns]
         candidates += [shift._replace(second=-shift.second) for shift in candidates if shift.second]
-        shifts = tuple(dict.fromkeys(shift for shift in candidates if max(abs(shift.first), abs(shift.second)) > NOISE))
+        shifts = tuple(
+            dict.fromkeys(shift for shift in candidates if max(abs(shift.first), abs(shift.second)) > MIN_SHIFT)
+        )
         return PointingFrame(self._polar, shifts) if shifts else plain
 
 
@@ -196,9 +198,9 @@ class SunAvoidance:
         self.frame, self._suns_valid_until = _ALTAZ, float("-inf")
         self._risen_suns: list[Sun] = []
         #: The number of ``confirmed`` Suns; these come first in the list.
-        self.n_confirmed = 0
+        self.confirmed_sun_count = 0
         #: A number that grows when new distances cannot be compared with earlier ones: a clock jumped, or the Sun rose.
-        self.resets = 0
+        self.reset_count = 0
         sources.changed.connect(self._on_sources_changed)
 
     def _on_sources_changed(self, _: None) -> None:
@@ -207,7 +209,7 @@ class SunAvoidance:
     def set_min_distance(self, min_distance: float) -> None:
         """Set the smallest allowed distance, degrees. Distances are no longer compared with earlier ones."""
         self.min_dist = min_distance
-        self.resets += 1
+        self.reset_count += 1
 
     def suns_to_avoid(self) -> list[Sun]:
         """Return the Suns to avoid now, from a cache if possible; none if the limit is off."""
@@ -218,14 +220,14 @@ class SunAvoidance:
             suns = self.calculate_suns(frame)
             self._suns_valid_until, self.frame = now + (SUN_CACHE_TIME if len(suns) < 2 else SUNS_CACHE_TIME), frame
             if not _are_comparable(self._risen_suns, suns):
-                self.resets += 1
-            self._risen_suns, self.n_confirmed = suns, sum(sun.confirmed for sun in suns)
+                self.reset_count += 1
+            self._risen_suns, self.confirmed_sun_count = suns, sum(sun.confirmed for sun in suns)
             # before the site is read, the mount may still report a date
-            if self._site_read.is_set() and self._sources.best_time().source == COMPUTER:
+            if self._site_read.is_set() and self._sources.best_time().source == COMPUTER_SOURCE:
                 self._note_once("WARNING: the mount has reported no date: this computer's is used to avoid the Sun")
         return self._risen_suns
 
-    def tube(self, position: op.Equatorial, shift: SyncShift | None) -> op.Equatorial:
+    def pointing(self, position: op.Equatorial, shift: SyncShift | None) -> op.Equatorial:
         """Return where the tube points, in the mount's coordinates, if the mount reports ``position``."""
         if shift is None:
             return position
@@ -237,7 +239,7 @@ class SunAvoidance:
 
     def distance(self, position: op.Equatorial, sun: Sun) -> float:
         """Return the distance of the tube from a Sun, degrees, if the mount reports ``position``."""
-        tube = self.tube(position, sun.sync_shift)
+        tube = self.pointing(position, sun.sync_shift)
         return separation(tube.ra, tube.dec, sun.ra, sun.dec)
 
     def distances(self, position: op.Equatorial) -> list[float]:

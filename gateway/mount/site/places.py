@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from gateway.astro.ephemeris.almanac import PARTS
+from gateway.astro.ephemeris.almanac import SKY_PARTS
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Invalid, Unsupported
 from gateway.mount.site.astrometry import SiteAstrometry
@@ -32,8 +32,8 @@ def planet_position(astrometry: SiteAstrometry, operation: op.PlanetPlace) -> op
     Raises Invalid for an unknown name, Unsupported while no table gives the positions of planets.
     """
     name = operation.name.capitalize()
-    if name not in PARTS[1:]:
-        raise Invalid(f"There is no planet {operation.name!r}; write {', '.join(PARTS[3:-1])} or {PARTS[-1]}.")
+    if name not in SKY_PARTS[1:]:
+        raise Invalid(f"There is no planet {operation.name!r}; write {', '.join(SKY_PARTS[3:-1])} or {SKY_PARTS[-1]}.")
     position = astrometry.sky.planet(name, astrometry.site_clock.unix())
     if position is None:
         raise Unsupported("The positions of the planets are not available yet.")

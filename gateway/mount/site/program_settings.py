@@ -63,11 +63,11 @@ NO_SETTINGS = SettingsOfProgram()
 
 
 class ProgramSettings:
-    """The site and clock that each program has set and the mount has not accepted; ``newest``: the last such site."""
+    """The site and clock that each program has set and the mount has not accepted; ``last_site``: the last one."""
 
     def __init__(self) -> None:
         self._by_program: dict[ProgramId, SettingsOfProgram] = {}
-        self.newest: SiteOfProgram | None = None
+        self.last_site: SiteOfProgram | None = None
 
     def settings_of(self, program: ProgramId) -> SettingsOfProgram:
         return self._by_program.get(program, NO_SETTINGS)
@@ -94,12 +94,12 @@ class ProgramSettings:
     def set_site(self, program: ProgramId, site: Place, unix: float) -> None:
         """Store a complete site of a program; ``unix``: this computer's time, Unix seconds."""
         self.put(program, replace(self.settings_of(program), site=site, half_site=None))
-        self.newest = make_site_of_program(program, site, unix)
+        self.last_site = make_site_of_program(program, site, unix)
 
     def forget(self, kind: Literal["site", "clock"], program: ProgramId | None = None) -> None:
         """Remove the site or clock of a program, or of all programs (None). Then they read the mount's own."""
         for program_, settings in list(self._by_program.items()):
             if program in (None, program_):
                 self.put(program_, replace(settings, site=None) if kind == "site" else replace(settings, clock=None))
-        if kind == "site" and (program is None or (self.newest is not None and self.newest.host == program.host)):
-            self.newest = None
+        if kind == "site" and (program is None or (self.last_site is not None and self.last_site.host == program.host)):
+            self.last_site = None

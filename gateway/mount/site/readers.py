@@ -52,7 +52,7 @@ class SiteView:
         if kind is GetSite:
             return self.site()
         if kind is GetGps:
-            return self._site_clock.gps()
+            return self._site_clock.gps_reading()
         return self.clock() if kind is GetClock else None
 
     def has_own_site(self) -> bool:

@@ -23,7 +23,7 @@ from gateway.mount.readings.reader import FIRST_REPLY_WAIT
 from gateway.mount.site.pending_settings import Setting, kind_of
 from gateway.mount.site.readers import SiteView
 from gateway.mount.site.settings_sync import SettingsSender
-from gateway.mount.site.site_clock import CONFIGURED, GPS_RETRY_TIME, GPS_SOURCE, MOUNT_SOURCE
+from gateway.mount.site.site_clock import CONFIG_SOURCE, GPS_RETRY_TIME, GPS_SOURCE, MOUNT_SOURCE
 
 #: Seconds for which a latitude waits for a longitude from the same program, or the reverse.
 HALF_SITE_WAIT = 2.0
@@ -96,7 +96,7 @@ class SiteClockOperations:
     async def _get_gps(self, operation: op.GetGps, _: ProgramId) -> op.Gps:
         await self._wait_for_first_reads()
         async with self._gps_lock:
-            gps = self._site_clock.gps()
+            gps = self._site_clock.gps_reading()
             if gps is None:
                 reported: op.Gps = await self._runner.perform(operation, READ)
                 self._site_clock.take_gps(reported)
@@ -114,19 +114,19 @@ class SiteClockOperations:
             self.send_site(program)
             return
         if self._site_view(program).site() is not None:  # otherwise it may never become a site: nothing waits for it
-            self._context.incoming.expect_rest(program, self._context.now() + HALF_SITE_WAIT)
+            self._context.incoming_settings.expect_rest(program, self._context.now() + HALF_SITE_WAIT)
         asyncio.get_running_loop().call_later(HALF_SITE_WAIT, self.send_site, program)
 
     def site_users(self) -> str:
         """Return, as text for the page, who will use a site that a person sets there now; empty if unknown."""
         context, sites = self._context, self._context.sources.sites()
-        status: op.Status | None = context.cache.value(op.GetStatus)
+        status: op.Status | None = context.cache.last_value(op.GetStatus)
         if status is None or not context.identified.is_set():
             return ""
         never = context.policy.site_time == "never" or context.driver.certain_fault(op.SetSite(0.0, 0.0)) is not None
         if not never and self.sender.accepts_site_clock(status):
             return "everyone: this mount takes it"
-        if sites and sites[0].source in (MOUNT_SOURCE, GPS_SOURCE, CONFIGURED):
+        if sites and sites[0].source in (MOUNT_SOURCE, GPS_SOURCE, CONFIG_SOURCE):
             why = "takes no site" if never else "is aligned and takes no site"
             return f"nobody: this mount {why}, and the site from {sites[0].source} counts"
         return "everyone, as long as neither the mount nor the configuration has one"
@@ -139,13 +139,13 @@ class SiteClockOperations:
             await self.renew(op.GetSite)
         if self._site_clock.mount_site is None or kind_of(site) in self.sender.pending:
             return False
-        return self._site_clock.is_mount_site(site) or not self._site_clock.matches_any(other_sites)
+        return self._site_clock.is_mount_site(site) or not self._site_clock.matches_any_site(other_sites)
 
     def send_site(self, program: ProgramId) -> None:
         """Queue this program's site for the mount. A missing latitude or longitude is that of its previous site."""
         whole = self._site_view(program).take_completed_site()
         if whole is not None and not self._context.closed:
-            self._context.incoming.note_complete(program)
+            self._context.incoming_settings.note_complete(program)
             self._site_view(program).store_site(whole)
             self.sender.queue(whole, by=program)
 
@@ -160,14 +160,14 @@ class SiteClockOperations:
             raise Invalid(
                 f"The clock of this mount takes the years {years[0]} to {years[-1]}{f', not {year}' * bool(year)}."
             )
-        self._context.incoming.note_complete(program)
+        self._context.incoming_settings.note_complete(program)
         self._site_view(program).store_clock(operation)
         self.sender.queue(operation, by=program)
         if operation.heard:
             await self._wait_for_refusal(operation)
 
     async def _set_zone(self, operation: op.SetZone, program: ProgramId) -> None:
-        self._context.incoming.note_complete(program)
+        self._context.incoming_settings.note_complete(program)
         self._site_view(program).store_zone(operation.offset)
 
     async def _wait_for_refusal(self, operation: op.SetClock) -> None:

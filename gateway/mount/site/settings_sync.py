@@ -38,29 +38,29 @@ def setting_name(operation: op.Operation) -> str:
     return _SETTING_NAMES[type(operation)]
 
 
-def note(mount: Context, operation: op.Operation, text: str) -> None:
+def note(context: Context, operation: op.Operation, text: str) -> None:
     """Log a line about a setting of a program: for example why it is sent later."""
-    mount.note(f"the {setting_name(operation)} that was set: {text}")
+    context.note(f"the {setting_name(operation)} that was set: {text}")
 
 
-def note_not_sent(mount: Context, setting: Setting, reason: str) -> None:
+def note_not_sent(context: Context, setting: Setting, reason: str) -> None:
     """Log, once for each host, that its site or clock is not sent to the mount, and why."""
-    mount.note_once(
+    context.note_once(
         f"{reason}: the {setting_name(setting.value)} that was set is stored in the gateway, "
         f"for {setting.client_name or 'this computer'} alone; everyone else reads the mount's"
     )
 
 
-def note_sent(mount: Context, setting: Setting, clock_advance: float | None = None) -> None:
+def note_sent(context: Context, setting: Setting, clock_advance: float | None = None) -> None:
     """Log who has set the mount's site or clock, and contradicting sources. ``clock_advance``: change, seconds."""
     by, value = setting.client_name or "the gateway", setting.value
     if isinstance(value, op.SetSite) and value.latitude is not None and value.longitude is not None:
-        mount.note(
+        context.note(
             f"{by} has set the mount's site, for everyone: {site_text(op.Place(value.latitude, value.longitude))}"
         )
     elif clock_advance is not None:
-        mount.note(f"{by} has set the mount's clock, for everyone: {clock_advance:+.0f} s")
-    log_contradictions(mount)
+        context.note(f"{by} has set the mount's clock, for everyone: {clock_advance:+.0f} s")
+    log_contradictions(context)
 
 
 #: The orders during which no site or clock is sent.
@@ -77,7 +77,7 @@ class SettingsSender:
     def __init__(self, context: Context, runner: DriverRunner, reader: Reader) -> None:
         self._context, self._driver, self._now, self._link = context, context.driver, context.now, context.link
         self._runner, self._reader, self._site_clock = runner, reader, context.site_clock
-        self._incoming = context.incoming
+        self._incoming = context.incoming_settings
         #: Returns whether the position shows a motion that no program has ordered. The controller sets this function.
         self.moved_by_others: Callable[[], bool] = lambda: False
         #: By kind, the settings sent since the mount last reported its value; and the kind that is being sent now.
@@ -101,9 +101,11 @@ class SettingsSender:
 
     # --- pending settings -------------------------------------------------------------------------------------------
 
-    def queue(self, operation: op.Operation, tries: int = TRIES, due: float = 0.0, by: ProgramId = NO_PROGRAM) -> None:
+    def queue(
+        self, operation: op.Operation, tries: int = TRIES, due_at: float = 0.0, by: ProgramId = NO_PROGRAM
+    ) -> None:
         """Queue a setting of a program for the mount; it replaces an older setting of its kind."""
-        self.pending = pending_settings.add(self.pending, Setting(operation, self._now(), tries, due, by.host))
+        self.pending = pending_settings.add(self.pending, Setting(operation, self._now(), tries, due_at, by.host))
         if self._link.state in ("down", "opening"):
             note(self._context, operation, "the mount is not connected now; it is sent later")
         self._start()
@@ -125,7 +127,7 @@ class SettingsSender:
 
     def resume(self) -> None:
         """Start sending: the mount has been identified and has reported site and clock."""
-        identity: op.Identity | None = self._context.cache.value(op.GetIdentity)
+        identity: op.Identity | None = self._context.cache.last_value(op.GetIdentity)
         now = (identity.product, identity.model) if identity is not None else None
         if self._mount_identity is not None and now is not None and now != self._mount_identity:
             for setting in self.pending.values():
@@ -236,7 +238,7 @@ class SettingsSender:
     def accepts_site_clock(self, status: op.Status) -> bool:
         """Whether this status of the mount allows sending a site and clock; the owner may still forbid it."""
         driver, policy = self._driver, self._context.policy.site_time
-        return not status.aligned or driver.can_set_site_aligned or (policy == "always" and not driver.loses_alignment)
+        return not status.aligned or driver.can_set_site_aligned or (policy == "always" and not driver.site_unaligns)
 
     async def _should_send(self, setting: Setting) -> bool:
         """Whether to send this setting; log it if policy or alignment forbid that. Raises Fault."""
@@ -246,14 +248,14 @@ class SettingsSender:
         status = await self._reader.read(op.GetStatus())
         if not status.aligned or self._driver.can_set_site_aligned:
             return True
-        if self._is_set(setting.value_now(self._now())):
+        if self._is_set_already(setting.value_now(self._now())):
             return False
         if await self.may_set_site_clock():
             return True
         note_not_sent(self._context, setting, "the mount is aligned")
         return False
 
-    def _is_set(self, operation: op.Operation) -> bool:
+    def _is_set_already(self, operation: op.Operation) -> bool:
         """Whether the mount has reported this site or clock already."""
         if isinstance(operation, op.SetClock):
             return self._site_clock.is_mount_clock(operation, CLOCK_TOLERANCE)
@@ -266,7 +268,7 @@ class SettingsSender:
             changed = self.take_reported_value(await self._runner.perform(op.GetClock(), READ))
         else:
             changed = self.take_reported_value(await self._runner.perform(op.GetSite(), READ))
-        same = self._is_set(running)
+        same = self._is_set_already(running)
         if same and not changed:
             self._drop_program_copies(setting)
         return same or changed
@@ -274,7 +276,7 @@ class SettingsSender:
     async def _note_acknowledged(self, setting: Setting) -> None:
         """Note that the mount has acknowledged a setting. Read its clock back: it counts whole seconds."""
         running = setting.value_now(self._now())
-        news = not self._is_set(running)
+        news = not self._is_set_already(running)
         if isinstance(running, op.SetSite):
             assert running.latitude is not None and running.longitude is not None
             place = op.Place(running.latitude, running.longitude)

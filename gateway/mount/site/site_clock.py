@@ -32,7 +32,7 @@ GPS_CACHE_TIME, GPS_RETRY_TIME = 300.0, 30.0
 #: Seconds: a doubtful clock of this computer is used if it differs by no more from the mount's or GPS time.
 MAX_CLOCK_DIFFERENCE = 120.0
 #: The sources of a site or time, as text for messages.
-MOUNT_SOURCE, GPS_SOURCE, CONFIGURED, COMPUTER, PROGRAM, FORMER_SITE_SOURCE = (
+MOUNT_SOURCE, GPS_SOURCE, CONFIG_SOURCE, COMPUTER_SOURCE, PROGRAM, FORMER_SITE_SOURCE = (
     "the mount", "its GPS", "the configuration", "this computer", "a program", "the site before")  # fmt: skip
 
 
@@ -44,7 +44,7 @@ class SourcedSite(NamedTuple):
     set_by: str = ""
 
     @property
-    def origin(self) -> str:
+    def source_text(self) -> str:
         """The source, and the program that has set it, as text."""
         return f"{self.source}, as {self.set_by} set it," if self.set_by else self.source
 
@@ -109,12 +109,12 @@ class SiteClock:
         """Return the last site that a program has set, in this run or an earlier; None if the mount reports one."""
         if self.mount_site is not None:
             return None
-        return self.program_settings.newest or (self.stored_site if self._site_requested else None)
+        return self.program_settings.last_site or (self.stored_site if self._site_requested else None)
 
     def site_to_store(self) -> SiteOfProgram | None:
         """Return the last site of a program, to store it for a restart; None if the mount or its GPS reports a site."""
         known = self.mount_site is not None or self.gps_site is not None
-        return None if known else self.program_settings.newest or self.stored_site
+        return None if known else self.program_settings.last_site or self.stored_site
 
     def best_site(self) -> Place | None:
         """Return the site of the best source; None if none is known."""
@@ -193,7 +193,7 @@ class SiteClock:
             self.gps_clock = (Moment(gps.unix, 0.0), self.now()) if gps.unix else self.gps_clock
         self.changed.emit(None)
 
-    def gps(self) -> Gps | None:
+    def gps_reading(self) -> Gps | None:
         """Return the last GPS reading with its time advanced to now; None if it is too old."""
         if self._gps is None:
             return None
@@ -225,7 +225,7 @@ class SiteClock:
             return self.mount_clock is not None
         return isinstance(operation, SetSite) and self.mount_site is not None
 
-    def matches_any(self, sites: Sequence[SetSite]) -> bool:
+    def matches_any_site(self, sites: Sequence[SetSite]) -> bool:
         """Whether the mount's site has the latitude or the longitude of any of these, within an arcminute."""
         site = self.mount_site
         return site is not None and any(
@@ -261,7 +261,7 @@ class SiteTimeSources:
             SourcedSite(place, source, by)
             for place, source, by in (
                 (known.mount_site, MOUNT_SOURCE, known.site_set_by), (known.gps_site, GPS_SOURCE, ""),
-                (known.configured_site, CONFIGURED, ""))
+                (known.configured_site, CONFIG_SOURCE, ""))
             if place is not None
         ]  # fmt: skip
         if sites or (site := known.site_of_program()) is None:
@@ -290,10 +290,10 @@ class SiteTimeSources:
         ]
         host = known.computer_time()
         if not known.doubts_computer_time(host) or any(abs(time.unix - host) <= MAX_CLOCK_DIFFERENCE for time in times):
-            return [*times, SourcedTime(host, COMPUTER)]
+            return [*times, SourcedTime(host, COMPUTER_SOURCE)]
         program = known.present_time(known.program_settings.newest_clock)
         known_times = [SourcedTime(program.unix, PROGRAM)] if program is not None else []
-        return times or [*known_times, SourcedTime(host, COMPUTER, doubtful=True)]
+        return times or [*known_times, SourcedTime(host, COMPUTER_SOURCE, doubtful=True)]
 
     def site(self) -> Place | None:
         """Return the site of the best source, for the limits; None if no site is known."""

@@ -74,9 +74,9 @@ SPEC = ProtocolSpec(
     reply_rules=lazy("alpaca.driver.reply_rules", "AlpacaReplyRules"),
     make_driver=_make_driver,
     make_http_dialect=lazy("alpaca.driver.telescope_http", "TelescopeHttp"),
-    parks_itself=True,
+    park_is_stored=True,
     slowest_mount="a server with a mount on a slow line",
     required_requests=("put connected Connected=true\\x0a",),
     hint=_hint,
-    recognises=lambda sent: 1.0 if re.match(rb"(?:get|put) [a-z]+[ \n]", sent) else 0.0,
+    likelihood=lambda sent: 1.0 if re.match(rb"(?:get|put) [a-z]+[ \n]", sent) else 0.0,
 )

@@ -109,7 +109,7 @@ class Driver:
     """
 
     #: Whether site and time can be set on an aligned mount without side effects; whether setting them ends alignment.
-    can_set_site_aligned = loses_alignment = False
+    can_set_site_aligned = site_unaligns = False
     #: How many commands it takes to read both coordinates of the position.
     position_reads = 1
     #: When the last command was sent, and when the next can be sent, by the event loop's clock.
@@ -117,8 +117,8 @@ class Driver:
     #: When each coordinate of the last position was read, by the same clock; None if one command reads both.
     read_at: tuple[float, float] | None = None
     #: Degrees by which two reported positions may differ at rest; and the resolution of RA and of declination, degrees.
-    resolution = 20.0 / 3600.0
-    angle_steps: tuple[float, float] = (resolution, resolution)
+    rest_tolerance = 20.0 / 3600.0
+    angle_steps: tuple[float, float] = (rest_tolerance, rest_tolerance)
     #: How many times faster than a real mount a simulated mount slews.
     speed_factor = 1.0
     #: The years to which the clock can be set: the mount's, or the gateway's own for a mount without a clock.
@@ -183,9 +183,9 @@ class Driver:
 
     def implementation(self, operation: type[op.Operation]) -> Implementation | None:
         """Return the first row of ``driver.toml`` for this operation whose commands the mount supports, or None."""
-        return next(filter(self._usable, self.protocol.driver_rows.get(operation.__name__, ())), None)
+        return next(filter(self._is_usable, self.protocol.driver_rows.get(operation.__name__, ())), None)
 
-    def _usable(self, row: Implementation) -> bool:
+    def _is_usable(self, row: Implementation) -> bool:
         return all(self.supports(name) for name in row.needs)
 
     @property
@@ -202,14 +202,14 @@ class Driver:
         """Return the speed of motion by hand at this rate, degrees per second."""
         raise NotImplementedError
 
-    def can_do(self, equatorial: bool) -> op.Abilities:
+    def abilities(self, equatorial: bool) -> op.Abilities:
         """Return the mount's abilities according to the tables. ``equatorial``: whether its first axis is polar."""
         traits = self.protocol.traits(self.model or "", equatorial and not self.german)
         can = (
             name
             for name, rows in self.protocol.driver_rows.items()
             for row in rows
-            if row.outcome not in NOOP_OUTCOMES and (row.part is None or row.part in traits) and self._usable(row)
+            if row.outcome not in NOOP_OUTCOMES and (row.part is None or row.part in traits) and self._is_usable(row)
         )
         keys = sorted({self.speed(op.Rate(key=key)) for key in range(1, 10)})
         return op.Abilities(frozenset(can), tuple((speed, speed) for speed in keys), german=self.german)
@@ -221,7 +221,7 @@ class Driver:
     def on_home_refusal(self) -> None:
         """Note that the mount has refused Park or Home; mounts that report no home state then count as not at home."""
 
-    def tube_side(self, reported: str) -> str | None:
+    def tube_side(self, reported_side: str) -> str | None:
         """Return the tube's real side of the pier, E or W, from the one that the mount reports; None if it has none."""
         return None
 
@@ -229,26 +229,26 @@ class Driver:
         """Forget the goto under way: it has ended before its goal."""
         self.goto = None
 
-    def begin_goto(self, state: GotoUnderWay, order: Steps, is_slewing: Handler) -> Steps:
+    def begin_goto(self, new_goto: GotoUnderWay, order: Steps, is_slewing: Handler) -> Steps:
         """Begin a goto with the steps of ``order``; it counts as under way before they are sent, so a stop ends it. If
         the acknowledgement is lost, ``is_slewing`` reads whether the mount slews. Raises NoAnswer if it does not slew.
         """
-        self.parked, self.goto = False, state
+        self.parked, self.goto = False, new_goto
         try:
             yield from order
         except NoAnswer:
-            state.unconfirmed = True
+            new_goto.unconfirmed = True
             if not (yield from is_slewing(self)):
                 yield Wait(RECHECK_DELAY)
                 if not (yield from is_slewing(self)):
                     self.give_up_goto()
                     raise
-            self.goto, state.unconfirmed = state, False
+            self.goto, new_goto.unconfirmed = new_goto, False
         except Fault:
             self.give_up_goto()
             raise
         finally:
-            state.began = self.now()
+            new_goto.began = self.now()
 
     def saved_state(self, moving: bool) -> SavedValues:
         """Return the values to store in the state file; if ``moving``, also those needed to stop the mount later."""
@@ -262,7 +262,7 @@ class Driver:
         """A message: which settings kept by the gateway a power cycle of the mount resets; empty if it resets none."""
         return ""
 
-    def forget_emulated(self) -> Steps:
+    def renew_settings(self) -> Steps:
         """After a possible power cycle, reset the settings that the gateway keeps for the mount, or send them again."""
         yield from ()
 

@@ -22,16 +22,16 @@ RESYNC_GAP = 0.1
 class Unterminated(bytes):
     """A command without its terminator, and all bytes up to the next terminator: refused as a whole.
 
-    ``names`` are the names of the commands found in it, in order, with "" for an unknown command. ``late`` means that
-    the client has sent nothing for a while, and no longer waits for a reply.
+    ``command_names``: the commands found in it, in order, with "" for an unknown one. ``late`` means that the client
+    has sent nothing for a while, and no longer waits for a reply.
     """
 
-    names: tuple[str, ...]
+    command_names: tuple[str, ...]
     late: bool
 
-    def __new__(cls, data: bytes, names: tuple[str, ...], late: bool = False) -> Unterminated:
+    def __new__(cls, data: bytes, command_names: tuple[str, ...], late: bool = False) -> Unterminated:
         frame = super().__new__(cls, data)
-        frame.names, frame.late = names, late
+        frame.command_names, frame.late = command_names, late
         return frame
 
     @property
@@ -95,7 +95,7 @@ class LengthFramer(WholeCommandFramer, ABC):
     #: Why an incomplete command is dropped when its rest is late, for the log.
     partial_reason: str
     #: Whether the bytes after a dropped incomplete command are dropped too, until a pause: they may be its rest.
-    drops_after_half = False
+    drops_after_partial = False
 
     def __init__(self) -> None:
         super().__init__()
@@ -119,7 +119,7 @@ class LengthFramer(WholeCommandFramer, ABC):
     def _drop_partial(self) -> None:
         self.dropped.add(bytes(self._pending), self.partial_reason)
         self._pending.clear()
-        self._dropping = self.drops_after_half
+        self._dropping = self.drops_after_partial
 
     @abstractmethod
     def _cut_commands(self, data: bytes) -> list[bytes]:

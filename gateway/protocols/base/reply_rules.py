@@ -28,21 +28,21 @@ class ExpectedReply(NamedTuple):
     unterminated: bool  # the reply has no terminator, so that nothing shows that it is complete
     delay_after: float = 0.0  # the pause in seconds that the mount needs after a ``silent`` command
     silent: bool = False  # the command has no reply
-    needs_close: bool = False  # if no reply arrives, ``half_command_end`` must be sent before anything else
+    needs_command_end: bool = False  # if no reply arrives, ``half_command_end`` must be sent before anything else
     #: Replies that may also begin a longer one: complete if nothing follows for ``REPLY_END_GAP`` seconds.
-    ambiguous: frozenset[bytes] = frozenset()
+    ambiguous_replies: frozenset[bytes] = frozenset()
     #: On a wire that delivers only the newest reply: how many seconds a stop waits for this reply before it is sent.
     max_stop_wait: float = math.inf
 
 
-def answer_kind(commands: CommandSet, command: str, asked_once: bool, raw: bool) -> str | None:
+def answer_kind(commands: CommandSet, command: str, asked_once: bool, is_raw: bool) -> str | None:
     """Return how the value in a reply may change between two requests (``AnswerKind``); None: accept it unverified. A
     raw reply, which a client receives exactly as the mount sent it, is verified like a ``state``.
     """
     answer = commands.commands[command].answer_kind
     if asked_once or answer == "stream":
         return None
-    return answer or ("state" if raw else None)
+    return answer or ("state" if is_raw else None)
 
 
 class ReplyParser(Protocol):
@@ -78,7 +78,7 @@ class ReplyRules(ReplyParser, Protocol):
     #: The bytes that end a partly sent command, so that the mount does not join it with the next.
     half_command_end: bytes
     #: The bytes that some mounts send before or after a reply, and that are no part of it.
-    padding: bytes
+    ignored_bytes: bytes
 
     def in_mount_notation(self, command: str, reply: bytes) -> bytes:
         """Return a reply of the gateway in the mount's notation; unchanged if the protocol has a single notation."""

@@ -51,7 +51,7 @@ class NamedSite(Struct, frozen=True, omit_defaults=True):
 
 
 #: The site of a number under which nothing is stored.
-UNNAMED = NamedSite()
+UNNAMED_SITE = NamedSite()
 
 
 class MountSettings(Struct, frozen=True):
@@ -67,13 +67,13 @@ class MountSettings(Struct, frozen=True):
     pulse_ends: Mapping[int, float] = {}  # axis -> Unix time at which its last guide pulse ends
 
     def site_at(self, index: int) -> NamedSite:
-        return self.sites.get(index, UNNAMED)
+        return self.sites.get(index, UNNAMED_SITE)
 
     def with_site(self, index: int, site: NamedSite) -> MountSettings:
         """Return a copy with a site replaced."""
         return replace(self, sites={**self.sites, index: site})
 
-    def with_motor(self, setting: str, value: int) -> MountSettings:
+    def with_motor_value(self, setting: str, value: int) -> MountSettings:
         """Return a copy with a value of a motor replaced."""
         return replace(self, motors={**self.motors, setting: value})
 
@@ -108,44 +108,44 @@ class Session:
     def __init__(
         self,
         model: Model,
-        settings: ClientSettings,
+        client_settings: ClientSettings,
         clock: Callable[[], float],
-        shared_state: SharedSettings | None = None,
+        shared_settings: SharedSettings | None = None,
         client: ClientState | None = None,
         on_denied_change: Callable[[], None] | None = None,
     ) -> None:
-        self.model, self.settings, self.clock = model, settings, clock
-        self.settings_holder = shared_state or SharedSettings()
+        self.model, self.client_settings, self.clock = model, client_settings, clock
+        self.shared_settings = shared_settings or SharedSettings()
         self._on_denied_change = on_denied_change
         #: The previous frame.
         self.last_frame = b""
         #: Why the current command was refused, if its protocol has no reply form for a refusal; else empty.
         self.refusal_reason = ""
         #: Whether the reply to the current command is a refusal that no other part of the gateway writes to the log.
-        self.refused_unlogged = False
-        self.client = self.client_state_type(settings.precision) if client is None else copy(client)
+        self.must_log_refusal = False
+        self.client = self.client_state_type(client_settings.precision) if client is None else copy(client)
 
     def reset_client(self) -> None:
         """Reset the client's settings to their initial values."""
-        self.client = self.client_state_type(self.settings.precision)
+        self.client = self.client_state_type(self.client_settings.precision)
 
     def use_program_settings(self, settings: Values) -> None:
         """Use the settings that are configured for the client's program, now that the program is recognised."""
-        self.settings = replace(self.settings, **settings)
+        self.client_settings = replace(self.client_settings, **settings)
         self.client.precision = settings.get("precision", self.client.precision)
 
     @property
     def shared(self) -> MountSettings:
-        return self.settings_holder.settings
+        return self.shared_settings.settings
 
-    def set_for_all(self, settings: MountSettings, *, save: bool = True) -> None:
+    def replace_shared(self, settings: MountSettings, *, save: bool = True) -> None:
         """Replace the shared settings, with ``save`` also in the state file. Raises ReadOnly if the client may not."""
-        self.check_may_set()
-        self.settings_holder.settings = settings
+        self.check_write_access()
+        self.shared_settings.settings = settings
         if save:
-            self.settings_holder.changed()
+            self.shared_settings.changed()
 
-    def check_may_set(self) -> None:
+    def check_write_access(self) -> None:
         """Raise ReadOnly unless the client may change settings; for commands whose setting takes effect later."""
         if self._on_denied_change is not None:
             self._on_denied_change()

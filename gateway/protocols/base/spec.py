@@ -51,7 +51,7 @@ class MadeSurface(Struct, frozen=True):
 
     surface: Surface
     model: Model
-    settings: ClientSettings
+    client_settings: ClientSettings
     fit_model: Callable[[bool, bool | None, bool], Model] | None = None
 
 
@@ -95,11 +95,11 @@ class Probe(Struct, frozen=True):
 class OfferedMount(Struct, frozen=True):
     """A mount that a server in the network offers."""
 
-    where: str  # its URL, as an endpoint has it after the @
+    url: str  # its URL, as an endpoint has it after the @
     product: str
-    server: str  # the name that the server reports
+    server_name: str  # the name that the server reports
     is_gateway: bool  # the server is a mount-gateway
-    identifier: str  # the same in every network
+    unique_id: str  # the same in every network
     seconds: float  # how long the server took to answer
 
 
@@ -146,7 +146,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     #: Whether its mounts report whether they are aligned; if not, they count as aligned.
     has_alignment: bool = True
     #: A simulated mount for ``demo``: its endpoint and its description.
-    demo: tuple[str, str] | None = None
+    demo_mount: tuple[str, str] | None = None
 
     # --- its parts; None if it has no such part ---
     #: Makes the framer of a connection.
@@ -172,43 +172,43 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     #: Version text -> the version of the manual whose commands such a mount has. Raises ValueError.
     command_set_version: Callable[[str], Version] = parse_version
     #: Normalises a version text. Raises ValueError if it is not a version, UserError if none was ever released.
-    check_version: Callable[[str], str] = _checked_version
+    normalise_version: Callable[[str], str] = _checked_version
     #: A row of models.toml -> the versions of that model.
     versions_of: Callable[[Model], list[str]] = lambda row: list(row.get("versions", ()))
     #: A name that may stand for the model -> function from the version after it (None if there is none) to the version.
-    version_names: Mapping[str, Callable[[str | None], str]] = {}
+    version_aliases: Mapping[str, Callable[[str | None], str]] = {}
     #: The version that is presented to programs if the user names none.
     presented_version: str | None = None
 
     # --- recognising it ---
     #: The probability that these bytes of a client are in this protocol, 0 to 1.
-    recognises: Callable[[bytes], float] = lambda sent: 0.0
+    likelihood: Callable[[bytes], float] = lambda sent: 0.0
     #: The bytes with which its programs begin, if no other protocol has such a command: other surfaces refuse them.
     greeting: bytes = b""
     #: Whether its programs wait for data first: on a port for all protocols a silent client speaks this protocol.
     mount_speaks_first: bool = False
     #: Regular expression for first commands that programs of other protocols send too: on a port for all protocols they
     #: are answered, and the protocol stays undecided.
-    shared_openings: bytes | None = None
+    shared_pattern: bytes | None = None
     probes: tuple[Probe, ...] = ()
     #: State of a device that speaks no protocol, as ``Probe.judge`` returns it -> its description for ``detect``.
-    detect_states: Mapping[str, str] = {}
+    device_states: Mapping[str, str] = {}
     #: Returns the mounts that servers offer: those at these addresses, or all that answer in the network.
     find_mounts: Callable[[Sequence[str] | None], Awaitable[list[OfferedMount]]] | None = None
-    night: LogCommands = LogCommands()
+    log_commands: LogCommands = LogCommands()
     cable: str = ""  # where to plug in the cable, in words
     #: A warning of ``detect`` about mounts that may not answer its questions; ``{port}`` stands for the port.
     detect_warning: str = ""
     #: Default host or port of a device of this maker that the gateway does not support -> its kind, and what to do.
-    unsupported_at: Mapping[str, str] = {}
+    unsupported_devices: Mapping[str, str] = {}
     #: The source, in messages, of the statement that mounts of some versions use J2000.
     j2000_source: str = "its maker"
     #: What the user should know of a mount of an unknown model, given its version.
-    unknown_model: Callable[[str], str] = lambda version: ""
+    unknown_model_note: Callable[[str], str] = lambda version: ""
 
     # --- words and examples ---
     #: Whether the mount can only park at a position that is stored in the mount.
-    parks_itself: bool = False
+    park_is_stored: bool = False
     #: The slowest mount, and how many seconds its first answer may take: with its model configured, and without.
     slowest_mount: str = "a mount"
     first_answer_seconds: tuple[int, int] = (4, 4)
@@ -226,6 +226,6 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
 
     def endpoint_text(self, model: str | None, version: str | None) -> str:
         """Return ``PROTOCOL[:MODEL[/VERSION]]``, the first part of an endpoint."""
-        if model is None and version is not None and version.partition("-")[0] in self.version_names:
+        if model is None and version is not None and version.partition("-")[0] in self.version_aliases:
             return f"{self.name}:{version.replace('-', '/')}"
         return f"{self.name}{f':{model}' if model else ''}{f'/{version}' if version else ''}"

@@ -51,7 +51,7 @@ class Surface:
         #: The session class of this protocol.
         self.session_type: type[Session] = Session
         #: Whether the mount speaks the same protocol: commands that the surface does not handle are passed on to it.
-        self.mount_speaks_same = False
+        self.speaks_mount_protocol = False
         #: (command name, values) -> whether the command may be passed on.
         self.may_pass_on: Callable[[str, Values], bool] = lambda name, values: True
         #: (session, command name, values) -> whether the mount's reply would contradict an earlier one to this client.
@@ -63,7 +63,7 @@ class Surface:
         #: Whether a reply is a refusal, in protocols whose rows have no reply form for a refusal.
         self.is_refusal: Callable[[bytes], bool] = lambda reply: False
         #: Whether clients wait for replies to commands; if not, a motion may begin long after its command.
-        self.replies = True
+        self.has_replies = True
         #: (model, frame) -> why the presented model lacks a command, which is then ignored; empty if it has it.
         self.lacking_reason: Callable[[Model, bytes], str] = lambda model, frame: ""
 
@@ -107,7 +107,7 @@ class Surface:
         if command.name in session.model.get("lacking", ()):
             return self.fallback_reply(frame, None)
         row = self.protocol.surface_rows.get(command.name)
-        passed = self.mount_speaks_same and (row is None or row.is_passed_on)
+        passed = self.speaks_mount_protocol and (row is None or row.is_passed_on)
         if row is None and not passed:
             return self.fallback_reply(frame, None)
         try:
@@ -133,7 +133,7 @@ class Surface:
             return self.reply(session, command, answer)
         except Fault as fault:
             refusal = _refusal(command, fault)
-            session.refused_unlogged = bool(refusal) and not fault.is_logged and not command.is_query
+            session.must_log_refusal = bool(refusal) and not fault.is_logged and not command.is_query
             if not refusal and isinstance(fault, Invalid):
                 session.refusal_reason = f"{command.help}: {fault}"
             return refusal or self.fallback_reply(frame, fault)
@@ -141,9 +141,9 @@ class Surface:
     def _refuse_unterminated(self, session: Session, frame: Unterminated) -> Handling:
         """Refuse an unterminated frame: clear the values that its commands would have set; return a refusal."""
         yield from ()
-        for name in frame.names:
+        for name in frame.command_names:
             self._clear_value(session, name)
-        command = self.protocol.commands.get(frame.names[0])
+        command = self.protocol.commands.get(frame.command_names[0])
         return b"" if frame.late or command is None else _refusal(command, Invalid())
 
     def _clear_value(self, session: Session, command_name: str) -> None:

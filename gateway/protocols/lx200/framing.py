@@ -52,9 +52,9 @@ class Lx200Framer:
         self._pending_colon = False
         self._last_byte_at = 0.0
         #: Whether the incomplete command is from before the last pause.
-        self._before_pause = False
+        self._began_before_pause = False
         #: The names of the commands in an unterminated text (empty: there is none), and that text.
-        self._unterminated: dict[str, None] = {}
+        self._unterminated_names: dict[str, None] = {}
         self._unterminated_text = bytearray()
         #: Whether the commands of this burst are suspect.
         self._is_suspect = False
@@ -80,7 +80,7 @@ class Lx200Framer:
                 continue
             if byte == ACK:
                 self._end_incomplete()
-                if not self._unterminated:
+                if not self._unterminated_names:
                     self._frames.append(bytes((ACK,)))
                 self._begin_command()
             elif byte == _HASH:
@@ -92,13 +92,13 @@ class Lx200Framer:
 
     def _begin_command(self, first: bytes = b"") -> None:
         self._frame = bytearray(first)
-        self._pending_colon = self._before_pause = False
+        self._pending_colon = self._began_before_pause = False
 
     def _begin_burst(self) -> None:
         """After a pause begin a burst: nothing is suspect. Report an unterminated text; keep a stop that has begun."""
         self._is_suspect = False
-        self._before_pause = bool(self._frame)
-        if self._unterminated:
+        self._began_before_pause = bool(self._frame)
+        if self._unterminated_names:
             rest = b":" if self._pending_colon else bytes(self._frame)
             self._report_unterminated()
             self._begin_command(rest if any(stop.startswith(rest) for stop in stop_commands()) else b"")
@@ -106,14 +106,14 @@ class Lx200Framer:
     def _report_unterminated(self) -> None:
         """Report the unterminated text without waiting for its end."""
         self._extend_unterminated(bytes(self._frame), setter_name(bytes(self._frame)))
-        self._frames.append(Unterminated(bytes(self._unterminated_text), tuple(self._unterminated), late=True))
-        self._unterminated = {}
+        self._frames.append(Unterminated(bytes(self._unterminated_text), tuple(self._unterminated_names), late=True))
+        self._unterminated_names = {}
 
     def end(self) -> list[Unterminated]:
         """Handle a disconnection; return an incomplete command with an argument, as the caller has to refuse it."""
-        self._frames, self._before_pause = [], True
+        self._frames, self._began_before_pause = [], True
         self.dropped.clear()
-        if self._unterminated:
+        if self._unterminated_names:
             self._report_unterminated()
         else:
             self._end_incomplete()
@@ -124,11 +124,11 @@ class Lx200Framer:
         """End the incomplete command here: with an argument it is unterminated, any other is dropped."""
         piece = bytes(self._frame)
         name = setter_name(piece) if len(piece) > 1 else None
-        if self._unterminated:
+        if self._unterminated_names:
             self._extend_unterminated(piece, name)
             if piece + b"#" in stop_commands():
                 self._frames.append(piece + b"#")
-        elif name is not None and self._before_pause:
+        elif name is not None and self._began_before_pause:
             self._frames.append(Unterminated(piece, (name,), late=True))
         elif name is not None:
             self._unterminated_text.clear()
@@ -141,15 +141,15 @@ class Lx200Framer:
         """Add a piece to the unterminated text, which is logged, and its command to those that will be refused."""
         self._unterminated_text += piece[: MAX_COMMAND_LENGTH - len(self._unterminated_text)]
         if command is not None:
-            self._unterminated[command] = None
+            self._unterminated_names[command] = None
 
     def _end_command(self) -> None:
         """Handle a ``#``: it ends a command, or an unterminated text."""
         frame = bytes(self._frame) + b"#"
-        if self._unterminated:
+        if self._unterminated_names:
             self._extend_unterminated(frame[:-1], setter_name(frame[:-1]))
-            self._frames.append(Unterminated(bytes(self._unterminated_text) + b"#", tuple(self._unterminated)))
-            self._unterminated = {}
+            self._frames.append(Unterminated(bytes(self._unterminated_text) + b"#", tuple(self._unterminated_names)))
+            self._unterminated_names = {}
             if frame in stop_commands():
                 self._frames.append(frame)
         elif len(frame) > 2:
@@ -165,7 +165,7 @@ class Lx200Framer:
     def _append_byte(self, byte: int) -> None:
         """Add a byte to the command; drop a command that is too long."""
         self._frame.append(byte)
-        self._before_pause = False
+        self._began_before_pause = False
         if len(self._frame) > MAX_COMMAND_LENGTH:
             self._end_incomplete(TOO_LONG)
             self._begin_command()

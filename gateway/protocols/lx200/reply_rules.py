@@ -27,7 +27,7 @@ MAX_LENGTH = 200
 #: Field formats as telescopes send them: all digits, and any single byte between degrees, minutes and seconds, or a
 #: degree sign in UTF-8, of which only the second byte counts. A lost digit or sign would be another position.
 _SEP, _UTF_8 = rb"(?:\xc2\xb0|[^0-9#])", re.compile(rb"\xc2(?=\xb0)")
-_PATTERNS = {
+_FIELD_PATTERNS = {
     "HH:MM:SS": rb"\d\d" + _SEP + rb"\d\d" + _SEP + rb"\d\d(?:\.\d+)?",
     "hh:mm:ss": rb"\d\d" + _SEP + rb"\d\d" + _SEP + rb"\d\d",
     "HH:MM:SS.SSSS": rb"\d\d:\d\d:\d\d\.\d+",
@@ -57,7 +57,7 @@ def _reply_pattern(source: str) -> re.Pattern[bytes]:
         form, at = field[1], field.end()
         lengths = [len(word) for word in form.split("|")]
         free = rb"[^#]*" if len(lengths) == 1 else rb"[^#]{%d,%d}" % (min(lengths), max(lengths))
-        pattern += _PATTERNS.get(form, free)
+        pattern += _FIELD_PATTERNS.get(form, free)
     end = re.escape(source[at:].encode("latin-1")) if source[:at].endswith(":text}") else _literal_pattern(source[at:])
     return re.compile(pattern + end, re.DOTALL)
 
@@ -89,7 +89,7 @@ EXAMPLE_BY_COMMAND = {"Gr": "GR", "Gd": "GD"}
 _ANGLE_REPLY = re.compile(rb"([+-]?)(\d{2,3})\*(\d\d)?(?::\d\d)?#")
 _ANGLE_SEP = b"*:"
 #: The position of the degree sign in a declination.
-_DEGREE_SIGN = slice(3, 4)
+_DEGREE_SIGN_SLICE = slice(3, 4)
 _ARCMINUTES_PER_TURN = 360 * 60
 
 
@@ -101,13 +101,13 @@ class Notation:
 
     def __init__(self) -> None:
         self._examples: dict[str, bytes] = {}
-        self._deg_sign = b"*"
+        self._degree_sign = b"*"
 
     def learn(self, command: str, answer: bytes) -> None:
         if command in EXAMPLE_COMMANDS:
             self._examples[command] = answer
         if command == "GD":
-            self._deg_sign = answer[_DEGREE_SIGN]
+            self._degree_sign = answer[_DEGREE_SIGN_SLICE]
 
     def write(self, command: str, reply: bytes) -> bytes:
         """Write a reply in this telescope's notation: like its last reply to the command, else with its degree sign."""
@@ -124,7 +124,7 @@ class Notation:
             reply = reply[:-1] + b":00#"
         if len(example) == len(reply):
             return bytes(mark if digit in _ANGLE_SEP else digit for mark, digit in zip(example, reply, strict=True))
-        return reply.replace(b"*", self._deg_sign)
+        return reply.replace(b"*", self._degree_sign)
 
 
 class Lx200ReplyRules:
@@ -134,7 +134,7 @@ class Lx200ReplyRules:
     dialect of ``model``, or of the name that the mount replies.
     """
 
-    half_command_end, padding = b"#", PADDING
+    half_command_end, ignored_bytes = b"#", PADDING
 
     def __init__(self, model: str | None = None, driver: Driver | None = None) -> None:
         self._notation, self._model_is_named, self._driver = Notation(), model is not None, driver
@@ -146,7 +146,7 @@ class Lx200ReplyRules:
 
     def expected_reply(self, request: Send) -> ExpectedReply:
         """Return the expected reply. An unanswered ACK needs a # after it, as some devices wait for a terminator."""
-        return _expected(self.protocol, request.command, request.once, request.include_raw)
+        return _expected_reply(self.protocol, request.command, request.once, request.include_raw)
 
     def in_mount_notation(self, command: str, reply: bytes) -> bytes:
         return self._notation.write(command, reply)
@@ -265,7 +265,7 @@ def _begins_longer_form(protocol: CommandSet, command: str, form_text: str) -> b
 
 
 @cache
-def _expected(protocol: CommandSet, command: str, once: bool, raw: bool) -> ExpectedReply:
+def _expected_reply(protocol: CommandSet, command: str, once: bool, raw: bool) -> ExpectedReply:
     sources = _form_texts(protocol, command)
     return ExpectedReply(
         answer_kind(protocol, command, once, raw),
@@ -273,16 +273,16 @@ def _expected(protocol: CommandSet, command: str, once: bool, raw: bool) -> Expe
         unterminated=any("#" not in source for source in sources) or bool(_undocumented_digits(protocol, command)),
         delay_after=0.0 if sources else PAUSE_AFTER_COMMAND,
         silent=not sources,
-        needs_close=command == "ACK",
-        ambiguous=frozenset(
+        needs_command_end=command == "ACK",
+        ambiguous_replies=frozenset(
             {source.encode("latin-1") for source in sources if _begins_longer_form(protocol, command, source)}
             | _undocumented_digits(protocol, command)
         ),
     )
 
 
-def _fault_of(form_name: str, values: Values, default_text: str | None) -> Fault:
+def _fault_of(fault_name: str, values: Values, default_text: str | None) -> Fault:
     """Return the fault of a reply form, with the mount's own text if it sent any, else ``default_text``."""
-    fault: type[Fault] = getattr(errors, form_name)
+    fault: type[Fault] = getattr(errors, fault_name)
     text = str(values.get("text", "")).strip()
     return fault(" ".join(text.split()) or default_text)

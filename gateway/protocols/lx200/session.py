@@ -20,14 +20,14 @@ class ClockDraft(Struct):
     """The parts of a clock that a client has set and that are not sent to the mount yet.
 
     ``time`` is seconds of the day, and the host's time when it was set; ``changed_at`` is when the last part was set.
-    ``by_one_command``: one command has set date and time. ``carried_parts``: parts kept from the clock sent last.
+    ``set_by_one_command``: one command has set date and time. ``carried_parts``: parts kept from the clock sent last.
     """
 
     time: tuple[float, float] | None = None
     day: date | None = None
     offset: float | None = None
     changed_at: float = 0.0
-    by_one_command: bool = False
+    set_by_one_command: bool = False
     carried_parts: frozenset[str] = frozenset()
 
     @property
@@ -38,7 +38,7 @@ class ClockDraft(Struct):
     def clear(self) -> None:
         """Forget all parts, because they are being sent."""
         self.time = self.day = self.offset = None
-        self.changed_at, self.by_one_command, self.carried_parts = 0.0, False, frozenset()
+        self.changed_at, self.set_by_one_command, self.carried_parts = 0.0, False, frozenset()
 
 
 class LibraryLimits(Struct, frozen=True):
@@ -114,4 +114,4 @@ class LxSession(Session):
     @property
     def limits(self) -> AltitudeLimits:
         """The altitude limits in force for this client."""
-        return self.settings.limits.narrowed(self.client.lowest, self.client.highest)
+        return self.client_settings.limits.narrowed(self.client.lowest, self.client.highest)

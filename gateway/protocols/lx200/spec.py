@@ -79,7 +79,7 @@ def _make_simulator(model: str | None, version: str | None, **settings: Any) -> 
     from gateway.protocols.lx200.simulator.controllers import SimulatedController
     from gateway.protocols.lx200.simulator.server import SimulatedLx200
 
-    other = load(NAME).in_dialect_of(model).overlay
+    other = load(NAME).in_dialect_of(model).dialect_rows
     made = SimulatedController if other is not None and other.facts else SimulatedLx200
     return made(model or DEFAULT_MODEL, **settings)
 
@@ -100,7 +100,7 @@ def _protocol_by_ack(received: bytes, quiet_seconds: float) -> str | None:
     return NAME if received in b"APLG" else "downloader" if received == b"D" else None
 
 
-def _hint(frame: bytes) -> str:
+def _hint_text(frame: bytes) -> str:
     """Return a text that suggests the command with the missing colon or hash sign; empty if there is none."""
     whole = b":" + frame.strip(b":#") + b"#"
     if load(NAME).find(whole) is None:
@@ -118,7 +118,7 @@ SPEC = ProtocolSpec(
     mounts_phrase="Meade LX200",
     makers=("meade",),
     default_model=DEFAULT_MODEL,
-    demo=("lx200:lx200gps", "LX200GPS"),
+    demo_mount=("lx200:lx200gps", "LX200GPS"),
     new_framer=lazy("lx200.framing", "Lx200Framer"),
     opening_pattern=OPENING,
     reply_rules=lazy("lx200.reply_rules", "Lx200ReplyRules"),
@@ -129,18 +129,18 @@ SPEC = ProtocolSpec(
         "land_tells_altaz": "in land mode :GW# replies AN1 also on a wedge, where it otherwise replies PN1",
         "tolerant": "accepts arguments in every notation that programs send, not only the manual's",
     },
-    recognises=_lx200_confidence,
+    likelihood=_lx200_confidence,
     probes=(
         Probe(2, HASH_ACK, _protocol_by_ack),
         Probe(3, POSITION, lambda heard, still: NAME if re.fullmatch(_POSITION, heard.strip()) else None, opt_in=True),
     ),
-    detect_states={"downloader": "a Meade that waits for new firmware: switch it off and on to use it"},
-    night=LogCommands(frozenset({"GR", "GD"}), frozenset({"Gt", "Gg"}), frozenset({"MS", "MA"}), lon_sign=-1),
+    device_states={"downloader": "a Meade that waits for new firmware: switch it off and on to use it"},
+    log_commands=LogCommands(frozenset({"GR", "GD"}), frozenset({"Gt", "Gg"}), frozenset({"MS", "MA"}), lon_sign=-1),
     cable="into the port marked RS-232 on the panel, or into the Autostar's own",
     detect_warning="an old classic LX200 may not answer these questions; try: mount-gateway detect lx200@{port}",
-    parks_itself=True,
+    park_is_stored=True,
     slowest_mount="a classic LX200",
     first_answer_seconds=(4, 9),
     target_requests=(":Sr05:34:32#", ":Sd+22*00:52#", ":Sa+50*00#", ":Sz200*00#"),
-    hint=_hint,
+    hint=_hint_text,
 )

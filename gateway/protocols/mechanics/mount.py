@@ -133,23 +133,23 @@ class Mechanics:
         hour_angle = wrap180(self.sky.lst(now) - ra)
         self.flipped = self.geometry.is_flipped(hour_angle)
         self._target, self._follows_target = (ra, dec), False
-        self._begin_goto(now, self._axes_on_target(now), fixed=False)
+        self._begin_goto(now, self._axes_on_target(now), to_axes=False)
 
     def goto_axes(self, now: float, first: float, second: float) -> None:
         """Slew to axis positions; track from there if tracking is on."""
         self._advance_and_note(now)
         self._follows_target = False
         self.flipped = self.build is Build.GERMAN and wrap180(second - 90.0) > 0.0
-        self._begin_goto(now, (first, second), fixed=True)
+        self._begin_goto(now, (first, second), to_axes=True)
 
-    def goto_axis(self, now: float, axis: int, position: float, slow: bool = False) -> None:
+    def goto_axis(self, now: float, axis: int, position: float, slowly: bool = False) -> None:
         """Slew a single motor; it rests at the goal. The other motor keeps its last rate."""
         self._suspend_tracking(now, axis)
         motor = self._axes[axis]
-        fast = APPROACH_RATE * self.speedup if slow else None
+        fast = APPROACH_RATE * self.speedup if slowly else None
         motor.goto, motor.goal = self._make_axis_goto(now, axis, motor.position, position, fast), position
 
-    def cancel(self, now: float) -> None:
+    def stop_goto(self, now: float) -> None:
         """End a goto at once; track from there if tracking is on."""
         if self.slewing(now):
             self._advance_and_note(now)
@@ -177,10 +177,10 @@ class Mechanics:
         elif motor.overrides and not motor.drive:
             self.set_rate(now, axis, 0.0)
 
-    def set_rate(self, now: float, axis: int, rate: float, drive: bool = False) -> None:
-        """Turn a motor at a rate instead of tracking. With ``drive`` it counts as tracking."""
+    def set_rate(self, now: float, axis: int, rate: float, is_drive_rate: bool = False) -> None:
+        """Turn a motor at a rate instead of tracking. With ``is_drive_rate`` it counts as tracking."""
         self._suspend_tracking(now, axis)
-        self._axes[axis].rate, self._axes[axis].drive = max(-self.max_rate, min(self.max_rate, rate)), drive
+        self._axes[axis].rate, self._axes[axis].drive = max(-self.max_rate, min(self.max_rate, rate)), is_drive_rate
 
     def pulse(self, now: float, axis: int, rate: float, seconds: float) -> None:
         """Add a rate to the motor's other motion for some seconds."""
@@ -209,7 +209,7 @@ class Mechanics:
         """Put a fork mount on a wedge, or take it off. The tube keeps its direction."""
         if build is self.build:
             return
-        self.cancel(now)
+        self.stop_goto(now)
         first, second = self.axes(now)
         truth = Geometry(self.build, self.true_sky.latitude).ha_dec_of_axes(first, second)
         believed = self.geometry.ha_dec_of_axes(first + self.sync_correction[0], second + self.sync_correction[1])
@@ -275,13 +275,13 @@ class Mechanics:
         slow, distance = APPROACH_RATE * self.speedup, self.geometry.axis_travel(axis, start, end)
         return AxisGoto(now, distance, fast or self.max_rate * self.speedup, slow, self.acceleration * self.speedup**2)
 
-    def _begin_goto(self, now: float, goal: Pair, fixed: bool) -> None:
-        """Begin a goto from the noted axis positions; ``fixed``: to axis positions instead of a target on the sky."""
+    def _begin_goto(self, now: float, goal: Pair, to_axes: bool) -> None:
+        """Begin a goto from the noted axis positions; ``to_axes``: to axis positions instead of a target on the sky."""
         self.suspended_since = None
         for number, motor in self._axes.items():
             motor.clear_orders()
             motor.goto = self._make_axis_goto(now, number, motor.position, goal[number - 1])
-            motor.goal = goal[number - 1] if fixed else None
+            motor.goal = goal[number - 1] if to_axes else None
 
     def _end_goto(self, now: float) -> None:
         """End the goto and track again, unless a motor has another order."""
@@ -297,7 +297,7 @@ class Mechanics:
         if self._follows_target:
             self._target = self._sky_position(now, self._positions, self.sync_correction)
         elif any(motor.goto is not None and motor.goal is None for motor in self._axes.values()):
-            self._begin_goto(now, self._axes_on_target(now), fixed=False)
+            self._begin_goto(now, self._axes_on_target(now), to_axes=False)
 
     # --- positions by formula ---------------------------------------------------------------------------------------
 

@@ -35,7 +35,7 @@ class Simulated(ABC):
         """Advance to the present time of the clock."""
 
     @abstractmethod
-    def framer(self) -> TimedFramer:
+    def new_framer(self) -> TimedFramer:
         """Make the framer of a connection."""
 
     @abstractmethod
@@ -45,7 +45,7 @@ class Simulated(ABC):
     @cached_property
     def _framer(self) -> TimedFramer:
         """The framer of the first connection."""
-        return self.framer()
+        return self.new_framer()
 
     def feed(self, data: bytes, framer: TimedFramer | None = None, send_later: SendLater | None = None) -> bytes:
         """Process bytes of a client and return the immediate replies; delayed replies are passed to ``send_later``."""
@@ -54,7 +54,7 @@ class Simulated(ABC):
 
     def connection(self, send_later: SendLater | None = None) -> Callable[[bytes], bytes]:
         """Open another connection to this mount. Return a function from bytes of the client to immediate replies."""
-        framer = self.framer()
+        framer = self.new_framer()
         return lambda data: self.feed(data, framer, send_later)
 
     def true_position(self) -> Pair:

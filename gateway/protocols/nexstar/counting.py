@@ -11,12 +11,12 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from functools import cache
 
-from gateway.astro.spherical import SIDEREAL_ARCSECONDS
+from gateway.astro.spherical import SIDEREAL_ARCSEC_PER_S
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model
 
 #: The sidereal rate, degrees a second.
-SIDEREAL = SIDEREAL_ARCSECONDS / 3600.0
+SIDEREAL = SIDEREAL_ARCSEC_PER_S / 3600.0
 #: Variable rates that are codes, not speeds: the motor follows the sky at its own rate of that name.
 DRIVE_CODES = {"sidereal": 0xFFFF, "solar": 0xFFFE, "lunar": 0xFFFD}
 _DATE_PARTS = ("month", "day", "hour", "minute", "second")
@@ -29,9 +29,9 @@ def rate_tables() -> dict[str, Model]:
     return tables
 
 
-def key_speed(rates: Model, key: int) -> float:
+def key_speed(rate_table: Model, key: int) -> float:
     """Return the speed of a hand-control key (1-9), degrees a second."""
-    sidereal, degrees = rates["sidereal"], rates["degrees"]
+    sidereal, degrees = rate_table["sidereal"], rate_table["degrees"]
     if key <= len(sidereal):
         return float(sidereal[key - 1]) * SIDEREAL
     return float(degrees[key - len(sidereal) - 1])

@@ -69,16 +69,16 @@ class PartialCommand:
 
     def __init__(self, received: bytes, expires_at: float, lengths: dict[int, int]) -> None:
         self.missing, self.expires_at, self.burst = lengths[received[0]] - len(received), expires_at, bytearray()
-        self._opcode, self._offset = received[0], len(received)
+        self._opcode, self._received_count = received[0], len(received)
         self._lengths = lengths
         #: The indices in the burst at which commands begin that have been passed on.
         self._passed_positions: set[int] = set()
         #: The bytes of the burst that arrived together at its beginning.
-        self._first = b""
+        self._first_bytes = b""
 
     def add(self, data: bytes) -> list[bytes]:
         """Add bytes to the burst; return the commands that they complete if these end a motion."""
-        self._first = self._first or data
+        self._first_bytes = self._first_bytes or data
         self.burst += data
         frames = dict(self._split(0)[0]) | dict(self._split(self.missing)[0])
         ends = [(place, frame) for place, frame in sorted(frames.items()) if ends_motion(frame)]
@@ -88,10 +88,10 @@ class PartialCommand:
 
     def skip_part(self) -> None:
         """Count the burst as a part of the missing bytes, and expect the rest of them."""
-        self.missing, self._offset = self.missing - len(self.burst), self._offset + len(self.burst)
+        self.missing, self._received_count = self.missing - len(self.burst), self._received_count + len(self.burst)
         self.burst.clear()
         self._passed_positions.clear()
-        self._first = b""
+        self._first_bytes = b""
 
     @property
     def is_decided(self) -> bool:
@@ -101,7 +101,7 @@ class PartialCommand:
             return True
         if count == self.missing or not self._is_one_command():
             return False
-        return count > self.missing or (count > 1 and self.burst == self._first and is_query(bytes(self.burst)))
+        return count > self.missing or (count > 1 and self.burst == self._first_bytes and is_query(bytes(self.burst)))
 
     @property
     def continuation(self) -> Continuation:
@@ -120,7 +120,7 @@ class PartialCommand:
     def _fits_command(self) -> bool:
         """Whether the command is valid with the burst in place of its missing bytes."""
         sample, rest = _sample_command(self._opcode), bytes(self.burst[: self.missing])
-        completed = sample[: self._offset] + rest + sample[self._offset + len(rest) :]
+        completed = sample[: self._received_count] + rest + sample[self._received_count + len(rest) :]
         return not sample or load("nexstar").find(completed) is not None
 
     def _is_one_command(self) -> bool:
@@ -169,8 +169,8 @@ class NexStarFramer(LengthFramer):
 
     def __init__(self, drops_late_ends: bool = True) -> None:
         super().__init__()
-        self._drops_late = drops_late_ends
-        self._interrupted: PartialCommand | None = None
+        self._drops_late_ends = drops_late_ends
+        self._partial_command: PartialCommand | None = None
         self._lengths = length_by_opcode()
         #: Stray bytes allowed after the last request, and how many more of them.
         self._stray, self._stray_left = b"", 0
@@ -178,20 +178,20 @@ class NexStarFramer(LengthFramer):
     @property
     def idle(self) -> bool:
         """Whether the next byte begins a command that does not depend on earlier bytes."""
-        return super().idle and self._interrupted is None
+        return super().idle and self._partial_command is None
 
     @property
     def holds_bytes(self) -> bool:
         """Whether bytes are held back until the line is quiet."""
-        return self._interrupted is not None and bool(self._interrupted.burst)
+        return self._partial_command is not None and bool(self._partial_command.burst)
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
         """Like ``LengthFramer.feed``. Without data, it returns what was held back, if the line is quiet."""
         quiet = now - self._last_byte_at
-        if self._drops_late and self._pending and data and QUIET_GAP <= quiet < QUIET_GAP + END_WINDOW:
+        if self._drops_late_ends and self._pending and data and QUIET_GAP <= quiet < QUIET_GAP + END_WINDOW:
             until = self._last_byte_at + QUIET_GAP + END_WINDOW
-            self._interrupted = PartialCommand(bytes(self._pending), until, self._lengths)
-        interrupted = self._interrupted
+            self._partial_command = PartialCommand(bytes(self._pending), until, self._lengths)
+        interrupted = self._partial_command
         if interrupted is None:
             return super().feed(data, now)
         self.dropped.clear()
@@ -201,8 +201,8 @@ class NexStarFramer(LengthFramer):
         if interrupted.burst and quiet >= RESYNC_GAP:
             frames = self._resolve_interrupted(interrupted)
         if now >= interrupted.expires_at and not interrupted.burst:
-            self._interrupted = None
-        if self._interrupted is None:
+            self._partial_command = None
+        if self._partial_command is None:
             dropped = dict(self.dropped)
             frames += super().feed(data, now)
             self.dropped.update(dropped)
@@ -219,7 +219,7 @@ class NexStarFramer(LengthFramer):
         if verdict is Continuation.PART:
             interrupted.skip_part()
         else:
-            self._interrupted = None
+            self._partial_command = None
         commands = {Continuation.COMMANDS: burst, Continuation.END_AND_MORE: burst[missing:]}.get(verdict, b"")
         if ignored := burst[: len(burst) - len(commands)]:
             self._dropping = verdict is Continuation.NOISE

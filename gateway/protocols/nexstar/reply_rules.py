@@ -19,9 +19,9 @@ from gateway.protocols.wireformat.command import FrameTemplate
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
 #: At most how many extra bytes a StarSense sends in its reply to ``t``.
-MAX_EXTRA = {"t": 4}
+MAX_EXTRA_BYTES = {"t": 4}
 #: Printable bytes for echo requests. None is ``#``; consecutive resynchronisations use different ones.
-ECHOES = range(0x40, 0x7E)
+ECHO_BYTES = range(0x40, 0x7E)
 #: Seconds that a hand control may take to answer (Developer Notes, Timeouts). It takes all of them if it passes a
 #: command to a missing device, so the gateway waits a little longer.
 TIMEOUT, LINE_ALLOWANCE = 3.5, 0.5
@@ -51,7 +51,7 @@ def _reply_form(command: str) -> _ReplyForm:
     assert template.length is not None
     passed_through = row.request.prefix.startswith(b"P")
     longest = (other or template).length or 0
-    longest += 1 if passed_through else MAX_EXTRA.get(command, 0)
+    longest += 1 if passed_through else MAX_EXTRA_BYTES.get(command, 0)
     return _ReplyForm(template, template.length, longest, passed_through, other)
 
 
@@ -59,11 +59,11 @@ class NexStarReplyRules(ReplyRules):
     """The reply rules of the NexStar protocol (see ``protocols/base/reply_rules.py``)."""
 
     protocol: CommandSet = PROTOCOL
-    half_command_end = padding = b""
+    half_command_end = ignored_bytes = b""
 
     def expected_reply(self, request: Send) -> ExpectedReply:
         """Return what reply to expect: every command has one; it may be ``#`` alone."""
-        return _expected(request.command, request.once, request.include_raw)
+        return _expected_reply(request.command, request.once, request.include_raw)
 
     def ambiguous_with(self, sent: Send, other: Send) -> bool:
         """Whether the replies to two commands could be confused. Only their lengths distinguish them."""
@@ -92,14 +92,14 @@ class NexStarReplyRules(ReplyRules):
     def resync_commands(self, check_number: int) -> Iterator[Send]:
         """Yield the requests that show whether replies are in step: two echoes of bytes that were not used recently."""
         for step in (2 * check_number, 2 * check_number + 1):
-            yield Send("K", {"echo": ECHOES[step % len(ECHOES)]})
+            yield Send("K", {"echo": ECHO_BYTES[step % len(ECHO_BYTES)]})
 
     def is_resync_reply(self, request: Send, values: Values) -> bool:
         return bool(values.get("echo") == request.values["echo"])
 
 
 @cache
-def _expected(command: str, once: bool, raw: bool) -> ExpectedReply:
+def _expected_reply(command: str, once: bool, raw: bool) -> ExpectedReply:
     reply = _reply_form(command)
     timeout = TIMEOUT + LINE_ALLOWANCE if reply.passed_through else TIMEOUT
     return ExpectedReply(answer_kind(PROTOCOL, command, once, raw), timeout, unterminated=reply.usual_length == 1)

@@ -22,7 +22,7 @@ from gateway.protocols.base.spec import (
 from gateway.protocols.nexstar import versions
 from gateway.protocols.nexstar.versions import STARSENSE, is_starsense, parse
 from gateway.protocols.wireformat.command_set import functions_of, load, surface_functions
-from gateway.protocols.wireformat.rows import parse_version, show_version
+from gateway.protocols.wireformat.rows import format_version, parse_version
 
 if TYPE_CHECKING:
     from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
@@ -90,12 +90,12 @@ def _make_simulator(model: str | None, version: str | None, **settings: object) 
     return SimulatedHandControl(model or DEFAULT_MODEL, version, **settings)
 
 
-def _check_version(text: str) -> str:
+def _normalise_version(text: str) -> str:
     """Return the version in its usual spelling. Raises UserError for a version that never existed."""
-    oldest, newest = show_version(versions.STARSENSE_OLDEST), show_version(versions.STARSENSE_NEWEST)
+    oldest, newest = format_version(versions.STARSENSE_OLDEST), format_version(versions.STARSENSE_NEWEST)
     if is_starsense(text):
         try:
-            return parse(text).as_text
+            return parse(text).text
         except ValueError:
             raise UserError(
                 f"{text!r}: a StarSense has versions from {oldest} on; write it like {STARSENSE}-{newest}"
@@ -130,7 +130,7 @@ SPEC = ProtocolSpec(
     makers=("celestron", "orion", "skywatcher"),
     brands=("nexstar",),
     default_model=DEFAULT_MODEL,
-    demo=("nexstar", "NexStar 6/8 SE"),
+    demo_mount=("nexstar", "NexStar 6/8 SE"),
     new_framer=lazy("nexstar.framing", "NexStarFramer"),
     opening_pattern=OPENING,
     reply_rules=lazy("nexstar.reply_rules", "NexStarReplyRules"),
@@ -139,17 +139,17 @@ SPEC = ProtocolSpec(
     make_simulator=_make_simulator,
     rehearsal_settings=lambda wedge: {"focuser": True, "wedge": wedge},
     command_set_version=lambda text: parse(text).counts_as,
-    check_version=_check_version,
+    normalise_version=_normalise_version,
     versions_of=versions.versions_of,
-    version_names={STARSENSE: lambda version: STARSENSE if version is None else f"{STARSENSE}-{version}"},
+    version_aliases={STARSENSE: lambda version: STARSENSE if version is None else f"{STARSENSE}-{version}"},
     presented_version="4.21",
-    recognises=lambda sent: NEXSTAR_CONFIDENCE,
-    shared_openings=ANY_ECHO,
+    likelihood=lambda sent: NEXSTAR_CONFIDENCE,
+    shared_pattern=ANY_ECHO,
     probes=(Probe(1, ECHO, lambda heard, still: NAME if heard.endswith(ECHO[1:] + b"#") else None, slow=True),),
-    night=LogCommands(frozenset({"E", "e"}), frozenset({"w"}), frozenset({"R", "r", "B", "b"})),
+    log_commands=LogCommands(frozenset({"E", "e"}), frozenset({"w"}), frozenset({"R", "r", "B", "b"})),
     cable="plug the cable into the base of the hand control, not into the port marked PC on the mount",
-    unsupported_at=dict.fromkeys(("2000", "1.2.3.4"), AUX_UNSUPPORTED),
+    unsupported_devices=dict.fromkeys(("2000", "1.2.3.4"), AUX_UNSUPPORTED),
     j2000_source="Celestron's own driver",
-    unknown_model=_unknown_model_hint,
+    unknown_model_note=_unknown_model_hint,
     slowest_mount="a hand control",
 )

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from msgspec import Struct
 
 from gateway.core.operations import Tracking
-from gateway.protocols.wireformat.rows import Model, Version, parse_version, show_version
+from gateway.protocols.wireformat.rows import Model, Version, format_version, parse_version
 
 STARSENSE = "starsense"
 STARSENSE_OLDEST, STARSENSE_NEWEST, STARSENSE_END = (1, 18), (1, 20), (2, 0)
@@ -24,7 +24,7 @@ STARSENSE_LONG_MODE: Version = (1, 20)
 NEXSTAR_VARIANT, STARSENSE_VARIANT = 17, 19
 GT_FROM, GT_NEW_FROM = 100, (104, 0)
 #: Up to this version the letters of the pier side are swapped in the southern hemisphere.
-SWAPPED_UNTIL = (5, 24)
+LETTERS_SWAPPED_UNTIL = (5, 24)
 GT_OLD_COUNTS_AS, GT_NEW_COUNTS_AS = (1, 2), (4, 3)
 #: The first SynScan versions with sync and pier side, of series 3 and 4 (SynScan protocol, Sync Commands); the version
 #: that the former counts as, and the version that earlier ones of series 4 count as.
@@ -44,9 +44,9 @@ class Release(Struct, frozen=True):
     starsense: bool = False
 
     @property
-    def as_text(self) -> str:
+    def text(self) -> str:
         """The version as a user types it."""
-        return f"{STARSENSE}-{show_version(self.reported)}" if self.starsense else show_version(self.reported)
+        return f"{STARSENSE}-{format_version(self.reported)}" if self.starsense else format_version(self.reported)
 
     @property
     def variant(self) -> int:
@@ -67,7 +67,7 @@ def parse(text: str) -> Release:
     _, dash, version = text.partition("-")
     shown = parse_version(version)[:2] if dash else STARSENSE_NEWEST
     if not STARSENSE_OLDEST <= shown < STARSENSE_END:
-        raise ValueError(f"a StarSense has versions from {show_version(STARSENSE_OLDEST)} on, not {version}")
+        raise ValueError(f"a StarSense has versions from {format_version(STARSENSE_OLDEST)} on, not {version}")
     return Release(shown, counts_as(shown, starsense=True), True)
 
 
@@ -84,35 +84,35 @@ def counts_as(version: Version, *, starsense: bool = False, synscan: bool = Fals
     return GT_NEW_COUNTS_AS if version >= GT_NEW_FROM else GT_OLD_COUNTS_AS
 
 
-def has_shifted_modes(row: Model, version: Version | None) -> bool:
+def has_shifted_modes(model: Model, version: Version | None) -> bool:
     """Whether this model and version numbers EQ north as 1: CGE and Advanced GT 3.01-3.04 do."""
-    first_last = row.get("shifted")
+    first_last = model.get("shifted")
     if not first_last or version is None:
         return False
     return parse_version(first_last[0]) <= version <= parse_version(first_last[1])
 
 
-def modes_by_code(row: Model, version: Version | None) -> Mapping[int, Tracking | None]:
+def modes_by_code(model: Model, version: Version | None) -> Mapping[int, Tracking | None]:
     """Return the tracking modes of this model and version by their codes."""
-    if "dialect" in row:
+    if "dialect" in model:
         return SYNSCAN_MODES
-    return SHIFTED_MODES if has_shifted_modes(row, version) else MODES
+    return SHIFTED_MODES if has_shifted_modes(model, version) else MODES
 
 
-def mode_code(mode: Tracking, row: Model, version: Version | None) -> int:
+def mode_code(mode: Tracking, model: Model, version: Version | None) -> int:
     """Return the code of a tracking mode in ``t`` and ``T``; for a mode that this version lacks 1, which tracks."""
-    known = modes_by_code(row, version).items()
+    known = modes_by_code(model, version).items()
     return next(
         (code for code, version_mode in known if version_mode is mode or (version_mode is None and mode.equatorial)), 1
     )
 
 
-def letters_swapped(row: Model, version: Version | None) -> bool:
+def letters_swapped(model: Model, version: Version | None) -> bool:
     """Whether the letters E and W of the pier side are swapped in the southern hemisphere."""
-    return "dialect" not in row and version is not None and version <= SWAPPED_UNTIL
+    return "dialect" not in model and version is not None and version <= LETTERS_SWAPPED_UNTIL
 
 
-def versions_of(row: Model) -> list[str]:
+def versions_of(model: Model) -> list[str]:
     """Return the versions in a row of ``models.toml``, oldest first, then its StarSense if the model can have it."""
-    versions = list(row.get("versions", ()))
-    return [*versions, Release(STARSENSE_NEWEST, STARSENSE_COUNTS_AS, True).as_text] if row.get(STARSENSE) else versions
+    versions = list(model.get("versions", ()))
+    return [*versions, Release(STARSENSE_NEWEST, STARSENSE_COUNTS_AS, True).text] if model.get(STARSENSE) else versions

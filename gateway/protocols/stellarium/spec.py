@@ -17,7 +17,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
 
     surface = Surface(load(NAME), surface_functions(module))
     surface.session_type, surface.subscriptions = module.StellariumSession, module.subscriptions
-    surface.replies = False
+    surface.has_replies = False
     return MadeSurface(surface, {"name": NAME}, ClientSettings(settings.limits))
 
 
@@ -33,7 +33,7 @@ SPEC = ProtocolSpec(
     new_framer=lazy("stellarium.surface", "StellariumFramer"),
     opening_pattern=rb"(?s)(?:\x14\0\0\0.{16})*",
     make_surface=_make_surface,
-    recognises=lambda sent: 1.0 if sent.startswith(GOTO_HEADER) else 0.0,
+    likelihood=lambda sent: 1.0 if sent.startswith(GOTO_HEADER) else 0.0,
     greeting=GOTO_HEADER,
     mount_speaks_first=True,
 )

@@ -23,7 +23,7 @@ HEADER_BYTES, MAX_MESSAGE_BYTES = 4, 255
 #: recognised; it would show a position as a broken answer.
 FIRST_DELAY = 0.2
 #: The values of the field ``status``.
-STATUS_OK, STATUS_REFUSED, ENDED_SHORT = 0, -1, -2
+STATUS_OK, STATUS_REFUSED, STATUS_FAILED = 0, -1, -2
 
 
 class StellariumFramer(LengthFramer):
@@ -35,7 +35,7 @@ class StellariumFramer(LengthFramer):
     noise_reason = "no Stellarium message begins like this; bytes are accepted again after a pause of 0.1 s"
     partial_reason = "half a message, whose rest did not arrive within a second"
     cut_off_reason = "half a message, whose rest did not arrive"
-    drops_after_half = True
+    drops_after_partial = True
 
     def _cut_commands(self, data: bytes) -> list[bytes]:
         frames: list[bytes] = []
@@ -89,7 +89,7 @@ def subscriptions(session: Session) -> Sequence[Subscription]:
 
     def message(position: Equatorial) -> bytes:
         now = round(session.clock() * 1e6)
-        status = ENDED_SHORT if session.client.ended_short and not session.client.status else session.client.status
+        status = STATUS_FAILED if session.client.ended_short and not session.client.status else session.client.status
         return template.encode({"time": now, "ra": position.ra, "dec": position.dec, "status": status})
 
     def note(activity: Activity) -> bytes:

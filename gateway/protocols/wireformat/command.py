@@ -79,11 +79,11 @@ class FrameTemplate:
 
 
 class Command:
-    """A row of ``commands.toml`` with its templates. Attributes are explained in ``CommandRow``. ``where`` is the name
-    of the file in messages, ``replies`` pairs each reply form with its template.
+    """A row of ``commands.toml`` with its templates. Attributes are explained in ``CommandRow``. ``file_name`` is the
+    name of the file in messages, ``replies`` pairs each reply form with its template.
     """
 
-    def __init__(self, where: str, name: str, row: CommandRow) -> None:
+    def __init__(self, file_name: str, name: str, row: CommandRow) -> None:
         self.name, self.help, self.beyond, self.has_effect = name, row.help, row.beyond, row.acts
         self.models = frozenset(row.models) if row.models is not None else None
         #: The models whose row in ``models.toml`` lists commands without this command.
@@ -98,7 +98,7 @@ class Command:
             self.requests = [FrameTemplate(source) for source in _request_forms(row.request)]
             self.replies = [(reply, FrameTemplate(reply.wire)) for reply in _reply_forms(row.reply)]
         except ValueError as error:
-            raise MappingError(where, name, str(error)) from None
+            raise MappingError(file_name, name, str(error)) from None
         self.request = self.requests[0]
 
     @property

@@ -35,9 +35,9 @@ class CommandSet:
     def __init__(self, name: str, folder: Path, dialect: str = "") -> None:
         self.name, self.folder, self.dialect = name, folder, dialect
         rows = self._read_rows("commands.toml", CommandRow)
-        self.overlay = self._read_dialect(dialect) if dialect else None
-        if self.overlay is not None:
-            rows = self.overlay.merged_commands(self._file_name(f"{dialect}.toml"), rows)
+        self.dialect_rows = self._read_dialect(dialect) if dialect else None
+        if self.dialect_rows is not None:
+            rows = self.dialect_rows.merged_commands(self._file_name(f"{dialect}.toml"), rows)
         self.commands = {key: Command(self._file_name("commands.toml"), key, row) for key, row in rows.items()}
         self._by_prefix: dict[bytes, list[tuple[Command, FrameTemplate]]] = {}
         for command in self.commands.values():
@@ -115,7 +115,7 @@ class CommandSet:
     def driver_rows(self) -> dict[str, list[Implementation]]:
         """Operation name -> its implementations, the preferred first."""
         rows = self._read_rows("driver.toml", list[Implementation])
-        return rows if self.overlay is None else self.overlay.merge(rows, frozenset(self.commands))
+        return rows if self.dialect_rows is None else self.dialect_rows.merge(rows, frozenset(self.commands))
 
     @cached_property
     def models(self) -> dict[str, Model]:
@@ -127,12 +127,12 @@ class CommandSet:
         """Return the commands that a model lacks, by its row in ``models.toml``."""
         return frozenset(name for name, command in self.commands.items() if model in command.lacking_models)
 
-    def title(self, product: str, model: str) -> str:
+    def model_title(self, product: str, model: str) -> str:
         """Return the usual name of a model; the reported ``product`` if the mount is not of this model."""
         row = self.models.get(model, {})
         return str(row.get("title", product)) if product and row.get("product", "").startswith(product) else product
 
-    def traits(self, model: str, wedge: bool = False, facts: Model | None = None) -> frozenset[str]:
+    def traits(self, model: str, on_wedge: bool = False, facts: Model | None = None) -> frozenset[str]:
         """Return the traits of a model, which rows may require: its name, dialect, mount type, the words of its key
         ``has``, and its keys that are true. A fork is ``alt-az``, or ``equatorial`` on a wedge; a German mount is
         ``equatorial``. ``facts`` is its row in ``models.toml`` unless given.
@@ -140,7 +140,7 @@ class CommandSet:
         facts = self.models.get(model, {}) if facts is None else facts
         flags = (key for key, value in facts.items() if value is True)
         build = facts.get("mount", "")
-        moves = {"german": "equatorial", "fork": "equatorial" if wedge else "alt-az"}.get(build, build)
+        moves = {"german": "equatorial", "fork": "equatorial" if on_wedge else "alt-az"}.get(build, build)
         return frozenset((model, build, moves, facts.get("dialect", ""), *facts.get("has", ()), *flags))
 
     def extra_table(self, file: str) -> dict[str, Model]:
@@ -206,7 +206,7 @@ def functions_of(*modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
 
 def surface_functions(*modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
     """Return ``module.function`` -> function for surface rows; each accepts all of ``HANDLER_PARAMETERS``."""
-    return {name: _accepting_all(function) for name, function in functions_of(*modules).items()}
+    return {name: _with_all_parameters(function) for name, function in functions_of(*modules).items()}
 
 
 def parameter_names(function: Callable[..., Any]) -> tuple[str, ...]:
@@ -215,7 +215,7 @@ def parameter_names(function: Callable[..., Any]) -> tuple[str, ...]:
     return code.co_varnames[: code.co_argcount]
 
 
-def _accepting_all(function: Callable[..., Any]) -> Callable[..., Any]:
+def _with_all_parameters(function: Callable[..., Any]) -> Callable[..., Any]:
     """Wrap a function: the wrapper accepts all of ``HANDLER_PARAMETERS``, and passes on those that ``function`` has."""
     names = parameter_names(function)
     if names == HANDLER_PARAMETERS or not set(names).issubset(HANDLER_PARAMETERS):

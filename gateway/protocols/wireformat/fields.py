@@ -31,7 +31,7 @@ class Codec(NamedTuple):
 
 # --- text: sexagesimal ----------------------------------------------------------------------------------------
 
-_TO_HASH = rb"[^#]*"  # any bytes up to the terminator of an LX200 frame
+_UNTIL_HASH = rb"[^#]*"  # any bytes up to the terminator of an LX200 frame
 _HEX = re.compile(rb"[0-9A-Fa-f]*").fullmatch
 
 
@@ -48,7 +48,7 @@ def _checking_range(decode: Callable[[bytes], float], low: float, high: float) -
 
 
 def _sexagesimal(encode: Callable[[float], str], decode: Callable[[bytes], float], low: float, high: float) -> Codec:
-    return Codec(lambda value: encode(value).encode("ascii"), _checking_range(decode, low, high), _TO_HASH)
+    return Codec(lambda value: encode(value).encode("ascii"), _checking_range(decode, low, high), _UNTIL_HASH)
 
 
 _BELOW_FULL_TURN = 360.0 - 1e-9  # degrees
@@ -89,16 +89,16 @@ def _number(
     within = _checking_range(sx.number, low, high)
 
     def decode(raw: bytes) -> float:
-        value = within(raw if signed else sx.check_unsigned(raw))
-        return value if decimals else int(sx.check_whole(raw))
+        value = within(raw if signed else sx.require_unsigned(raw))
+        return value if decimals else int(sx.require_whole(raw))
 
-    return Codec(encode, decode, _TO_HASH)
+    return Codec(encode, decode, _UNTIL_HASH)
 
 
 def _with_arcminute_sign(codec: Codec) -> Codec:
     """Wrap the codec of a number: a unit sign for arcminutes follows it, which clients may omit."""
     return Codec(
-        lambda value: codec.encode(value) + b"'", lambda raw: codec.decode(raw.rstrip(b"*'\xdf\xb0\xc2 ")), _TO_HASH
+        lambda value: codec.encode(value) + b"'", lambda raw: codec.decode(raw.rstrip(b"*'\xdf\xb0\xc2 ")), _UNTIL_HASH
     )
 
 
@@ -119,21 +119,21 @@ def _choice(choices: str) -> Codec:
 
 
 _TEXT_CODEC = Codec(
-    lambda value: value.encode("latin-1", "replace").replace(b"#", b" "), lambda raw: raw.decode("latin-1"), _TO_HASH
+    lambda value: value.encode("latin-1", "replace").replace(b"#", b" "), lambda raw: raw.decode("latin-1"), _UNTIL_HASH
 )
 
 _OTHER_TEXT_FORMATS = {
-    "sHH.H": Codec(lambda value: sx.offset(value).encode("ascii"), sx.parse_offset, _TO_HASH),
-    "sHH.H in full": Codec(lambda value: sx.offset_in_full(value).encode("ascii"), sx.parse_offset, _TO_HASH),
-    "sHH:MM": Codec(lambda value: sx.offset_in_minutes(value).encode("ascii"), sx.parse_offset, _TO_HASH),
-    "MM/DD/YY": Codec(lambda value: sx.date(value).encode("ascii"), sx.parse_date, _TO_HASH),
+    "sHH.H": Codec(lambda value: sx.utc_offset(value).encode("ascii"), sx.parse_utc_offset, _UNTIL_HASH),
+    "sHH.H in full": Codec(lambda value: sx.offset_in_full(value).encode("ascii"), sx.parse_utc_offset, _UNTIL_HASH),
+    "sHH:MM": Codec(lambda value: sx.offset_with_minutes(value).encode("ascii"), sx.parse_utc_offset, _UNTIL_HASH),
+    "MM/DD/YY": Codec(lambda value: sx.date(value).encode("ascii"), sx.parse_date, _UNTIL_HASH),
     "sMM.M": _number("sMM.M", 1, 2, True, -30, 30),
     "NNN": _number("NNN", 0, 3, False, 0, 999),
     "NNN'": _with_arcminute_sign(_number("NNN", 0, 3, False, 0, 999)),
     "NNNN": _number("NNNN", 0, 4, False, 0, 999999, max_digits=6),
-    "DD*": Codec(lambda value: b"%02d*" % round(value), sx.parse_limit, _TO_HASH),
-    "DD* to set": Codec(lambda value: b"%02d*" % round(value), sx.parse_new_limit, _TO_HASH),
-    "DD to set": Codec(lambda value: b"%02d" % round(value), sx.parse_new_limit, _TO_HASH),
+    "DD*": Codec(lambda value: b"%02d*" % round(value), sx.parse_limit, _UNTIL_HASH),
+    "DD* to set": Codec(lambda value: b"%02d*" % round(value), sx.parse_new_limit, _UNTIL_HASH),
+    "DD to set": Codec(lambda value: b"%02d" % round(value), sx.parse_new_limit, _UNTIL_HASH),
     "N": _number("N", 0, 1, False, 2, 8),
     # an LX200GPS says +60.1
     "TT.T": _number("TT.T", 1, 2, False, 0, 99.9)._replace(decode=_checking_range(sx.number, 0, 99.9)),
@@ -231,14 +231,14 @@ _BINARY_FORMATS = {
 # --- text of one line: whole numbers and fractions as programming languages write them ----------------------------
 
 #: The bytes of a field that ends at a blank or at the end of the line.
-_TO_BLANK = rb"[^ \n]*"
+_UNTIL_BLANK = rb"[^ \n]*"
 _LINE_FORMATS = {
-    "number": Codec(numerals.number, numerals.parse_number, _TO_BLANK),
-    "hours": Codec(numerals.hours, numerals.parse_hours, _TO_BLANK),
-    "whole": Codec(lambda value: b"%d" % value, numerals.parse_whole, _TO_BLANK),
-    "truth": Codec(lambda value: b"true" if value else b"false", numerals.parse_truth, _TO_BLANK),
-    "moment": Codec(numerals.moment, numerals.parse_moment, _TO_BLANK),
-    "quoted": Codec(numerals.quoted, lambda raw: unquote(raw.decode("ascii")), _TO_BLANK),
+    "number": Codec(numerals.number, numerals.parse_number, _UNTIL_BLANK),
+    "hours": Codec(numerals.hours, numerals.parse_hours, _UNTIL_BLANK),
+    "whole": Codec(lambda value: b"%d" % value, numerals.parse_whole, _UNTIL_BLANK),
+    "truth": Codec(lambda value: b"true" if value else b"false", numerals.parse_truth, _UNTIL_BLANK),
+    "moment": Codec(numerals.moment, numerals.parse_moment, _UNTIL_BLANK),
+    "quoted": Codec(numerals.quote_text, lambda raw: unquote(raw.decode("ascii")), _UNTIL_BLANK),
     "json": Codec(msgspec.json.encode, numerals.parse_json, rb"[^\n]*"),
 }
 

@@ -80,7 +80,7 @@ def parse_moment(raw: bytes) -> float:
         raise ValueError(str(error)) from None
 
 
-def quoted(text: str) -> bytes:
+def quote_text(text: str) -> bytes:
     """Write text percent-encoded as in a URL, so that it contains no blanks."""
     return quote(text, safe="+-.:,TZ").encode("ascii")
 

@@ -43,7 +43,7 @@ def parse_version(text: str) -> Version:
     return tuple(int(part) for part in text.split("."))
 
 
-def show_version(version: Version) -> str:
+def format_version(version: Version) -> str:
     """Write a version as the manual does: one minor digit below version 3 (1.6, 2.2), two from 3 on (3.01, 4.10)."""
     major, minor, *rest = version
     shown = f"{major}.{minor:02d}" if major > 2 and major < 100 else f"{major}.{minor}"
@@ -152,10 +152,10 @@ class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     driver: dict[str, list[Implementation]] = {}  # operation -> implementations that replace those of ``driver.toml``
     facts: dict[str, Any] = {}  # constants of these mounts, for the driver's functions
 
-    def merged_commands(self, where: str, rows: dict[str, CommandRow]) -> dict[str, CommandRow]:
+    def merged_commands(self, file_name: str, rows: dict[str, CommandRow]) -> dict[str, CommandRow]:
         """Return the dialect's commands: some ``rows`` of ``commands.toml``, and its own. Raises MappingError."""
         if absent := sorted(set(self.has) - rows.keys()):
-            raise MappingError(where, "has", f"there is no {', '.join(absent)}")
+            raise MappingError(file_name, "has", f"there is no {', '.join(absent)}")
         return {name: replace(rows[name], models=None, since=None) for name in self.has} | self.commands
 
     def merge(self, rows: dict[str, list[Implementation]], has: frozenset[str]) -> dict[str, list[Implementation]]:

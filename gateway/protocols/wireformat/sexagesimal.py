@@ -51,19 +51,19 @@ def parse(raw: bytes, min_parts: int = 2) -> float:
     return -value if match[1] == b"-" else value
 
 
-def parse_typed(text: str) -> float:
+def parse_typed_angle(text: str) -> float:
     """Parse a typed angle, with or without units: ``5h34m32s``, ``-22°00'52"``, ``83.63``. Raises ValueError."""
     return parse(re.sub(r"[hdms°'\"′″*:\s]+", ":", text.strip().lower()).rstrip(":").encode(), min_parts=1)
 
 
-def check_unsigned(raw: bytes) -> bytes:
+def require_unsigned(raw: bytes) -> bytes:
     """Return the text of an unsigned field unchanged. Raises ValueError if it has a sign."""
     if b"-" in raw or b"+" in raw:
         raise ValueError(f"'{printable(raw)}' has a sign, and this form has none")
     return raw
 
 
-def check_whole(raw: bytes) -> bytes:
+def require_whole(raw: bytes) -> bytes:
     """Return the text of a whole-number field unchanged. Raises ValueError if it has decimals."""
     if b"." in raw:
         raise ValueError(f"'{printable(raw)}' has decimals, and this form has none")
@@ -79,7 +79,7 @@ def number(raw: bytes) -> float:
 
 def parse_hours(raw: bytes) -> float:
     """Parse a right ascension ``HH:MM:SS`` or ``HH:MM.T``; return degrees. 23:59:60 is 0."""
-    value = parse(check_unsigned(raw))
+    value = parse(require_unsigned(raw))
     if value == 24 and raw.lstrip()[:2] == b"23":
         return 0.0
     return value * 15.0
@@ -87,7 +87,7 @@ def parse_hours(raw: bytes) -> float:
 
 def parse_azimuth(raw: bytes) -> float:
     """Parse an azimuth; return degrees in [0, 360). 360 is north."""
-    value = parse(check_unsigned(raw))
+    value = parse(require_unsigned(raw))
     if value > 360:
         raise ValueError(f"'{printable(raw)}' is not an azimuth")
     return value % 360.0
@@ -103,7 +103,7 @@ def parse_longitude(raw: bytes) -> float:
 
 def parse_clock(raw: bytes) -> float:
     """Parse a time of day; return seconds since midnight. 23:59:60 is 86400, the midnight at the end of the day."""
-    value = parse(check_unsigned(raw), min_parts=3)
+    value = parse(require_unsigned(raw), min_parts=3)
     if value == 24 and raw.lstrip()[:2] != b"23":
         raise ValueError(f"'{printable(raw)}' is not a time of day")
     return value * 3600.0
@@ -184,7 +184,7 @@ def parse_limit(raw: bytes) -> float:
 
 def parse_new_limit(raw: bytes) -> float:
     """Parse an altitude limit that a client sets: 0 to 90 whole degrees, without a sign. Raises ValueError."""
-    return parse_limit(check_whole(check_unsigned(raw)))
+    return parse_limit(require_whole(require_unsigned(raw)))
 
 
 def offset_in_full(value: float) -> str:
@@ -193,18 +193,18 @@ def offset_in_full(value: float) -> str:
     return sign + "{:02d}.{:d}".format(*_split(tenths, 10))
 
 
-def offset_in_minutes(value: float) -> str:
+def offset_with_minutes(value: float) -> str:
     """Write a UTC offset in hours as ``sHH:MM``."""
     sign, minutes = _ticks(value, 60)
     return sign + "{:02d}:{:02d}".format(*_split(minutes, 60))
 
 
-def offset(value: float) -> str:
+def utc_offset(value: float) -> str:
     """Write a UTC offset in hours as ``sHH`` if whole, else as ``sHH.H``."""
     return offset_in_full(value).removesuffix(".0")
 
 
-def parse_offset(raw: bytes) -> float:
+def parse_utc_offset(raw: bytes) -> float:
     """Parse a UTC offset ``sHH``, ``sHH.H``, ``s5`` or ``sHH:MM``; return hours. x.7 and x.8 are x.75 (Nepal)."""
     text = raw.replace(b" ", b"")
     value = parse(text, min_parts=1)

@@ -14,7 +14,7 @@ from typing import NamedTuple, get_args
 from gateway.app.bindings import framer_and_parser
 from gateway.core.errors import NoDevice
 from gateway.core.wire_log import printable
-from gateway.diagnostics.command_outcomes import MountKind, choose, outcome, remarks
+from gateway.diagnostics.command_outcomes import MountKind, choose_ways, outcome, remarks
 from gateway.diagnostics.rehearsal.play import Trace, general_refusal, is_refusal, is_refused, may_change_mount
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.surface import ACKNOWLEDGED, Surface
@@ -131,7 +131,7 @@ def _by_bytes(case: Case, seen: Seen, surface: Surface, asked: frozenset[str]) -
 
 def _idle(case: Case) -> bool:
     """Whether an order may change nothing: on a mount that is not aligned it may be so already, as its tracking off."""
-    return not case.mount.aligned and all(way.aligned is None for way in choose(case.row, case.driven, case.mount))
+    return not case.mount.aligned and all(way.aligned is None for way in choose_ways(case.row, case.driven, case.mount))
 
 
 def _answers(play: Trace) -> list[tuple[bytes, bytes]]:
@@ -191,6 +191,6 @@ def _answered(case: Case, seen: Seen, surface: Surface, said: str) -> Iterator[s
         yield f"{said}, and yet there is no reply"
     elif said == "kept" and not command.replies and not (seen.kept or (seen.learnt and writes(row))):
         yield "kept, and nothing is kept"
-    ways = choose(row, case.driven, case.mount)
+    ways = choose_ways(row, case.driven, case.mount)
     if (notes or said == "refused") and not remarks(row, ways):
         yield f"no remark on it, and the log says: {'; '.join(notes) or 'nothing'}"

@@ -12,13 +12,13 @@ from typing import NamedTuple
 from gateway.app.config import Endpoint
 from gateway.app.recording.format import unescape
 from gateway.diagnostics.command_outcomes import MountKind, model_versions
-from gateway.diagnostics.rehearsal.explain import commands_before, rehearsal_sky, traits_of, version_tuple
+from gateway.diagnostics.rehearsal.explain import commands_before, presented_traits, rehearsal_sky, version_tuple
 from gateway.diagnostics.rehearsal.play import (
     OBSERVATION_TIME,
     QUERY_OBSERVATION_TIME,
     SETTING_OBSERVATION_TIME,
     Prelude,
-    set_up,
+    set_up_gateway,
 )
 from gateway.diagnostics.rehearsal.samples import example_request, sample_value
 from gateway.diagnostics.virtual_time import run
@@ -96,7 +96,9 @@ async def _rehearse(pair: Pair, only: frozenset[str]) -> tuple[int, list[Differe
     plays = 0
     asking = [command for command in commands if not _alone(protocol.surface_rows.get(command.name))]
     for state in _states(driven, pair.mount.model or "") if asking else ():
-        async with set_up(pair.face, pair.mount, rehearsal_sky(), aligned=state.aligned, wedge=state.wedge) as shared:
+        async with set_up_gateway(
+            pair.face, pair.mount, rehearsal_sky(), aligned=state.aligned, wedge=state.wedge
+        ) as shared:
             player = Watcher(shared)
             for command in asking:
                 plays += 1
@@ -105,7 +107,9 @@ async def _rehearse(pair: Pair, only: frozenset[str]) -> tuple[int, list[Differe
         row = protocol.surface_rows.get(command.name)
         for state in _states(driven, pair.mount.model or "") if _alone(row) else ():
             plays += 1
-            async with set_up(pair.face, pair.mount, rehearsal_sky(), aligned=state.aligned, wedge=state.wedge) as own:
+            async with set_up_gateway(
+                pair.face, pair.mount, rehearsal_sky(), aligned=state.aligned, wedge=state.wedge
+            ) as own:
                 found += await _one(pair, Watcher(own), command, state, _long(row))
     return plays, found
 
@@ -123,7 +127,7 @@ async def operations(pair: Pair, only: frozenset[str]) -> list[tuple[str, set[st
     for name in sorted(only):
         command, row = load(pair.face.protocol).commands[name], load(pair.face.protocol).surface_rows[name]
         for frame in examples(command):
-            async with set_up(pair.face, pair.mount, rehearsal_sky()) as own:
+            async with set_up_gateway(pair.face, pair.mount, rehearsal_sky()) as own:
                 seen = await Watcher(own).watch(frame, commands_before(pair.face, row), _long(row))
             found.append((name, set(seen.asked)))
     return found
@@ -144,7 +148,7 @@ def _states(driven: CommandSet, model: str) -> Iterator[State]:
     yield State()
     if PROTOCOLS[driven.name].has_alignment:
         yield State(aligned=False)
-    if driven.traits(model) != driven.traits(model, wedge=True):
+    if driven.traits(model) != driven.traits(model, on_wedge=True):
         yield State(wedge=True)
 
 
@@ -153,7 +157,7 @@ async def _one(pair: Pair, player: Watcher, command: Command, state: State, watc
     protocol, driven, own = (
         load(pair.face.protocol),
         load(pair.mount.protocol).in_dialect_of(pair.mount.model),
-        player.stage,
+        player.rehearsal,
     )
     row, frame = protocol.surface_rows.get(command.name), example_request(command)
     greeted = Prelude(tuple(map(unescape, PROTOCOLS[pair.face.protocol].required_requests)))
@@ -164,7 +168,7 @@ async def _one(pair: Pair, player: Watcher, command: Command, state: State, watc
     case = Case(
         command,
         row,
-        traits_of(pair.face, command),
+        presented_traits(pair.face, command),
         driven,
         MountKind(pair.mount.model or "", version_tuple(pair.mount), *state),
         bool(surface.lacking_reason(own.binding.model, frame)) or command.name in own.binding.model.get("lacking", ()),

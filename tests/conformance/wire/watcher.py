@@ -54,7 +54,7 @@ class Watcher(Tracer):
         play = await self.trace(frame, before, watching)
         return Seen(play, tuple(self._asked), self._before != self._kept(), self._known != self._knows(), self._tells)
 
-    def on_play_begin(self) -> None:
+    def before_frame(self) -> None:
         self._session, self._before, self._known, self._tells = None, "", self._knows(), False
         self._asked.clear()
 
@@ -64,7 +64,7 @@ class Watcher(Tracer):
 
     def _knows(self) -> str:
         """Return what the driver and the site clock know, as comparable text."""
-        return repr((vars(self.driver), vars(self.stage.site_clock)))
+        return repr((vars(self.driver), vars(self.rehearsal.site_clock)))
 
     def _begun(self, session: Session) -> Session:
         if self._session is None:
@@ -78,7 +78,7 @@ class Watcher(Tracer):
 
         class Noting(kind):
             def __getattribute__(self, name: str) -> object:
-                watcher._tells |= watcher._calling and name in ("client", "settings_holder")
+                watcher._tells |= watcher._calling and name in ("client", "shared_settings")
                 return super().__getattribute__(name)
 
         return Noting

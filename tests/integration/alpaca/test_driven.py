@@ -59,7 +59,7 @@ async def test_alpaca_program_cannot_set_pier_side_past_the_gateways_checks() ->
     async with inner:
         face = inner.binding.surface
         made = make_surface(Endpoint("alpaca", "-"), SurfaceConfig(at="alpaca@-"), Limits())
-        made.surface.mount_speaks_same = True
+        made.surface.speaks_mount_protocol = True
         assert face is not made.surface
         client = ConnectionAcceptor(inner.controller, made, SharedSettings(), inner.clock)
         heard: list[bytes] = []

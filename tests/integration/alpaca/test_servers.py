@@ -82,13 +82,13 @@ async def test_refusal_quotes_the_message_of_the_alpaca_server() -> None:
         with pytest.raises(Parked, match=r"unpark it first.*slewtocoordinatesasync"):
             await one.controller.perform(goal(one))
         await one.controller.perform(op.Unpark())
-        one.sim.lowest = 50.0
+        one.sim.lowest_altitude = 50.0
         with pytest.raises(Refused, match="target is below the limit of 50"):
             await one.controller.perform(goal(one, 60.0, 0.0))
         one.sim.track(False)
         with pytest.raises(Refused, match=r"does not track.*SlewToCoordinates"):
             await one.controller.perform(op.Goto(goal(one).ra, 40.0, track=False))
-    async with server(lowest=5.0, config={"lowest": -20.0}) as one:
+    async with server(lowest_altitude=5.0, config={"lowest": -20.0}) as one:
         with pytest.raises(BelowHorizon, match=r"below the horizon.*target is below"):
             await one.controller.perform(goal(one, 100.0, 0.0))
 

@@ -14,7 +14,7 @@ import pytest
 
 from gateway.core.errors import Fault, Garbled
 from gateway.diagnostics.detect.ports import SerialPortInfo, parse_port
-from gateway.diagnostics.detect.scan_port import scan
+from gateway.diagnostics.detect.scan_port import scan_port
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.driver import Send
 from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
@@ -75,7 +75,7 @@ async def test_home_made_telescope_is_detected(url: str) -> None:
         )
 
     place = SerialPortInfo("-", "-") if url == "-" else parse_port(url)
-    finding = await scan(place, UartWire(device))
+    finding = await scan_port(place, UartWire(device))
     assert finding.state == "lx200", finding
     assert finding.mount is not None, finding
 

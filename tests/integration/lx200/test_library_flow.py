@@ -68,7 +68,7 @@ def test_j2000_client_gets_catalogue_places() -> None:
     async def program(bridge: Bridge, client: RehearsalClient) -> None:
         sky = bridge.controller.astrometry.sky
         bridge.acceptor.binding = replace(
-            bridge.acceptor.binding, equinox=EquinoxConverter(sky, bridge.controller.sources.unix)
+            bridge.acceptor.binding, j2000_converter=EquinoxConverter(sky, bridge.controller.sources.unix)
         )
         client = bridge.client("10.0.0.9")
         assert await client.ask(b":LM42#:Gr#") == b"05:35:16#"

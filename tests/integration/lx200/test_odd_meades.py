@@ -217,7 +217,7 @@ def test_meade_keeps_its_model_name_after_lost_answers() -> None:
 
             wire.feed = lossy
             await bridge.controller.identification.read_once(op.GetIdentity())
-            identity = bridge.controller.cache.value(op.GetIdentity)
+            identity = bridge.controller.cache.last_value(op.GetIdentity)
             assert (identity.product, identity.model, lost) == ("Autostar", "autostar", [])
 
     run(program())

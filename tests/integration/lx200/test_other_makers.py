@@ -66,7 +66,7 @@ def test_onstep_and_teenastro_are_detected_with_fewer_requests_than_a_meade(mode
         async with bridge(named) as own:
             identity = await own.controller.answer(op.GetIdentity())
             assert identity.model == named
-            assert identity.product == own.sim.row["product"]
+            assert identity.product == own.sim.facts["product"]
             client = own.client()
             await asyncio.sleep(10.0)
             ra = (own.sim.mechanics.sky.lst(own.clock()) + 60.0) % 360.0
@@ -107,7 +107,7 @@ async def test_unsuitable_meade_commands_do_not_reach_an_onstep_or_teenastro(mod
 async def test_position_is_read_precisely_from_a_mount_left_in_low_precision(model: str, firmware: str) -> None:
     """Another program of the evening has sent ``:U#``, before the gateway came and while it is there."""
     own = bridge(model)
-    own.sim.row = {**own.sim.row, "firmware": firmware}
+    own.sim.facts = {**own.sim.facts, "firmware": firmware}
     assert own.sim.feed(b":U#") == b"" and len(own.sim.feed(b":GR#")) == len("12:34.5#")
     async with own:
         assert (await own.controller.answer(op.GetIdentity())).model == model
@@ -294,7 +294,7 @@ async def test_stop_does_not_wait_for_the_keypad_speed_to_be_restored() -> None:
 async def test_fastest_arrow_is_as_fast_as_a_goto(firmware: str) -> None:
     """Every version tells that speed, 4 degrees a second here; the second fastest is half of it."""
     own = bridge("onstep")
-    own.sim.row = {**own.sim.row, "firmware": firmware}
+    own.sim.facts = {**own.sim.facts, "firmware": firmware}
     async with own:
         await own.controller.answer(op.GetIdentity())
         assert own.driver.speed(op.Rate(name="max")) == pytest.approx(4.0, rel=0.01)
@@ -390,7 +390,7 @@ async def test_search_for_home_by_switches_ends_when_the_status_letters_say_so(a
 async def test_mount_keeps_its_identity_after_lost_status_replies(model: str) -> None:
     own = bridge(model)
     own.sim.feed(b":Td#")
-    usual, lost = own.sim.answer, [own.driver.protocol.in_dialect_of(model).overlay.facts["status"]["command"]] * 2
+    usual, lost = own.sim.answer, [own.driver.protocol.in_dialect_of(model).dialect_rows.facts["status"]["command"]] * 2
     own.sim.answer = lambda frame, later: (
         b"" if lost and frame == f":{lost[0]}#".encode() and lost.pop() else usual(frame, later)
     )
@@ -455,7 +455,7 @@ async def test_goto_beside_the_pole_reports_slewing_while_an_axis_turns(model: s
 
 async def test_unknown_controller_is_driven_by_common_commands_and_lists_what_it_lacks() -> None:
     own = bridge("autostar")
-    own.sim.row = {**own.sim.row, "product": "OpenAstroTracker"}
+    own.sim.facts = {**own.sim.facts, "product": "OpenAstroTracker"}
     answering(own, {b":GW#": b""})
     async with own:
         identity = await own.controller.answer(op.GetIdentity())
@@ -475,7 +475,7 @@ async def test_unknown_controller_is_driven_by_common_commands_and_lists_what_it
 async def test_refusals_of_an_unknown_controller_are_reported_as_refusals() -> None:
     """Those of a goto by their forms, that of a sync by the position: each maker has words of its own for it."""
     own = bridge("autostar")
-    own.sim.row = {**own.sim.row, "product": "OpenAstroTracker"}
+    own.sim.facts = {**own.sim.facts, "product": "OpenAstroTracker"}
     replies: dict[bytes, bytes] = {}
     answering(own, replies)
     async with own:
@@ -500,7 +500,7 @@ async def test_refusals_of_an_unknown_controller_are_reported_as_refusals() -> N
 async def test_site_and_date_reach_an_unknown_controller(told: bytes) -> None:
     """A longitude without a sign is another one to some, and many have no text after the 1 for a date."""
     own = bridge("autostar")
-    own.sim.row = {**own.sim.row, "product": "OpenAstroTracker"}
+    own.sim.facts = {**own.sim.facts, "product": "OpenAstroTracker"}
     own._hands_on = True  # a sign is no form of a Meade's
     answering(own, {b":Sg-010*30#": b"1", b":Gg#": b"-010*30#", b":SC02/14/26#": told, b":GC#": b"02/14/26#"})
     async with own:
@@ -522,7 +522,7 @@ async def test_site_and_date_reach_an_unknown_controller(told: bytes) -> None:
 async def test_old_teenastro_is_driven_as_an_unknown_controller() -> None:
     """Before 1.5.1 it answers neither ACK nor ``:GW#``, and ``:Gm#`` with one hash."""
     own = bridge("teenastro")
-    own.sim.row = {**own.sim.row, "firmware": "1.4.19"}
+    own.sim.facts = {**own.sim.facts, "firmware": "1.4.19"}
     answering(own, {b"\x06": b"", b":GW#": b"0", b":Gm#": b"E#"})
     async with own:
         identity = await own.controller.answer(op.GetIdentity())
@@ -549,7 +549,7 @@ async def test_old_teenastro_left_in_low_precision_is_detected() -> None:
 
 async def test_meade_of_any_name_is_driven_as_a_meade() -> None:
     own = bridge("autostar")
-    own.sim.row = {**own.sim.row, "product": "ETX Autostar"}
+    own.sim.facts = {**own.sim.facts, "product": "ETX Autostar"}
     async with own:
         assert (await own.controller.answer(op.GetIdentity())).model == "autostar"
 
@@ -558,7 +558,7 @@ async def test_meade_of_any_name_is_driven_as_a_meade() -> None:
 async def test_slewing_mount_is_not_taken_for_a_push_to_telescope_at_the_start(slews: bool) -> None:
     """In declination only; in the last seconds of a goto neither coordinate changes, and empty bars tell it later."""
     own = bridge("autostar")
-    own.sim.row, began = {**own.sim.row, "product": "Clone"}, own.clock()
+    own.sim.facts, began = {**own.sim.facts, "product": "Clone"}, own.clock()
     replies = {b":D#": b"|#"} | ({b":GR#": b"06:00:00#"} if slews else {})
     answering(own, replies)
     usual = own.sim.answer
@@ -581,7 +581,7 @@ async def test_slewing_mount_is_not_taken_for_a_push_to_telescope_at_the_start(s
 async def test_push_to_telescope_is_recognised_and_never_reports_slewing(product: str) -> None:
     """Its bars are always there, and its position is that of the hand: never slewing for ever."""
     own = bridge("autostar")
-    own.sim.row = {**own.sim.row, "product": product}
+    own.sim.facts = {**own.sim.facts, "product": product}
     answering(own, {b":D#": b"|#", b":MS#": b"0", b":GW#": b"AT1", b":Q#": b""})
     async with own:
         await own.controller.answer(op.GetIdentity())

@@ -69,9 +69,9 @@ async def test_stop_inside_an_unterminated_command_ends_the_motion_at_once() -> 
         await client.ask(b":RM#:Me#")
         await asyncio.sleep(2)
         assert bridge.controller.wanted.axes_moved_by_hand
-        stops = bridge.controller.stops
+        stops = bridge.controller.stop_count
         client.send(b":Sr07:00:00:Q#")
-        assert bridge.controller.stops == stops + 1, "in the very call that brought the bytes"
+        assert bridge.controller.stop_count == stops + 1, "in the very call that brought the bytes"
         await asyncio.sleep(1)
         assert not bridge.controller.wanted.axes_moved_by_hand
         await client.ask(b":RM#:Me#")
@@ -155,6 +155,6 @@ def test_simulated_meade_does_not_move_for_an_unterminated_command(model: str, w
 def test_meade_behind_a_meade_surface_is_sent_nothing_of_an_unterminated_command() -> None:
     mount = Mount()
     talk = Talk(mount)
-    talk.binding.surface.mount_speaks_same = True
+    talk.binding.surface.speaks_mount_protocol = True
     talk.send(b":B1:Mn#:BD05:Mn#")
     assert mount.asked == []

@@ -16,7 +16,7 @@ from gateway.core.errors import Fault, Stopped
 from gateway.core.operations import Equatorial
 from gateway.diagnostics.virtual_time import run
 from gateway.fleet.mount_messages import published_state
-from gateway.mount.readings.reader import missed
+from gateway.mount.readings.reader import miss_text
 from tests.support.in_process_gateway import Bridge
 from tests.support.owner import Owner
 from tests.support.sampling import as_a_rule
@@ -137,6 +137,6 @@ async def test_missed_goto_shows_in_the_stellarium_status(how: str) -> None:
 
 def test_goto_that_ends_near_its_target_counts_as_arrived() -> None:
     goal = Equatorial(10.0, 20.0)
-    assert missed(goal, Equatorial(10.0, 20.4)) == ""
-    assert "1.0 degrees from its goal" in missed(goal, Equatorial(10.0, 21.0))
-    assert "180.0 degrees" in missed(Equatorial(0.0, 90.0), Equatorial(120.0, -90.0))
+    assert miss_text(goal, Equatorial(10.0, 20.4)) == ""
+    assert "1.0 degrees from its goal" in miss_text(goal, Equatorial(10.0, 21.0))
+    assert "180.0 degrees" in miss_text(Equatorial(0.0, 90.0), Equatorial(120.0, -90.0))

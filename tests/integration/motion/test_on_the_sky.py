@@ -43,7 +43,7 @@ async def test_guide_pulses_move_the_tube_in_sky_directions(
     async with Bridge(model, driven=driven, site=site, config=OPEN, latency=0.01, ramps=False) as bridge:
         await pointed(bridge, azimuth, altitude)
         await bridge.controller.answer(op.HorizontalPosition())
-        rate = bridge.driver.can_do(False).guides[0] * SIDEREAL
+        rate = bridge.driver.abilities(False).guides[0] * SIDEREAL
         for direction, west, north in (("n", 0, 1), ("s", 0, -1), ("w", 1, 0), ("e", -1, 0)):
             order = bridge.controller.perform(op.Pulse(op.Direction(direction), 2000, sky=True))
             found = await moved(bridge, order)

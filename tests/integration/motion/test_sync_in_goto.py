@@ -89,7 +89,7 @@ async def test_pending_sync_is_dropped_after_a_stop_or_a_disconnection(ends: str
         elif ends == "stopped by another":
             other.send(b":Q#")
         else:
-            bridge.sim.mechanics.cancel(bridge.clock())
+            bridge.sim.mechanics.stop_goto(bridge.clock())
         for _ in range(10):
             other.send(b":GR#:D#")
             await asyncio.sleep(1.0)

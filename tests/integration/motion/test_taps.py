@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from gateway.astro.spherical import SIDEREAL_ARCSECONDS
+from gateway.astro.spherical import SIDEREAL_ARCSEC_PER_S
 from gateway.core import operations as op
 from gateway.diagnostics.rehearsal.stage import RehearsalClient, RehearsalGateway
 from gateway.diagnostics.virtual_time import run
@@ -91,7 +91,7 @@ async def test_stop_cancels_a_pending_short_press(end: bytes | str, tapped: bool
             other.send(b":Qn#" if end.startswith(":Q") else b":Q#")
         await asyncio.sleep(3.0)
         assert abs(axes.moved) < 0.003
-        assert not own.controller.wanted.by_hand
+        assert not own.controller.wanted.hand_moves
         assert not any("Release" in text for text in refusals(own))
 
 
@@ -166,7 +166,7 @@ def test_short_press_that_begins_late_keeps_its_length() -> None:
             await axes.begin()
             client.send(b":Mn#")
             await asyncio.sleep(seconds)
-            assert 2 in own.controller.wanted.by_hand
+            assert 2 in own.controller.wanted.hand_moves
             client.send(b":Qn#")
             return await axes.rest(1.0)
 
@@ -183,7 +183,7 @@ async def test_held_arrow_after_a_pending_short_press_runs_until_its_release() -
         await asyncio.sleep(0.02)
         client.send(b":Me#")
         await asyncio.sleep(4.0)
-        assert 1 in own.controller.wanted.by_hand
+        assert 1 in own.controller.wanted.hand_moves
         assert refusals(own) == []
         client.send(b":Qe#")
         await asyncio.sleep(1.5)
@@ -225,7 +225,7 @@ async def test_full_stop_used_as_arrow_release_does_not_cancel_a_short_press(how
     before, seconds, taps = STOPS[how]
     async with stage("lx200", "cpc", 0.3) as own:
         axes, client = Axes(own), own.client()
-        client.connection.client.arrow_releases.uses_stop = known
+        client.connection.client.arrow_releases.sends_stop_all = known
         client.send(b":RM#")
         await asyncio.sleep(1.0)
         await axes.begin()
@@ -233,12 +233,12 @@ async def test_full_stop_used_as_arrow_release_does_not_cancel_a_short_press(how
         await asyncio.sleep(2.0)
         client.send(b":Mn#")
         await asyncio.sleep(seconds)
-        stops = own.controller.stops
+        stops = own.controller.stop_count
         client.send(b":Q#")
-        assert own.controller.stops == stops + 1
+        assert own.controller.stop_count == stops + 1
         await asyncio.sleep(4.0)
         assert not moving(own.sim)
-        assert not own.controller.wanted.by_hand
+        assert not own.controller.wanted.hand_moves
         assert own.sent_requests().count(b"M") >= 1, "the stop is sent"
         if taps and known:
             assert 0.02 <= abs(axes.moved) <= 0.1 + 2.0 * 0.3
@@ -250,7 +250,7 @@ async def test_full_stop_used_as_arrow_release_does_not_cancel_a_short_press(how
 async def test_full_stop_after_the_release_cancels_a_waiting_short_press(presses: bytes) -> None:
     async with stage("lx200", "cpc", 0.3) as own:
         axes, client = Axes(own), own.client()
-        client.connection.client.arrow_releases.uses_stop = True
+        client.connection.client.arrow_releases.sends_stop_all = True
         client.send(b":RM#")
         await asyncio.sleep(1.0)
         await axes.begin()
@@ -283,7 +283,7 @@ def test_short_press_at_guide_rate_moves_for_exactly_its_length(mount: str, late
             axes, client = Axes(own), own.client()
             await away_from_the_pole(client)
             rates.append(
-                (own.driver.guide_rates[2] if mount == "cgem" else own.driver.guide_rate) * SIDEREAL_ARCSECONDS
+                (own.driver.guide_rates[2] if mount == "cgem" else own.driver.guide_rate) * SIDEREAL_ARCSEC_PER_S
             )
             await axes.begin()
             client.send(b":Mn#")

@@ -51,7 +51,7 @@ async def test_synscan_is_detected_without_being_named(model: str) -> None:
 
 async def test_az_eq_mount_is_taken_for_the_type_in_which_it_tracks() -> None:
     async with Bridge("synscan-az") as bridge:
-        bridge.sim.row = {**bridge.sim.row, "id": 5}
+        bridge.sim.facts = {**bridge.sim.facts, "id": 5}
         await bridge.controller.read_now(op.GetIdentity())
         assert bridge.controller.driver.model == "synscan-az"
 
@@ -59,7 +59,7 @@ async def test_az_eq_mount_is_taken_for_the_type_in_which_it_tracks() -> None:
 @pytest.mark.parametrize("mode", [None, "alt-az", "eq-north"])
 async def test_az_eq_mount_that_has_not_tracked_yet_is_refused_type_specific_orders(mode: str | None) -> None:
     bridge = Bridge("synscan-az", config={"mode": mode})
-    bridge.sim.row = {**bridge.sim.row, "id": 5}
+    bridge.sim.facts = {**bridge.sim.facts, "id": 5}
     bridge.sim.feed(b"T\0")
     async with bridge:
         await bridge.controller.answer(op.GetIdentity())

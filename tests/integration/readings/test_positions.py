@@ -172,14 +172,14 @@ async def test_reported_position_never_passes_the_target_of_a_goto(mount: str) -
 async def test_safety_rules_use_readings_and_not_extrapolated_positions() -> None:
     async with bridge_to("cge", "nexstar") as bridge:
         controller, looks = bridge.controller, []
-        controller.reader.position.connect(looks.append)
+        controller.reader.position_read.connect(looks.append)
         client = bridge.client()
         await start_moving(client, "nexstar", True)
         await asyncio.sleep(2.5)
         reckoned = 0
         for _ in range(30):
             await client.ask(b"e", ending=b"#")
-            said = controller.cache.value(op.Position)
+            said = controller.cache.last_value(op.Position)
             assert await controller.read(op.Position()) is said
             reckoned += controller.peek(op.Position()) not in (NOT_CACHED, said)
             await asyncio.sleep(0.07)

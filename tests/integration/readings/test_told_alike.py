@@ -148,10 +148,10 @@ async def finds_its_satellites(bridge: Bridge) -> None:
 async def is_set_at_its_keys(bridge: Bridge) -> None:
     """Another site and another time at the hand control, read again after a while."""
     bridge.sim.feed(b"W" + bytes((20, 0, 0, 0, 100, 0, 0, 0)))
-    await bridge.controller.settings.renew(op.GetSite)
+    await bridge.controller.site_settings.renew(op.GetSite)
     await asyncio.sleep(0.5)
     bridge.sim.feed(b"H" + bytes((3, 0, 0, 1, 16, 26, 0, 0)))
-    await bridge.controller.settings.renew(op.GetClock)
+    await bridge.controller.site_settings.renew(op.GetClock)
     await asyncio.sleep(0.5)
 
 
@@ -210,7 +210,7 @@ async def test_gps_position_found_late_is_reported_at_once() -> None:
     ("question", "forget"),
     [
         (b":GR#", lambda bridge: bridge.controller.cache.forget(op.Position)),
-        (b":GR#", lambda bridge: bridge.controller.reader.outdate()),
+        (b":GR#", lambda bridge: bridge.controller.reader.mark_outdated()),
         (b":D#", lambda bridge: bridge.controller.cache.forget(op.Slewing)),
     ],
     ids=["position forgotten", "position outdated", "slewing forgotten"],

@@ -76,7 +76,7 @@ def test_moving_mount_is_read_twice_a_second_on_a_slow_busy_line() -> None:
         async with Bridge(mount, driven=driven, latency=0.2 if driven == "nexstar" else 0.15) as bridge:
             client = bridge.client()
             looks: list[float] = []
-            bridge.controller.reader.position.connect(lambda _: looks.append(bridge.controller.now()))
+            bridge.controller.reader.position_read.connect(lambda _: looks.append(bridge.controller.now()))
             client.send(b":RC#:Mw#")
             for _ in range(80):
                 client.send(b":GR#:GD#:GZ#:GA#:D#:GW#")

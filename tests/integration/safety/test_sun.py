@@ -118,10 +118,10 @@ async def test_sun_distance_set_by_a_page_applies_to_the_running_motion_and_can_
         client.send(b":RS#:Me#")
         await asyncio.sleep(1.0)
         for wanted in (25.0, None, 25.0):
-            era = controller.suns.resets
+            era = controller.suns.reset_count
             controller.narrow_limits(sun=wanted)
             assert bool(controller.suns.suns_to_avoid()) is bool(wanted), "at once"
-            assert controller.suns.resets != era, "what was measured before is not compared with what comes"
+            assert controller.suns.reset_count != era, "what was measured before is not compared with what comes"
             await asyncio.sleep(0.8)
         assert 25.0 <= await nearest(bridge, 60) < 35.0
         assert not controller.moving

@@ -31,7 +31,7 @@ async def test_repeated_arrow_command_keeps_the_positions_measured_before() -> N
         await asyncio.sleep(1.0)
         while bridge.controller.cache.age(op.Position, bridge.controller.now()) < 0.2:
             await asyncio.sleep(0.01)
-        bridge.controller.watch.on_motion_start(bridge.controller.wanted.by_hand[2])
+        bridge.controller.watch.on_motion_start(bridge.controller.wanted.hand_moves[2])
         ra, dec = bridge.sim.mechanics.true_position(bridge.clock())
         await asyncio.sleep(0.02)
         bridge.controller.watch.check_position(op.Equatorial(ra, dec - 40.0))
@@ -171,7 +171,7 @@ async def test_axis_that_a_stop_ends_last_does_not_cross_a_limit_alone(height: f
         await bridge.controller.perform(op.MoveAxis(1, 1, op.Rate(key=9)))
         await bridge.controller.perform(op.MoveAxis(2, 1, op.Rate(key=9)))
         look = bridge.controller.watch.check_position
-        bridge.controller.reader.position.disconnect(look)  # only what is told here is looked at
+        bridge.controller.reader.position_read.disconnect(look)  # only what is told here is looked at
         bridge.controller.watch.observed = ObservedMotion()
         for step in range(3):
             seen = bridge.controller.astrometry.equatorial_of(

@@ -134,7 +134,7 @@ async def test_settings_made_while_the_line_is_down_are_not_sent_to_another_moun
         cable.pull()
         await asyncio.sleep(3.0)
         assert await client.ask(b":Sg074*30#:St+40*45#", ending=b"11") == b"11"
-        bridge.sim.row = {**bridge.sim.row, "id": 20}
+        bridge.sim.facts = {**bridge.sim.facts, "id": 20}
         sent = len(bridge.sent_requests())
         await plugged_in(bridge, cable)
         assert not [data for data in bridge.sent_requests()[sent:] if data.startswith(b"W")]

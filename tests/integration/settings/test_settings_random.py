@@ -78,7 +78,7 @@ class Night:
     def judge(self) -> None:
         sim, said = self.bridge.sim, [entry.note for entry in self.bridge.entries if "not in force" in entry.note]
         assert not said
-        assert not self.bridge.controller.settings.sender.pending
+        assert not self.bridge.controller.site_settings.sender.pending
         sim.true_position()
         here = sim.site if self.driven == "lx200" else sim.mechanics.sky[:2]
         if self.site is not None:

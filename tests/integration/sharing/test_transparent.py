@@ -191,7 +191,7 @@ def test_another_mount_behind_the_same_cable_is_identified_anew() -> None:
         client = bridge.client()
         assert await client.ask(MOTORS) == b"\5\n#"
         assert await client.ask(b"m") == b"\5#"
-        bridge.sim.firmware, bridge.sim.row = (6, 16), {**bridge.sim.row, "id": 20}
+        bridge.sim.firmware, bridge.sim.facts = (6, 16), {**bridge.sim.facts, "id": 20}
         bridge.controller.line._state = "down"
         bridge.controller.line._mark_up()
         await asyncio.sleep(5.0)

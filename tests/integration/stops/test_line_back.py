@@ -86,7 +86,7 @@ async def test_stop_swallowed_by_half_a_hand_control_command_is_repeated() -> No
         client.send(b":RM#:Me#")
         await asyncio.sleep(2.0)
         transaction = bridge.controller.line.transaction
-        transaction.half_sent, transaction.last_request = True, b"P\x02\x10\x24\x05\x00\x00\x00"
+        transaction.half_command_sent, transaction.last_request = True, b"P\x02\x10\x24\x05\x00\x00\x00"
         began = bridge.controller.now()
         wire: Any = bridge.controller.line.wire
         feed, wire.feed = wire.feed, lambda data: b""
@@ -103,5 +103,5 @@ async def test_half_a_meade_command_is_closed_before_the_stop() -> None:
         client = bridge.client()
         client.send(b":RM#:Me#")
         await asyncio.sleep(2.0)
-        bridge.controller.line.transaction.half_sent = True
+        bridge.controller.line.transaction.half_command_sent = True
         assert (await cut(bridge, 0.1))[0] == b"#:Q#"

@@ -132,7 +132,7 @@ class Page:
         self._up.frozen = self._down.frozen = True
 
     def _accepted(self, up: Way, down: Way) -> None:
-        session = PageSession(self._mounts, _Wire(self, down), "10.0.0.9", may_act=True)
+        session = PageSession(self._mounts, _Wire(self, down), "10.0.0.9", may_control=True)
         up.session = session
         if not down.cut:
             self._shown = asyncio.ensure_future(session.run())

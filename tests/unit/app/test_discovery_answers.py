@@ -72,7 +72,7 @@ def test_discovery_offers_only_surfaces_reachable_by_network() -> None:
 async def test_skysafari_discovery_is_answered_until_the_gateway_ends() -> None:
     told: list[str] = []
     answers, second = DiscoveryAnswers(told.append), DiscoveryAnswers(told.append)
-    await answers.start([EVERYWHERE], "127.0.0.1", 0)
+    await answers.answer_skyfi([EVERYWHERE], "127.0.0.1", 0)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as phone:
         phone.setblocking(False)
         phone.connect(("127.0.0.1", answers.skyfi_port))
@@ -81,7 +81,7 @@ async def test_skysafari_discovery_is_answered_until_the_gateway_ends() -> None:
         async with asyncio.timeout(60):
             assert await asyncio.get_running_loop().sock_recv(phone, 100) == b"skyfi:Newton@127.0.0.1"
         assert told == []
-        await second.start([EVERYWHERE], "127.0.0.1", answers.skyfi_port)  # another gateway
+        await second.answer_skyfi([EVERYWHERE], "127.0.0.1", answers.skyfi_port)  # another gateway
         assert second.skyfi_port == 0 and len(told) == 1 and f"UDP port {answers.skyfi_port} is in use" in told[0]
         answers.close()
         await asyncio.sleep(0)
@@ -89,7 +89,7 @@ async def test_skysafari_discovery_is_answered_until_the_gateway_ends() -> None:
         with pytest.raises(ConnectionRefusedError):
             async with asyncio.timeout(60):
                 await asyncio.get_running_loop().sock_recv(phone, 100)
-    await second.start([], "127.0.0.1", 0)
+    await second.answer_skyfi([], "127.0.0.1", 0)
     assert second.skyfi_port == 0
 
 
@@ -104,7 +104,7 @@ def test_run_announces_the_presented_protocol_and_model(
     done, said = asyncio.Event(), []
 
     class Listener(DiscoveryAnswers):
-        async def start(self, offers: Sequence[Offer], *_: Any) -> None:
+        async def answer_skyfi(self, offers: Sequence[Offer], *_: Any) -> None:
             said.append([offer.host for offer in offers])
             done.set()
 

@@ -16,7 +16,7 @@ from gateway.app.state import file as on_disk
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Held
-from gateway.core.motion_kinds import SEQUENTIAL
+from gateway.core.motion_kinds import SEQUENTIAL_ORDERS
 from gateway.core.requests import Answer, HoldRequest, ReleaseHoldRequest, StopOrHold
 from gateway.mount.policy import Hold
 from tests.support.in_process_gateway import Bridge
@@ -38,7 +38,7 @@ MOUNTS = [("nexstar", "6-8se"), ("nexstar", "cge"), ("lx200", "lx200"), ("lx200"
 
 
 def test_stop_hold_allows_or_refuses_every_operation_as_declared() -> None:
-    assert {type(operation) for operation in DONE} == set(SEQUENTIAL)
+    assert {type(operation) for operation in DONE} == set(SEQUENTIAL_ORDERS)
     held, free = Hold(), Hold()
     held.is_on = True
     for operation, done in DONE.items():
@@ -124,7 +124,7 @@ async def test_stop_hold_reports_the_mount_stopped_only_if_observed(tmp_path: Pa
         answer = await _order(bridge, HoldRequest())
         assert not answer.is_ok
         assert answer.text.startswith("not stopped: ") and answer.text.endswith("; it is held from now on")
-        assert bridge.controller.hold.is_on and on_disk.is_held(tmp_path)
+        assert bridge.controller.hold.is_on and on_disk.has_hold_file(tmp_path)
         logged = [entry.note for entry in bridge.entries if entry.arrow == "*"]
         assert logged == ["Hold: stopped and held", "Release: released", f"Hold: {answer.text}"]
 
@@ -151,7 +151,7 @@ async def test_stop_hold_that_cannot_be_saved_still_blocks_motion_and_warns(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     async with Bridge(state=tmp_path) as bridge:
-        monkeypatch.setattr(on_disk, "hold_folder", full)
+        monkeypatch.setattr(on_disk, "write_hold_file", full)
         answer = await _order(bridge, HoldRequest())
         assert not answer.is_ok
         assert "a restart of the gateway forgets" in answer.text and f"{tmp_path}/hold" in answer.text
@@ -176,17 +176,19 @@ async def test_stop_hold_also_stops_a_motion_that_is_being_sent(tmp_path: Path) 
     *([os.mkfifo] if hasattr(os, "mkfifo") else []),
 ])  # fmt: skip
 def test_hold_file_of_any_kind_keeps_the_mount_locked(tmp_path: Path, make: Callable[[Path], Any]) -> None:
-    assert not on_disk.is_held(tmp_path)
+    assert not on_disk.has_hold_file(tmp_path)
     make(tmp_path / "hold")
-    assert on_disk.is_held(tmp_path)
-    on_disk.hold_folder(tmp_path)  # needs no other file, and waits for no other end of a pipe
-    assert on_disk.is_held(tmp_path)
+    assert on_disk.has_hold_file(tmp_path)
+    on_disk.write_hold_file(tmp_path)  # needs no other file, and waits for no other end of a pipe
+    assert on_disk.has_hold_file(tmp_path)
 
 
 def test_hold_file_names_its_command_and_is_removed_by_the_release(tmp_path: Path) -> None:
     folder = tmp_path / "new" / "state"
-    on_disk.hold_folder(folder)
-    on_disk.hold_folder(folder)
+    on_disk.write_hold_file(folder)
+    on_disk.write_hold_file(folder)
     assert (folder / "hold").read_bytes().startswith(b"mount-gateway stop --hold: ")
     assert folder.stat().st_mode & 0o777 == 0o700
-    assert on_disk.release_folder(folder) and not on_disk.release_folder(folder) and not on_disk.is_held(folder)
+    assert (
+        on_disk.delete_hold_file(folder) and not on_disk.delete_hold_file(folder) and not on_disk.has_hold_file(folder)
+    )

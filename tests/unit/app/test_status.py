@@ -89,13 +89,13 @@ def test_status_shows_the_age_of_a_position_once(age: float, told: str) -> None:
 def test_shown_request_rate_is_that_of_the_latest_interval() -> None:
     rate = AverageRate(2)
     counts = [(0, 7), (1, 11), (2, 13), (4, 13), (6, 13)]
-    assert [rate.per_second(at, count) for at, count in counts] == [0, 4, 3, 2 / 3, 0]
+    assert [rate.add_sample(at, count) for at, count in counts] == [0, 4, 3, 2 / 3, 0]
 
 
 def gateway(bridge: Bridge, name: str | None = None) -> Any:
     """As much of a gateway as a look needs."""
     return SimpleNamespace(
-        state=lambda: mount_state(bridge.controller, name or "", "nexstar@sim", bridge.acceptor.present_hosts())
+        state=lambda: mount_state(bridge.controller, name or "", "nexstar@sim", bridge.acceptor.hosts_present())
     )
 
 
@@ -144,20 +144,20 @@ async def test_status_counts_programs_as_they_connect_and_leave() -> None:
                 ("/dev/ttyS0", "/dev/ttyS0"),
             )
         )
-        assert len(acceptor.present_hosts()) == 3  # nobody has been heard on the two serial lines
+        assert len(acceptor.hosts_present()) == 3  # nobody has been heard on the two serial lines
         line.feed(b":GR#")
         serial.feed(b":")
-        assert len(acceptor.present_hosts()) == 5
+        assert len(acceptor.hosts_present()) == 5
         passing.close()
-        assert len(acceptor.present_hosts()) == 5  # it may open a connection for every command
+        assert len(acceptor.hosts_present()) == 5  # it may open a connection for every command
         one.close()
-        assert len(acceptor.present_hosts()) == 4  # its host is still here with another one
+        assert len(acceptor.hosts_present()) == 4  # its host is still here with another one
         await asyncio.sleep(11)
-        assert len(acceptor.present_hosts()) == 1
+        assert len(acceptor.hosts_present()) == 1
         other.close()
         line.close()
         await asyncio.sleep(11)
-        assert len(acceptor.present_hosts()) == 0
+        assert len(acceptor.hosts_present()) == 0
 
 
 async def test_status_line_reports_an_impossible_declination() -> None:

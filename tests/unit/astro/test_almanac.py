@@ -15,7 +15,7 @@ import pytest
 
 from gateway.astro.ephemeris import almanac as file
 from gateway.astro.ephemeris import keeper
-from gateway.astro.ephemeris.almanac import DAY, MAX_DAYS, PARTS, Almanac, decoded, load_stored, read
+from gateway.astro.ephemeris.almanac import DAY, MAX_DAYS, SKY_PARTS, Almanac, decode, load_stored, read
 from gateway.astro.ephemeris.keeper import CHECK_PERIOD, MIN_DAYS_LEFT, RETRY_PERIOD, AlmanacKeeper, renew_almanac
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.offline import go_offline
@@ -99,27 +99,27 @@ def exact() -> Almanac:
 # --- the file ---------------------------------------------------------------------------------------------------------
 
 
-@each("part", PARTS)
+@each("part", SKY_PARTS)
 def test_almanac_file_keeps_every_value_of_every_day(part: str, exact: Almanac) -> None:
-    kept = decoded(exact.encoded())
+    kept = decode(exact.encode())
     for moment in (TODAY * DAY, (TODAY + 1.3) * DAY, (TODAY + 2) * DAY - 1.0):
         assert kept.values_at(part, moment) == exact.values_at(part, moment) is not None
     assert kept.values_at(part, (TODAY + 2) * DAY) is None
 
 
 def test_damaged_almanac_file_is_detected() -> None:
-    good = made([TODAY]).encoded()
-    assert decoded(good).days == {TODAY: WHOLE_DAY}
+    good = made([TODAY]).encode()
+    assert decode(good).days == {TODAY: WHOLE_DAY}
     damaged = [good[:place] + bytes([good[place] ^ 1]) + good[place + 1 :] for place in range(0, len(good), 7)]
-    for data in [*damaged, b"", good[:-1], good[:20], b"x" * 5000, Almanac({1: b"short"}).encoded()]:
+    for data in [*damaged, b"", good[:-1], good[:20], b"x" * 5000, Almanac({1: b"short"}).encode()]:
         with pytest.raises(ValueError, match=r"almanac|damaged|incomplete"):
-            decoded(data)
+            decode(data)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows has no modes")
 def test_almanac_file_writable_by_another_user_is_not_trusted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "almanac"
-    path.write_bytes(made([TODAY]).encoded())
+    path.write_bytes(made([TODAY]).encode())
     for mode, trusted in [(0o600, True), (0o644, True), (0o664, False), (0o602, False)]:
         path.chmod(mode)
         if trusted:
@@ -141,11 +141,11 @@ def test_package_contains_the_almanac_days_that_the_tests_use() -> None:
     go_offline()
     from gateway.astro.ephemeris import by_astropy
 
-    shipped = decoded(file.SHIPPED_FILE.read_bytes())
+    shipped = decode(file.SHIPPED_FILE.read_bytes())
     assert file.SHIPPED_FILE.stat().st_size <= 10_000
     assert set(shipped.days) == set(range(int(START_TIME // DAY), int(START_TIME // DAY) + 3))
     for day in shipped.days:
-        for part in PARTS:  # other data on the Earth's rotation
+        for part in SKY_PARTS:  # other data on the Earth's rotation
             row = shipped.values_at(part, (day + 0.4) * DAY)
             now = by_astropy.calculate_almanac([day]).values_at(part, (day + 0.4) * DAY)
             assert row == pytest.approx(now, rel=1e-8, abs=1e-8)

@@ -92,7 +92,11 @@ def test_first_and_last_star_of_the_catalogue_are_found() -> None:
 
 @pytest.mark.parametrize(
     ("call"),
-    [lambda: deepsky.look_up("M", 42), lambda: stars.hipparcos_star(1, 2000.0), lambda: deepsky.matching(EVERYTHING)],
+    [
+        lambda: deepsky.look_up("M", 42),
+        lambda: stars.hipparcos_star(1, 2000.0),
+        lambda: deepsky.find_matches(EVERYTHING),
+    ],
 )
 def test_missing_library_package_is_reported(call: object, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(objects, "find_spec", lambda name: None)
@@ -131,7 +135,7 @@ def test_object_description_leaves_out_unmeasured_values() -> None:
     ],
 )
 def test_object_search_finds_only_objects_within_its_size_and_magnitude_limits(wanted: SearchLimits) -> None:
-    found = deepsky.matching(wanted)
+    found = deepsky.find_matches(wanted)
     assert 3 < len(found) < 2000
     assert [deepsky.search_order(c) for c in found] == sorted(deepsky.search_order(c) for c in found)
     for candidate in found[:: max(1, len(found) // 15)]:
@@ -144,8 +148,8 @@ def test_object_search_finds_only_objects_within_its_size_and_magnitude_limits(w
 
 
 def test_object_search_by_quality_finds_every_match() -> None:
-    best = {c[0] for c in deepsky.matching(SearchLimits(-5.5, 20.0, 0, 200, "GPDCO", "EX"))}
-    bright = deepsky.matching(SearchLimits(-5.5, 9.0, 0, 200, "GPDCO", "VP"))
+    best = {c[0] for c in deepsky.find_matches(SearchLimits(-5.5, 20.0, 0, 200, "GPDCO", "EX"))}
+    bright = deepsky.find_matches(SearchLimits(-5.5, 9.0, 0, 200, "GPDCO", "VP"))
     assert best and best <= {c[0] for c in bright}
     entries = [(c[0], deepsky.object_by_row(c[0])) for c in bright[:: as_a_rule(3, whole=1)]]
     judged = [(quality(e.magnitude, e.size, e.width) in ("SU", "EX"), row in best) for row, e in entries]
@@ -153,11 +157,11 @@ def test_object_search_by_quality_finds_every_match() -> None:
 
 
 def test_object_search_without_an_object_type_finds_nothing() -> None:
-    assert deepsky.matching(SearchLimits(-5.5, 20.0, 0, 200, "", "VP")) == []
+    assert deepsky.find_matches(SearchLimits(-5.5, 20.0, 0, 200, "", "VP")) == []
 
 
 def test_object_search_goes_once_round_the_sky_from_the_west() -> None:
-    found = deepsky.matching(SearchLimits(-5.5, 6.0, 0, 200, "GPDCO", "VP"))
+    found = deepsky.find_matches(SearchLimits(-5.5, 6.0, 0, 200, "GPDCO", "VP"))
     start = deepsky.first_visible(found, lambda ra, dec: True, 100.0)
     assert start is not None
     assert start[1] // 15 == 18  # 280 degrees is the lower meridian
@@ -174,7 +178,7 @@ def test_object_search_goes_once_round_the_sky_from_the_west() -> None:
 
 
 def test_object_search_skips_objects_where_gotos_are_forbidden() -> None:
-    found = deepsky.matching(EVERYTHING)
+    found = deepsky.find_matches(EVERYTHING)
     northern = deepsky.first_visible(found, lambda ra, dec: dec > 85.0, 0.0)
     assert northern is not None
     assert northern[2] > 85.0
@@ -183,12 +187,12 @@ def test_object_search_skips_objects_where_gotos_are_forbidden() -> None:
 
 
 def test_field_search_keeps_its_radius_and_lists_the_nearest_first() -> None:
-    found = deepsky.candidates_in_field(deepsky.matching(EVERYTHING), 83.82, -5.39, 0.5)
+    found = deepsky.candidates_in_field(deepsky.find_matches(EVERYTHING), 83.82, -5.39, 0.5)
     assert deepsky.object_by_row(found[0][0]).name == "M42"
     distances = [separation(83.82, -5.39, c[1], c[2]) for c in found]
     assert distances == sorted(distances)
     assert max(distances) <= 0.5
-    wrap = deepsky.candidates_in_field(deepsky.matching(EVERYTHING), 0.01, 0.0, 2.0)
+    wrap = deepsky.candidates_in_field(deepsky.find_matches(EVERYTHING), 0.01, 0.0, 2.0)
     assert any(c[1] > 350.0 for c in wrap)
     assert math.isclose(max(abs(c[2]) for c in wrap), 2.0, abs_tol=0.5)
 

@@ -139,7 +139,7 @@ def test_common_object_names_are_known_without_the_library(monkeypatch: pytest.M
     with pytest.raises(UserError, match=r"did you mean Vega\?"):
         spot("Vegga")
     with pytest.raises(UserError) as refused:  # on a phone nobody can type that
-        objects.describe("NGC1")
+        objects.find_object("NGC1")
     assert "pip" not in str(refused.value)
 
 

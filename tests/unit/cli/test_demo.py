@@ -14,7 +14,7 @@ import pytest
 from gateway.cli.serve import demo
 from gateway.core.errors import UserError
 from gateway.system.own_commands import own_command
-from gateway.transport.device_link import DeviceLink, is_free
+from gateway.transport.device_link import DeviceLink, is_path_free
 from tests.support.process import Running
 from tests.unit.cli.test_command_line import refused
 
@@ -35,7 +35,7 @@ def test_demo_refuses_to_replace_a_serial_port_link_in_use(tmp_path: Path, termi
     path.symlink_to(terminal)
     assert f"link of that name to {terminal}" in refused("demo", "--port", "0", "--pty", str(path))
     assert os.readlink(path) == terminal
-    assert not is_free(str(path)) and os.readlink(path) == terminal
+    assert not is_path_free(str(path)) and os.readlink(path) == terminal
 
 
 def test_demo_replaces_the_symbolic_link_of_a_killed_gateway(
@@ -68,11 +68,11 @@ def test_demo_reports_a_folder_that_it_may_not_write_to(tmp_path: Path, monkeypa
 
 def test_demo_takes_the_next_free_link_name(tmp_path: Path, terminal: str) -> None:
     path = tmp_path / "lx200"
-    assert demo.free_pty_path(str(path)) == str(path)
+    assert demo.find_free_pty_path(str(path)) == str(path)
     path.symlink_to(terminal)
     (tmp_path / "lx200-2").write_text("mine")
     (tmp_path / "lx200-3").symlink_to("/dev/pts/99999")  # nobody's
-    assert demo.free_pty_path(str(path)) == f"{path}-3"
+    assert demo.find_free_pty_path(str(path)) == f"{path}-3"
     assert (os.readlink(path), (tmp_path / "lx200-2").read_text()) == (terminal, "mine")
     with pytest.raises(UserError, match="is in use"):
         DeviceLink(str(path)).check_path()
@@ -83,13 +83,13 @@ def test_demo_takes_the_next_free_port(monkeypatch: pytest.MonkeyPatch) -> None:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         number = taken.getsockname()[1]
-        assert number < demo.free_port(number) < number + demo.MAX_TRIES
+        assert number < demo.find_free_port(number) < number + demo.MAX_TRIES
 
 
 def test_demo_prints_the_free_port_and_link_it_takes_instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[str] = []
-    monkeypatch.setattr(demo, "free_port", lambda first: first + 1)
-    monkeypatch.setattr(demo, "free_pty_path", lambda path: str(tmp_path / "lx200-2"))
+    monkeypatch.setattr(demo, "find_free_port", lambda first: first + 1)
+    monkeypatch.setattr(demo, "find_free_pty_path", lambda path: str(tmp_path / "lx200-2"))
     monkeypatch.setattr(
         demo, "serve_mounts", lambda config, banner: told.extend([banner, *(surface.at for surface in config.surface)])
     )

@@ -19,7 +19,7 @@ import pytest
 from gateway.app.config import Config, MountConfig
 from gateway.app.state.mount_claim import MountTaken
 from gateway.cli import main
-from gateway.cli.inspect.prove import LINE_COLUMNS, Terminal, config_for_check, summarize
+from gateway.cli.inspect.prove import LINE_COLUMNS, CheckTerminal, config_for_check, summarize
 from gateway.core.errors import UserError
 from gateway.diagnostics.prove.findings import DIFFERS, SAME, Finding, Findings, ProofFile, save
 from gateway.diagnostics.prove.guide import STAGES
@@ -34,7 +34,7 @@ RATES = Finding(
 
 def test_prove_prints_lines_that_fit_a_phone(capsys: pytest.CaptureFixture[str]) -> None:
     async def talk() -> None:
-        terminal = Terminal()
+        terminal = CheckTerminal()
         terminal.say("  " + "a sentence of many words " * 9)
         for part in (0.0, 0.5, 1.0):
             terminal.show_progress(part, "a long word " * 9)
@@ -49,7 +49,7 @@ def test_prove_prints_lines_that_fit_a_phone(capsys: pytest.CaptureFixture[str])
 
 
 async def test_prove_accepts_single_keys_and_a_space_at_any_question() -> None:
-    terminal = Terminal()
+    terminal = CheckTerminal()
     for key in "y ":  # before the question: only the space bar counts
         terminal.on_key(key)
     assert await terminal.ask_for_key("y: yes  q: leave", "yq") == " "
@@ -65,7 +65,7 @@ async def test_prove_accepts_single_keys_and_a_space_at_any_question() -> None:
 
 
 async def test_q_during_a_prove_stage_stops_the_mount_and_then_quits() -> None:
-    terminal = Terminal()
+    terminal = CheckTerminal()
     for key in "qy":
         terminal.on_key(key)
     assert await terminal.ask_for_key("y: yes  q: leave", "yq") == " "  # the mount is stopped first

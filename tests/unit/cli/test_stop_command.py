@@ -187,7 +187,7 @@ def test_stop_stops_a_mount_left_moving_in_another_state_folder(
     for folder in (folders := runtime.find_folders()[0]):
         (folder / "m.control").write_bytes(msgspec.json.encode(gone))
     assert len(folders) == 2
-    exchange.remove_stale(folders[0])  # as a gateway does that starts for another mount
+    exchange.remove_stale_files(folders[0])  # as a gateway does that starts for another mount
     assert stop("--state", str(tmp_path / "west")) == (0, NOTHING)
     assert stop() == (1, "east: not stopped: no answer")
     assert stop() == (0, "east: stopped")

@@ -14,7 +14,7 @@ from msgspec.structs import fields
 from gateway.app.config import MountConfig, Source, SurfaceConfig, make_config
 from gateway.app.gateway import Gateway
 from gateway.app.mount_state import mount_state
-from gateway.clients.access import AccessRules, is_harmless, parse_networks
+from gateway.clients.access import AccessRules, is_read_or_stop, parse_networks
 from gateway.core import operations as op
 from gateway.core.errors import UserError
 from gateway.transport.handler import ConnectionRefused
@@ -207,8 +207,8 @@ def test_read_only_access_allows_only_reads_and_stops() -> None:
     examples = {op.Focus: [op.Focus(1), op.Focus(-1)], op.PassThrough: [op.PassThrough("x")]}
     for kind in every - {op.Operation}:
         for one in examples.get(kind, [kind(*[1.0] * len(fields(kind)))]):  # the kind decides, not its fields
-            assert is_harmless(one) is (kind in allowed), kind
-    assert is_harmless(op.Focus(0))
+            assert is_read_or_stop(one) is (kind in allowed), kind
+    assert is_read_or_stop(op.Focus(0))
 
 
 #: What a program sends -> what a client that only looks is told. None: no reply.

@@ -49,7 +49,7 @@ def test_gateway_raises_its_file_limit_as_far_as_allowed(
 ) -> None:
     limits = Resource(soft=soft, hard=hard)
     monkeypatch.setattr(file_limits, "resource", limits)
-    words = file_limits.raise_limit(1200, 3)
+    words = file_limits.raise_file_limit(1200, 3)
     assert (limits.soft, limits.hard) == (after, hard)
     assert says in words if says else words == ""
 

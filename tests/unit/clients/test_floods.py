@@ -269,9 +269,9 @@ async def test_one_flood_leaves_stop_and_position_of_another_client_alone(flood:
             began = loop.time()
             assert len(await ask(other, b":GR#")) == 9
             waits.append(loop.time() - began)
-        before, began = gateway.controller.stops, loop.time()
+        before, began = gateway.controller.stop_count, loop.time()
         other[1].write(b":Q#")
-        while gateway.controller.stops == before:
+        while gateway.controller.stop_count == before:
             await asyncio.sleep(0)
         assert loop.time() - began < 0.5 and sorted(waits)[len(waits) // 2] < 0.05
         done.set()

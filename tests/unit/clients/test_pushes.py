@@ -6,7 +6,7 @@ import asyncio
 from itertools import pairwise
 from typing import Any
 
-from gateway.clients.commands.command_processor import Pusher
+from gateway.clients.commands.command_processor import ReadingPusher
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import Operation, Position, Slewing
 from gateway.protocols.base.wants import Subscription
@@ -23,7 +23,7 @@ class Client:
         self.waiting = 0
         self.down = False
         self.tasks: list[asyncio.Task[Any]] = []
-        self.pushes = Pusher(subscriptions, self.read, self.send, lambda: self.waiting, self.spawn)
+        self.pushes = ReadingPusher(subscriptions, self.read, self.send, lambda: self.waiting, self.spawn)
 
     def spawn(self, work: Any) -> asyncio.Task[Any]:
         self.tasks.append(self.loop.create_task(work))

@@ -13,7 +13,7 @@ import pytest
 
 from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
-from gateway.clients.reply_pace import HARDWARE_REPLY_TIME, delayed
+from gateway.clients.reply_pace import HARDWARE_REPLY_TIME, delay_replies
 from gateway.mount.policy import Limits
 from gateway.transport.handler import NewConnection
 from tests.support.process import Running
@@ -81,7 +81,7 @@ async def paced_echo(seconds: float) -> tuple[Any, Echo, list[tuple[float, bytes
         return 9600
 
     connected = NewConnection("x", "x", write, change_baud=change)
-    return delayed(accept, seconds)(connected), made[0], heard, rates
+    return delay_replies(accept, seconds)(connected), made[0], heard, rates
 
 
 async def test_paced_reply_waits_while_its_command_acts_at_once() -> None:
@@ -120,7 +120,7 @@ def test_reply_without_a_pace_is_written_directly() -> None:
     def accept(connected: NewConnection) -> Echo:
         return Echo(connected)
 
-    assert delayed(accept, 0.0) is accept
+    assert delay_replies(accept, 0.0) is accept
     assert 0.005 <= HARDWARE_REPLY_TIME <= 0.01
 
 

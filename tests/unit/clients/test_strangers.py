@@ -98,6 +98,6 @@ async def test_web_client_is_not_counted_as_a_program_and_takes_over_no_session(
         await asyncio.sleep(40.0)
         for name in ("a visit", "TLS"):
             Caller(bridge.acceptor).tell(GREETINGS[name])
-        assert len(bridge.acceptor.present_hosts()) == 0
+        assert len(bridge.acceptor.hosts_present()) == 0
         await asyncio.sleep(30.0)
         assert await Caller(bridge.acceptor).ask(b":Gr#") != b"05:34:32#"

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from gateway.app.bindings import profiles_of
 from gateway.app.config import SurfaceConfig
-from gateway.app.config.programs import delay
+from gateway.app.config.programs import text_delay
 from gateway.clients.commands.unread import HOLD_TIME
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon
@@ -31,7 +31,7 @@ class Line:
         self.gateway.acceptor.binding = replace(
             self.gateway.acceptor.binding,
             profiles=tuple(profiles_of("lx200", surface, known)),
-            hold_time=delay(surface, "lx200", client),
+            hold_time=text_delay(surface, "lx200", client),
         )
         self._heard = b""
         hang_up = (lambda last: None) if network else None
@@ -82,9 +82,9 @@ async def test_bytes_that_request_nothing_do_not_drop_the_refusal_text() -> None
 async def test_stop_is_answered_at_once_and_drops_the_refusal_text() -> None:
     line = Line()
     await line.refused()
-    stops = line.gateway.controller.stops
+    stops = line.gateway.controller.stop_count
     line.guest.feed(b":Q#")
-    assert line.gateway.controller.stops == stops + 1
+    assert line.gateway.controller.stop_count == stops + 1
     assert await line.after(10.0) == b""
 
 

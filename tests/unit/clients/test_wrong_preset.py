@@ -26,8 +26,8 @@ LX200_ON_NEXSTAR = (
 def _listening(bridge: Bridge) -> list[str]:
     """What a person is told."""
     told: list[str] = []
-    bridge.acceptor.preset_watch.warn = told.append
-    bridge.acceptor.preset_watch.address = "tcp://127.0.0.1:4030"
+    bridge.acceptor.protocol_watch.warn = told.append
+    bridge.acceptor.protocol_watch.address = "tcp://127.0.0.1:4030"
     return told
 
 

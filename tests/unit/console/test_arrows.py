@@ -141,7 +141,7 @@ async def test_release_on_one_page_leaves_the_arrow_of_another_alone(scripts: No
         one.lift()
         await asyncio.sleep(2.0)
         assert moving(own.sim)
-        assert 1 in own.controller.wanted.by_hand
+        assert 1 in own.controller.wanted.hand_moves
         other.lift()
         await asyncio.sleep(1.2)
         assert not moving(own.sim)
@@ -160,10 +160,10 @@ async def test_stopped_arrow_does_not_restart_while_the_finger_stays_on_it(scrip
         page.do("rate", 9)
         other.lift()
         await asyncio.sleep(8.0)
-        assert not own.controller.wanted.by_hand
+        assert not own.controller.wanted.hand_moves
         page.press("south", 2)  # a new press counts
         await asyncio.sleep(3.0)
-        assert own.controller.wanted.by_hand
+        assert own.controller.wanted.hand_moves
 
 
 async def test_rate_changed_while_an_arrow_is_held_is_applied(scripts: Node) -> None:
@@ -172,7 +172,7 @@ async def test_rate_changed_while_an_arrow_is_held_is_applied(scripts: Node) -> 
         await asyncio.sleep(1.5)
         page.do("rate", 9)
         await asyncio.sleep(1.5)
-        [motion] = own.controller.wanted.by_hand.values()
+        [motion] = own.controller.wanted.hand_moves.values()
         assert motion.rate.key == 9
         page.lift()
         await asyncio.sleep(1.5)
@@ -189,7 +189,7 @@ class _Nobody:
 
 async def test_page_heartbeat_stops_an_arrow_missing_from_its_list() -> None:
     async with stage("lx200", "cpc", 0.1) as own:
-        session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", may_act=True)
+        session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", may_control=True)
         session.receive('{"do":"jog","direction":"north","rate":7,"press":1}')
         session.receive('{"do":"jog","direction":"east","rate":7,"press":2}')
         await asyncio.sleep(2.0)
@@ -209,7 +209,7 @@ async def test_page_heartbeat_leaves_a_short_arrow_press_alone() -> None:
     async with stage("lx200", "cpc", 0.3) as own:
         axes = Axes(own)
         await axes.begin()
-        session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", may_act=True)
+        session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", may_control=True)
         session.receive('{"do":"jog","direction":"north","rate":7,"press":1}')
         await asyncio.sleep(0.1)
         session.receive('{"do":"let_go","direction":"north","press":1}')
@@ -223,7 +223,7 @@ async def test_closed_page_cancels_an_unsent_arrow_press() -> None:
     async with stage("lx200", "cpc", 0.3) as own:
         axes = Axes(own)
         await axes.begin()
-        session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", may_act=True)
+        session = PageSession(Mounts([own.gateway]), _Nobody(), "10.0.0.9", may_control=True)
         shown = asyncio.ensure_future(session.run())
         await asyncio.sleep(0.0)
         session.receive('{"do":"jog","direction":"north","rate":7,"press":1}')
@@ -231,4 +231,4 @@ async def test_closed_page_cancels_an_unsent_arrow_press() -> None:
         shown.cancel()
         await asyncio.sleep(3.0)
         assert abs(axes.moved) < 0.003
-        assert not own.controller.wanted.by_hand
+        assert not own.controller.wanted.hand_moves

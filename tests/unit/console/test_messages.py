@@ -61,7 +61,7 @@ def test_stop_of_all_mounts_is_confirmed_when_all_have_stopped() -> None:
         told = asyncio.get_running_loop().create_future()
         gateways = [gateway(requests.Answer("done", "stopped")), gateway(requests.Answer("failed", "it is silent"))]
         mounts: Any = SimpleNamespace(gateways=gateways, arrows=[[], []])
-        PageSession(mounts, Browser(), "10.0.0.9", may_act=False).receive('{"do":"stop","mount":-1,"id":5}')
+        PageSession(mounts, Browser(), "10.0.0.9", may_control=False).receive('{"do":"stop","mount":-1,"id":5}')
         assert await asyncio.wait_for(told, 60.0) == {"id": 5, "ok": False, "words": "stopped; it is silent"}
 
     told: asyncio.Future[Any]

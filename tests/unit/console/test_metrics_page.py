@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.core.about import commit, version
+from gateway.core.about import short_commit, version
 from gateway.core.errors import NoAnswer
 from gateway.diagnostics import metrics
 from tests.support.fake_broker import until
@@ -31,7 +31,7 @@ def test_prometheus_parses_the_metrics_page(tmp_path: Path) -> None:
         async with opened(tmp_path, name="pier") as there:
             _, before = await figures(there)
             assert before["mount_gateway_up", "pier"] == 1.0
-            assert before["mount_gateway_info", commit(), version()] == 1.0
+            assert before["mount_gateway_info", short_commit(), version()] == 1.0
             assert before["mount_gateway_stops_total", "pier"] == 0.0
             await there.gateway.controller.stop()
             there.gateway.wire_log.log_refusal("a program", "no")

@@ -29,7 +29,7 @@ class Page:
         self.sent: list[tuple[float, dict[str, Any]]] = []
         self.texts: list[str] = []
         self.stalled = False
-        self.session = PageSession(mounts, self, "10.0.0.1", may_act=True)
+        self.session = PageSession(mounts, self, "10.0.0.1", may_control=True)
         self.task = asyncio.create_task(self.session.run())
 
     def unread_byte_count(self) -> int:

@@ -23,10 +23,10 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]
     """The folder in which the package lies, without anything beside it."""
     monkeypatch.setattr(about, "PACKAGE_FOLDER", tmp_path / "gateway")
     (tmp_path / "gateway").mkdir()
-    for known in (about.version, about.commit):
+    for known in (about.version, about.short_commit):
         known.cache_clear()
     yield tmp_path
-    for known in (about.version, about.commit):
+    for known in (about.version, about.short_commit):
         known.cache_clear()
 
 
@@ -50,7 +50,7 @@ def test_version_of_an_installation_needs_no_git_and_no_checkout(
     installed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pip_wrote(monkeypatch, None)
-    assert (about.version(), about.commit(), about.full_version()) == ("9.8.7", "", "9.8.7")
+    assert (about.version(), about.short_commit(), about.full_version()) == ("9.8.7", "", "9.8.7")
 
 
 def test_version_without_an_installation_is_unknown(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -76,13 +76,13 @@ def test_commit_of_a_checkout_is_reported(installed: Path, packed: bool) -> None
         (git / "packed-refs").write_text(f"# pack-refs\n{OTHER} refs/heads/main2\n{SHA} refs/heads/main\n")
     else:
         (git / "refs" / "heads" / "main").write_text(f"{SHA}\n")
-    assert about.commit() == "0123456789ab"
+    assert about.short_commit() == "0123456789ab"
 
 
 def test_commit_of_a_checkout_without_a_branch_is_reported(installed: Path) -> None:
     (installed / ".git").mkdir()
     (installed / ".git" / "HEAD").write_text(f"{SHA}\n")
-    assert about.commit() == "0123456789ab"
+    assert about.short_commit() == "0123456789ab"
 
 
 def test_commit_of_a_further_worktree_is_reported(installed: Path) -> None:
@@ -94,7 +94,7 @@ def test_commit_of_a_further_worktree_is_reported(installed: Path) -> None:
     heads = installed / "repository" / "refs" / "heads"
     heads.mkdir(parents=True)
     (heads / "here").write_text(f"{SHA}\n")
-    assert about.commit() == "0123456789ab"
+    assert about.short_commit() == "0123456789ab"
 
 
 @pytest.mark.parametrize(
@@ -110,7 +110,7 @@ def test_commit_installed_by_pip_is_reported(
     installed: Path, monkeypatch: pytest.MonkeyPatch, written: str | None, told: str
 ) -> None:
     pip_wrote(monkeypatch, written)
-    assert about.commit() == told
+    assert about.short_commit() == told
 
 
 def test_commit_of_a_released_wheel_is_reported(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -147,4 +147,4 @@ def test_unreadable_version_files_are_treated_as_missing(installed: Path, monkey
     pip_wrote(monkeypatch, None)
     (installed / "gateway" / "commit.txt").write_bytes(b"\xff\xfe")
     (installed / ".git").write_text("gitdir: nowhere\n")
-    assert about.commit() == ""
+    assert about.short_commit() == ""

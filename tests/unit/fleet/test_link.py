@@ -12,7 +12,7 @@ import pytest
 from gateway.fleet import link as links
 from gateway.fleet.client import MAX_MESSAGE_BYTES
 from gateway.fleet.link import BrokerLink
-from gateway.fleet.topics import MAX_EVENTS, MqttMessage, Outbox, ReceivedMessage
+from gateway.fleet.topics import MAX_QUEUED_EVENTS, MqttMessage, Outbox, ReceivedMessage
 from tests.support.each import each
 from tests.support.fake_broker import NOWHERE, FakeBroker, until
 
@@ -25,7 +25,7 @@ HERE, GONE = (
 
 @pytest.fixture(autouse=True)
 def _impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(links, "DELAYS", (0.01,))
+    monkeypatch.setattr(links, "RETRY_DELAYS", (0.01,))
     monkeypatch.setattr(links, "LONG_PAUSE", 0.02)
 
 
@@ -107,7 +107,7 @@ async def test_broker_that_acknowledges_nothing_gets_the_newest_state_later() ->
         there.broker.mute = False
         await until(lambda: there.broker.payloads("a/event")[-1:] == [b"999"])
         assert there.broker.payloads("a/state")[-1] == b"999" and len(there.broker.payloads("a/state")) < 20
-        assert len(there.broker.payloads("a/event")) <= MAX_EVENTS + links.MAX_IN_FLIGHT
+        assert len(there.broker.payloads("a/event")) <= MAX_QUEUED_EVENTS + links.MAX_IN_FLIGHT
 
 
 async def test_flooding_broker_is_disconnected_for_a_while() -> None:
@@ -158,10 +158,10 @@ def test_lost_broker_is_reported_with_its_reason(error: Exception, why: str) -> 
 
 def test_broker_outbox_is_bounded() -> None:
     outbox = Outbox()
-    for number in range(MAX_EVENTS * 3):
+    for number in range(MAX_QUEUED_EVENTS * 3):
         outbox.put(MqttMessage("a/event", b"%d" % number))
         outbox.put(state(b"%d" % number))
     assert [message.payload for message in outbox.take(3)] == [b"599", b"400", b"401"]
-    assert len(outbox.take(10_000)) == MAX_EVENTS - 2 and not outbox.take(1)
+    assert len(outbox.take(10_000)) == MAX_QUEUED_EVENTS - 2 and not outbox.take(1)
     outbox.requeue_states()
     assert [message.payload for message in outbox.take(3)] == [b"599"]

@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from gateway.core.wire_log import WireLog
-from gateway.fleet.mount_messages import EVENT_BURST, EVENT_RATE, MAX_TEXT_LENGTH, Events
+from gateway.fleet.mount_messages import EVENT_BURST, EVENT_RATE, MAX_TEXT_LENGTH, EventPublisher
 from tests.support.each import each
 
 
@@ -14,7 +14,7 @@ class There:
     def __init__(self) -> None:
         self.now, self.told = 1000.0, list[dict[str, Any]]()
         self.log = WireLog(lambda: self.now)
-        self.events = Events(lambda told: self.told.append(json.loads(told)), lambda: self.now)
+        self.events = EventPublisher(lambda told: self.told.append(json.loads(told)), lambda: self.now)
         self.log.sinks.append(self.events.put)
 
 

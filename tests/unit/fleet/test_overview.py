@@ -14,7 +14,7 @@ import pytest
 
 from gateway.console.server import PAGE_FOLDER
 from gateway.fleet.overview import server as servers
-from gateway.fleet.overview.server import Overview
+from gateway.fleet.overview.server import OverviewServer
 from tests.support.fake_broker import NOWHERE, FakeBroker, until
 
 pytestmark = pytest.mark.real_time
@@ -25,8 +25,9 @@ class There:
 
     def __init__(self, http: aiohttp.ClientSession) -> None:
         self.broker, self.http, self.told = FakeBroker(), http, list[bool]()
-        self.page = Overview(NOWHERE, "club", PAGE_FOLDER, lambda: 0.0, lambda there, why: self.told.append(there),
-                             self.broker.connect)  # fmt: skip
+        self.page = OverviewServer(
+            NOWHERE, "club", PAGE_FOLDER, lambda: 0.0, lambda there, why: self.told.append(there), self.broker.connect
+        )
         self.token = ""
 
     async def get(self, path: str, **headers: str) -> aiohttp.ClientResponse:

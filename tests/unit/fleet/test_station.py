@@ -115,10 +115,10 @@ async def test_broker_stop_stops_the_mount(tmp_path: Path, topic: str) -> None:
 
 async def test_many_broker_stops_reach_the_line_few_times_including_the_last(tmp_path: Path) -> None:
     async with shown(tmp_path) as there:
-        before = there.gateway.controller.stops
+        before = there.gateway.controller.stop_count
         there.broker.say("mount-gateway/all/command", b"stop", times=200)
         await until(lambda: len(there.happened("done")) == 2)
-        assert there.gateway.controller.stops == before + 2
+        assert there.gateway.controller.stop_count == before + 2
 
 
 @pytest.mark.parametrize(
@@ -140,11 +140,11 @@ async def test_disallowed_broker_order_is_refused_in_words(
     tmp_path: Path, topic: str, payload: bytes, retain: bool, why: str
 ) -> None:
     async with shown(tmp_path) as there:
-        before = there.gateway.controller.stops
+        before = there.gateway.controller.stop_count
         there.broker.say(topic, payload, retain)
         await until(lambda: there.happened("refused"))
         assert why in there.happened("refused")[0] and len(there.happened("refused")[0]) < 200
-        assert there.gateway.controller.stops == before and not there.happened("done")
+        assert there.gateway.controller.stop_count == before and not there.happened("done")
         assert why in there.gateway.wire_log.recent_notices[-1].text
 
 
@@ -184,7 +184,9 @@ async def test_two_gateways_with_one_id_report_it_and_obey_only_stops(tmp_path: 
         broker.say(COMMAND, b"stop")
         await until(lambda: "stop: stopped" in there.happened("done"))
         assert broker.payloads(topic) == [own, own], "the other one is answered once"
-        assert [words for words in there.said if "another gateway" in words] == [there.station.presence.conflict]
+        assert [words for words in there.said if "another gateway" in words] == [
+            there.station.presence.conflict_message
+        ]
 
         broker.say("mount-gateway/pier/availability", b"offline")  # it has gone, and said so for both
         await until(lambda: broker.payloads("mount-gateway/pier/availability") == [b"online"] * 2)

@@ -15,10 +15,10 @@ from tests.support.in_process_gateway import Bridge
 CHANGES: dict[str, Callable[[MountController], object]] = {
     "a reading came": lambda mount: mount.cache.put(op.Slewing, False, mount.now()),
     "a reading was forgotten": lambda mount: mount.cache.forget(op.PierSide),
-    "something else is wanted": lambda mount: mount.reconciler.update(Wanted(n_stops=1)),
+    "something else is wanted": lambda mount: mount.reconciler.update(Wanted(stop_count=1)),
     "a clock was set": lambda mount: SiteView(mount.site_clock, NO_PROGRAM).store_clock(op.SetClock(0.0, 0.0)),
     "a site was set": lambda mount: SiteView(mount.site_clock, NO_PROGRAM).set_site_half(op.SetSite(latitude=10.0)),
-    "an order was acknowledged": lambda mount: mount.reader.outdate(),
+    "an order was acknowledged": lambda mount: mount.reader.mark_outdated(),
 }
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from gateway.app.config import parse_endpoint
-from gateway.app.state.mount_claim import claim, lock_name
+from gateway.app.state.mount_claim import claim_mount, lock_name
 from gateway.core.errors import UserError
 from gateway.system import runtime_folders as runtime
 from gateway.system.locks import LockHeld, NameClaim, PidLock, read_pid
@@ -71,7 +71,7 @@ def test_lock_folder_of_another_user_is_not_used_and_reported(
     with pytest.raises(UserError, match=f"cannot make {base}/lx200: no folder for its lock: .*{reason}"):
         DeviceLink(str(base / "lx200"))
     warned: list[str] = []
-    assert claim(parse_endpoint("nexstar@socket://10.0.0.5:4030"), warned.append) is None
+    assert claim_mount(parse_endpoint("nexstar@socket://10.0.0.5:4030"), warned.append) is None
     assert len(warned) == 1 and reason in warned[0]
 
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from gateway.transport import open_port
 from gateway.transport.handler import Listener, NewConnection
-from gateway.transport.rfc2217 import accept_telnet
+from gateway.transport.rfc2217 import with_telnet
 from tests.support.each import each
 from tests.support.sampling import as_a_rule
 from tests.unit.transport.test_ports import ask, serving
@@ -53,7 +53,7 @@ class Telnet:
     def __init__(self) -> None:
         self.sent = b""
         self.echo: Echo
-        self.guest = accept_telnet(self._arrive)(NewConnection("test", "127.0.0.1", self._send))
+        self.guest = with_telnet(self._arrive)(NewConnection("test", "127.0.0.1", self._send))
 
     def _arrive(self, connected: NewConnection) -> Echo:
         self.echo = Echo(connected.write)

@@ -257,7 +257,7 @@ async def test_web_server_takes_the_next_free_port_and_reports_none_as_an_error(
     server = WebServer()
     with socket.create_server(("127.0.0.1", 0)) as taken:
         where = f"tcp://127.0.0.1:{(number := taken.getsockname()[1])}"
-        port = await server.listen(where, further_port_count=50)
+        port = await server.listen(where, max_tries=50)
         assert number < split_address(port.address)[1] <= number + 50
         with pytest.raises(UserError, match="in use"):
             await server.listen(where)

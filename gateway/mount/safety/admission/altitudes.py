@@ -44,7 +44,7 @@ class AltitudeSource(NamedTuple):
 
     def altitude(self, position: Equatorial) -> float:
         """Return the altitude of the tube while the mount reports ``position``, degrees."""
-        return (self.sky or self.mount.astrometry).horizontal(self.mount.suns.tube(position, self.sync_shift)).alt
+        return (self.sky or self.mount.astrometry).horizontal(self.mount.suns.pointing(position, self.sync_shift)).alt
 
     def check(self, limits: Limits, altitude: float) -> None:
         """Check an altitude that follows from this source. Raises BelowHorizon or TooHigh if the source is the mount's
@@ -71,7 +71,7 @@ def mount_sources(mount: Context) -> Iterator[AltitudeSource]:
     """Yield the source of the mount's own data, then those as if the syncs were wrong; nothing without a site."""
     if mount.sources.site() is not None:
         yield AltitudeSource(mount)
-        yield from unsynced_sources(mount, mount.frame())
+        yield from unsynced_sources(mount, mount.tube_frame())
 
 
 def unsynced_sources(mount: Context, frame: PointingFrame) -> Iterator[AltitudeSource]:
@@ -94,7 +94,7 @@ def check_goal(mount: Context, limits: Limits, goal: Equatorial) -> float:
     BelowHorizon or TooHigh if it is beyond a limit; Contradicted if that by another source is beyond a set limit.
     """
     altitude = check_altitude(mount, limits, goal)
-    for source in (*unsynced_sources(mount, mount.frame()), *contradicting_sources(mount, limits)):
+    for source in (*unsynced_sources(mount, mount.tube_frame()), *contradicting_sources(mount, limits)):
         source.check(limits, source.altitude(goal))
     return altitude
 

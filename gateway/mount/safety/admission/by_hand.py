@@ -17,7 +17,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault, Invalid, PastMeridian, Refused
 from gateway.mount.context import Context
 from gateway.mount.policy import LIMIT_TOLERANCE, Limits
-from gateway.mount.readings.cache import Readings
+from gateway.mount.readings.cache import ReadingSource
 from gateway.mount.safety.admission.altitudes import AltitudeSource, contradicting_sources, mount_sources
 from gateway.mount.safety.admission.contradictions import sun_refusal
 from gateway.mount.safety.admission.slew_paths import MAX_AXIS_TURN
@@ -54,7 +54,7 @@ class StretchStart(NamedTuple):
 
 def reaction_turn(mount: Context, operation: op.Move | op.MoveAxis) -> float:
     """Return the degrees that an axis turns after the last position until a stop at the next one ends the motion."""
-    age = mount.cache.age(op.Position, mount.now()) if mount.wanted.by_hand else 0.0
+    age = mount.cache.age(op.Position, mount.now()) if mount.wanted.hand_moves else 0.0
     return operation.sense * mount.driver.speed(operation.rate) * (mount.stop_timing.reaction + MIN_POSITION_GAP + age)
 
 
@@ -111,10 +111,10 @@ def _after_turns(mount: Context, start: StretchStart, turns: dict[int, float]) -
 class HandAdmission:
     """Admits motions by hand, and guide pulses."""
 
-    def __init__(self, mount: Context, readings: Readings, watch: LimitWatch) -> None:
+    def __init__(self, mount: Context, readings: ReadingSource, watch: LimitWatch) -> None:
         self._mount, self._readings, self._watch = mount, readings, watch
 
-    async def check(self, operation: op.Move | op.MoveAxis) -> None:
+    async def check_motion(self, operation: op.Move | op.MoveAxis) -> None:
         """Raises BelowHorizon, TooHigh, NearSun or PastMeridian if a stop could not end the motion in time."""
         mount = self._mount
         start = await self._read_start()
@@ -123,10 +123,10 @@ class HandAdmission:
         limits = mount.policy.limits
         if isinstance(operation, op.Move):
             limits = limits.narrowed(operation.lowest, operation.highest)
-        by_hand = {**mount.wanted.by_hand, operation.axis: operation}
+        by_hand = {**mount.wanted.hand_moves, operation.axis: operation}
         turns = {axis: reaction_turn(mount, moving) for axis, moving in by_hand.items()}
         start = start._replace(alt_sources=(*start.alt_sources, *contradicting_sources(mount, limits)))
-        await self._check(limits, start, by_hand, turns)
+        await self._check_stretch(limits, start, by_hand, turns)
 
     async def check_pulse(self, pulse: op.Pulse | op.PulseAxis) -> None:
         """Raises BelowHorizon, TooHigh, NearSun or PastMeridian if a guide pulse leads (farther) beyond a limit.
@@ -140,15 +140,15 @@ class HandAdmission:
         if start is not None:
             motion, degrees = pulse_as_motion(pulse)
             start = start._replace(suns=tuple(sun for sun in start.suns if sun.confirmed))
-            await self._check(self._mount.policy.limits, start, {motion.axis: motion}, {motion.axis: degrees})
+            await self._check_stretch(self._mount.policy.limits, start, {motion.axis: motion}, {motion.axis: degrees})
 
-    async def _check(
-        self, limits: Limits, start: StretchStart, by_hand: dict[int, op.Move | op.MoveAxis], turns: dict[int, float]
+    async def _check_stretch(
+        self, limits: Limits, start: StretchStart, hand_moves: dict[int, op.Move | op.MoveAxis], turns: dict[int, float]
     ) -> None:
         try:
             check_both_directions(self._mount, limits, start, turns)
         except Fault:  # a direction is forbidden, so find out in which the motors turn the tube
-            for axis, moving in by_hand.items():
+            for axis, moving in hand_moves.items():
                 turns[axis] *= await self._motor_sense(moving, start.status)
             check_turns(self._mount, limits, start, turns)
 
@@ -158,13 +158,13 @@ class HandAdmission:
         if mount.sources.site() is None:
             return None
         # Clients turn tracking off before a slew, which clears the cached status.
-        status: op.Status = readings.value(op.GetStatus) or await self._readings.read(op.GetStatus())
+        status: op.Status = readings.last_value(op.GetStatus) or await self._readings.read(op.GetStatus())
         if not status.aligned:
             return None
-        position, age = readings.value(op.Position), readings.age(op.Position, mount.now())
+        position, age = readings.last_value(op.Position), readings.age(op.Position, mount.now())
         if position is None or age > MAX_POSITION_AGE:
             position = await self._readings.read(op.Position())
-        elif mount.now() - age < self._watch.at_rest_since and not mount.wanted.by_hand:  # it was still moving then
+        elif mount.now() - age < self._watch.at_rest_since and not mount.wanted.hand_moves:  # it was still moving then
             position = await self._readings.read_now(op.Position())
         turned = await self._axis_angle(position) if self._watch.hour_angle.has_limit else None
         return StretchStart(position, status, tuple(mount_sources(mount)), turned, tuple(mount.suns.suns_to_avoid()))
@@ -193,7 +193,7 @@ class HandAdmission:
         )
 
 
-async def is_beyond_pole_or_zenith(mount: Context, readings: Readings, watch: LimitWatch) -> bool:
+async def is_beyond_pole_or_zenith(mount: Context, readings: ReadingSource, watch: LimitWatch) -> bool:
     """Whether the tube has been driven over the pole or the zenith, so that it points the other way round."""
     if not mount.driver.implementation(op.AxisPosition):
         return not watch.observed.upright
@@ -201,7 +201,7 @@ async def is_beyond_pole_or_zenith(mount: Context, readings: Readings, watch: Li
     return abs(wrap180(axes.alt)) > 90.0
 
 
-async def find_pointings(mount: Context, readings: Readings, watch: LimitWatch) -> set[bool]:
+async def find_pointings(mount: Context, readings: ReadingSource, watch: LimitWatch) -> set[bool]:
     """Return in which of two ways the axes may point now: the usual (False), the other (True), or both if unknown.
 
     The other way is the west side of the pier in the north, and beyond the pole or zenith on a fork. A German mount may

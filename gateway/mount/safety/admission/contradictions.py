@@ -20,8 +20,8 @@ from gateway.mount.context import Context
 from gateway.mount.policy import check_unknown_park
 from gateway.mount.site.astrometry import FixedSiteTime, SiteAstrometry, Sun
 from gateway.mount.site.site_clock import (
-    COMPUTER,
-    CONFIGURED,
+    COMPUTER_SOURCE,
+    CONFIG_SOURCE,
     FORMER_SITE_SOURCE,
     GPS_SOURCE,
     MOUNT_SOURCE,
@@ -44,14 +44,14 @@ NO_TIME_TEXT = (
 
 
 #: How to correct the site of each source; in CLOCK_REMEDIES, how to correct its time.
-SITE_REMEDY = {
+SITE_REMEDIES = {
     MOUNT_SOURCE: "the mount's at its hand control or in the program that sets it",
     GPS_SOURCE: "the receiver's by a new fix",
-    CONFIGURED: "the key site of the configuration",
+    CONFIG_SOURCE: "the key site of the configuration",
     PROGRAM: "the program's",
     FORMER_SITE_SOURCE: "or confirm the new one on the page, at the hand control, by the key site, or by a restart",
 }
-CLOCK_REMEDIES = {**SITE_REMEDY, COMPUTER: "the clock of this computer"}
+CLOCK_REMEDIES = {**SITE_REMEDIES, COMPUTER_SOURCE: "the clock of this computer"}
 
 
 class Contradiction(NamedTuple):
@@ -101,7 +101,7 @@ def sun_refusal(sources: SiteTimeSources, sun: Sun, on_path: bool = False) -> Ne
 
 def summary(contradiction: Contradiction) -> str:
     """Describe a contradiction in at most 45 characters, such as ``the computer (2.5 hours from the mount)``."""
-    names = {COMPUTER: "the computer", CONFIGURED: "the config", GPS_SOURCE: "the GPS", PROGRAM: "a program"}
+    names = {COMPUTER_SOURCE: "the computer", CONFIG_SOURCE: "the config", GPS_SOURCE: "the GPS", PROGRAM: "a program"}
     best, other = (names.get(source, source) for source in contradiction.sources)
     return f"{other} ({contradiction.difference} from {best})"
 
@@ -123,9 +123,9 @@ def contradictions(sites: Sequence[SourcedSite], times: Sequence[SourcedTime]) -
             if (apart := earth_distance(place, other.place)) > SITE_CONTRADICTION:
                 hint, far = likely_mistake(place, other.place), f"{apart * KM_PER_DEGREE:.0f} km"
                 other_site = f"{other.source} says {site_text(other.place)}, {far} away{': ' * bool(hint)}{hint}"
-                text = f"{sites[0].origin} stands at {site_text(place)}, {other_site}"
+                text = f"{sites[0].source_text} stands at {site_text(place)}, {other_site}"
                 sources = (sites[0].source, other.source)
-                yield Contradiction(other.place, unix, text, sources, far, SITE_REMEDY, other_site)
+                yield Contradiction(other.place, unix, text, sources, far, SITE_REMEDIES, other_site)
     for time in times[1:]:
         if abs(time.unix - unix) > CLOCK_CONTRADICTION and not time.doubtful:
             place_of_best, span = sites[0].place if sites else None, _duration_text(time.unix - unix)
@@ -203,7 +203,7 @@ def log_contradictions(mount: Context) -> None:
 
 def _park_warning(mount: Context) -> Iterator[str]:
     """Yield a warning if the mount can be parked and its park position is beyond the limits."""
-    limits, status = mount.policy.limits, mount.cache.value(GetStatus)
+    limits, status = mount.policy.limits, mount.cache.last_value(GetStatus)
     if not mount.driver.implementation(Park) or status is None:
         return
     goal = mount.driver.destination(Park())

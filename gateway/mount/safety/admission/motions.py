@@ -19,10 +19,10 @@ from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Fault, NearSun, NotAligned, TooHigh, Unsupported, WayBlocked
 from gateway.core.motion_kinds import GOTOS
 from gateway.mount.context import FASTEST_RATE, Context
-from gateway.mount.motion.run_on import SKY
+from gateway.mount.motion.run_on import SKY_SPEED
 from gateway.mount.policy import PARK_TIP, Limits, check_unknown_park
 from gateway.mount.presence import HostActivity
-from gateway.mount.readings.cache import LastReadings, NotRead, Readings
+from gateway.mount.readings.cache import LastReadings, NotRead, ReadingSource
 from gateway.mount.safety.admission import slew_paths
 from gateway.mount.safety.admission.altitudes import check_goal
 from gateway.mount.safety.admission.by_hand import HandAdmission, find_pointings
@@ -45,7 +45,7 @@ SITE_TIMEOUT = 4.0
 class MotionAdmission:
     """Admits the motions of a mount; the reconciler calls ``admit`` before each. ``preview`` predicts the outcome."""
 
-    def __init__(self, mount: Context, readings: Readings, watch: LimitWatch, is_preview: bool = False) -> None:
+    def __init__(self, mount: Context, readings: ReadingSource, watch: LimitWatch, is_preview: bool = False) -> None:
         """If it only previews outcomes (``is_preview``), it changes neither the log nor the watched limits."""
         self._mount, self._readings, self._watch = mount, readings, watch
         self._path = CheckedPath() if is_preview else watch.next_path
@@ -87,7 +87,7 @@ class MotionAdmission:
         if seeks and self._mount.suns.suns_to_avoid():
             raise NearSun(NO_HOME_BY_DAY)
         if isinstance(operation, op.Move | op.MoveAxis):
-            await self._hand_admission.check(operation)
+            await self._hand_admission.check_motion(operation)
         elif isinstance(operation, op.Pulse | op.PulseAxis):
             await self._hand_admission.check_pulse(operation)
         elif isinstance(operation, op.Park | op.Home):
@@ -113,9 +113,9 @@ class MotionAdmission:
 
     async def check_motion_under_way(self) -> None:
         """Raises BelowHorizon, TooHigh, NearSun or PastMeridian if the motion by hand under way must not continue."""
-        moving = next(iter(self._mount.wanted.by_hand.values()), None)
+        moving = next(iter(self._mount.wanted.hand_moves.values()), None)
         if moving is not None:  # this checks the other axis, too
-            await self._hand_admission.check(moving)
+            await self._hand_admission.check_motion(moving)
 
     async def _status(self) -> op.Status:
         return await self._readings.read(op.GetStatus())
@@ -178,7 +178,7 @@ class MotionAdmission:
         seconds = SETTLE_TIME + separation(position.ra, position.dec, goto.ra, goto.dec) / (
             operation.fastest or mount.driver.speed(FASTEST_RATE)
         )
-        return await self._admit_goto(replace(goto, ra=(goto.ra + SKY * seconds) % 360.0, track=False))
+        return await self._admit_goto(replace(goto, ra=(goto.ra + SKY_SPEED * seconds) % 360.0, track=False))
 
     async def _check_park_or_home(self, operation: op.Park | op.Home) -> None:
         """Check where park or home leads. The owner's park position may have any altitude, but not be near the Sun."""
@@ -210,7 +210,7 @@ class MotionAdmission:
             self._note_once("site unknown: gotos are not checked against the horizon")
         else:
             altitude = check_goal(mount, limits, goal)
-            status = mount.cache.value(op.GetStatus) if limits.hour_angle is not None else None
+            status = mount.cache.last_value(op.GetStatus) if limits.hour_angle is not None else None
             if status is not None and status.equatorial and mount.driver.german is False:  # others choose a side
                 check_past_meridian(limits, mount.astrometry.sidereal_time() - goal.ra, german=False)
         if limits.sun > 0.0 and is_time_unknown(mount.sources.times()[0]):
@@ -267,7 +267,7 @@ class MotionAdmission:
 
         def journey_of(shift: SyncShift | None) -> Journey:
             """Return the journey if the tube's true direction differs from the mount's coordinates by ``shift``."""
-            start, end = mount.suns.tube(position, shift), mount.suns.tube(goal, shift)
+            start, end = mount.suns.pointing(position, shift), mount.suns.pointing(goal, shift)
             return Journey(status.equatorial, start, others, end, target_readings if shift is None else None)
 
         for sun in suns:
@@ -280,7 +280,7 @@ class MotionAdmission:
             place = slew_paths.axis_readings_at(sky, sun, False)
             if not are_clear(paths_of(mount, journey_of(None)._replace(sky=sky)), place, limit):
                 raise sun_refusal(mount.sources, sun, on_path=True)
-        unsynced = [journey_of(shift) for shift in mount.frame().shifts]
+        unsynced = [journey_of(shift) for shift in mount.tube_frame().shifts]
         ways = check_paths(mount, written, journey_of(None), unsynced)
         self._path.set_points(
             [point for way in ways for point in slew_paths.path_points(way)],

@@ -16,10 +16,10 @@ from gateway.core.errors import Refused, Stopped
 from gateway.mount.context import Context
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.presence import HostActivity
-from gateway.mount.readings.cache import Readings
+from gateway.mount.readings.cache import ReadingSource
 from gateway.mount.safety.admission.by_hand import find_pointings
 from gateway.mount.safety.admission.slew_paths import axis_readings_at
-from gateway.mount.safety.sync_sum import SyncSum, check_sync
+from gateway.mount.safety.sync_sum import SyncSum, checked_sync_sum
 from gateway.mount.safety.watch import LimitWatch
 
 #: Seconds that a sync waits for the end of a goto, or for rest, and between two checks.
@@ -32,7 +32,7 @@ SAME_TARGET_DEGREES = 0.5
 
 
 async def admit_sync(
-    mount: Context, readings: Readings, watch: LimitWatch, sync: op.Sync, activity: HostActivity | None
+    mount: Context, readings: ReadingSource, watch: LimitWatch, sync: op.Sync, activity: HostActivity | None
 ) -> op.Operation:
     """Return the sync in the mount's equinox, and note the new sum of syncs. Raises Refused, SyncTooFar, Stopped.
 
@@ -47,13 +47,13 @@ async def admit_sync(
         position: op.Equatorial = await readings.read(op.Position())
         wanted, so_far = op.Equatorial(sync.ra, sync.dec), mount.syncs.value
         turns = await _sync_turns(mount, readings, watch, position, wanted, status.equatorial)
-        mount.syncs.pending = check_sync(mount.policy.limits.sync, so_far, turns, position, wanted)
+        mount.syncs.pending = checked_sync_sum(mount.policy.limits.sync, so_far, turns, position, wanted)
     else:  # it aligns the mount
         mount.syncs.pending = SyncSum()
     return mount.astrometry.to_mount_equinox(sync)
 
 
-async def _comes_to_rest(mount: Context, readings: Readings, watch: LimitWatch) -> bool:
+async def _comes_to_rest(mount: Context, readings: ReadingSource, watch: LimitWatch) -> bool:
     """Return whether the mount, which runs on after a stop or is moved at its hand control, soon comes to rest."""
     until = mount.now() + GOTO_END_WAIT
     while mount.run_on.current is not None or watch.others_watch.is_moving:
@@ -65,7 +65,12 @@ async def _comes_to_rest(mount: Context, readings: Readings, watch: LimitWatch) 
 
 
 async def _sync_turns(
-    mount: Context, reads: Readings, watch: LimitWatch, position: op.Equatorial, target: op.Equatorial, equatorial: bool
+    mount: Context,
+    reads: ReadingSource,
+    watch: LimitWatch,
+    position: op.Equatorial,
+    target: op.Equatorial,
+    equatorial: bool,
 ) -> list[Pair]:
     """Return by how many degrees a sync turns the readings of the two axes. There is a second pair if the mount may
     believe afterwards that it points in the other of the two ways, for example after motion by hand over the pole.
@@ -87,11 +92,13 @@ async def _sync_turns(
     return turns
 
 
-async def _wait_for_goto_end(mount: Context, readings: Readings, sync: op.Sync, activity: HostActivity | None) -> None:
+async def _wait_for_goto_end(
+    mount: Context, readings: ReadingSource, sync: op.Sync, activity: HostActivity | None
+) -> None:
     """Wait briefly for the end of a goto to the target of the sync. Raises Refused, Stopped."""
     until = mount.now() + GOTO_END_WAIT
     while mount.movement.slewing:
-        if not _is_target(mount, sync) or mount.now() >= until:
+        if not _is_goto_target(mount, sync) or mount.now() >= until:
             raise Refused(MOVING_MESSAGE)
         if not await readings.read_now(op.Slewing()):
             break
@@ -103,9 +110,9 @@ async def _wait_for_goto_end(mount: Context, readings: Readings, sync: op.Sync, 
         raise Refused("The goto ended elsewhere, so nothing is centred: send the mount there again.")
 
 
-def _is_target(mount: Context, sync: op.Sync) -> bool:
+def _is_goto_target(mount: Context, sync: op.Sync) -> bool:
     """Whether a sync names the target of the goto under way; False if that is unknown."""
-    motion, status, astrometry = mount.wanted.value.motion, mount.cache.value(op.GetStatus), mount.astrometry
+    motion, status, astrometry = mount.wanted.value.motion, mount.cache.last_value(op.GetStatus), mount.astrometry
     goto = motion.operation if isinstance(motion, Slew) else None
     if isinstance(goto, op.Goto):
         goal = astrometry.from_mount_equinox(op.Equatorial(goto.ra, goto.dec))

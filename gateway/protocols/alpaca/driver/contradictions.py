@@ -20,7 +20,7 @@ ALTITUDE_RANGE, MATCH_ERROR, MATCH_MARGIN = (30.0, 80.0), 0.05, 0.08
 REFRACTION = 0.03
 #: A direction is compared after so many degrees of motion, at this speed (degrees a second) or more, and not beyond
 #: this declination (or altitude on an alt-az mount), degrees.
-MIN_TRAVEL, MIN_SPEED, NEAR_POLE = 0.1, 0.05, 80.0
+MIN_TRAVEL, MIN_SPEED, MAX_DECLINATION = 0.1, 0.05, 80.0
 #: (axis, sense) -> direction.
 DIRECTION_NAMES = {(1, 1): "west", (1, -1): "east", (2, 1): "north", (2, -1): "south"}
 
@@ -60,9 +60,9 @@ def compare_equinox(mount: AlpacaDriver, _: CompareEquinox | None = None) -> Ste
 def expect_direction(mount: AlpacaDriver, axis: int, sense: int, pier_side: str) -> None:
     """Store the sense on the sky that a motion by hand should have; ``check_sense`` compares it with the position."""
     fast = abs(mount.hand_rates.get(axis, 0.0)) >= MIN_SPEED
-    mount.directions[axis] = (sense, pier_side, None)
+    mount.sense_checks[axis] = (sense, pier_side, None)
     if mount.reversed is not None or not fast or (axis, pier_side) in mount.verified_senses:
-        mount.directions.pop(axis)
+        mount.sense_checks.pop(axis)
 
 
 def check_sense(mount: AlpacaDriver, equatorial: op.Equatorial, horizontal: tuple[float, ...] | None) -> str:
@@ -73,13 +73,13 @@ def check_sense(mount: AlpacaDriver, equatorial: op.Equatorial, horizontal: tupl
             return ""
         position = (horizontal[0], horizontal[1])
     text = ""
-    for axis, (sense, side, since) in list(mount.directions.items()):
-        if abs(position[1]) > NEAR_POLE or axis not in mount.hand_rates:
-            del mount.directions[axis]
+    for axis, (sense, side, since) in list(mount.sense_checks.items()):
+        if abs(position[1]) > MAX_DECLINATION or axis not in mount.hand_rates:
+            del mount.sense_checks[axis]
         elif since is None:
-            mount.directions[axis] = (sense, side, position)
+            mount.sense_checks[axis] = (sense, side, position)
         elif abs(way := wrap180(position[axis - 1] - since[axis - 1]) * sense) > MIN_TRAVEL:
-            del mount.directions[axis]
+            del mount.sense_checks[axis]
             if side or axis == 1 or not mount.german:  # on an unknown side of the pier the next arrow may differ
                 mount.verified_senses.add((axis, side))
             if way < 0.0:

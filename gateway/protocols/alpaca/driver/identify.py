@@ -13,9 +13,9 @@ from gateway.core.errors import NoAnswer, Unsupported
 from gateway.protocols.alpaca.driver.contradictions import compare_equinox
 from gateway.protocols.alpaca.driver.state import (
     ABILITY_MEMBERS,
-    FASTEST,
+    MAX_SPEED,
     MODELS,
-    SIDEREAL,
+    SIDEREAL_RATE,
     AlpacaDriver,
     read_member,
     read_member_again,
@@ -58,7 +58,7 @@ def identity(mount: AlpacaDriver, _: op.GetIdentity) -> Steps:
     mount.model = mount.settings.model or (yield from _read_mount_kind(mount))
     for axis in (1, 2):
         able = yield from read_member_again(mount, "canmoveaxis", axis=axis - 1)
-        mount.movable[axis] = able is not False  # a failure denies nothing
+        mount.is_movable[axis] = able is not False  # a failure denies nothing
         mount.ranges[axis] = (
             () if able is False else _speed_ranges((yield from read_member_again(mount, "axisrates", axis=axis - 1)))
         )
@@ -71,9 +71,9 @@ def identity(mount: AlpacaDriver, _: op.GetIdentity) -> Steps:
         mount.equinox = fits or "jnow"
         yield Remark(f"the server reports an equinox that the gateway does not know: {mount.equinox}")
     mount.lists_state = {"RightAscension", "Declination"} <= (yield from read_state(mount, read_member_again)).keys()
-    east = (yield from read_member_again(mount, "guideraterightascension", 0.0)) / SIDEREAL
-    north = (yield from read_member_again(mount, "guideratedeclination", 0.0)) / SIDEREAL
-    mount.rates = (east if 0.0 < east < MAX_GUIDE_RATE else 0.5, north if 0.0 < north < MAX_GUIDE_RATE else 0.5)
+    east = (yield from read_member_again(mount, "guideraterightascension", 0.0)) / SIDEREAL_RATE
+    north = (yield from read_member_again(mount, "guideratedeclination", 0.0)) / SIDEREAL_RATE
+    mount.guide_rates = (east if 0.0 < east < MAX_GUIDE_RATE else 0.5, north if 0.0 < north < MAX_GUIDE_RATE else 0.5)
     yield from read_status(mount)
     name, version = (yield from read_member(mount, "name", "")), (yield from read_member(mount, "driverversion", ""))
     return op.Identity(product=str(name or "Alpaca telescope"), version=str(version or "?"), model=mount.model)
@@ -93,8 +93,8 @@ def _speed_ranges(axis_rates: Any) -> tuple[tuple[float, float], ...]:
     for entry in axis_rates if isinstance(axis_rates, list) else ():
         with suppress(KeyError, TypeError, ValueError):
             low, high = sorted((abs(float(entry["Minimum"])), abs(float(entry["Maximum"]))))
-            if high > 0.0 and low <= FASTEST:
-                ranges.append((low, min(high, FASTEST)))
+            if high > 0.0 and low <= MAX_SPEED:
+                ranges.append((low, min(high, MAX_SPEED)))
     return tuple(sorted(ranges))
 
 
@@ -108,7 +108,7 @@ def read_status(mount: AlpacaDriver) -> Steps:
         tracks = yield from read_member(mount, "tracking")
     if parked is None:
         parked = yield from read_member(mount, "atpark")
-    if tracks is not None and not mount.hand_rates and mount.goto is None and mount.now() >= mount.untrusted_until:
+    if tracks is not None and not mount.hand_rates and mount.goto is None and mount.now() >= mount.tracking_stale_until:
         mount.tracks = bool(tracks)
     if parked is not None and mount.goto is None:
         mount.parked = bool(parked)

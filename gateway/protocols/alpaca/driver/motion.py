@@ -25,7 +25,7 @@ from gateway.protocols.alpaca.driver.pointing import (
     send_order,
     stop_current_motion,
 )
-from gateway.protocols.alpaca.driver.state import SIDEREAL, SLOW_MOTION_LIMIT, AlpacaDriver, read_member
+from gateway.protocols.alpaca.driver.state import SIDEREAL_RATE, SLOW_MOTION_LIMIT, AlpacaDriver, read_member
 from gateway.protocols.alpaca.tables import Parked
 from gateway.protocols.base.driver import SLEWING_MESSAGE, Remark, Schedule, Send, Steps, Wait
 
@@ -92,7 +92,7 @@ def _start_axis(mount: AlpacaDriver, axis: int, sense: int, side: str, rate: op.
         return (yield from continue_pulses(mount, ContinuePulses(axis)))
     follows = mount.tracks and mount.supports("set_tracking") and (axis == 1 or not mount.equatorial)
     if follows and mount.requested_speed(rate) < SLOW_MOTION_LIMIT:
-        return (yield from _start_axis_slowly(mount, axis, sense * mount.requested_speed(rate), side, adds_to_tracking))
+        return (yield from _start_slow_motion(mount, axis, sense * mount.requested_speed(rate), side, adds_to_tracking))
     mount.slow_speeds.pop(axis, None)
     speed, asked = mount.fit(axis, rate), rate.degrees if rate.name is None else None
     if asked is not None and abs(speed - asked) > REMARK_THRESHOLD * asked:
@@ -104,7 +104,7 @@ def _start_axis(mount: AlpacaDriver, axis: int, sense: int, side: str, rate: op.
     expect_direction(mount, axis, expected, known)
 
 
-def _start_axis_slowly(mount: AlpacaDriver, axis: int, speed: float, side: str, adds_to_tracking: bool) -> Steps:
+def _start_slow_motion(mount: AlpacaDriver, axis: int, speed: float, side: str, adds_to_tracking: bool) -> Steps:
     """Turn tracking off and move an axis at a slow speed, degrees a second. With ``adds_to_tracking`` the speed of
     tracking is added, and the other axis of an alt-az mount follows the sky. Raises Refused if no rate is near the sum.
     """
@@ -145,14 +145,14 @@ def _sky_following_speeds(mount: AlpacaDriver, side: str) -> Steps:
     mount only the first axis. Raises Unsupported if the server of an alt-az mount does not report its position.
     """
     if mount.equatorial:
-        return {1: convert_sense(mount, 1, 1, side) * SIDEREAL}
+        return {1: convert_sense(mount, 1, 1, side) * SIDEREAL_RATE}
     place = []
     for member in ("azimuth", "altitude", "sitelatitude"):
         place.append((yield from read_member(mount, member)))
     if None in place:
         raise Unsupported("Slow arrows on top of alt-az tracking need azimuth, altitude and latitude from the server.")
     first, second = az_alt_rates_by_ha(*place)
-    return {1: first * SIDEREAL, 2: second * SIDEREAL}
+    return {1: first * SIDEREAL_RATE, 2: second * SIDEREAL_RATE}
 
 
 def _send_rate(mount: AlpacaDriver, axis: int, rate: float) -> Steps:
@@ -176,7 +176,7 @@ def _send_rate(mount: AlpacaDriver, axis: int, rate: float) -> Steps:
 def stop_axis(mount: AlpacaDriver, operation: op.StopAxis) -> Steps:
     """End the hand motion of an axis. If both are in slow motion (tracking is off), move this one at the sky's rate."""
     axis = operation.axis
-    if not mount.may_move(axis):
+    if not mount.may_be_moving(axis):
         return
     mount.pulse_directions.pop(axis, None)
     if (
@@ -205,7 +205,7 @@ def abort_motion(mount: AlpacaDriver, _: op.AbortMotion) -> Steps:
     slewed = mount.goto is not None
     mount.give_up_goto()
     orders = {axis: _stop_axis(axis) for axis in sorted(mount.hand_rates)} | {0: Send("abortslew", timeout=MAX_WAIT)}
-    orders |= {axis: _stop_axis(axis) for axis in (1, 2) if mount.may_move(axis)}
+    orders |= {axis: _stop_axis(axis) for axis in (1, 2) if mount.may_be_moving(axis)}
     failed: dict[int, Fault] = {}
     for axis, send in orders.items():
         try:
@@ -246,7 +246,7 @@ def pulse_axis(mount: AlpacaDriver, operation: op.PulseAxis) -> Steps:
     """Send a guide pulse in a motor's sense. The server uses its guide rate, so another rate scales the duration."""
     sense = convert_sense(mount, operation.axis, operation.sense, (yield from tube_side(mount, operation.axis)))
     directions = {(1, 1): "w", (1, -1): "e", (2, 1): "n", (2, -1): "s"}
-    default = mount.rates[operation.axis - 1]
+    default = mount.guide_rates[operation.axis - 1]
     ms = operation.ms * (default if operation.rate is None else operation.rate) / default
     return (yield from _send_pulse(mount, op.Direction(directions[operation.axis, sense]), round(ms)))
 
@@ -279,14 +279,14 @@ def continue_pulses(mount: AlpacaDriver, operation: ContinuePulses) -> Steps:
 def guide_rate(mount: AlpacaDriver, operation: op.GuideRate) -> Steps:
     """Return the guide rate as a fraction of sidereal."""
     yield from ()
-    return mount.rates[operation.axis - 1]
+    return mount.guide_rates[operation.axis - 1]
 
 
 def set_guide_rate(mount: AlpacaDriver, operation: op.SetGuideRate) -> Steps:
     name = "set_guideraterightascension" if operation.axis == 1 else "set_guideratedeclination"
-    yield from send_order(mount, name, rate=operation.rate * SIDEREAL)
-    first, second = mount.rates
-    mount.rates = (operation.rate, second) if operation.axis == 1 else (first, operation.rate)
+    yield from send_order(mount, name, rate=operation.rate * SIDEREAL_RATE)
+    first, second = mount.guide_rates
+    mount.guide_rates = (operation.rate, second) if operation.axis == 1 else (first, operation.rate)
 
 
 # --- tracking ---------------------------------------------------------------------------------------------------------
@@ -304,7 +304,7 @@ def set_tracking(mount: AlpacaDriver, operation: op.SetTracking) -> Steps:
         mount.parked = False
     if (yield from read_member(mount, "tracking")) is not operation.on:  # what is so is not sent again
         yield from send_order(mount, "set_tracking", on=operation.on)
-    mount.tracks, mount.untrusted_until = operation.on, mount.now()
+    mount.tracks, mount.tracking_stale_until = operation.on, mount.now()
     for _look in range(MAX_CHECKS if operation.heard else 0):
         yield from read_status(mount)
         if mount.tracks is operation.on:

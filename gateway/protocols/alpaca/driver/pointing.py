@@ -57,7 +57,7 @@ def position(mount: AlpacaDriver, _: op.Position) -> Steps:
         place = ra / 15.0, (yield Send("declination"))["dec"]
         mount.read_at = since, mount.now()
     present = op.Equatorial(*fold_declination(place[0] * 15.0, place[1]))
-    if mount.directions and (contradiction := check_sense(mount, present, _numbers(state, "Azimuth", "Altitude"))):
+    if mount.sense_checks and (contradiction := check_sense(mount, present, _numbers(state, "Azimuth", "Altitude"))):
         yield Remark(contradiction)
     return present
 
@@ -110,12 +110,12 @@ def slewing(mount: AlpacaDriver, _: op.Slewing) -> Steps:
     return False
 
 
-def _begin_goto(mount: AlpacaDriver, steps: Steps, then_command: str | None = None, side: str = "") -> Steps:
+def _begin_goto(mount: AlpacaDriver, steps: Steps, purpose: str | None = None, side: str = "") -> Steps:
     """Begin a goto with these steps; ``side`` is the tube's side of the pier at the goal, empty if unknown. If no
     answer shows that the goto has begun, send a stop, because the mount may begin it late.
     """
     try:
-        yield from mount.begin_goto(GotoUnderWay(purpose=then_command), steps, _is_slewing)
+        yield from mount.begin_goto(GotoUnderWay(purpose=purpose), steps, _is_slewing)
     except NoAnswer:
         with suppress(Fault):
             yield Send("abortslew", timeout=MAX_WAIT)
@@ -167,7 +167,7 @@ def _with_server_text(text: str, fault: Fault) -> str:
 def goto(mount: AlpacaDriver, operation: op.Goto) -> Steps:
     """Slew to a position, with the asynchronous request if the server has it. Turn tracking on first if possible."""
     yield from stop_current_motion(mount)
-    if mount.now() < mount.untrusted_until:
+    if mount.now() < mount.tracking_stale_until:
         yield from keep_tracking(mount)
     if operation.track and mount.tracks is False and not mount.parked and mount.supports("set_tracking"):
         yield from send_order(mount, "set_tracking", on=True)
@@ -255,7 +255,7 @@ class KeepTracking(op.Operation, frozen=True):
 
 def schedule_tracking_check(mount: AlpacaDriver, delay: float = TRACKING_CHECK_DELAY) -> Steps:
     """Schedule a check of tracking some seconds after a motion, which may have turned it off."""
-    mount.untrusted_until = mount.now() + TRACKING_CHECK_DEADLINE
+    mount.tracking_stale_until = mount.now() + TRACKING_CHECK_DEADLINE
     yield Schedule(delay, KeepTracking(), not_while_busy=True)
 
 
@@ -263,7 +263,7 @@ def keep_tracking(mount: AlpacaDriver, _: KeepTracking | None = None) -> Steps:
     """Turn tracking on again if it is off after a motion; do nothing if the mount moves again."""
     if mount.hand_rates or mount.goto is not None or mount.parked or not mount.tracks:
         return
-    mount.untrusted_until = mount.now()
+    mount.tracking_stale_until = mount.now()
     yield from read_status(mount)
     if not (mount.tracks or mount.parked) and mount.supports("set_tracking"):
         yield from send_order(mount, "set_tracking", on=True)
@@ -278,14 +278,14 @@ def sync(mount: AlpacaDriver, operation: op.Sync) -> Steps:
 def park(mount: AlpacaDriver, _: op.Park) -> Steps:
     """Send the mount to its park position, where it does not track."""
     yield from stop_current_motion(mount)
-    yield from _begin_goto(mount, send_order(mount, "park"), then_command="park")
+    yield from _begin_goto(mount, send_order(mount, "park"), purpose="park")
 
 
 def home(mount: AlpacaDriver, _: op.Home) -> Steps:
     """Send the mount to its home position."""
     yield from stop_current_motion(mount)
     mount.home_state = 0
-    yield from _begin_goto(mount, send_order(mount, "findhome"), then_command="home")
+    yield from _begin_goto(mount, send_order(mount, "findhome"), purpose="home")
 
 
 def set_home(mount: AlpacaDriver, _: op.SetHome) -> Steps:

@@ -32,7 +32,7 @@ class AlpacaReplyRules(ReplyRules):
 
     protocol: CommandSet = load("alpaca")
     #: HTTP delivers no partial requests, so ``half_command_end`` is a blank line, which has no meaning.
-    half_command_end, padding = b"\n", b""
+    half_command_end, ignored_bytes = b"\n", b""
 
     def __init__(self) -> None:
         self._mount_disconnected = False

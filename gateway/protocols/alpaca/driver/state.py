@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Generator, Mapping
 from typing import Any
 
-from gateway.astro.spherical import SIDEREAL_ARCSECONDS
+from gateway.astro.spherical import SIDEREAL_ARCSEC_PER_S
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, Refused, Unsupported
 from gateway.protocols.alpaca.tables import UnreadableMember
@@ -34,14 +34,14 @@ MISSING_ABILITY_TEXTS = {
     "SetGuideRate": "its guide rates cannot be set", "Focus": "it has no focuser of its own",
 }  # fmt: skip
 #: The sidereal rate, degrees a second.
-SIDEREAL = SIDEREAL_ARCSECONDS / 3600.0
+SIDEREAL_RATE = SIDEREAL_ARCSEC_PER_S / 3600.0
 #: Rate name -> speed, and the speeds of the nine rate keys of a hand control, degrees a second.
-NAMED_SPEEDS = {"guide": SIDEREAL, "center": 16 * SIDEREAL, "find": 0.5, "max": math.inf}
-KEY_SPEEDS = (0.5 * SIDEREAL, SIDEREAL, 4 * SIDEREAL, 16 * SIDEREAL, 0.13, 0.25, 0.5, 1.5, math.inf)
+NAMED_SPEEDS = {"guide": SIDEREAL_RATE, "center": 16 * SIDEREAL_RATE, "find": 0.5, "max": math.inf}
+KEY_SPEEDS = (0.5 * SIDEREAL_RATE, SIDEREAL_RATE, 4 * SIDEREAL_RATE, 16 * SIDEREAL_RATE, 0.13, 0.25, 0.5, 1.5, math.inf)
 #: From this speed on, degrees a second, tracking makes no visible difference to a motion by hand.
 SLOW_MOTION_LIMIT = 0.1
 #: The greatest speed that is used, degrees a second: beyond it the gateway could not enforce limits.
-FASTEST = 8.0
+MAX_SPEED = 8.0
 #: Value of ``reversed-axes`` -> axes.
 REVERSED_AXES = {"none": (), "first": (1,), "second": (2,), "both": (1, 2)}
 #: The models in the order of ASCOM's numbers of alignment modes.
@@ -71,7 +71,7 @@ class AlpacaDriver(Driver):
         #: Whether it tracks while nothing moves it, by the last report or order; None before that.
         self.tracks: bool | None = None
         #: Until this time of ``now``, reports of tracking may still describe the last motion, and are ignored.
-        self.untrusted_until = -math.inf
+        self.tracking_stale_until = -math.inf
         #: Axis moved by hand -> the rate sent for it, degrees a second, with the sign of MoveAxis.
         self.hand_rates: dict[int, float] = {}
         #: Whether the driver has turned tracking off for slow motion by hand.
@@ -94,13 +94,13 @@ class AlpacaDriver(Driver):
         self.absent_members: set[str] = set()
         #: Members whose value the server has sent.
         self.present_members: set[str] = set()
-        #: Axis -> the ranges of its speeds, degrees a second, up to FASTEST; axis -> whether it can be moved by hand.
+        #: Axis -> the ranges of its speeds, degrees a second, up to MAX_SPEED; axis -> whether it can be moved by hand.
         self.ranges: dict[int, tuple[tuple[float, float], ...]] = {}
-        self.movable: dict[int, bool] = {}
+        self.is_movable: dict[int, bool] = {}
         #: Whether the server has DeviceState, a single answer with everything that is read often.
         self.lists_state = False
         #: The guide rates of the two axes as fractions of sidereal.
-        self.rates: tuple[float, float] = (0.5, 0.5)
+        self.guide_rates: tuple[float, float] = (0.5, 0.5)
         #: Whether it is a German mount that does not report the side of the pier.
         self.hides_pier_side = False
         #: The side of the pier by the hour angle of the last goto's target; empty if unknown.
@@ -110,20 +110,20 @@ class AlpacaDriver(Driver):
         #: (axis, side of the pier) where a motion has shown which way MoveAxis counts.
         self.verified_senses: set[tuple[int, str]] = set()
         #: Axis whose motion is being compared -> expected sense on the sky, side of the pier, first position.
-        self.directions: dict[int, tuple[int, str, tuple[float, float] | None]] = {}
+        self.sense_checks: dict[int, tuple[int, str, tuple[float, float] | None]] = {}
         #: Whether the server declares an equinox; whether that was compared with its altitude and azimuth.
         self.declares_equinox = self.equinox_compared = False
         #: Whether the altitudes that the server reports may include refraction.
         self.refracts = False
 
     @property
-    def facts(self) -> Model:
+    def model_row(self) -> Model:
         """The row of ``models.toml`` for its kind of mount; an unknown kind counts as German."""
         return self.protocol.models[self.model or "german"]
 
     @property
     def german(self) -> bool | None:  # type: ignore[override]
-        return None if self.model is None else bool(self.facts["mount"] == "german")
+        return None if self.model is None else bool(self.model_row["mount"] == "german")
 
     @property
     def equatorial(self) -> bool:
@@ -141,9 +141,9 @@ class AlpacaDriver(Driver):
         """Return -1 if MoveAxis of this axis counts against the sense of the motor, else 1."""
         return self.signs.get((axis, pier_side), 1) if self.reversed is None else -1 if axis in self.reversed else 1
 
-    def may_move(self, axis: int) -> bool:
+    def may_be_moving(self, axis: int) -> bool:
         """Whether this axis may be moving by hand, also for another program, so that a stop must include it."""
-        return axis in self.hand_rates or self.movable.get(axis, True)
+        return axis in self.hand_rates or self.is_movable.get(axis, True)
 
     def supports(self, command: str) -> bool:
         """Whether the mount can carry out a request, by what the server has reported."""
@@ -184,22 +184,26 @@ class AlpacaDriver(Driver):
     def reports_pier_side(self) -> bool:  # type: ignore[override]
         return not self.hides_pier_side
 
-    def tube_side(self, reported: str) -> str | None:
-        return (reported or None) if self.german else None
+    def tube_side(self, reported_side: str) -> str | None:
+        return (reported_side or None) if self.german else None
 
     def max_speed(self, axis: int | None = None) -> float:
         several = [high for of_axis, ranges in self.ranges.items() if axis in (None, of_axis) for _, high in ranges]
-        return min(FASTEST, max(several, default=FASTEST))
+        return min(MAX_SPEED, max(several, default=MAX_SPEED))
 
     def speed(self, rate: op.Rate) -> float:
-        return self.rates[0] * SIDEREAL if self.moves_by_pulses(rate) else max(self.fit(axis, rate) for axis in (1, 2))
+        return (
+            self.guide_rates[0] * SIDEREAL_RATE
+            if self.moves_by_pulses(rate)
+            else max(self.fit(axis, rate) for axis in (1, 2))
+        )
 
     def moves_by_pulses(self, rate: op.Rate) -> bool:
         """Whether motion by hand at this rate consists of guide pulses: MoveAxis cannot add it to tracking."""
         wanted = self.requested_speed(rate)
         if wanted >= SLOW_MOTION_LIMIT or not (self.equatorial and self.times_pulses and self.tracks):
             return False
-        sums = (SIDEREAL + wanted, SIDEREAL - wanted)
+        sums = (SIDEREAL_RATE + wanted, SIDEREAL_RATE - wanted)
         return any(abs(self.nearest_rate(1, total) - total) > wanted / 2.0 for total in sums)
 
     def requested_speed(self, rate: op.Rate) -> float:
@@ -220,9 +224,9 @@ class AlpacaDriver(Driver):
         low = [max(low, min(high, abs(rate))) for low, high in self.ranges.get(axis, ())]
         return math.copysign(min((*low, 0.0), key=lambda speed: abs(speed - abs(rate))), rate)
 
-    def can_do(self, equatorial: bool) -> op.Abilities:
-        able = super().can_do(equatorial)
-        return op.Abilities(able.can, self.ranges.get(1, ()), self.rates, self.german)
+    def abilities(self, equatorial: bool) -> op.Abilities:
+        able = super().abilities(equatorial)
+        return op.Abilities(able.can, self.ranges.get(1, ()), self.guide_rates, self.german)
 
 
 def read_member(mount: AlpacaDriver, member: str, default: Any = None, **values: object) -> Steps:

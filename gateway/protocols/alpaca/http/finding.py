@@ -16,7 +16,7 @@ from gateway.protocols.alpaca.http.chain import SERVER_NAME
 from gateway.protocols.alpaca.http.discovery import DISCOVERY_PORT, DISCOVERY_REQUEST, HostAndPort
 from gateway.protocols.base.spec import OfferedMount
 from gateway.system.own_names import ipv4_networks
-from gateway.transport.listening import in_brackets
+from gateway.transport.listening import url_host
 
 if TYPE_CHECKING:
     from aiohttp import ClientSession
@@ -39,14 +39,14 @@ async def find(urls: Sequence[str] | None, port: int = DISCOVERY_PORT) -> list[O
         answers = await asyncio.gather(*(_read_telescopes(session, *place) for place in places))
     mounts: dict[str, OfferedMount] = {}
     for mount in sorted((telescope for several in answers for telescope in several), key=_local_first_key):
-        mounts.setdefault(mount.identifier.casefold() or mount.where, mount)
+        mounts.setdefault(mount.unique_id.casefold() or mount.url, mount)
     return list(mounts.values())
 
 
 def _local_first_key(mount: OfferedMount) -> tuple[bool, str]:
     """Sort key: loopback addresses come first, because they do not change with the network."""
-    host = urlsplit(mount.where).hostname or ""
-    return not (host in ("localhost", "::1") or host.startswith("127.")), mount.where
+    host = urlsplit(mount.url).hostname or ""
+    return not (host in ("localhost", "::1") or host.startswith("127.")), mount.url
 
 
 def _host_and_port(url: str) -> HostAndPort:
@@ -97,7 +97,7 @@ async def _discover(port: int) -> list[HostAndPort]:
 
 async def _read_telescopes(session: ClientSession, host: str, port: int) -> list[OfferedMount]:
     """Return the telescopes of a server; none if it does not answer as ASCOM defines."""
-    server, now = f"http://{in_brackets(host)}:{port}", asyncio.get_running_loop().time
+    server, now = f"http://{url_host(host)}:{port}", asyncio.get_running_loop().time
     began = now()
     devices = await _read_value(session, f"{server}/management/v1/configureddevices")
     seconds = now() - began
@@ -106,11 +106,11 @@ async def _read_telescopes(session: ClientSession, host: str, port: int) -> list
     name = " ".join(str(about.get(key) or "") for key in ("ServerName", "ManufacturerVersion")).strip()
     return [
         OfferedMount(
-            where=f"{server}/{device.get('DeviceNumber', 0)}",
+            url=f"{server}/{device.get('DeviceNumber', 0)}",
             product=str(device.get("DeviceName") or "telescope"),
-            server=name or "a server without a name",
+            server_name=name or "a server without a name",
             is_gateway=about.get("ServerName") == SERVER_NAME,
-            identifier=str(device.get("UniqueID") or ""),
+            unique_id=str(device.get("UniqueID") or ""),
             seconds=seconds,
         )
         for device in (devices if isinstance(devices, list) else [])

@@ -47,21 +47,21 @@ class AlpacaClient:
         self._loop = asyncio.get_running_loop()
         self._pending_replies: deque[asyncio.Future[bytes]] = deque()
         self._partial_line = b""
-        self.asked_at = self._loop.time()
+        self.last_asked_at = self._loop.time()
         self.is_closed = False
         #: Whether it has ever sent a PUT. It is then no web page, because PUTs of web pages are refused.
         self.sent_put = False
         self._handler = accept(NewConnection(name, host, self._receive, lambda last: self.close()))
 
     @property
-    def idle(self) -> bool:
+    def is_idle(self) -> bool:
         return not self._pending_replies
 
     async def ask(self, line: bytes, stop: bool = False) -> bytes:
         """Send a line and return its reply; a ``stop`` is sent however many requests wait. Raises NoAnswerInTime."""
         if self.is_closed or (len(self._pending_replies) >= MAX_WAITING_REQUESTS and not stop):
             raise NoAnswerInTime("Too many requests of this program wait for an answer.")
-        self.asked_at = self._loop.time()
+        self.last_asked_at = self._loop.time()
         self.sent_put |= not line.startswith(READ_PREFIX)
         answer: asyncio.Future[bytes] = self._loop.create_future()
         self._pending_replies.append(answer)
@@ -102,7 +102,7 @@ class Programs:
 
     def program_of(self, host: str, client_id: int, stop: bool = False) -> AlpacaClient:
         """Return the program of a ClientID on a host. Raises ConnectionRefused if too many exist, unless ``stop``."""
-        self._forget_idle()
+        self._forget_idle_clients()
         program = self._clients.get((host, client_id))
         if program is None or program.is_closed:
             if len(self._clients) >= MAX_PROGRAMS and not stop:
@@ -110,25 +110,25 @@ class Programs:
             program = self._clients[host, client_id] = AlpacaClient(self._accept, _client_name(host, client_id), host)
         return program
 
-    def extra_connection(self, host: str, client_id: int) -> AlpacaClient:
+    def polling_client(self, host: str, client_id: int) -> AlpacaClient:
         """Return a second connection for a program, on which the gateway polls for the end of its goto. Raises
         ConnectionRefused if there are too many connections.
         """
         return AlpacaClient(self._accept, f"{_client_name(host, client_id)}-arrival", host)
 
-    def _forget_idle(self) -> None:
-        """Forget closed and silent programs. If too many are left, forget one without waiting requests: preferably one
+    def _forget_idle_clients(self) -> None:
+        """Forget closed and long silent ones. If too many are left, forget one without waiting requests: preferably one
         that has never sent a PUT, and of these the one whose last request is the oldest.
         """
         now = asyncio.get_running_loop().time()
         for key, program in list(self._clients.items()):
-            if program.is_closed or (program.idle and now - program.asked_at > FORGET_AFTER):
+            if program.is_closed or (program.is_idle and now - program.last_asked_at > FORGET_AFTER):
                 program.close()
                 del self._clients[key]
         if len(self._clients) >= MAX_PROGRAMS:
-            idle = [key for key, program in self._clients.items() if program.idle]
+            idle = [key for key, program in self._clients.items() if program.is_idle]
             if idle:
-                oldest = min(idle, key=lambda key: (self._clients[key].sent_put, self._clients[key].asked_at))
+                oldest = min(idle, key=lambda key: (self._clients[key].sent_put, self._clients[key].last_asked_at))
                 self._clients.pop(oldest).close()
 
     def close(self) -> None:
@@ -158,7 +158,7 @@ class AlpacaDevice:
         try:
             reply = _parse_reply(await program.ask(request.line, stop))
             if not reply["ErrorNumber"] and conditions_of(request.command.name).arrival:
-                refusal = await _wait_for_arrival(self.programs.extra_connection(host, request.client_id))
+                refusal = await _wait_for_arrival(self.programs.polling_client(host, request.client_id))
                 reply = error_members(Refused(refusal)) if refusal else reply
         except NoAnswerInTime as error:
             reply = error_members(NoAnswer(str(error)))

@@ -15,14 +15,14 @@ from typing import NamedTuple
 from gateway.protocols.base.frames import WholeCommandFramer
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import load
-from gateway.protocols.wireformat.numerals import quoted
+from gateway.protocols.wireformat.numerals import quote_text
 
 #: The greatest ClientID and ClientTransactionID.
 MAX_ID = 2**32 - 1
 #: Bytes of the longest line that is accepted.
 MAX_LINE_BYTES = 4096
 #: Why the bytes of a long line are dropped, for the log.
-TOO_LONG = "longer than any request"
+TOO_LONG_REASON = "longer than any request"
 _PARAMETER = re.compile(r" (\w+)=\{(\w+):")
 _PLAIN_NUMBER = re.compile(r"[0-9]{1,10}")
 #: Names and values of parameters.
@@ -74,7 +74,7 @@ def parse_request(method: str, member: str, pairs: ParameterPairs) -> AlpacaRequ
             raise BadRequest(f"{member} has no {method}", allowed_methods=", ".join(others).upper())
         raise BadRequest(f"A telescope has no member {member!r}")
     given = _Parameters(pairs, any_case=verb == "get")
-    fields = [f"{name}={quoted(given.value(name)).decode('ascii')}" for name in match.parameters]
+    fields = [f"{name}={quote_text(given.value(name)).decode('ascii')}" for name in match.parameters]
     line = " ".join([verb, member, *fields]).encode("ascii") + b"\n"
     try:
         match.command.request.decode(line)
@@ -123,10 +123,10 @@ class LineFramer(WholeCommandFramer):
         *whole, rest = (bytes(self._pending) + data).split(b"\n")
         frames = [line + b"\n" for line in whole]
         if self._dropping and frames:
-            self.dropped.add(frames.pop(0), TOO_LONG)
+            self.dropped.add(frames.pop(0), TOO_LONG_REASON)
             self._dropping = False
         if len(rest) > MAX_LINE_BYTES:
-            self.dropped.add(rest, TOO_LONG)
+            self.dropped.add(rest, TOO_LONG_REASON)
             rest, self._dropping = b"", True
         self._pending = bytearray(rest)
         return frames

@@ -85,7 +85,7 @@ def _parse_headers(head: bytes) -> dict[str, str]:
 class SimulatedAlpaca(AlpacaTelescope):
     """A simulated telescope with its server."""
 
-    def framer(self) -> RequestFramer:
+    def new_framer(self) -> RequestFramer:
         return RequestFramer()
 
     def answer(self, frame: bytes, send_later: SendLater | None) -> bytes:

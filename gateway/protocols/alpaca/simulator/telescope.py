@@ -95,7 +95,7 @@ class AlpacaTelescope(Simulated):
         answers: Mapping[str, Any] | None = None,  # member -> value that it reports instead of the real one
         senses: tuple[int, int] = (1, 1),  # the signs of MoveAxis for the two axes
         adds_tracking: bool = False,  # rates of MoveAxis are added to tracking instead of replacing it
-        lowest: float = -90.0,  # it refuses slews below this altitude, degrees
+        lowest_altitude: float = -90.0,  # it refuses slews below this altitude, degrees
         parked: bool = False,
         blocks: bool = False,  # a request to slew is answered when the slew has ended
         quiet_axes: bool = False,  # Slewing is false while an axis is moved by MoveAxis
@@ -108,7 +108,7 @@ class AlpacaTelescope(Simulated):
         self.clock, self.now = clock, clock()
         self.platform, self.answers, self.senses = platform, dict(answers or {}), senses
         self.lacks = lacks | set(members()["which"]["absent"]) | set(members()["lacks"][model])
-        self.lowest, self.blocks, self.quiet_axes = lowest, blocks, quiet_axes
+        self.lowest_altitude, self.blocks, self.quiet_axes = lowest_altitude, blocks, quiet_axes
         self.sends_j2000, self.keeps_clock, self._ephemeris = sends_j2000, keeps_clock, Sky()
         first, second = self.kind.power_on_axes
         if site[0] < 0.0 and self.kind.build is not Build.GERMAN:
@@ -122,7 +122,7 @@ class AlpacaTelescope(Simulated):
         self.target: list[float | None] = [None, None]
         self.drive_rate, self.guides = 0, [SIDEREAL_RATE / 2.0, SIDEREAL_RATE / 2.0]
         self.adds_tracking = adds_tracking
-        self.moving: set[int] = set()
+        self.moving_axes: set[int] = set()
         #: Axis moved by MoveAxis -> the speed at which it tracked before, degrees a second.
         self.follows: dict[int, float] = {}
         #: The position that it slews to, and the one at which it rests: ``park``, ``home``, or empty for any other.
@@ -154,7 +154,7 @@ class AlpacaTelescope(Simulated):
         if self.mechanics.slewing(self.now):
             return True
         ramps = self.mechanics.is_ramping(self.now) and not self.is_pulsing
-        return not self.quiet_axes and (bool(self.moving) or ramps)
+        return not self.quiet_axes and (bool(self.moving_axes) or ramps)
 
     @property
     def is_pulsing(self) -> bool:
@@ -206,8 +206,8 @@ class AlpacaTelescope(Simulated):
         self.slew_to_axes((wrap360(first - correction[0]), second - correction[1]))
 
     def _check_alt(self, altitude: float) -> None:
-        if altitude < self.lowest:
-            raise AlpacaError(INVALID_OPERATION, f"The target is below the limit of {self.lowest:g} degrees")
+        if altitude < self.lowest_altitude:
+            raise AlpacaError(INVALID_OPERATION, f"The target is below the limit of {self.lowest_altitude:g} degrees")
 
     def slew_to_axes(self, axes: Pair, target: str = "") -> None:
         """Slew to axis positions. ``target`` is ``park`` or ``home`` if they are that position; tracking then ends."""
@@ -240,31 +240,33 @@ class AlpacaTelescope(Simulated):
 
     def move_axis(self, axis: int, rate: float) -> None:
         """Move axis 1 or 2 by hand, at a rate in degrees a second; rate 0 ends this and resumes tracking."""
-        self.mechanics.cancel(self.now)
+        self.mechanics.stop_goto(self.now)
         self.at = self.destination = ""
         if rate:
             follows = (
-                self.mechanics.speeds(self.now)[axis - 1] if axis not in self.moving else self.follows.get(axis, 0.0)
+                self.mechanics.speeds(self.now)[axis - 1]
+                if axis not in self.moving_axes
+                else self.follows.get(axis, 0.0)
             )
             self.follows[axis] = follows if self.adds_tracking and self.tracks else 0.0
-            self.moving.add(axis)
+            self.moving_axes.add(axis)
             self.mechanics.move(self.now, axis, self.senses[axis - 1] * rate + self.follows[axis])
-        elif axis in self.moving:
-            self.moving.discard(axis)
+        elif axis in self.moving_axes:
+            self.moving_axes.discard(axis)
             self.mechanics.resume_axis(self.now, axis)
-            if not self.moving:
+            if not self.moving_axes:
                 self.mechanics.resume_tracking(self.now)
 
     def end_moves(self) -> None:
         """End motion by hand. The mount is then not parked, not at its home position, and on the way to neither."""
-        for axis in tuple(self.moving):
+        for axis in tuple(self.moving_axes):
             self.move_axis(axis, 0.0)
         self.at = self.destination = ""
 
     def abort(self) -> None:
         """End every motion, including slews to the park and home positions."""
         self.end_moves()
-        self.mechanics.cancel(self.now)
+        self.mechanics.stop_goto(self.now)
 
     def pulse(self, direction: int, seconds: float) -> None:
         """Send a guide pulse in an ASCOM direction: 0 raises the declination, 1 lowers it, 2 is east, 3 west."""

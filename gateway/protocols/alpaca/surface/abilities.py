@@ -1,6 +1,6 @@
 """Members that describe the mount: its type, the equinox of coordinates, the side of the pier, and its abilities.
 
-The abilities are those of the reported model and version in the mapping tables.
+The abilities are those of the real mount, by its model and version in the mapping tables.
 """
 
 from __future__ import annotations

@@ -57,7 +57,7 @@ def _check_conditions(session: Session, command: Command) -> Handling:
     """Check the conditions of a member: a connected program, an unparked mount, tracking. Raises Fault if not met."""
     assert isinstance(session, AlpacaSession)
     needs, client = conditions_of(command.name), session.client
-    if not (needs.always or client.connected or (client.connected is None and is_read(command))):
+    if not (needs.always or client.connected or (client.connected is None and is_get(command))):
         raise NotConnected
     if needs.unparked and (yield GetActivity()).parked:
         raise Parked
@@ -72,7 +72,7 @@ def _check_conditions(session: Session, command: Command) -> Handling:
             )  # fmt: skip
 
 
-def is_read(command: Command) -> bool:
+def is_get(command: Command) -> bool:
     """Whether a request is a GET, which changes nothing."""
     return str(command.request.source).startswith("get ")
 

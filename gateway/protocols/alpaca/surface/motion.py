@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 
-from gateway.astro.spherical import SIDEREAL_ARCSECONDS
+from gateway.astro.spherical import SIDEREAL_ARCSEC_PER_S
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Invalid, NoAnswer, NoTarget, Unsupported
 from gateway.core.operations import Values
@@ -23,9 +23,9 @@ NO_PARK_MESSAGE = "This mount cannot be parked."
 #: A requested speed that differs by less than this fraction from a speed of the mount counts as that speed.
 SPEED_TOLERANCE = 0.01
 #: The sidereal rate, degrees per second.
-SIDEREAL = SIDEREAL_ARCSECONDS / 3600.0
+SIDEREAL_RATE = SIDEREAL_ARCSEC_PER_S / 3600.0
 #: ASCOM's number of a drive rate -> its name in operations, and its multiple of the sidereal rate.
-RATES = {0: ("sidereal", 1.0), 1: ("lunar", 14.685 / SIDEREAL_ARCSECONDS), 2: ("solar", 15.0 / SIDEREAL_ARCSECONDS)}
+RATES = {0: ("sidereal", 1.0), 1: ("lunar", 14.685 / SIDEREAL_ARCSEC_PER_S), 2: ("solar", 15.0 / SIDEREAL_ARCSEC_PER_S)}
 
 
 def slew(session: AlpacaSession, values: Values) -> Handling:
@@ -130,7 +130,7 @@ def pulse_guide(session: AlpacaSession, values: Values) -> Handling:
     direction = DIRECTIONS[value_in_range(values, "direction", "Direction", 0, 3)]
     ms = value_in_range(values, "ms", "Duration", 0, 600_000)
     if ms:
-        yield op.Pulse(direction, ms, session.settings.guides_by_sky)
+        yield op.Pulse(direction, ms, session.client_settings.guides_by_sky)
 
 
 # --- tracking ---------------------------------------------------------------------------------------------------------
@@ -179,15 +179,15 @@ def _drive_rate_numbers() -> Handling:
 
 def guide_rate(command: Command) -> Handling:
     """Return the guide rate of the member's axis, degrees per second."""
-    return (yield op.GetAbilities()).guides[_guide_rate_axis(command) - 1] * SIDEREAL
+    return (yield op.GetAbilities()).guides[_guide_rate_axis(command) - 1] * SIDEREAL_RATE
 
 
 def set_guide_rate(command: Command, values: Values) -> Handling:
     """Set the guide rate, degrees per second, at most sidereal."""
-    rate = value_in_range(values, "rate", "The guide rate", 0.0, SIDEREAL * 1.0001)
+    rate = value_in_range(values, "rate", "The guide rate", 0.0, SIDEREAL_RATE * 1.0001)
     if "SetGuideRate" not in (yield op.GetAbilities()).can:
         raise Unsupported("The guide rates of this mount cannot be set.")
-    yield op.SetGuideRate(_guide_rate_axis(command), min(1.0, rate / SIDEREAL))
+    yield op.SetGuideRate(_guide_rate_axis(command), min(1.0, rate / SIDEREAL_RATE))
 
 
 def _guide_rate_axis(command: Command) -> int:

@@ -44,9 +44,9 @@ def _report_from_fields(answer: dict[str, Any]) -> ControllerReport:
     return ControllerReport(answer["tracking"] == "T", place == "P", place == "H", build)
 
 
-def _report_from_letters(mount: Lx200Driver, status_facts: dict[str, Any], text: str) -> ControllerReport:
-    letters, tail = text[: -status_facts["tail"]], text[-status_facts["tail"] :]
-    if not any(letter in letters for letter in status_facts["park"]):
+def _report_from_letters(mount: Lx200Driver, status_table: dict[str, Any], status_text: str) -> ControllerReport:
+    letters, tail = status_text[: -status_table["tail"]], status_text[-status_table["tail"] :]
+    if not any(letter in letters for letter in status_table["park"]):
         raise Garbled  # cut short, or another controller's
     mount.pulse_rate = f"R{tail[0]}" if tail[:1] == tail[1:2] else None  # either may be that of its pulses
     if mount.rate_sent is None and (pulses := f"R{tail[:1]}") in mount.dialect["pulses"]["rates"]:
@@ -55,7 +55,7 @@ def _report_from_letters(mount: Lx200Driver, status_facts: dict[str, Any], text:
         mount.keypad_rate = keys
 
     def has_flag(flag: str) -> bool:
-        return any(letter in letters for letter in status_facts[flag])
+        return any(letter in letters for letter in status_table[flag])
 
     builds, sides = {"german": "G", "fork": "P", "alt-az": "A"}, {"east": "E", "west": "W"}
     return ControllerReport(
@@ -88,7 +88,7 @@ def read_speeds(mount: Lx200Driver) -> Steps:
         if isinstance(speed, list):
             command, times = speed
             if command not in said:
-                said[command] = yield from _read_number(mount, command)
+                said[command] = yield from _read_speed(mount, command)
             if (number := said[command]) is not None:
                 mount.reported_speeds[name] = number * times * SPEEDS["RG"]
     rates = mount.dialect["pulses"]["rates"]
@@ -97,7 +97,7 @@ def read_speeds(mount: Lx200Driver) -> Steps:
         mount.guide_rate = mount.speeds.get(rate or "", SPEEDS["RG"]) / SPEEDS["RG"]
 
 
-def _read_number(mount: Lx200Driver, command: str) -> Steps:
+def _read_speed(mount: Lx200Driver, command: str) -> Steps:
     """Return the speed in the reply to a command, in the unit of that command; None without a usable reply."""
     with contextlib.suppress(ValueError):
         try:
@@ -116,7 +116,7 @@ class CheckArrow(Operation, frozen=True):
     seen_moving_at: float
 
 
-def schedule_check(mount: Lx200Driver, axis: int) -> Steps:
+def schedule_arrow_check(mount: Lx200Driver, axis: int) -> Steps:
     """Schedule a check whether an arrow still moves the mount, if the controller's timer can end such a motion."""
     if "arrows" in mount.dialect and mount.has_status:
         yield Schedule(ARROW_CHECK_DELAY, CheckArrow(axis, mount.now(), mount.now()))
@@ -155,4 +155,4 @@ def check_arrow(mount: Lx200Driver, operation: CheckArrow) -> Steps:
         yield from ask(mount, mount.rate_sent)
         if mount.moving.get(axis) == letter:
             yield from ask(mount, f"M{letter}")
-            yield from schedule_check(mount, axis)
+            yield from schedule_arrow_check(mount, axis)

@@ -14,7 +14,7 @@ from gateway.core.errors import Fault, Refused, Unsupported
 from gateway.protocols.base.driver import Steps, Wait
 from gateway.protocols.lx200.driver.ends import FOCUSER_AXIS, count_motion, end_motion
 from gateway.protocols.lx200.driver.identify import native_mode, read_status
-from gateway.protocols.lx200.driver.speeds import NAMED_DRIVES, SIDEREAL_HERTZ
+from gateway.protocols.lx200.driver.speeds import DRIVE_RATES, SIDEREAL_HERTZ
 from gateway.protocols.lx200.driver.speeds import SIDEREAL_HERTZ_RANGE as _SIDEREAL
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 
@@ -136,7 +136,7 @@ def drive_rate(mount: Lx200Driver, _: op.DriveRate) -> Steps:
     shown: float = (yield from ask(mount, "GT"))["hertz"]
     asked = mount.drive_rate or op.TrackRate(name="sidereal")
     if not shown:  # another maker's that does not track
-        return asked.factor or NAMED_DRIVES[asked.name or "sidereal"]
+        return asked.factor or DRIVE_RATES[asked.name or "sidereal"]
     solar = asked.name == "solar"
     return 1.0 if _SIDEREAL_MIN_HERTZ <= shown <= _SIDEREAL[1] and not solar else shown / SIDEREAL_HERTZ
 

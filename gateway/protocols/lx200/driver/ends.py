@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import contextlib
 
-from gateway.astro.spherical import SIDEREAL_ARCSECONDS
+from gateway.astro.spherical import SIDEREAL_ARCSEC_PER_S
 from gateway.core.errors import Busy
 from gateway.core.operations import Operation
 from gateway.protocols.base.driver import Remark, Schedule, Steps
@@ -110,7 +110,7 @@ def set_max_speed(mount: Lx200Driver, speed: float | None) -> Steps:
 def send_guide_rate(mount: Lx200Driver, fraction: float) -> Steps:
     """:Rg - set the guide rate, a fraction of sidereal, if the model has :Rg and the value sent last was different."""
     if _guide_rate_differs(mount, fraction):
-        yield from ask(mount, "Rg", rate=min(1.0, fraction) * SIDEREAL_ARCSECONDS)
+        yield from ask(mount, "Rg", rate=min(1.0, fraction) * SIDEREAL_ARCSEC_PER_S)
         mount.guide_rate_sent = fraction
 
 

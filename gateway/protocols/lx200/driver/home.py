@@ -29,7 +29,7 @@ class CheckHomeSearch(op.Operation, frozen=True):
 def park(mount: Lx200Driver, _: op.Park) -> Steps:
     """:hP - park; the telescope turns its drives off when it has arrived."""
     yield from stop_current_motion(mount)
-    yield from begin_goto(mount, "hP", then_command="park")
+    yield from begin_goto(mount, "hP", purpose="park")
 
 
 def seek_home(mount: Lx200Driver, operation: op.Home | op.SetHome) -> Steps:
@@ -66,7 +66,7 @@ def check_home_search(mount: Lx200Driver, _: CheckHomeSearch) -> Steps:
 def go_home(mount: Lx200Driver, _: op.Home) -> Steps:
     """:hC - a goto to the home position of another maker's mount, which needs no search."""
     yield from stop_current_motion(mount)
-    yield from begin_goto(mount, "hC", then_command="home")
+    yield from begin_goto(mount, "hC", purpose="home")
 
 
 def home_state(mount: Lx200Driver, _: op.HomeState) -> Steps:

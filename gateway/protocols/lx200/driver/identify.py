@@ -20,7 +20,7 @@ from gateway.protocols.wireformat.command_set import load
 #: Timeout of a query that may stay unanswered: a multiple of the usual reply time, and its minimum in seconds.
 TIMEOUT_FACTOR, MIN_PROBE_TIMEOUT = 2.0, 0.6
 #: Questions to an unknown controller, and what remains unknown without an answer.
-UNKNOWN_BY_COMMAND = {"GVN": "its version", "ACK": "how it is mounted", "GW": "whether it tracks"}
+UNKNOWN_FACT_BY_COMMAND = {"GVN": "its version", "ACK": "how it is mounted", "GW": "whether it tracks"}
 #: How many positions are read to find out whether a mount that shows bars moves, and the seconds between two.
 POSITION_READS, POSITION_READ_INTERVAL = 3, 1.5
 #: How often another maker's mount is asked for its status: without an answer it counts as an unknown controller.
@@ -71,7 +71,7 @@ def identity(mount: Lx200Driver, _: Operation) -> Steps:
     if mount.dialect:
         yield from read_speeds(mount)
     if mount.model == "other":
-        unknown = [text for command, text in UNKNOWN_BY_COMMAND.items() if command in mount.unanswered]
+        unknown = [text for command, text in UNKNOWN_FACT_BY_COMMAND.items() if command in mount.unanswered]
         unnamed = load("lx200").model_of_product(mount.product) == "other"
         untold = "and does not report its state (a TeenAstro does from 1.5.1 on)"
         known = "which the gateway does not know" if unnamed else untold
@@ -100,7 +100,7 @@ def _detect_pushed_by_hand(mount: Lx200Driver) -> Steps:
         places.append(Equatorial(ra, dec))
         yield Wait(POSITION_READ_INTERVAL)
     moved = max(max(abs(wrap180(place.ra - ra)), abs(place.dec - dec)) for place in places)
-    mount.pushed_by_hand = moved < mount.resolution
+    mount.pushed_by_hand = moved < mount.rest_tolerance
     if mount.pushed_by_hand:
         yield Remark(PUSHED_MESSAGE)
 

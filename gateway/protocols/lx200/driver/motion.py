@@ -14,7 +14,7 @@ from gateway.astro.spherical import az_alt_rates_by_dec, az_alt_rates_by_ha
 from gateway.core import operations as op
 from gateway.core.errors import Refused, Unsupported
 from gateway.protocols.base.driver import BY_HAND_MESSAGE, SLEWING_MESSAGE, Remark, Steps
-from gateway.protocols.lx200.driver.dialect import schedule_check
+from gateway.protocols.lx200.driver.dialect import schedule_arrow_check
 from gateway.protocols.lx200.driver.drive import note_drive_rate, restore_drive_rate, set_drive_hertz
 from gateway.protocols.lx200.driver.ends import (
     MOUNT_AXES,
@@ -25,13 +25,13 @@ from gateway.protocols.lx200.driver.ends import (
     set_max_speed,
 )
 from gateway.protocols.lx200.driver.pointing import horizontal_position, is_beyond_pole
-from gateway.protocols.lx200.driver.speeds import NAMED_DRIVES, SPEEDS, Speed, nearest, nearest_total_speed, ratio_error
+from gateway.protocols.lx200.driver.speeds import DRIVE_RATES, SPEEDS, Speed, nearest, nearest_total_speed, ratio_error
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask, rate_command
 from gateway.protocols.lx200.reply_rules import PAUSE_AFTER_COMMAND
 
 MAX_PULSE_MS = 9999  # milliseconds: the four digits of :Mg
 #: Guide rates that differ by less, in fractions of sidereal, are the same.
-SAME_RATE = 0.01
+RATE_TOLERANCE = 0.01
 #: The logarithm of the ratio of actual to requested speed beyond which the deviation is logged.
 _REMARK_THRESHOLD = math.log(1.1)
 
@@ -69,7 +69,7 @@ def move_axis(mount: Lx200Driver, operation: op.MoveAxis) -> Steps:
         return
     west = rate.degrees if letter == "w" else -rate.degrees
     speed = nearest_total_speed(mount.model_speeds, west, _tracking_speed(mount))
-    yield from _log_deviation(west, speed.deg_per_s)
+    yield from _log_speed_deviation(west, speed.deg_per_s)
     if speed.hertz is not None:
         yield from note_drive_rate(mount)
         mount.drive_rate_changed = True
@@ -84,7 +84,7 @@ def move_axis(mount: Lx200Driver, operation: op.MoveAxis) -> Steps:
 def _tracking_speed(mount: Lx200Driver) -> float:
     """Return the current tracking speed, degrees per second."""
     rate = mount.drive_rate
-    factor = 1.0 if rate is None else rate.factor if rate.factor is not None else NAMED_DRIVES[rate.name or "sidereal"]
+    factor = 1.0 if rate is None else rate.factor if rate.factor is not None else DRIVE_RATES[rate.name or "sidereal"]
     return factor * SPEEDS["RG"]
 
 
@@ -93,21 +93,21 @@ def _choose_speed(mount: Lx200Driver, rate: op.Rate) -> Steps:
     if rate.name is not None or rate.degrees is None:
         return None
     speed = nearest(mount.model_speeds, rate.degrees)
-    yield from _log_deviation(rate.degrees, speed.deg_per_s)
+    yield from _log_speed_deviation(rate.degrees, speed.deg_per_s)
     return speed
 
 
-def _log_deviation(requested: float, actual: float) -> Steps:
-    if ratio_error(requested, actual) > _REMARK_THRESHOLD:
+def _log_speed_deviation(requested_speed: float, actual_speed: float) -> Steps:
+    if ratio_error(requested_speed, actual_speed) > _REMARK_THRESHOLD:
         yield Remark(
-            f"a motion at {abs(requested) * 3600:.5g} arcseconds per second is done at "
-            f"{actual * math.copysign(3600, requested):.5g}: this mount has no nearer speed",
+            f"a motion at {abs(requested_speed) * 3600:.5g} arcseconds per second is done at "
+            f"{actual_speed * math.copysign(3600, requested_speed):.5g}: this mount has no nearer speed",
             "speed",
         )
 
 
 def _begin_motion(mount: Lx200Driver, axis: int, letter: str, rate: op.Rate, speed: Speed | None) -> Steps:
-    """Begin a motion by hand at ``speed``; None: at the named rate. A speed without a command needs no arrow key."""
+    """Begin a motion by hand at ``speed``; None: at the named rate. A speed without a rate command needs no arrow."""
     mount.check_movable()
     old = mount.moving.get(axis)
     none = speed is not None and speed.command is None
@@ -120,7 +120,7 @@ def _begin_motion(mount: Lx200Driver, axis: int, letter: str, rate: op.Rate, spe
     count_motion(mount, axis)
     yield from ask(mount, f"M{letter}")
     mount.moving[axis], mount.parked = letter, False
-    yield from schedule_check(mount, axis)
+    yield from schedule_arrow_check(mount, axis)
 
 
 def _send_named_rate(mount: Lx200Driver, axis: int, rate: op.Rate) -> Steps:
@@ -227,12 +227,12 @@ def pulse_axis(mount: Lx200Driver, operation: op.PulseAxis) -> Steps:
     return (yield from _send_pulse(mount, operation.axis, letter, operation.ms, operation.rate))
 
 
-def _pulse_rate(mount: Lx200Driver, fraction: float) -> Steps:
+def _select_pulse_rate(mount: Lx200Driver, fraction: float) -> Steps:
     """Return the pulse rate, a fraction of sidereal; of several rates select the slowest not below ``fraction``."""
     if not (pulses := mount.dialect.get("pulses")):
         return 1.0
     speeds = {name: mount.speeds.get(name, SPEEDS["RG"]) / SPEEDS["RG"] for name in pulses["rates"]}
-    command = next((name for name, speed in speeds.items() if speed > fraction - SAME_RATE), pulses["rates"][-1])
+    command = next((name for name, speed in speeds.items() if speed > fraction - RATE_TOLERANCE), pulses["rates"][-1])
     if pulses["send"]:
         if mount.moving:  # it would go on at this rate, or the pulse at its own
             raise Refused(BY_HAND_MESSAGE)
@@ -247,7 +247,7 @@ def _send_pulse(mount: Lx200Driver, axis: int, letter: str, ms: int, rate: float
     if mount.goto is not None:
         raise Refused(SLEWING_MESSAGE)
     fraction = mount.guide_rate if rate is None else rate
-    shorter = 1.0 if mount.supports("Rg") else fraction / (yield from _pulse_rate(mount, fraction))
+    shorter = 1.0 if mount.supports("Rg") else fraction / (yield from _select_pulse_rate(mount, fraction))
     yield from send_guide_rate(mount, fraction)
     ms = round(ms * shorter)
     if ms <= 0:

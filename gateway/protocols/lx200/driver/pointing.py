@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 
-from gateway.astro.spherical import SIDEREAL_ARCSECONDS, fold_declination, separation, wrap180
+from gateway.astro.spherical import SIDEREAL_ARCSEC_PER_S, fold_declination, separation, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Garbled, Refused, Silence, TooHigh, Unsupported
 from gateway.protocols.base.driver import Remark, Send, Steps, Wait
@@ -69,16 +69,16 @@ def horizontal_position(mount: Lx200Driver, _: op.HorizontalPosition) -> Steps:
     return op.Horizontal(first["az"], second["alt"]) if together else None
 
 
-def _read_pair(mount: Lx200Driver, first: str, second: str, tries: int) -> Steps:
+def _read_pair(mount: Lx200Driver, first_query: str, second_query: str, tries: int) -> Steps:
     """Return two replies, and whether they are of about the same instant, because other requests may delay the second.
 
     On a slow line it does not help to repeat both, so the delay is compared with the usual reply time.
     """
     nearest = math.inf
     for _ in range(tries):
-        value = yield from ask(mount, first)
+        value = yield from ask(mount, first_query)
         since = mount.now()
-        other = yield from ask(mount, second)
+        other = yield from ask(mount, second_query)
         mount.read_at = since, mount.now()
         nearest = min(nearest, mount.now() - since)
         if mount.now() - since <= max(MAX_PAIR_DELAY, REPLY_TIME_FACTOR * mount.reply_time):
@@ -162,11 +162,11 @@ def goto_axes(mount: Lx200Driver, operation: op.GotoAxes) -> Steps:
     yield from restore_rates_later(mount)
 
 
-def begin_goto(mount: Lx200Driver, command: str, then_command: str | None = None) -> Steps:
+def begin_goto(mount: Lx200Driver, command: str, purpose: str | None = None) -> Steps:
     """Send the command that begins a goto."""
     mount.check_movable()
     count_motion(mount, *MOUNT_AXES)
-    yield from mount.begin_goto(Lx200GotoState(purpose=then_command), _send_goto(mount, command), _bars_show_goto)
+    yield from mount.begin_goto(Lx200GotoState(purpose=purpose), _send_goto(mount, command), _bars_show_goto)
 
 
 def _send_goto(mount: Lx200Driver, command: str) -> Steps:
@@ -223,7 +223,7 @@ def sync(mount: Lx200Driver, operation: op.Sync) -> Steps:
     worded = not said.isdigit() and said != ""
     if worded and not mount.facts.get("by_effect"):
         return
-    within = STILL_TOLERANCE if worded else 2.0 * mount.resolution
+    within = STILL_TOLERANCE if worded else 2.0 * mount.rest_tolerance
     for look in range(SYNC_CHECKS if worded else SYNC_CHECKS - 1):  # each maker has words of its own for a refusal
         if look:
             yield Wait(CHECK_INTERVAL)
@@ -254,7 +254,7 @@ def is_beyond_pole(mount: Lx200Driver) -> Steps:
         sidereal = (yield from ask(mount, "GS"))["sidereal"]
         assert mount.pier_side_basis is not None
         ra, then = mount.pier_side_basis
-        hour_angle = wrap180(sidereal - (mount.now() - then) * SIDEREAL_ARCSECONDS / 3600.0 - ra)
+        hour_angle = wrap180(sidereal - (mount.now() - then) * SIDEREAL_ARCSEC_PER_S / 3600.0 - ra)
         mount.beyond_pole = (hour_angle > 0.0) if mount.southern else (hour_angle < 0.0)
     return mount.beyond_pole
 

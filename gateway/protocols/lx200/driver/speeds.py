@@ -13,14 +13,14 @@ from collections.abc import Iterator
 from msgspec import Struct
 from msgspec.structs import replace
 
-from gateway.astro.spherical import SIDEREAL_ARCSECONDS
+from gateway.astro.spherical import SIDEREAL_ARCSEC_PER_S
 
 #: The sidereal rate in hertz, the unit of drive rates; and the range of displayed values that means sidereal.
 SIDEREAL_HERTZ, SIDEREAL_HERTZ_RANGE = 60.16427, (60.1, 60.2)
 #: The four rates in degrees per second, from the manual: 1x and 16x sidereal, 2 and 8 degrees per second.
-SPEEDS = {"RG": SIDEREAL_ARCSECONDS / 3600, "RC": 16 * SIDEREAL_ARCSECONDS / 3600, "RM": 2.0, "RS": 8.0}
+SPEEDS = {"RG": SIDEREAL_ARCSEC_PER_S / 3600, "RC": 16 * SIDEREAL_ARCSEC_PER_S / 3600, "RM": 2.0, "RS": 8.0}
 #: Named drive rates as multiples of sidereal.
-NAMED_DRIVES = {"sidereal": 1.0, "solar": 0.99727, "lunar": 0.97633}
+DRIVE_RATES = {"sidereal": 1.0, "solar": 0.99727, "lunar": 0.97633}
 #: Ratios that differ by less are equal: then the simpler choice is taken.
 RATIO_TOLERANCE = 1e-4
 #: The slowest rate and the step of :RA and :RE, degrees per second; the step of :Rg, arcseconds per second.
@@ -47,13 +47,13 @@ class Speed(Struct, frozen=True):
 
 
 class ModelSpeeds(Struct, frozen=True):
-    """The speeds of a model, degrees per second. ``guides``: whether it has :Rg (guide rate); ``any_rate``: whether it
-    has :RA and :RE (any rate of an axis); ``has_max_speed``: whether it has :Sw, which sets the speed of :RS to a
+    """The speeds of a model, degrees per second. ``guides``: whether it has :Rg (guide rate); ``has_any_rate``: whether
+    it has :RA and :RE (any rate of an axis); ``has_max_speed``: whether it has :Sw, which sets the speed of :RS to a
     value in ``max_speed_range``. ``hertz_range``: drive rates, hertz. ``speeds``: another maker's speeds, by command.
     """
 
     guides: bool
-    any_rate: bool
+    has_any_rate: bool
     has_max_speed: bool
     max_speed: int
     max_speed_range: tuple[int, int]
@@ -70,14 +70,14 @@ def ratio_error(requested: float, actual: float) -> float:
 
 def nearest(model_speeds: ModelSpeeds, requested: float) -> Speed:
     """Return the choice for a direction key that is nearest to this speed, degrees per second."""
-    return _first_nearest([*_key_speeds(model_speeds, requested)], requested)
+    return _nearest_choice([*_key_speeds(model_speeds, requested)], requested)
 
 
 def nearest_total_speed(model_speeds: ModelSpeeds, west_speed: float, drive_rate: float) -> Speed:
     """Return the choice that turns the right ascension motor nearest to ``west_speed`` (signed, degrees per second).
     ``drive_rate`` is the current drive rate, degrees per second.
     """
-    return _first_nearest(
+    return _nearest_choice(
         [
             *_drive_speeds(model_speeds, west_speed, drive_rate),
             *(
@@ -90,7 +90,7 @@ def nearest_total_speed(model_speeds: ModelSpeeds, west_speed: float, drive_rate
     )
 
 
-def _first_nearest(speeds: list[Speed], requested: float) -> Speed:
+def _nearest_choice(speeds: list[Speed], requested: float) -> Speed:
     """Return the speed nearest to ``requested`` by ratio, degrees per second; of equally near speeds the first."""
     least = min(ratio_error(requested, speed.deg_per_s) for speed in speeds)
     return next(speed for speed in speeds if ratio_error(requested, speed.deg_per_s) <= least + RATIO_TOLERANCE)
@@ -103,14 +103,14 @@ def _key_speeds(model_speeds: ModelSpeeds, requested: float) -> Iterator[Speed]:
         return
     if model_speeds.guides:
         arcseconds = min(
-            math.floor(SIDEREAL_ARCSECONDS / _GUIDE_STEP) * _GUIDE_STEP, max(_GUIDE_STEP, requested * 3600.0)
+            math.floor(SIDEREAL_ARCSEC_PER_S / _GUIDE_STEP) * _GUIDE_STEP, max(_GUIDE_STEP, requested * 3600.0)
         )
         arcseconds = round(round(arcseconds / _GUIDE_STEP) * _GUIDE_STEP, 1)
-        yield Speed("RG", arcseconds / 3600.0, guide=arcseconds / SIDEREAL_ARCSECONDS)
+        yield Speed("RG", arcseconds / 3600.0, guide=arcseconds / SIDEREAL_ARCSEC_PER_S)
     else:
         yield Speed("RG", SPEEDS["RG"])
     yield Speed("RC", SPEEDS["RC"])
-    if model_speeds.any_rate:
+    if model_speeds.has_any_rate:
         free = max(_MIN_AXIS_RATE, round(round(requested / _AXIS_STEP) * _AXIS_STEP, 1))
         free = min(float(model_speeds.max_speed_range[1]), free)
         yield Speed("RS", free, axis_rate=free)
@@ -148,11 +148,11 @@ def _drive_speeds(model_speeds: ModelSpeeds, west_speed: float, drive: float) ->
 
 def _nearest_hertz(model_speeds: ModelSpeeds, speed: float) -> float:
     low, high = model_speeds.hertz_range
-    return min(high, max(low, round(speed * 3600.0 * SIDEREAL_HERTZ / SIDEREAL_ARCSECONDS, 1)))
+    return min(high, max(low, round(speed * 3600.0 * SIDEREAL_HERTZ / SIDEREAL_ARCSEC_PER_S, 1)))
 
 
 def _speed(hertz: float) -> float:
     """Return a drive rate in degrees per second; a telescope treats 60.1 to 60.2 hertz as sidereal."""
     if SIDEREAL_HERTZ_RANGE[0] <= hertz <= SIDEREAL_HERTZ_RANGE[1]:
-        return SIDEREAL_ARCSECONDS / 3600.0
-    return hertz / SIDEREAL_HERTZ * SIDEREAL_ARCSECONDS / 3600.0
+        return SIDEREAL_ARCSEC_PER_S / 3600.0
+    return hertz / SIDEREAL_HERTZ * SIDEREAL_ARCSEC_PER_S / 3600.0

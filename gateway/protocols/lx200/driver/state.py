@@ -167,7 +167,7 @@ class Lx200Driver(Driver):
         """Assume that the telescope is of this model, and speak the model's dialect."""
         self.model, self.protocol = model, load("lx200").in_dialect_of(model)
         #: The facts of its dialect, none for a Meade; and the command for its state.
-        self.dialect: Mapping[str, Any] = {} if self.protocol.overlay is None else self.protocol.overlay.facts
+        self.dialect: Mapping[str, Any] = {} if self.protocol.dialect_rows is None else self.protocol.dialect_rows.facts
         self.status_command = str(self.dialect.get("status", {}).get("command", "GW"))
 
     @property
@@ -176,7 +176,7 @@ class Lx200Driver(Driver):
         return self.protocol.models[self.model or "autostar"]
 
     @property
-    def resolution(self) -> float:  # type: ignore[override]
+    def rest_tolerance(self) -> float:  # type: ignore[override]
         """The resolution of positions, degrees: a second of right ascension, in low precision a tenth of a minute."""
         return (90.0 if self.low and not self.dialect else 20.0) / 3600.0
 
@@ -277,7 +277,7 @@ class Lx200Driver(Driver):
         known = not self.pec_axes or self.supports("$QZ+")
         return "" if known else "its periodic error counts as not corrected"
 
-    def forget_emulated(self) -> Steps:
+    def renew_settings(self) -> Steps:
         yield from ()
         self.pec_axes = frozenset()
 
@@ -296,11 +296,11 @@ class Lx200Driver(Driver):
     def reports_pier_side(self) -> bool:  # type: ignore[override]
         return bool(self.dialect) and self.has_status
 
-    def tube_side(self, reported: str) -> str | None:
+    def tube_side(self, reported_side: str) -> str | None:
         """Return the tube's pier side: the reported letter, swapped in the southern hemisphere; None if unknown."""
-        if not (self.german and self.reports_pier_side and reported):
+        if not (self.german and self.reports_pier_side and reported_side):
             return None
-        return {"E": "W", "W": "E"}[reported] if self.southern else reported
+        return {"E": "W", "W": "E"}[reported_side] if self.southern else reported_side
 
     def speed(self, rate: op.Rate) -> float:
         """Return the speed at a hand rate, degrees per second; if several are possible, the greatest."""
@@ -316,8 +316,8 @@ class Lx200Driver(Driver):
         known = {name: times * SPEEDS["RG"] for name, times in table.items() if isinstance(times, float)}
         return {**known, **self.reported_speeds} or SPEEDS
 
-    def can_do(self, equatorial: bool) -> op.Abilities:
-        can = super().can_do(equatorial)
+    def abilities(self, equatorial: bool) -> op.Abilities:
+        can = super().abilities(equatorial)
         able = can.can - {kind.__name__ for kind in (*MOVERS, op.Sync)} if self.pushed_by_hand else can.can
         return replace(can, can=able, guides=(self.guide_rate, self.guide_rate))
 

@@ -25,13 +25,13 @@ def encode(sim: MeadeTelescope, command: str, **values: object) -> bytes:
     return b"" if template is None else template.encode(values).replace(b"*", sim.degree)
 
 
-def equatorial(sim: MeadeTelescope, command: str, _: Values) -> bytes:
+def ra_dec_reply(sim: MeadeTelescope, command: str, _: Values) -> bytes:
     """:GR :GD - right ascension and declination."""
     ra, dec = sim.position()
     return encode(sim, command, ra=ra, dec=dec)
 
 
-def horizontal(sim: MeadeTelescope, command: str, _: Values) -> bytes:
+def az_alt_reply(sim: MeadeTelescope, command: str, _: Values) -> bytes:
     """:GZ :GA - azimuth and altitude; a classic writes an apostrophe before the seconds of the azimuth."""
     ra, dec = sim.position()
     az, alt = hour_angle_to_horizon(wrap180(sim.mechanics.sky.lst(sim.now) - ra), dec, sim.site[0])
@@ -39,7 +39,7 @@ def horizontal(sim: MeadeTelescope, command: str, _: Values) -> bytes:
     return reply.replace(b":", b"'") if command == "GZ" and sim.classic else reply
 
 
-def bars(sim: MeadeTelescope, command: str, _: Values) -> bytes:
+def bars_reply(sim: MeadeTelescope, command: str, _: Values) -> bytes:
     """:D - a bar until a slew ends; on a classic 16 columns for each axis, with bars for the remaining distance."""
     going = sim.mechanics.slewing(sim.now)
     if not sim.classic:
@@ -87,11 +87,11 @@ def help_text(sim: MeadeTelescope, command: str, _: Values) -> bytes:
 #: Commands that are accepted without a reply or a visible effect.
 _SILENT = ("ED", "EK", "ES", "EQ", "GH", "SH")
 HANDLERS: dict[str, Handler] = {
-    "GR": equatorial, "GD": equatorial, "GZ": horizontal, "GA": horizontal, "D": bars,
+    "GR": ra_dec_reply, "GD": ra_dec_reply, "GZ": az_alt_reply, "GA": az_alt_reply, "D": bars_reply,
     "Gr": lambda sim, name, _: encode(sim, name, ra=sim.stored_values.get("ra", 0.0)),
     "Gd": lambda sim, name, _: encode(sim, name, dec=sim.stored_values.get("dec", 0.0)),
     "ACK": lambda sim, name, _: sim.mode_letter.encode(), "GW": status, "GT": hertz, "G0": menu, "G1": menu, "G2": menu,
-    **dict.fromkeys(_NAME_KEYS, lambda sim, name, _: f"{sim.row[_NAME_KEYS[name]]}#".encode()),
+    **dict.fromkeys(_NAME_KEYS, lambda sim, name, _: f"{sim.facts[_NAME_KEYS[name]]}#".encode()),
     "h?": lambda sim, name, _: b"2" if sim.seeks_home else str(sim.home_state).encode(),
     "gps": lambda sim, name, _: format_rmc(Place(*sim.site), sim.now).encode() + b"#",
     "??": help_text, "?+": help_text, "?-": help_text, **dict.fromkeys(_SILENT, lambda sim, name, _: None),

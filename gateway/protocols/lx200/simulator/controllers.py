@@ -68,7 +68,7 @@ class ControllerMotion(SimulatedLx200):
     @property
     def is_before_onstepx(self) -> bool:
         """Whether it is an OnStep before OnStepX."""
-        return str(self.row["firmware"])[:2] in ("2.", "3.", "4.")
+        return str(self.facts["firmware"])[:2] in ("2.", "3.", "4.")
 
     def power_on(self) -> None:
         super().power_on()
@@ -83,7 +83,7 @@ class ControllerMotion(SimulatedLx200):
         self.error = 0
         self.stored_values.update(lowest=-10.0, highest=90.0)
 
-    def framer(self) -> TimedFramer:  # type: ignore[override]
+    def new_framer(self) -> TimedFramer:  # type: ignore[override]
         return FrameCutter(79 if self.onstep else 28, self.onstep)
 
     def sidereal_multiple(self, number: int) -> float:
@@ -228,11 +228,11 @@ def _sync(sim: ControllerMotion, _: str, __: Values) -> bytes:
 
 
 def _press_arrow(sim: ControllerMotion, command: str, _: Values) -> None:
-    axis, sense = motion.axis_of(sim, command[1])
+    axis, sense = motion.axis_and_sense(sim, command[1])
     if sim.parked or sim.awaited:
         return
     if sim.mechanics.slewing(sim.now):
-        sim.mechanics.cancel(sim.now)
+        sim.mechanics.stop_goto(sim.now)
         return
     if sim.stored_values.get(f"arrow {axis}") == command and axis in sim.ends:
         return
@@ -242,19 +242,19 @@ def _press_arrow(sim: ControllerMotion, command: str, _: Values) -> None:
 
 
 def _release_arrow(sim: ControllerMotion, command: str, _: Values) -> None:
-    sim.release_arrows(sim.now, motion.axis_of(sim, command[1])[0])
+    sim.release_arrows(sim.now, motion.axis_and_sense(sim, command[1])[0])
 
 
 def _stop(sim: ControllerMotion, _: str, __: Values) -> None:
     sim.release_arrows(sim.now, *sim.ends)
-    sim.mechanics.cancel(sim.now)
+    sim.mechanics.stop_goto(sim.now)
     sim.parking = sim.homing = False
 
 
 def _pulse(sim: ControllerMotion, _: str, values: Values) -> None:
     if sim.parked or sim.awaited or sim.mechanics.slewing(sim.now):
         return
-    axis, sense = motion.axis_of(sim, values["direction"])
+    axis, sense = motion.axis_and_sense(sim, values["direction"])
     rate = sim.pulse_rate_number if sim.has_pulse_rate else sim.rate_number
     sim.mechanics.pulse(sim.now, axis, sense * sim.sidereal_multiple(rate) * SIDEREAL_RATE, values["ms"] / 1000.0)
 
@@ -316,7 +316,7 @@ def _site_reply(sim: ControllerMotion, command: str, _: Values) -> bytes:
 
 
 def _az_alt_reply(sim: ControllerMotion, command: str, _: Values) -> bytes:
-    return answers.horizontal(sim, command, _).replace(b":", b"'")
+    return answers.az_alt_reply(sim, command, _).replace(b":", b"'")
 
 
 def _high_precision_reply(sim: ControllerMotion, command: str) -> bytes:
@@ -341,8 +341,8 @@ def _set_park(sim: ControllerMotion) -> bytes:
 
 
 #: Commands of the next table that only an OnStep has, and that only a TeenAstro has.
-OF_ONSTEP = {"GU", "GX90", "GX97", "GtH", "GgH", "GRa", "GDe"}
-TEENASTRO_COMMANDS = {"GXT2", "GXRX", "GRL", "GDL"}
+ONSTEP_ONLY = {"GU", "GX90", "GX97", "GtH", "GgH", "GRa", "GDe"}
+TEENASTRO_ONLY = {"GXT2", "GXRX", "GRL", "GDL"}
 #: Commands without an argument that a Meade does not have or answers otherwise.
 REPLIES: dict[str, Callable[[ControllerMotion], bytes]] = {
     "GU": ControllerMotion.status_letters, "GW": ControllerMotion.status_reply, "Gm": ControllerMotion.pier_side_reply,
@@ -384,10 +384,10 @@ class SimulatedController(ControllerMotion):
         if frame == ACK:
             return b"P" if self.onstep else b"G"
         word = frame[1:-1].decode("latin-1")
-        assert self.protocol.overlay is not None
-        if (fixed := self.protocol.overlay.facts["simulated"].get(word)) is not None:
+        assert self.protocol.dialect_rows is not None
+        if (fixed := self.protocol.dialect_rows.facts["simulated"].get(word)) is not None:
             return str(fixed).encode()
-        if (answer := REPLIES.get(word)) is not None and word not in (TEENASTRO_COMMANDS if self.onstep else OF_ONSTEP):
+        if (answer := REPLIES.get(word)) is not None and word not in (TEENASTRO_ONLY if self.onstep else ONSTEP_ONLY):
             return answer(self)
         match = self.protocol.find(frame)
         handler = HANDLERS.get(match[0].name) if match is not None else None

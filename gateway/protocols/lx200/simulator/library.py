@@ -81,7 +81,7 @@ def select_catalogue(sim: MeadeTelescope, command: str, values: Values) -> bytes
 def describe(sim: MeadeTelescope, command: str, _: Values) -> bytes:
     """:LI :Lf - describe the selected object, or the objects in the field."""
     if not sim.classic:
-        return f"{sim.row['object_text' if command == 'LI' else 'find_text']}#".encode()
+        return f"{sim.facts['object_text' if command == 'LI' else 'find_text']}#".encode()
     return f"{sim.stored_values.get('object', 'No object')}#".encode() if command == "LI" else b"0 - Objects found#"
 
 

@@ -80,7 +80,7 @@ def sync(sim: MeadeTelescope, command: str, _: Values) -> bytes | None:
     """:CM :CL - sync on the target."""
     sim.mechanics.sync(sim.now, sim.stored_values.get("ra", 0.0), sim.stored_values.get("dec", 0.0))
     sim.aligned = True
-    return f"{sim.row['sync_text']}#".encode() if command == "CM" else None
+    return f"{sim.facts['sync_text']}#".encode() if command == "CM" else None
 
 
 def select_rate(sim: MeadeTelescope, command: str, _: Values) -> None:
@@ -101,7 +101,7 @@ def set_rate(sim: MeadeTelescope, command: str, values: Values) -> None:
 
 def set_max_rate(sim: MeadeTelescope, command: str, values: Values) -> bytes:
     """:Sw - set the fastest slew rate."""
-    low, high = sim.row["max_rates"]
+    low, high = sim.facts["max_rates"]
     if not low <= values["rate"] <= high:
         return b"0"
     sim.mechanics.max_rate = float(values["rate"])
@@ -124,7 +124,7 @@ def _hand_speed(sim: MeadeTelescope, axis: int) -> float:
     return float(sim.stored_values.get("RA" if axis == 1 else "RE") or sim.mechanics.max_rate)
 
 
-def axis_of(sim: MeadeTelescope, letter: str) -> tuple[int, float]:
+def axis_and_sense(sim: MeadeTelescope, letter: str) -> tuple[int, float]:
     """Return the motor and its sense for a direction: north increases declination, west follows the stars."""
     axis, sense = (2 if letter in "ns" else 1), (1.0 if letter in "nw" else -1.0)
     if sim.mechanics.build is not Build.ALTAZ:
@@ -136,12 +136,12 @@ def axis_of(sim: MeadeTelescope, letter: str) -> tuple[int, float]:
 
 def press_arrow(sim: MeadeTelescope, command: str, _: Values) -> None:
     """:Mn :Ms :Me :Mw - press a direction key: the guide rate is added to tracking, the other rates replace it."""
-    axis, sense = axis_of(sim, command[1])
+    axis, sense = axis_and_sense(sim, command[1])
     if set(sim.arrows) - {axis}:
         release_keys(sim, axis)
     else:
         unpark(sim)
-    sim.mechanics.cancel(sim.now)
+    sim.mechanics.stop_goto(sim.now)
     gentle = sim.stored_values["rate"] == "RG"
     if gentle:
         sim.mechanics.pulse(sim.now, axis, sense * _hand_speed(sim, axis), math.inf)
@@ -167,14 +167,14 @@ def release_keys(sim: MeadeTelescope, *axes: int) -> None:
 
 def release_arrow(sim: MeadeTelescope, command: str, _: Values) -> None:
     """:Qn :Qs :Qe :Qw - end the motion in a direction."""
-    release_keys(sim, axis_of(sim, command[1])[0])
+    release_keys(sim, axis_and_sense(sim, command[1])[0])
 
 
 def stop(sim: MeadeTelescope, command: str, _: Values) -> None:
     """:Q - end every motion; computing and waiting for satellites continue."""
     release_keys(sim)
     if sim.mechanics.slewing(sim.now):
-        sim.mechanics.cancel(sim.now)
+        sim.mechanics.stop_goto(sim.now)
         unpark(sim)
     if sim.seeks_home:
         sim.seeks_home, sim.home_state = False, 0
@@ -182,7 +182,7 @@ def stop(sim: MeadeTelescope, command: str, _: Values) -> None:
 
 def pulse(sim: MeadeTelescope, command: str, values: Values) -> None:
     """:Mg - a guide pulse."""
-    axis, sense = axis_of(sim, values["direction"])
+    axis, sense = axis_and_sense(sim, values["direction"])
     sim.mechanics.pulse(sim.now, axis, sense * _guide_speed(sim), values["ms"] / 1000.0)
 
 

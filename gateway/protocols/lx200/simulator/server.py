@@ -59,11 +59,11 @@ _ARGS = {
     "ST": rb"\d{3}[.]\d", "Sw": rb"[2-8]", "Sz": _AZIMUTH + _SECONDS, "T": rb"\d{3}[.]\d{3}", "W": rb"\d",
 }  # fmt: skip
 _PATTERNS = {name: re.compile(b":" + re.escape(name.encode()) + b"(?:" + form + b")#") for name, form in _ARGS.items()}
-LINE_SIZE = 15  # characters between the colon and the #
-_MIN_BYTE, _MAX_BYTE = 0x20, 0x7F
+MAX_LINE_LENGTH = 15  # characters between the colon and the #
+_MIN_COMMAND_BYTE, _MAX_COMMAND_BYTE = 0x20, 0x7F
 
 
-def well_formed(command: str, frame: bytes) -> bool:
+def is_well_formed(command: str, frame: bytes) -> bool:
     """Whether a whole command is in the manual's notation."""
     check = _PATTERNS.get(command)
     return check is None or check.fullmatch(frame) is not None
@@ -76,9 +76,9 @@ class ClassicFramer(Lx200Framer):
         """Return the commands that these bytes complete, in order. ``now`` is a monotonic time in seconds."""
         frames: list[bytes] = []
         for byte in data:
-            if _MIN_BYTE <= byte <= _MAX_BYTE or byte == ACK:
+            if _MIN_COMMAND_BYTE <= byte <= _MAX_COMMAND_BYTE or byte == ACK:
                 frames += super().feed(bytes((byte,)), now)
-                if len(self._frame) > LINE_SIZE + 1:
+                if len(self._frame) > MAX_LINE_LENGTH + 1:
                     self._drop()
             else:
                 self._drop()
@@ -93,12 +93,12 @@ class ClassicFramer(Lx200Framer):
 class SimulatedLx200(MeadeTelescope):
     """A simulated telescope with its serial port. Raises UserError if the model does not exist."""
 
-    def framer(self) -> Lx200Framer:
+    def new_framer(self) -> Lx200Framer:
         return ClassicFramer() if self.classic else Lx200Framer()
 
     def answer(self, frame: bytes, send_later: SendLater | None) -> bytes:
         if isinstance(frame, Unterminated):
-            name = frame.names[0]
+            name = frame.command_names[0]
             return self._deny(self.protocol.commands[name]) if name and self.supports(name) and not frame.late else b""
         match = self.protocol.find(frame)
         if match is None or not self.supports(match[0].name) or match[0].name not in HANDLERS:
@@ -108,7 +108,7 @@ class SimulatedLx200(MeadeTelescope):
             return NAK if self.model == "lx200gps" else b""
         if isinstance(frame, Suspect) and may_begin_motion(self.protocol.surface_rows[command.name].operations):
             return b""
-        if not self.tolerant and not well_formed(command.name, frame):
+        if not self.tolerant and not is_well_formed(command.name, frame):
             return self._deny(command)
         try:
             values = template.decode(frame)

@@ -78,7 +78,7 @@ def set_time(sim: MeadeTelescope, command: str, values: Values) -> bytes:
 def set_date(sim: MeadeTelescope, command: str, values: Values) -> bytes:
     """:SC - set the date; an LX200GPS expects the UTC date."""
     new: date = values["date"]
-    if sim.row["utc_date"]:
+    if sim.facts["utc_date"]:
         sim.clock_ahead += (new - datetime.fromtimestamp(sim.utc(), UTC).date()).total_seconds()
         sim.relocate()
     else:
@@ -142,7 +142,7 @@ def set_site_coordinate(sim: MeadeTelescope, command: str, values: Values) -> by
 
 def select_site(sim: MeadeTelescope, command: str, values: Values) -> None:
     """:W - select a site. Models count from 0 or from 1; those that count from 1 accept 0 for the first."""
-    number = max(0, values["site"] - sim.row["first_site"])
+    number = max(0, values["site"] - sim.facts["first_site"])
     if number < len(sim.sites):
         sim.site_number = number
         sim.relocate()
@@ -159,7 +159,7 @@ def site_name(sim: MeadeTelescope, command: str, _: Values) -> bytes:
 
 def set_site_name(sim: MeadeTelescope, command: str, values: Values) -> bytes:
     """:SM :SN :SO :SP - name a site."""
-    if not 0 < len(values["name"]) <= sim.row["names"]:
+    if not 0 < len(values["name"]) <= sim.facts["names"]:
         return b"0"
     sim.names["MNOP".index(command[1])] = values["name"]
     return b"1"

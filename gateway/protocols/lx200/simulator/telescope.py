@@ -56,7 +56,7 @@ class MeadeTelescope(Simulated):
         if model not in self.protocol.models:
             raise UserError(f"no LX200 model is called {model!r}; there are {', '.join(self.protocol.models)}")
         self.model: str = model
-        self.row: Model = self.protocol.models[model]
+        self.facts: Model = self.protocol.models[model]
         self.classic: bool = model in ("lx200", "lx200-16")
         self.clock, self.now = clock, clock()
         self.sites: list[Pair] = [site] * SITE_COUNT
@@ -76,7 +76,7 @@ class MeadeTelescope(Simulated):
         build = Build.GERMAN if dialect else Build.WEDGE if self.mode_letter == "P" else Build.ALTAZ
         self.mechanics = Mechanics(build, Observer(*site), self.now, self.power_on_axes(build))
         self.mechanics.speedup = speed
-        self.mechanics.acceleration = self.row["max_rate"] / RAMP_SECONDS if ramps else math.inf
+        self.mechanics.acceleration = self.facts["max_rate"] / RAMP_SECONDS if ramps else math.inf
         self.power_on()
 
     def power_on(self) -> None:
@@ -85,7 +85,7 @@ class MeadeTelescope(Simulated):
         self.degree = b"\xdf"
         self.accessories: dict[str, Any] = {}
         self.stored_values: dict[str, Any] = {"rate": "RC", "lowest": 0.0, "highest": 90.0}
-        self.mechanics.max_rate = float(self.row["max_rate"])
+        self.mechanics.max_rate = float(self.facts["max_rate"])
         self.mechanics.set_drive_rate(self.now, SIDEREAL_RATE)
         self.parked = self.asleep = False
         self.track(self.aligned)

@@ -18,9 +18,9 @@ ALIGN_TIME = 120.0
 #: The displayed rate in hertz, and degrees per second.
 _DRIVE_RATE_BY_COMMAND = {"TQ": (60.1, SIDEREAL_RATE), "TS": (60.0, SOLAR_RATE), "TL": (57.9, LUNAR_RATE)}
 _SIDEREAL_HERTZ = (60.1, 60.2)
-_CLASSIC_HZ_RANGE, _ANY_HZ_RANGE = (56.4, 60.1), (0.0, 99.9)
+_CLASSIC_HZ_RANGE, _OTHER_HZ_RANGE = (56.4, 60.1), (0.0, 99.9)
 _PARK_AXES: Pair = (0.0, 0.0)  # north, on the horizon
-_POLE_AXIS = 90.0
+_POLE_DEGREES = 90.0
 _MIN_FOCUS_SPEED, _MAX_FOCUS_SPEED = 1, 4
 _ACCESSORY_BY_LETTER = {"f": "fan", "r": "derotator", "g": "gps"}
 
@@ -47,7 +47,7 @@ def select_drive_rate(sim: MeadeTelescope, command: str, _: Values) -> None:
 
 def set_drive_hertz(sim: MeadeTelescope, command: str, values: Values) -> bytes:
     """:ST :T - set the tracking rate, hertz: a classic accepts only 56.4 to 60.1, and :ST only in manual mode."""
-    low, high = _CLASSIC_HZ_RANGE if sim.classic else _ANY_HZ_RANGE
+    low, high = _CLASSIC_HZ_RANGE if sim.classic else _OTHER_HZ_RANGE
     hertz = values["hertz"]
     if not low <= round(hertz, 1) <= high or (sim.classic and command == "ST" and not sim.stored_values.get("manual")):
         return b"0" if command == "ST" else b""
@@ -58,7 +58,7 @@ def set_drive_hertz(sim: MeadeTelescope, command: str, values: Values) -> bytes:
 
 def step_drive_hertz(sim: MeadeTelescope, command: str, _: Values) -> None:
     """:T+ :T- - change the manual rate, whether it is in use or not."""
-    low, high = _CLASSIC_HZ_RANGE if sim.classic else _ANY_HZ_RANGE
+    low, high = _CLASSIC_HZ_RANGE if sim.classic else _OTHER_HZ_RANGE
     hertz = round(sim.stored_values.get("custom", 60.1) + (0.1 if command == "T+" else -0.1), 1)
     sim.stored_values["custom"] = max(low, min(high, hertz))
     if sim.stored_values.get("manual"):
@@ -74,7 +74,7 @@ def set_alignment_mode(sim: MeadeTelescope, command: str, _: Values) -> None:
     sim.parked = False
     sim.track(sim.mode_letter != "L")
     if not sim.supports("GW"):
-        sim.mechanics.cancel(sim.now)
+        sim.mechanics.stop_goto(sim.now)
         sim.lose_alignment()
 
 
@@ -83,7 +83,7 @@ def auto_align(sim: MeadeTelescope, command: str, _: Values) -> bytes:
     if sim.mode_letter != "A":
         return b"0"
     unpark(sim)
-    sim.mechanics.cancel(sim.now)
+    sim.mechanics.stop_goto(sim.now)
     sim.aligned = True
     sim.mechanics.correct(sim.now, (0.0, 0.0))
     sim.track(True)
@@ -97,7 +97,7 @@ def park(sim: MeadeTelescope, command: str, _: Values) -> None:
     """:hP - slew to the horizon in the north, or to the pole; tracking is off."""
     sim.track(False)
     build = sim.mechanics.build
-    slew_axes(sim, _PARK_AXES if build is Build.ALTAZ else (sim.power_on_axes(build)[0], _POLE_AXIS))
+    slew_axes(sim, _PARK_AXES if build is Build.ALTAZ else (sim.power_on_axes(build)[0], _POLE_DEGREES))
     sim.parked = True
 
 
@@ -111,7 +111,7 @@ def seek_home(sim: MeadeTelescope, command: str, _: Values) -> None:
 def sleep(sim: MeadeTelescope, command: str, _: Values) -> None:
     """:hN - sleep: the motors are off."""
     release_keys(sim)
-    sim.mechanics.cancel(sim.now)
+    sim.mechanics.stop_goto(sim.now)
     sim.track(False)
     sim.asleep = True
 
@@ -126,7 +126,7 @@ def wake(sim: MeadeTelescope, command: str, _: Values) -> None:
 def restart(sim: MeadeTelescope, command: str, _: Values) -> bytes:
     """:I - restart."""
     release_keys(sim)
-    sim.mechanics.cancel(sim.now)
+    sim.mechanics.stop_goto(sim.now)
     sim.power_on()
     return b"X"
 

@@ -86,7 +86,7 @@ def switch_pec(session: LxSession, command: Command) -> Handling:
         return
     toggled = command.name == "$Q"
     on = not session.shared.pec if toggled else command.name.endswith("+")
-    session.set_for_all(replace(session.shared, pec=on))
+    session.replace_shared(replace(session.shared, pec=on))
     yield FireAndForget(op.PeriodicError(None if toggled else 1, on))
 
 

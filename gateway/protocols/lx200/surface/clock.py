@@ -79,7 +79,7 @@ def _get_draft(session: LxSession) -> ClockDraft:
 def set_clock_part(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:SL :SC :SG - set one of the three parts; the third part, or a pause, sends them to the mount."""
     values = decoded(values)
-    session.check_may_set()
+    session.check_write_access()
     draft = _get_draft(session)
     draft.changed_at = session.clock()
     if command.name == "SG":
@@ -148,7 +148,7 @@ def commit_draft(session: LxSession) -> Handling:
         seconds, elapsed = now.hour * 3600 + now.minute * 60 + now.second + now.microsecond / 1e6, 0.0
     if pieces.time is not None or session.client.local_time_sent is not None:
         session.client.local_time_sent = day, seconds, session.clock() - elapsed, offset
-    local = pieces.by_one_command or not session.model.get("utc_date")
+    local = pieces.set_by_one_command or not session.model.get("utc_date")
     yield op.SetClock(_unix_of_local(session, day, seconds, offset, local) + elapsed, offset)
 
 
@@ -177,13 +177,13 @@ def _unix_of_local(session: LxSession, day: date, seconds: float, offset: float,
 
 def set_date_and_time(session: LxSession, values: op.Values) -> Handling:
     """:hIyyMMddHHmmss - set date and local time together."""
-    session.check_may_set()
+    session.check_write_access()
     try:
         local = datetime.strptime(values.get("stamp", ""), "%y%m%d%H%M%S").replace(tzinfo=UTC)
     except ValueError:
         raise Invalid("The stamp is yyMMddHHmmss.") from None
     draft = _get_draft(session)
-    draft.day, draft.by_one_command = local.date(), True
+    draft.day, draft.set_by_one_command = local.date(), True
     draft.time = (local.hour * 3600 + local.minute * 60 + local.second, session.clock())
     yield from commit_draft(session)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
-from gateway.astro.spherical import SIDEREAL_ARCSECONDS
+from gateway.astro.spherical import SIDEREAL_ARCSEC_PER_S
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Invalid, NotAligned
 from gateway.protocols.base.wants import FireAndForget, Handling, decoded
@@ -41,9 +41,9 @@ def move(session: LxSession, command: Command) -> Handling:
     yield FireAndForget(op.Move(direction, rate, lowest=client.lowest, highest=client.highest))
 
 
-def _checked(allowed: tuple[float, float], value: float, unit: str) -> float:
+def _valid_rate(allowed_range: tuple[float, float], value: float, unit: str) -> float:
     """Return the value. Raises Invalid if it is out of the allowed range."""
-    low, high = allowed
+    low, high = allowed_range
     if not low <= value <= high:
         raise Invalid(f"{value:g} is out of range: {low:g} to {high:g} {unit}.")
     return value
@@ -58,7 +58,7 @@ def choose_rate(session: LxSession, command: Command, values: op.Values) -> None
 
 def set_axis_rate(session: LxSession, command: Command, values: op.Values) -> None:
     """:RA :RE - the rate of motion by hand of one axis, degrees per second, until another rate is chosen."""
-    rate = _checked(AXIS_RATE_RANGE, decoded(values)["rate"], "degrees a second") or None
+    rate = _valid_rate(AXIS_RATE_RANGE, decoded(values)["rate"], "degrees a second") or None
     if command.name == "RA":
         session.client.rate_ra = rate
     else:
@@ -76,7 +76,9 @@ def set_max_rate(session: LxSession, values: op.Values) -> None:
 
 def set_guide_rate(values: op.Values) -> Handling:
     """:Rg - the guide rate of both axes, arcseconds per second, at most sidereal."""
-    fraction = min(1.0, _checked(GUIDE_RANGE, decoded(values)["rate"], "arcseconds a second") / SIDEREAL_ARCSECONDS)
+    fraction = min(
+        1.0, _valid_rate(GUIDE_RANGE, decoded(values)["rate"], "arcseconds a second") / SIDEREAL_ARCSEC_PER_S
+    )
     for axis in (1, 2):
         yield FireAndForget(op.SetGuideRate(axis, fraction))
 
@@ -84,7 +86,7 @@ def set_guide_rate(values: op.Values) -> Handling:
 def pulse(session: LxSession, values: op.Values) -> Handling:
     """:Mg - a timed guide pulse in milliseconds."""
     values = decoded(values)
-    direction, by_sky = op.Direction(values["direction"]), session.settings.guides_by_sky
+    direction, by_sky = op.Direction(values["direction"]), session.client_settings.guides_by_sky
     yield FireAndForget(op.Pulse(direction, min(values["ms"], MAX_PULSE_MS), by_sky))
 
 
@@ -156,7 +158,7 @@ def tell_hertz() -> Handling:
 
 def set_hertz(session: LxSession, values: op.Values) -> Handling:
     """:ST :T<ddd.ddd> - set the tracking rate; 60.1 to 60.2 means exactly sidereal."""
-    yield from _set_drive_hertz(session, _checked(HERTZ_RANGE, decoded(values)["hertz"], "hertz, 60.1 for sidereal"))
+    yield from _set_drive_hertz(session, _valid_rate(HERTZ_RANGE, decoded(values)["hertz"], "hertz, 60.1 for sidereal"))
 
 
 def set_manual_rate(session: LxSession, command: Command) -> Handling:
@@ -169,4 +171,4 @@ def set_manual_rate(session: LxSession, command: Command) -> Handling:
 def _set_drive_hertz(session: LxSession, hertz: float) -> Handling:
     sidereal = _SIDEREAL_RANGE[0] <= round(hertz, 3) <= _SIDEREAL_RANGE[1]
     yield op.TrackRate(name="sidereal") if sidereal else op.TrackRate(factor=hertz / SIDEREAL_HERTZ)
-    session.set_for_all(replace(session.shared, manual_hertz=hertz), save=False)  # only reached if not refused
+    session.replace_shared(replace(session.shared, manual_hertz=hertz), save=False)  # only reached if not refused

@@ -34,7 +34,7 @@ _NOT_FOUND = "Catalog not found"
 #: The command that chooses the catalogue of a number. It is sent again first, because other clients choose too.
 _CHOOSER_BY_COMMAND = {"LC": "Lo", "LS": "Ls", "LF": "Lo", "LN": "Lo", "LB": "Lo"}
 _CHOOSERS = ("Lo", "Ls")
-_YEAR = 365.25 * 86400.0
+_YEAR_SECONDS = 365.25 * 86400.0
 #: The search limit of a letter of :G and :S.
 _LIMITS = {"b": "brighter", "f": "fainter", "F": "field", "l": "larger", "s": "smaller", "y": "types", "q": "quality"}
 _TYPES = re.compile("gpdco", re.IGNORECASE)
@@ -83,7 +83,7 @@ def select_star(session: LxSession, values: op.Values) -> Handling:
     catalog = session.client.star_catalog
     if catalog == "model":
         catalog = _STAR_CATALOG if session.model["libraries"] else _HIPPARCOS_CATALOG
-    number, year = values.get("number"), 1970.0 + session.clock() / _YEAR
+    number, year = values.get("number"), 1970.0 + session.clock() / _YEAR_SECONDS
     if catalog is None or number is None:
         session.client.select_nothing(_NOT_FOUND if catalog is None else "No star selected")
     elif catalog == _HIPPARCOS_CATALOG:
@@ -170,7 +170,7 @@ def browse(session: LxSession, command: Command) -> Handling:
     if not session.model["libraries"]:
         return
     try:
-        candidates = deepsky.matching(_search_query(session))
+        candidates = deepsky.find_matches(_search_query(session))
         visible, meridian = yield from _visibility(session)
         entry = session.client.selected_entry
         if entry is None or command.name == "LF":
@@ -190,7 +190,7 @@ def describe_field(session: LxSession) -> Handling:
     if not session.model["libraries"]:
         return {"text": session.model["find_text"]}
     try:
-        candidates = deepsky.matching(_search_query(session))
+        candidates = deepsky.find_matches(_search_query(session))
         visible, _ = yield from _visibility(session)
         position: op.Equatorial = yield op.Position()
         centre: op.Equatorial = yield op.ToJ2000(position.ra, position.dec)

@@ -43,30 +43,30 @@ def set_site_coordinate(session: LxSession, values: Values) -> Handling:
     """:St :Sg - store latitude or longitude in the selected site and set it on the mount."""
     [(name, value)] = decoded(values).items()
     half = {name: value if name == "latitude" else -value}
-    session.check_may_set()
+    session.check_write_access()
     index = _selected_site(session)
     yield from _select_for_all(session, index)
-    session.set_for_all(session.shared.with_site(index, replace(session.shared.site_at(index), **half)))
+    session.replace_shared(session.shared.with_site(index, replace(session.shared.site_at(index), **half)))
     yield replace(SetSite(), **half)
 
 
-def _select_for_all(session: LxSession, index: int) -> Handling:
+def _select_for_all(session: LxSession, site_index: int) -> Handling:
     """Select this site for all clients that have selected none; on leaving site 1, store the mount's own site there."""
-    if not session.shared.site and index != 0:
+    if not session.shared.site and site_index != 0:
         with suppress(Fault):
             place: Place = yield GetSite()
             first = replace(session.shared.site_at(0), latitude=place.latitude, longitude=place.longitude)
-            session.set_for_all(session.shared.with_site(0, first))
-    if session.shared.site != index:
-        session.set_for_all(replace(session.shared, site=index))
+            session.replace_shared(session.shared.with_site(0, first))
+    if session.shared.site != site_index:
+        session.replace_shared(replace(session.shared, site=site_index))
 
 
 def select_site(session: LxSession, values: Values) -> Handling:
-    """:W - select a site. The model counts from 0 or from 1; a number outside its range selects the nearest site."""
+    """:W - select a site. The model counts from 0 or 1: of 0 to 4, what it lacks is its nearest; more is ignored."""
     number = decoded(values)["site"]
     if number > _MAX_SITE_NUMBER:
         return
-    session.check_may_set()
+    session.check_write_access()
     index = max(0, min(len(_SITE_LETTERS) - 1, number - session.model["first_site"]))
     before = session.shared.site or 0
     yield from _select_for_all(session, index)
@@ -80,9 +80,9 @@ def select_site(session: LxSession, values: Values) -> Handling:
         yield stored
 
 
-def _stored_site(session: LxSession, index: int) -> SetSite:
+def _stored_site(session: LxSession, site_index: int) -> SetSite:
     """Return the stored site; a coordinate that is not stored is None."""
-    stored = session.shared.site_at(index)
+    stored = session.shared.site_at(site_index)
     return SetSite(stored.latitude, stored.longitude)
 
 
@@ -99,7 +99,7 @@ def set_name(session: LxSession, command: Command, values: Values) -> None:
     if not name or len(name) > session.model["names"] or not (name.isascii() and name.isprintable()):
         raise Invalid(f"A site name has 1 to {session.model['names']} printable characters.")
     index = _SITE_LETTERS.index(command.name[1])
-    session.set_for_all(session.shared.with_site(index, replace(session.shared.site_at(index), name=name)))
+    session.replace_shared(session.shared.with_site(index, replace(session.shared.site_at(index), name=name)))
 
 
 def set_limit(session: LxSession, command: Command, values: Values) -> None:
@@ -109,7 +109,7 @@ def set_limit(session: LxSession, command: Command, values: Values) -> None:
     """
     name = "lowest" if command.name == "So" else "highest"
     wanted = {"lowest": session.client.lowest, "highest": session.client.highest, name: float(decoded(values)["limit"])}
-    limits = session.settings.limits.narrowed(**wanted)
+    limits = session.client_settings.limits.narrowed(**wanted)
     if limits.lowest >= limits.highest:
         raise Invalid(f"Nothing is left between {limits.lowest:g} and {limits.highest:g} degrees.")
     setattr(session.client, name, wanted[name])

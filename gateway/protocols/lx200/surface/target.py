@@ -90,7 +90,7 @@ def sync(session: LxSession) -> Handling:
     """:CM - sync on the target. Programs read a bare # as a failure, and otherwise expect a text at once."""
     place: op.Equatorial = yield from _current_target(session)
     yield op.Sync(place.ra, place.dec)
-    return {"text": session.settings.sync_text or session.model["sync_text"]}
+    return {"text": session.client_settings.sync_text or session.model["sync_text"]}
 
 
 def sync_on_moon(session: LxSession) -> Handling:

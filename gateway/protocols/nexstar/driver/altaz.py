@@ -136,13 +136,13 @@ def _rates_for_axis(axis: int, rate: float) -> Pair:
     return (rate, 0.0) if axis == 1 else (0.0, rate)
 
 
-def _add_rates(mount: NexStar, axis: int, added: Pair, duration: float | None = None) -> Steps:
+def _add_rates(mount: NexStar, axis: int, added_rates: Pair, duration: float | None = None) -> Steps:
     """Add rates and send the sums. Return when the first motor was sent its rate (loop time), and how late, seconds.
 
     With ``duration``, both motors track faster for that many seconds, to make up for the tracking lost before.
     """
     before = mount.added_rates.get(axis)
-    mount.added_rates[axis] = added
+    mount.added_rates[axis] = added_rates
     sent, late = list[float](), list[float]()
     try:
         for number in (axis, 3 - axis):

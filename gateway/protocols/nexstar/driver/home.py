@@ -34,7 +34,7 @@ def set_home(mount: NexStar, _: op.SetHome) -> Steps:
 
 def go_home(mount: NexStar, _: op.Home) -> Steps:
     """Slew to the stored home position, or seek the motors' home switches if the settings ask for that."""
-    if mount.settings.aux_home and mount.has("home"):
+    if mount.settings.aux_home and mount.has_part("home"):
         yield from _seek_home_switches(mount)
         return
     if mount.home_axes is None:

@@ -8,7 +8,7 @@ from gateway.protocols.base.driver import Send, Steps
 from gateway.protocols.nexstar.driver.state import NexStar
 from gateway.protocols.nexstar.driver.tracking import read_status
 from gateway.protocols.nexstar.versions import GT_FROM, STARSENSE_END, STARSENSE_OLDEST, STARSENSE_VARIANT, counts_as
-from gateway.protocols.wireformat.rows import show_version
+from gateway.protocols.wireformat.rows import format_version
 
 #: From this version on a hand control may be a StarSense as well.
 MAYBE_STARSENSE_FROM = (5, 28)
@@ -23,7 +23,7 @@ def identity(mount: NexStar, _: Operation) -> Steps:
     answer = yield Send("V")
     raw = tuple(answer.values())
     mount.dialect = "synscan" if "patch" in answer else None
-    mount.version_text = show_version(raw)
+    mount.version_text = format_version(raw)
     mount.version, mount.reported_version, mount.starsense = raw, raw, False
     if STARSENSE_OLDEST <= raw < STARSENSE_END or MAYBE_STARSENSE_FROM <= raw < (GT_FROM,):
         yield from _detect_starsense(mount)
@@ -39,7 +39,7 @@ def identity(mount: NexStar, _: Operation) -> Steps:
         mount.parked = False  # remembered from an earlier run; it has been unparked meanwhile
     maker = mount.model_facts.get("maker", "Celestron")
     hand_control = "StarSense" if mount.starsense else mount.model_facts.get("hand_control", "NexStar")
-    motors = tuple(show_version(version) for version in mount.firmware.values())
+    motors = tuple(format_version(version) for version in mount.firmware.values())
     return Identity(
         product=f"{maker} {hand_control}", version=mount.version_text, model=mount.model or "unknown", motors=motors
     )

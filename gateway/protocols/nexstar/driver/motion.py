@@ -264,7 +264,7 @@ def set_backlash(mount: NexStar, operation: op.Backlash) -> Steps:
 
 def switch_pec(mount: NexStar, operation: op.PeriodicError) -> Steps:
     """Turn periodic error correction on or off by AUX 0x0D on the right-ascension motor, the only motor that has it."""
-    if not mount.has("pec"):
+    if not mount.has_part("pec"):
         raise Unsupported("This mount has no periodic error correction.")
     if operation.axis == 2:
         raise Unsupported("Only the right-ascension motor has a periodic error correction.")

@@ -65,7 +65,7 @@ def get_clock(mount: NexStar, _: GetClock) -> Steps:
         a = yield Send("h")
         return _to_moment(a, float(a["zone"]))
     for part in ("gps", "rtc"):
-        if not (mount.has(part) and mount.supports(f"{part}_date")):
+        if not (mount.has_part(part) and mount.supports(f"{part}_date")):
             continue
         try:
             if part == "gps" and not (yield Send("gps_linked"))["linked"]:
@@ -79,7 +79,7 @@ def get_clock(mount: NexStar, _: GetClock) -> Steps:
 
 def read_gps(mount: NexStar, _: GetGps) -> Steps:
     """Return the Gps state of GPS unit 176. Raises NoDevice if the mount has no such unit."""
-    if not mount.has("gps") or not mount.supports("gps_linked"):
+    if not mount.has_part("gps") or not mount.supports("gps_linked"):
         raise NoDevice("This mount has no GPS unit.")
     if not (yield Send("gps_linked"))["linked"]:
         return Gps(linked=False)
@@ -136,7 +136,7 @@ def set_clock(mount: NexStar, operation: SetClock) -> Steps:
         if operation.dst is None and present["zone"] + present["dst"] == operation.offset:
             hours, dst = present["zone"], present["dst"]
         name, zone, fields = "H", float(hours), {"zone": hours}
-    elif mount.has("rtc") and mount.supports("rtc_set_date"):
+    elif mount.has_part("rtc") and mount.supports("rtc_set_date"):
         yield from _set_rtc(operation.unix)
         return
     else:

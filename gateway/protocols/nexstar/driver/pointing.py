@@ -110,17 +110,17 @@ def goto_axes(mount: NexStar, operation: op.GotoAxes) -> Steps:
     yield from slew_axes(mount, operation.az, operation.alt, None)
 
 
-def slew_axes(mount: NexStar, az: float, alt: float, then_command: str | None) -> Steps:
+def slew_axes(mount: NexStar, az: float, alt: float, purpose: str | None) -> Steps:
     mount.check_mounting_known()
     az -= mount.axis_offset
-    yield from _begin_goto(mount, Send("b" if mount.supports("b") else "B", {"az": az, "alt": alt}), then_command)
+    yield from _begin_goto(mount, Send("b" if mount.supports("b") else "B", {"az": az, "alt": alt}), purpose)
 
 
-def _begin_goto(mount: NexStar, command: Send, then_command: str | None = None) -> Steps:
+def _begin_goto(mount: NexStar, command: Send, purpose: str | None = None) -> Steps:
     def send() -> Steps:
         yield command
 
-    yield from mount.begin_goto(NexStarGotoState(purpose=then_command), send(), _is_slewing)
+    yield from mount.begin_goto(NexStarGotoState(purpose=purpose), send(), _is_slewing)
 
 
 def _is_slewing(_: NexStar) -> Steps:
@@ -237,7 +237,7 @@ def _arrived(mount: NexStar, state: NexStarGotoState) -> Steps:
 
 def _distance_from(mount: NexStar, goal_name: str) -> Steps:
     """Return the distance of the axes from the position of park or home, degrees; 0 if that position is unknown."""
-    by_switches = mount.settings.aux_home and mount.has("home")  # only the switches know the home position
+    by_switches = mount.settings.aux_home and mount.has_part("home")  # only the switches know the home position
     operation = op.Park() if goal_name == "park" else op.Home() if goal_name == "home" and not by_switches else None
     goal = None if operation is None else mount.destination(operation)
     if goal is None:

@@ -204,7 +204,7 @@ class NexStar(Driver):
         """Reset the sync offset and the drive rate, because they belong to an alignment that was lost."""
         self.sync_offset, self.rate, self.drive = (0.0, 0.0), op.TrackRate(name="sidereal"), "own"
 
-    def forget_emulated(self) -> Steps:
+    def renew_settings(self) -> Steps:
         special = self.rate.name != "sidereal"
         self.record_alignment_lost()
         if special and self.aligned:
@@ -241,9 +241,9 @@ class NexStar(Driver):
         """Return the key that turns at this speed (degrees a second) on top of tracking, or None."""
         return next((key for key in GENTLE_KEYS if abs(self.key_speed(key) - speed) <= GUIDING_TOLERANCE * speed), None)
 
-    def can_do(self, equatorial: bool) -> op.Abilities:
-        general = super().can_do(equatorial)
-        home = self.home_axes is not None or (self.settings.aux_home and self.has("home"))
+    def abilities(self, equatorial: bool) -> op.Abilities:
+        general = super().abilities(equatorial)
+        home = self.home_axes is not None or (self.settings.aux_home and self.has_part("home"))
         speeds = ((0.25 / 3600.0, float(self.rate_table["fastest"])),)
         guides = self.guide_rates[1], self.guide_rates[2]
         return replace(general, can=general.can if home else general.can - {"Home"}, speeds=speeds, guides=guides)
@@ -287,13 +287,13 @@ class NexStar(Driver):
             return Unsupported("The mount does not track: the guide pulse is dropped. Turn tracking on to guide it.")
         return Unsupported("This mount cannot be guided in alt-az: its motors have no guide pulses.")
 
-    def tube_side(self, reported: str) -> str | None:
+    def tube_side(self, reported_side: str) -> str | None:
         """Return the true side ("E" or "W") for the letter the mount reported; None on a fork or without a letter."""
-        if not self.german or not reported:
+        if not self.german or not reported_side:
             return None
         northern = letters_swapped(self.model_facts, self.version) or not self.supports("p")  # then it is the axis' own
         swapped = self.southern and northern
-        return ("E" if reported == "W" else "W") if swapped else reported
+        return ("E" if reported_side == "W" else "W") if swapped else reported_side
 
     def destination(self, operation: op.Operation) -> op.GotoAxes | None:
         """Return the axis readings to which Park (by default the pole or north) or Home leads; None if unknown."""
@@ -385,7 +385,7 @@ class NexStar(Driver):
         return self.protocol.models.get(self.model or "", UNKNOWN_MODEL)
 
     @property
-    def loses_alignment(self) -> bool:  # type: ignore[override]
+    def site_unaligns(self) -> bool:  # type: ignore[override]
         """Whether setting site or time destroys its alignment, as on a StarSense."""
         return self.starsense
 
@@ -419,7 +419,7 @@ class NexStar(Driver):
         """Degrees to add to the first axis of a German mount to get what a Celestron would read; 0 for a fork."""
         return POLE_AXES[0] - float(self.model_facts.get("index", POLE_AXES[0])) if self.german else 0.0
 
-    def has(self, part: str) -> bool:
+    def has_part(self, part: str) -> bool:
         return part in self.model_facts["has"] or part in self.found_parts
 
     @property

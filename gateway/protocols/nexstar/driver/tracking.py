@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 
-from gateway.astro.spherical import SIDEREAL_ARCSECONDS
+from gateway.astro.spherical import SIDEREAL_ARCSEC_PER_S
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer, NoDevice, Refused, Unsupported
 from gateway.protocols.base.driver import Remark, Schedule, Send, Steps
@@ -17,7 +17,7 @@ from gateway.protocols.nexstar.driver.state import NexStar
 from gateway.protocols.nexstar.versions import mode_code, modes_by_code
 
 #: Speeds of the motors' own drive rates, arcseconds a second.
-_DRIVE_SPEEDS = {"sidereal": SIDEREAL_ARCSECONDS, "solar": 15.0, "lunar": 14.685}
+_DRIVE_SPEEDS = {"sidereal": SIDEREAL_ARCSEC_PER_S, "solar": 15.0, "lunar": 14.685}
 _ASSUMED_MODE_REMARK = (
     "the hand control does not report its tracking mode: after motion the gateway turns on {}, which fits the mount's "
     "type; if that is wrong, set the key mode"
@@ -251,12 +251,12 @@ def set_drive_rate(mount: NexStar, operation: op.TrackRate) -> Steps:
 def drive_rate(mount: NexStar, _: op.DriveRate) -> Steps:
     """Return the drive rate as a multiple of sidereal: the last rate that was set; no hand control reports it."""
     yield from ()  # a generator like all others
-    return abs(drive_speed(mount)) * 3600.0 / SIDEREAL_ARCSECONDS
+    return abs(drive_speed(mount)) * 3600.0 / SIDEREAL_ARCSEC_PER_S
 
 
 def drive_speed(mount: NexStar) -> float:
     """Return the speed of the right-ascension motor while tracking, degrees a second, signed as the motor counts."""
-    arcseconds = _DRIVE_SPEEDS.get(mount.rate.name or "", SIDEREAL_ARCSECONDS * (mount.rate.factor or 0.0))
+    arcseconds = _DRIVE_SPEEDS.get(mount.rate.name or "", SIDEREAL_ARCSEC_PER_S * (mount.rate.factor or 0.0))
     return (-arcseconds if mount.native_mode is op.Tracking.EQ_SOUTH else arcseconds) / 3600.0
 
 

@@ -46,7 +46,7 @@ MIN_ZONE, MAX_ZONE = -12, 14  # hours: the zones in use
 def position(sim: SimulatedMount, _: Values) -> Values:
     """``E`` ``e``: right ascension and declination."""
     ra, dec = sim.mechanics.believed_position(sim.now)
-    if sim.row.get("equinox") == "j2000":
+    if sim.facts.get("equinox") == "j2000":
         ra, dec = SKY.to_j2000(*fold_declination(ra, dec), sim.utc())
     return {"ra": ra, "dec": dec}
 
@@ -54,7 +54,7 @@ def position(sim: SimulatedMount, _: Values) -> Values:
 def _goal_of_date(sim: SimulatedMount, values: Values) -> Pair:
     """Return right ascension and declination of a command, of date."""
     ra, dec = values["ra"], values["dec"]
-    return SKY.from_j2000(ra, dec, sim.utc()) if sim.row.get("equinox") == "j2000" else (ra, dec)
+    return SKY.from_j2000(ra, dec, sim.utc()) if sim.facts.get("equinox") == "j2000" else (ra, dec)
 
 
 def axes(sim: SimulatedMount, _: Values) -> Values:
@@ -71,11 +71,11 @@ def goto(sim: SimulatedMount, values: Values) -> None:
         ra, dec = _goal_of_date(sim, values)
         hour_angle = wrap180(sim.mechanics.sky.lst(sim.now) - ra)
         if _is_altitude_allowed(sim, sim.mechanics.geometry.to_axes(hour_angle, dec, flipped=False)[1]):
-            if "dialect" in sim.row and sim.mode == OFF:
+            if "dialect" in sim.facts and sim.mode == OFF:
                 sim.track(_default_mode(sim))
             sim.mechanics.goto_sky(sim.now, ra, dec)
-            if sim.reported_version[:2] <= parse_version(sim.row.get("restarts", "0.0")):
-                sim.goal = RestartableGoto(ra, dec)
+            if sim.reported_version[:2] <= parse_version(sim.facts.get("restarts", "0.0")):
+                sim.goto = RestartableGoto(ra, dec)
 
 
 def _default_mode(sim: SimulatedMount) -> int:
@@ -108,9 +108,9 @@ def undo_sync(sim: SimulatedMount, _: Values) -> None:
 
 def cancel(sim: SimulatedMount, _: Values) -> None:
     """``M``: end a goto; hand motion continues."""
-    if sim.goal is not None:
-        sim.goal = RestartableGoto(sim.goal.ra, sim.goal.dec, sim.now) if sim.mechanics.slewing(sim.now) else None
-    sim.mechanics.cancel(sim.now)
+    if sim.goto is not None:
+        sim.goto = RestartableGoto(sim.goto.ra, sim.goto.dec, sim.now) if sim.mechanics.slewing(sim.now) else None
+    sim.mechanics.stop_goto(sim.now)
 
 
 def set_mode(sim: SimulatedMount, values: Values) -> None:
@@ -122,29 +122,29 @@ def set_mode(sim: SimulatedMount, values: Values) -> None:
         return  # an alt-az mount of Sky-Watcher has no equatorial mode
     mode = _default_mode(sim) if wanted is None else NUMBER_BY_MODE[wanted]
     if mode != ALTAZ or not sim.german:
-        if "dialect" in sim.row:
+        if "dialect" in sim.facts:
             sim.settings["periodic error", AZM] = int(values["mode"] == PEC_MODE)
         sim.track(mode)
 
 
 def mode(sim: SimulatedMount, _: Values) -> Values:
     """``t``: the tracking mode."""
-    code = mode_code(MODES[sim.mode], sim.row, sim.version)
-    corrects = "dialect" in sim.row and sim.settings.get(("periodic error", AZM)) and code in (PEC_MODE - 1, PEC_MODE)
+    code = mode_code(MODES[sim.mode], sim.facts, sim.version)
+    corrects = "dialect" in sim.facts and sim.settings.get(("periodic error", AZM)) and code in (PEC_MODE - 1, PEC_MODE)
     return {"mode": PEC_MODE if corrects else code}
 
 
 def pier_side(sim: SimulatedMount, _: Values) -> Values:
     """``p``: the pier side, by the hour angle of the last goto; a fork is always E."""
     west = sim.german and sim.mechanics.flipped
-    if sim.german and sim.mechanics.geometry.pole_sign < 0 and not letters_swapped(sim.row, sim.version):
+    if sim.german and sim.mechanics.geometry.pole_sign < 0 and not letters_swapped(sim.facts, sim.version):
         west = not west
     return {"side": "W" if west else "E"}
 
 
 def hibernate(sim: SimulatedMount, _: Values) -> None:
     """``x``: stop everything; until ``y`` only ``y``, ``K`` and ``V`` are answered."""
-    sim.mechanics.cancel(sim.now)
+    sim.mechanics.stop_goto(sim.now)
     sim.mechanics.track(sim.now, on=False)
     sim.asleep = True
 
@@ -223,7 +223,7 @@ HANDLER_BY_COMMAND: dict[str, Handler] = {
     "K": lambda sim, values: values,
     "V": lambda sim, _: dict(zip(("major", "minor", "patch"), (*sim.reported_version, 0), strict=False)),
     "v": lambda sim, _: {"variant": STARSENSE_VARIANT if sim.starsense else NEXSTAR_VARIANT},
-    "m": lambda sim, _: {"model": sim.row["id"]},
+    "m": lambda sim, _: {"model": sim.facts["id"]},
     # The zone byte of h holds whole hours, so a zone of 5:45 is reported as 5, with the matching local time.
     "h": lambda sim, _: _local_time(sim, math.floor(sim.zone)),
     "H": lambda sim, values: _set_time(sim, values, values["zone"]),

@@ -22,7 +22,7 @@ GENTLE_KEYS = (1, 2)
 PULSE_FIRMWARE = (6, 12)
 #: The first motor firmware that reports its model, and the first with cord wrap prevention.
 MODEL_FIRMWARE, CORDWRAP_FIRMWARE = (7, 0), (5, 0)
-HOME_DEG = 90.0  # where the home switches of both axes are
+HOME_DEGREES = 90.0  # where the home switches of both axes are
 MAX_BACKLASH = 99
 VERSION_BY_DEVICE: dict[int, Version] = {GPS: (1, 6), RTC: (1, 2), FOCUSER: (7, 16)}
 _TURN = 1 << 24
@@ -38,16 +38,16 @@ def _move_at_key(sim: SimulatedMount, values: Values, sign: int) -> Values | Non
     if key > len(sim.key_speeds):
         return {}
     if device == FOCUSER and sim.focuser is not None:
-        end = sim.focuser.TRAVEL if sign > 0 else 0
+        end = sim.focuser.TRAVEL_STEPS if sign > 0 else 0
         sim.focuser.move_to(sim.now, end, sim.focuser.MAX_RATE * 2.0 ** (key - 9) if key else 0.0)
         return {}
     if device not in (AZM, ALT):
         return None
     rate = sim.key_speeds[key - 1] if key else 0.0
-    if sim.goal is not None and (key or not (left := sim.goal.axes_not_stopped - {device - 15})):
-        sim.goal = None  # it is stopped
-    elif sim.goal is not None and sim.goal.cancelled_at <= sim.now:
-        sim.goal.axes_not_stopped = left
+    if sim.goto is not None and (key or not (left := sim.goto.axes_not_stopped - {device - 15})):
+        sim.goto = None  # it is stopped
+    elif sim.goto is not None and sim.goto.cancelled_at <= sim.now:
+        sim.goto.axes_not_stopped = left
     sim.mechanics.move(sim.now, device - 15, sign * rate, additive=key in GENTLE_KEYS)
     return {}
 
@@ -56,11 +56,11 @@ def _move_at_rate(sim: SimulatedMount, values: Values, sign: int) -> Values:
     """06 and 07: a rate in quarter arcseconds a second, or a code for a drive rate."""
     drive = DRIVE_RATE_BY_CODE.get(values["rate"])
     rate = values["rate"] / 14400.0 if drive is None else drive
-    sim.mechanics.set_rate(sim.now, values["device"] - 15, sign * rate, drive=drive is not None)
+    sim.mechanics.set_rate(sim.now, values["device"] - 15, sign * rate, is_drive_rate=drive is not None)
     return {}
 
 
-def _move_finely(sim: SimulatedMount, values: Values, sign: int) -> Values:
+def _move_at_fine_rate(sim: SimulatedMount, values: Values, sign: int) -> Values:
     """06 and 07 with three bytes: a rate in 1/1024 arcsecond a second."""
     sim.mechanics.set_rate(sim.now, values["device"] - 15, sign * values["rate"] / 1024.0 / 3600.0)
     return {}
@@ -118,7 +118,7 @@ def _set_position(sim: SimulatedMount, values: Values) -> Values | None:
 
 
 def _seek_home(sim: SimulatedMount, values: Values) -> Values:
-    sim.mechanics.goto_axis(sim.now, values["device"] - 15, HOME_DEG)
+    sim.mechanics.goto_axis(sim.now, values["device"] - 15, HOME_DEGREES)
     return {}
 
 
@@ -153,7 +153,7 @@ def _switch_pec(sim: SimulatedMount, values: Values) -> Values | None:
     return {}
 
 
-def _make_fixed(value: int) -> Handler:
+def _make_fixed_reader(value: int) -> Handler:
     """Return a handler that always reports the same value."""
     return lambda sim, values: dict.fromkeys(("value", "done", "on", "other"), value)
 
@@ -162,7 +162,9 @@ def _motors_only(handler: Handler, *, min_firmware: Version = (), part: str = ""
     """Restrict a handler to the two motors: from a firmware version on, and on mounts that have a part."""
 
     def restricted(sim: SimulatedMount, values: Values) -> Values | None:
-        fits = values["device"] in (AZM, ALT) and sim.firmware >= min_firmware and (not part or part in sim.row["has"])
+        fits = (
+            values["device"] in (AZM, ALT) and sim.firmware >= min_firmware and (not part or part in sim.facts["has"])
+        )
         return handler(sim, values) if fits else None
 
     return restricted
@@ -191,7 +193,7 @@ HANDLER_BY_REQUEST: dict[str, Handler] = {
     **_both_directions("move", _move_at_key),
     **_both_directions("rate_azm", _move_at_rate),
     **_both_directions("rate_alt", _move_at_rate),
-    **{name: _motors_only(handler) for name, handler in _both_directions("fine_rate", _move_finely).items()},
+    **{name: _motors_only(handler) for name, handler in _both_directions("fine_rate", _move_at_fine_rate).items()},
     "pulse": _motors_only(_pulse, min_firmware=PULSE_FIRMWARE),
     "pulse_active": _motors_only(
         lambda sim, values: {"active": int(sim.mechanics.pulsing(sim.now, values["device"] - 15))},
@@ -210,20 +212,20 @@ HANDLER_BY_REQUEST: dict[str, Handler] = {
     "set_backlash_neg": _motors_only(_make_setter("negative backlash", MAX_BACKLASH)),
     "backlash_pos": _motors_only(_make_reader("positive backlash", 0)),
     "backlash_neg": _motors_only(_make_reader("negative backlash", 0)),
-    "motor_model": _motors_only(lambda sim, values: {"value": sim.row["id"]}, min_firmware=MODEL_FIRMWARE),
+    "motor_model": _motors_only(lambda sim, values: {"value": sim.facts["id"]}, min_firmware=MODEL_FIRMWARE),
     "pec_record": _motors_only(_switch_pec, part="pec"),
     "pec_playback": _motors_only(_switch_pec, part="pec"),
-    "pec_bin": _motors_only(_make_fixed(0), part="pec"),
-    "pec_recorded": _motors_only(_make_fixed(0), part="pec"),
-    "at_index": _motors_only(_make_fixed(255), part="pec"),
-    "max_rate_on": _motors_only(_make_fixed(0)),
+    "pec_bin": _motors_only(_make_fixed_reader(0), part="pec"),
+    "pec_recorded": _motors_only(_make_fixed_reader(0), part="pec"),
+    "at_index": _motors_only(_make_fixed_reader(255), part="pec"),
+    "max_rate_on": _motors_only(_make_fixed_reader(0)),
     "max_rate": lambda sim, values: None,
-    "cordwrap": _motors_only(_make_fixed(255), min_firmware=CORDWRAP_FIRMWARE),
+    "cordwrap": _motors_only(_make_fixed_reader(255), min_firmware=CORDWRAP_FIRMWARE),
     # only the azimuth motor winds cords up
     "cordwrap_position": _motors_only(
         lambda sim, values: {"position": 180.0} if values["device"] == AZM else None, min_firmware=CORDWRAP_FIRMWARE
     ),
-    "approach": _motors_only(_make_fixed(1)),
+    "approach": _motors_only(_make_fixed_reader(1)),
     "gps_satellites": lambda sim, values: {"visible": 9, "tracked": 7},
     "gps_receiver": lambda sim, values: {"value": 0x0800},
     "gps_hardware": lambda sim, values: {"value": 1},

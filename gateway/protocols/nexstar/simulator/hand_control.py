@@ -33,7 +33,7 @@ class SimulatedHandControl(SimulatedMount):
         super().__init__(model, version, **settings)
         self._opcodes, self._pass_through = _known_commands(model, self.version)
 
-    def framer(self) -> NexStarFramer:
+    def new_framer(self) -> NexStarFramer:
         return NexStarFramer(drops_late_ends=False)
 
     def feed(self, data: bytes, framer: TimedFramer | None = None, send_later: SendLater | None = None) -> bytes:
@@ -60,7 +60,7 @@ class SimulatedHandControl(SimulatedMount):
             return b"#"  # acknowledged but not carried out
         if command.name == "t" and self.starsense and self.reported_version == STARSENSE_LONG_MODE:
             return bytes((values["mode"], *self.reported_version)) + b"#"
-        form = command.reply_form(self.row.get("dialect"))
+        form = command.reply_form(self.facts.get("dialect"))
         return b"" if form is None else form.encode(values)
 
     def _pass_to_device(self, frame: bytes) -> bytes:
@@ -86,10 +86,10 @@ PassThrough = dict[tuple[int, int | None, int], list[tuple[Command, int]]]
 def _known_commands(model: str, version: Version) -> tuple[frozenset[int], PassThrough]:
     """Return the first bytes of the commands that a model of this version has, and its pass-through commands."""
     known = [row for row in load("nexstar").commands.values() if row.exists_on(model, version)]
-    return frozenset(row.request.prefix[0] for row in known), _by_device(known)
+    return frozenset(row.request.prefix[0] for row in known), _group_by_device(known)
 
 
-def _by_device(known: list[Command]) -> PassThrough:
+def _group_by_device(known: list[Command]) -> PassThrough:
     """Return the pass-through commands by length, device and command number, the bytes that identify them."""
     commands: PassThrough = {}
     for command in known:

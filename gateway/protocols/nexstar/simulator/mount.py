@@ -37,7 +37,7 @@ GPS, RTC = 176, 178
 QUIET_BEFORE_RESTORE, MAX_ALTAZ_SUSPENSION = 20.0, 30.0
 #: After so many seconds an old SynScan goes on with a goto that only ``M`` has ended.
 GOTO_RESTART_DELAY = 1.0
-GERMAN_START: Pair = (90.0, 90.0)
+GERMAN_START_AXES: Pair = (90.0, 90.0)
 
 
 class RestartableGoto(Struct):
@@ -54,11 +54,11 @@ class RestartableGoto(Struct):
 class FocuserMotor:
     """A focuser: a position in steps; it moves at a rate, to one end of its travel or to a goal."""
 
-    TRAVEL = 50000
+    TRAVEL_STEPS = 50000
     MAX_RATE = 1000.0  # steps a second at key 9
 
     def __init__(self) -> None:
-        self._position, self._moved_at, self._rate, self._goal = self.TRAVEL / 2, 0.0, 0.0, 0.0
+        self._position, self._moved_at, self._rate, self._goal = self.TRAVEL_STEPS / 2, 0.0, 0.0, 0.0
 
     def position(self, now: float) -> float:
         """Return the steps from the inner end."""
@@ -71,7 +71,7 @@ class FocuserMotor:
     def move_to(self, now: float, goal: float, rate: float = MAX_RATE) -> None:
         """Move to a position in steps at a rate in steps a second; rate 0 stops."""
         self._position, self._moved_at = self.position(now), now
-        self._goal = max(0.0, min(float(self.TRAVEL), goal)) if rate else self._position
+        self._goal = max(0.0, min(float(self.TRAVEL_STEPS), goal)) if rate else self._position
         self._rate = abs(rate) if self._goal > self._position else -abs(rate)
 
 
@@ -102,14 +102,14 @@ class SimulatedMount(Simulated):
         protocol = load("nexstar")
         if model not in protocol.models:
             raise UserError(f"no NexStar model is called {model!r}; there are {', '.join(protocol.models)}")
-        self.row: Model = protocol.models[model]
+        self.facts: Model = protocol.models[model]
         self._set_version(version, starsense)
         self.model, self.commands = model, protocol
         self.clock, self.now = clock, clock()
         self.last_byte_at = self.now
-        rates = protocol.extra_table("rates.toml")[self.row["rates"]]
+        rates = protocol.extra_table("rates.toml")[self.facts["rates"]]
         self.key_speeds = [*(times * SIDEREAL_RATE for times in rates["sidereal"]), *rates["degrees"]]
-        self.firmware = parse_version(self.row["motors"])
+        self.firmware = parse_version(self.facts["motors"])
         self.settings: dict[tuple[str, int], int] = {}
         self.focuser = FocuserMotor() if focuser else None
         self.site: Pair = site
@@ -121,7 +121,7 @@ class SimulatedMount(Simulated):
     def _set_version(self, version: str | None, starsense: bool) -> None:
         """Set the version that ``V`` reports and that whose commands it has. Raises UserError for an impossible one."""
         try:
-            number = parse(version or (STARSENSE if starsense else self.row["versions"][-1]))
+            number = parse(version or (STARSENSE if starsense else self.facts["versions"][-1]))
             self.reported_version: Version = (number.reported[0], number.reported[1], *number.reported[2:3])
             bytes(self.reported_version)  # ``V`` reports each number as one byte
         except (ValueError, IndexError):
@@ -129,20 +129,20 @@ class SimulatedMount(Simulated):
             raise UserError(f"{version!r} is not a hand-control version; {known}") from None
         self.starsense: bool = number.starsense
         self.version: Version = number.counts_as
-        self.mode_by_code = modes_by_code(self.row, self.version)
-        self.goal: RestartableGoto | None = None
+        self.mode_by_code = modes_by_code(self.facts, self.version)
+        self.goto: RestartableGoto | None = None
 
-    def _set_up(self, wedge: bool, max_speed: float, speed: float, ramps: bool) -> None:
+    def _set_up(self, wedge: bool, max_speed: float, speedup: float, ramps: bool) -> None:
         """Choose the initial position: a fork points at the meridian, a German mount at the pole."""
         build = Build.GERMAN if self.german else Build.WEDGE if wedge else Build.ALTAZ
         north = self.site[0] >= 0
-        start = GERMAN_START
+        start = GERMAN_START_AXES
         if not self.german:
             start = 180.0 if north else 0.0, 45.0 if build is Build.ALTAZ else 0.0
         self.mechanics = Mechanics(build, Observer(*self.site), self.now, start)
-        self.mechanics.max_rate, self.mechanics.speedup = max_speed, speed
+        self.mechanics.max_rate, self.mechanics.speedup = max_speed, speedup
         self.mechanics.acceleration = max_speed / RAMP_SECONDS if ramps else math.inf
-        self.encoder_offset = [float(self.row.get("index", start[0])) - start[0] if self.german else 0.0, 0.0]
+        self.encoder_offset = [float(self.facts.get("index", start[0])) - start[0] if self.german else 0.0, 0.0]
         if self.aligned:
             self.track(ALTAZ if build is Build.ALTAZ else EQ_NORTH if north else EQ_SOUTH)
         else:
@@ -153,7 +153,7 @@ class SimulatedMount(Simulated):
 
     @property
     def german(self) -> bool:
-        return bool(self.row["mount"] == "german")
+        return bool(self.facts["mount"] == "german")
 
     def utc(self) -> float:
         """Return the hand control's own time, Unix seconds."""
@@ -166,7 +166,7 @@ class SimulatedMount(Simulated):
 
     def has_device(self, device: int) -> bool:
         """Whether the device is on this mount's bus."""
-        has = self.row["has"]
+        has = self.facts["has"]
         return device in (AZM, ALT) or (device, True) in (
             (GPS, "gps" in has),
             (RTC, "rtc" in has),
@@ -185,15 +185,15 @@ class SimulatedMount(Simulated):
         self.mechanics.relocate(self.now, observer)
         if self.starsense and self.aligned:
             self.aligned = False
-            self.mechanics.cancel(self.now)
+            self.mechanics.stop_goto(self.now)
             self.track(OFF)
 
     def advance_to_now(self) -> None:
         """Advance to the present time, and restore the hand control's tracking when that is due."""
         self.now = self.clock()
-        if self.goal is not None and self.goal.cancelled_at + GOTO_RESTART_DELAY <= self.now:
-            self.mechanics.goto_sky(self.goal.cancelled_at + GOTO_RESTART_DELAY, self.goal.ra, self.goal.dec)
-            self.goal = None
+        if self.goto is not None and self.goto.cancelled_at + GOTO_RESTART_DELAY <= self.now:
+            self.mechanics.goto_sky(self.goto.cancelled_at + GOTO_RESTART_DELAY, self.goto.ra, self.goto.dec)
+            self.goto = None
         since = self.mechanics.suspended_since
         if since is not None and self.mode != OFF and not self.asleep:
             due = self.last_byte_at + QUIET_BEFORE_RESTORE

@@ -94,7 +94,7 @@ def pulse(session: NexStarSession, values: op.Values) -> Handling:
     if values["rate"] and ms:
         yield from begin(op.PulseAxis(axis, 1 if values["rate"] > 0 else -1, ms, abs(values["rate"]) / 100))
         ends = {**session.shared.pulse_ends, axis: session.clock() + ms / 1000.0}
-        session.set_for_all(replace(session.shared, pulse_ends=ends), save=False)
+        session.replace_shared(replace(session.shared, pulse_ends=ends), save=False)
 
 
 def pulse_active(session: NexStarSession, values: op.Values) -> dict[str, int]:
@@ -113,9 +113,9 @@ def _apply(session: NexStarSession, value_name: str, value: int, operation: op.S
     try:
         yield operation
     except (Busy, NoAnswer):
-        session.set_for_all(session.shared.with_motor(value_name, value))
+        session.replace_shared(session.shared.with_motor_value(value_name, value))
         raise
-    session.set_for_all(session.shared.with_motor(value_name, value))
+    session.replace_shared(session.shared.with_motor_value(value_name, value))
 
 
 def guide_rate(session: NexStarSession, values: op.Values) -> Handling:

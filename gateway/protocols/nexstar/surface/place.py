@@ -61,4 +61,4 @@ def set_clock(session: NexStarSession, command: Command, values: Values) -> Hand
         yield wanted
     except Fault:
         return
-    session.set_for_all(replace(session.shared, zone=(zone, dst)))
+    session.replace_shared(replace(session.shared, zone=(zone, dst)))

@@ -60,7 +60,7 @@ def cancel() -> Handling:
 def pier_side(session: NexStarSession) -> Handling:
     """p - the pier side; E if the presented model is a fork, or the mount has no pier side, as a Meade fork."""
     with suppress(Unsupported):
-        if _presents_german(session):
+        if _presents_german_mount(session):
             return {"side": (yield op.PierSide())}
     return {"side": "E"}
 
@@ -94,14 +94,14 @@ def axis_done(values: op.Values) -> Handling:
 # --- the axes of the presented hand control --------------------------------------------------------------------------
 
 
-def _presents_german(session: NexStarSession) -> bool:
+def _presents_german_mount(session: NexStarSession) -> bool:
     """Whether the presented model is a German mount."""
     return bool(session.model["mount"] == "german")
 
 
 def _axis_offset(session: NexStarSession) -> float:
     """Return how many degrees more a Celestron's first axis reads than that of the presented German mount."""
-    return POLE_READING - float(session.model.get("index", POLE_READING)) if _presents_german(session) else 0.0
+    return POLE_READING - float(session.model.get("index", POLE_READING)) if _presents_german_mount(session) else 0.0
 
 
 def _axis_readings(session: NexStarSession) -> Handling:
@@ -134,12 +134,12 @@ def _goto_operation(session: NexStarSession, first: float, second: float) -> Han
 
 def _uses_axes(session: NexStarSession, status: op.Status) -> bool:
     """Whether the azimuth and altitude commands read and move motor axes. If not, they mean azimuth and altitude."""
-    return status.equatorial if session.model.get("own") else _presents_german(session) or status.wedge
+    return status.equatorial if session.model.get("own") else _presents_german_mount(session) or status.wedge
 
 
 def _wedge_as_german(session: NexStarSession, status: op.Status) -> bool:
     """Whether a fork on its wedge is presented as a German mount."""
-    return not session.model.get("own") and _presents_german(session) and status.wedge
+    return not session.model.get("own") and _presents_german_mount(session) and status.wedge
 
 
 def _meridian_reading() -> Handling:

@@ -14,7 +14,7 @@ from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.nexstar.surface.devices import AXIS_BY_DEVICE
 from gateway.protocols.nexstar.versions import STARSENSE_VARIANT, parse
 from gateway.protocols.wireformat.command_set import load
-from gateway.protocols.wireformat.rows import Model, Version, show_version
+from gateway.protocols.wireformat.rows import Model, Version, format_version
 
 #: Presented by default: the version that most clients support best, and the models of an alt-az fork, a fork on a
 #: wedge and a German mount.
@@ -70,7 +70,7 @@ def missing_command_text(model: Model, frame: bytes) -> str:
     if frame[0] in _opcodes(model["name"], model["counts_as"]):
         return ""
     name = "StarSense" if model["variant"] == STARSENSE_VARIANT else model.get("hand_control", "hand control")
-    return f"a {name} {show_version(model['version'])} has no such command"
+    return f"a {name} {format_version(model['version'])} has no such command"
 
 
 def contradicts_client(session: NexStarSession, command: str, values: Values) -> bool:

@@ -119,7 +119,7 @@ async def test_clients_that_end_arrows_by_stopping_all_motion_are_known() -> Non
     for data in MOBILE:
         await mobile.ask(data)
     await other.ask(b":GR#")
-    by_stop = [one.guest.client.arrow_releases.uses_stop for one in (mobile, other)]
+    by_stop = [one.guest.client.arrow_releases.sends_stop_all for one in (mobile, other)]
     assert by_stop == [True, False]
     for client, stops in (("skysafari", True), ("indi", False)):
         assert (

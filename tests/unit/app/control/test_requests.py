@@ -17,7 +17,7 @@ from gateway.cli.mount.status import state_lines
 from gateway.core import requests
 from gateway.core.operations import Direction, Place
 from gateway.diagnostics.virtual_time import run
-from gateway.mount.site.site_clock import COMPUTER, CONFIGURED, MOUNT_SOURCE, SourcedSite, SourcedTime
+from gateway.mount.site.site_clock import COMPUTER_SOURCE, CONFIG_SOURCE, MOUNT_SOURCE, SourcedSite, SourcedTime
 from gateway.protocols.mechanics.truth import truth_of
 from gateway.transport.web_server import WebServer
 from tests.support import exact_sky
@@ -33,7 +33,7 @@ class Owner:
     def __init__(self, bridge: Any, name: str = "") -> None:
         surfaces = ["lx200:autostar@tcp://127.0.0.1:4030", "nexstar:6-8se@pty:/tmp/nexstar pier"]
         serving: Any = SimpleNamespace(
-            state=lambda: mount_state(bridge.controller, name, "nexstar@sim", bridge.acceptor.present_hosts()),
+            state=lambda: mount_state(bridge.controller, name, "nexstar@sim", bridge.acceptor.hosts_present()),
             names=lambda: surfaces,
             web=WebServer(),
             open_failure="",
@@ -279,7 +279,10 @@ def test_site_conflict_with_the_config_is_reported_once() -> None:
         async with Bridge() as bridge:
             state = mount_state(bridge.controller)
             for by, told in (("", "the mount"), ("10.0.0.2", "the mount, as 10.0.0.2 set it")):
-                sites = [SourcedSite(Place(45.0, 10.0), MOUNT_SOURCE, by), SourcedSite(Place(48.1, 11.6), CONFIGURED)]
+                sites = [
+                    SourcedSite(Place(45.0, 10.0), MOUNT_SOURCE, by),
+                    SourcedSite(Place(48.1, 11.6), CONFIG_SOURCE),
+                ]
                 shown = msgspec.structs.replace(state, sites=sites, times=[SourcedTime(0.0, MOUNT_SOURCE)]).site
                 whole = f"45.0 N 10.0 E, from {told}; the configuration says 48.1 N 11.6 E, 366 km away: correct the"
                 assert shown.startswith(whole)
@@ -289,7 +292,7 @@ def test_site_conflict_with_the_config_is_reported_once() -> None:
 def test_wrong_clock_is_reported_with_both_times_and_how_to_set_each() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
-            times = [SourcedTime(0.0, MOUNT_SOURCE), SourcedTime(7200.0, COMPUTER)]
+            times = [SourcedTime(0.0, MOUNT_SOURCE), SourcedTime(7200.0, COMPUTER_SOURCE)]
             for sites in ([], [SourcedSite(Place(45.0, 10.0), MOUNT_SOURCE)]):
                 shown = msgspec.structs.replace(mount_state(bridge.controller), sites=sites, times=times).time
                 for words in (

@@ -39,7 +39,7 @@ def pages(folder: Path, **changed: str) -> Pages:
 
 def get(served: Pages, path: str, encoding: str = "") -> web.Response:
     request = make_mocked_request("GET", f"/{path}", {"Accept-Encoding": encoding}, match_info={"path": path})
-    answer = asyncio.run(served.file(request))
+    answer = asyncio.run(served.serve_file(request))
     assert isinstance(answer, web.Response)
     return answer
 
@@ -55,7 +55,7 @@ def links(served: Pages) -> list[str]:
 
 
 def index(served: Pages, encoding: str = "") -> web.Response:
-    return asyncio.run(served.index(make_mocked_request("GET", "/", {"Accept-Encoding": encoding}), word="<x>"))
+    return asyncio.run(served.serve_page(make_mocked_request("GET", "/", {"Accept-Encoding": encoding}), word="<x>"))
 
 
 def test_page_script_is_cached_for_a_year_and_everything_else_is_inline(tmp_path: Path) -> None:

@@ -53,7 +53,7 @@ def test_console_accepts_only_host_names_of_this_computer(header: str | None, al
     ],
 )
 def test_console_refuses_foreign_origins(origin: str | None, host: str, allowed: bool) -> None:
-    assert pages.same_origin(origin, host) is allowed
+    assert pages.is_same_origin(origin, host) is allowed
 
 
 @each(
@@ -61,14 +61,14 @@ def test_console_refuses_foreign_origins(origin: str | None, host: str, allowed:
                             ("same-site", True)]
 )  # fmt: skip
 def test_console_refuses_cross_site_requests_by_fetch_metadata(site: str | None, elsewhere: bool) -> None:
-    assert pages.from_other_site({} if site is None else {"Sec-Fetch-Site": site}) is elsewhere
+    assert pages.is_from_other_site({} if site is None else {"Sec-Fetch-Site": site}) is elsewhere
 
 
 def test_console_refuses_a_partial_or_missing_token() -> None:
-    assert pages.same_token("abc", "abc")
-    assert not pages.same_token("ab", "abc")
-    assert not pages.same_token(None, "abc")
-    assert not pages.same_token("ä", "abc")
+    assert pages.is_same_token("abc", "abc")
+    assert not pages.is_same_token("ab", "abc")
+    assert not pages.is_same_token(None, "abc")
+    assert not pages.is_same_token("ä", "abc")
 
 
 def test_page_closed_for_too_many_pages_retries_after_a_minute() -> None:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from gateway.app.state import file as state
 from gateway.app.state import store
-from gateway.app.state.file import FORMAT_VERSION, SavedState, read_state, to_saved, to_settings
+from gateway.app.state.file import FORMAT_VERSION, SavedState, read_state, to_saved_state, to_settings
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.base.session import MountSettings, NamedSite
 from gateway.system import files
@@ -55,14 +55,14 @@ def test_saved_state_is_restored(
     sites: dict[Any, NamedSite], site: int | None, pec: bool | None, motors: dict[str, int]
 ) -> None:
     kept = SavedState(FORMAT_VERSION, sites=sites, site=site, pec=pec, motors=motors)
-    assert to_saved(to_settings(kept), {}) == kept
-    assert state.msgspec.json.decode(state.encode(kept), type=SavedState) == kept
+    assert to_saved_state(to_settings(kept), {}) == kept
+    assert state.msgspec.json.decode(state.encode_state(kept), type=SavedState) == kept
 
 
 def test_state_file_is_replaced_with_owner_only_permissions(tmp_path: Path) -> None:
     path = tmp_path / "mount.json"
     for flush in (True, False):
-        replace_file(path, state.encode(FULL), flush=flush)
+        replace_file(path, state.encode_state(FULL), flush=flush)
         assert read_state(path) == FULL
     assert os.listdir(tmp_path) == ["mount.json"]
     assert path.stat().st_mode & 0o777 == 0o600
@@ -120,7 +120,7 @@ def _begin(directory: Path) -> tuple[list[str], MountSettings]:
     return result
 
 
-WHOLE = state.encode(FULL)
+WHOLE = state.encode_state(FULL)
 BAD = [
     b"",
     b"\0" * 200,

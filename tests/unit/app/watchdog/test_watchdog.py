@@ -23,7 +23,7 @@ import pytest
 from gateway.app.config import MountConfig
 from gateway.app.gateway import Gateway
 from gateway.app.watchdog.client import MIN_LIFETIME, PROCESS_SCRIPT, Watchdog, WatchedMount, is_available
-from gateway.app.watchdog.process import GuardedMount, ServedMount, Watch, cpu_wait
+from gateway.app.watchdog.process import GatewayWatch, GuardedMount, ServedMount, cpu_wait
 from gateway.mount.shutdown import stop_commands
 from gateway.transport.wires import bytes_on_wire
 from tests.support.in_process_gateway import Bridge
@@ -265,7 +265,7 @@ def test_watchdog_needs_no_heartbeat_while_mount_rests(monkeypatch: pytest.Monke
         raise InterruptedError
 
     monkeypatch.setattr("gateway.app.watchdog.process.select.select", wait)
-    watch = Watch(there, "1")
+    watch = GatewayWatch(there, "1")
     watch.mounts["0"] = GuardedMount("pier", "", -1)
     watch.handle(["moving", "0", "4d"], [])
     watch.handle(["rest", "0"], [])
@@ -292,7 +292,7 @@ def test_watchdog_that_was_paused_does_not_call_the_gateway_silent(
 
     monkeypatch.setattr("gateway.app.watchdog.process.time.monotonic", lambda: clock[0])
     monkeypatch.setattr("gateway.app.watchdog.process.select.select", wait)
-    watch = Watch(there, "1")
+    watch = GatewayWatch(there, "1")
     monkeypatch.setattr(watch, "stop_for_silent_gateway", lambda mounts: stops.append(mounts))
     watch.mounts["0"] = GuardedMount("pier", "", -1)
     watch.mounts["0"].stop_commands, watch.last_heard = [b"M"], clock[0]
@@ -332,7 +332,7 @@ def test_watchdog_gives_a_cpu_starved_gateway_more_time_on_a_safe_path(
     monkeypatch.setattr("gateway.app.watchdog.process.time.monotonic", lambda: clock[0])
     monkeypatch.setattr("gateway.app.watchdog.process.cpu_wait", lambda process: 7.0 + share * (clock[0] - 100.0))
     monkeypatch.setattr("gateway.app.watchdog.process.select.select", wait)
-    watch = Watch(there, "1")
+    watch = GatewayWatch(there, "1")
     monkeypatch.setattr(watch, "stop_for_silent_gateway", stop)
     for number, one in enumerate(clear):
         watch.mounts[str(number)] = GuardedMount("pier", "", -1)
@@ -357,7 +357,7 @@ def test_watchdog_stops_the_mount_of_a_starved_gateway_that_hangs(monkeypatch: p
     monkeypatch.setattr("gateway.app.watchdog.process.time.monotonic", lambda: clock[0])
     monkeypatch.setattr("gateway.app.watchdog.process.cpu_wait", lambda process: min(clock[0] - 100.0, 1.5))
     monkeypatch.setattr("gateway.app.watchdog.process.select.select", wait)
-    watch = Watch(there, "1")
+    watch = GatewayWatch(there, "1")
     monkeypatch.setattr(watch, "stop_for_silent_gateway", stop)
     watch.mounts["0"] = GuardedMount("pier", "", -1)
     watch.handle(["clear", "0", "4d"], [])

@@ -56,7 +56,7 @@ async def test_any_port_decides_no_protocol_from_idle_bytes(idle: bytes) -> None
         await asyncio.sleep(10.0)
         one.tell(idle * 1000)
         assert len(one.guest.undelivered_bytes) <= 64, "however many come, few are kept"
-        assert one.heard == b"" and bridge.recognised() == [] and len(bridge.any.present_hosts()) == 0
+        assert one.heard == b"" and bridge.recognised() == [] and len(bridge.any.hosts_present()) == 0
         assert len(await one.ask(b":GR#")) == 9
         assert len(await other.ask(b"e")) == 18
         assert bridge.recognised() == ["lx200", "nexstar"]
@@ -120,7 +120,7 @@ async def test_stellarium_mobile_may_begin_with_an_echo_on_any_port() -> None:
         await asyncio.sleep(1.0)
         assert at_once.heard.startswith(b"a#") and len(at_once.heard) == 11
         assert bridge.recognised() == ["nexstar", "nexstar", "lx200", "nexstar", "lx200"]
-        assert sorted(bridge.any.present_hosts()) == ["10.0.0.1", "10.0.0.2", "10.0.0.3"]
+        assert sorted(bridge.any.hosts_present()) == ["10.0.0.1", "10.0.0.2", "10.0.0.3"]
 
 
 async def test_any_port_recognises_stellarium_mobile_by_its_whole_opening() -> None:
@@ -166,7 +166,7 @@ async def test_any_port_disconnects_a_port_scanner() -> None:
             assert caller.gone, sent
         notes = [entry.note for entry in bridge.entries if entry.arrow == "!" and "sends" in entry.note]
         assert len(notes) == 5 and all("LX200, NexStar, Stellarium" in note for note in notes)
-        assert len(bridge.any.present_hosts()) == 0
+        assert len(bridge.any.hosts_present()) == 0
 
 
 async def test_read_only_any_port_lets_no_protocol_move_the_mount() -> None:

@@ -6,7 +6,7 @@ import re
 
 from gateway.clients.any_protocol.deciding import (
     HTTP_PROTOCOL,
-    decide,
+    find_protocol,
     greeting_protocol,
     protocol_may_change,
     shared_prefix_length,
@@ -48,13 +48,13 @@ FIRST = [
 @each("more", [b"", b":GR#", b"e", b"\r\n", b"\xff"])
 @each(("sent", "protocol"), FIRST)
 def test_protocol_is_recognised_though_more_bytes_follow_the_command(sent: bytes, protocol: str, more: bytes) -> None:
-    found = decide(sent + more)
+    found = find_protocol(sent + more)
     assert found is not None and found == (protocol, "")
 
 
 @each(("sent", "protocol"), FIRST)
 def test_protocol_is_decided_the_same_byte_by_byte(sent: bytes, protocol: str) -> None:
-    told = [decide(sent[:count]) for count in range(1, len(sent) + 1)]
+    told = [find_protocol(sent[:count]) for count in range(1, len(sent) + 1)]
     assert {found.protocol for found in told if found is not None} == {protocol}
     first = next(number for number, found in enumerate(told) if found is not None)
     assert all(found is not None for found in told[first:]), "once told, it stays so"
@@ -66,7 +66,7 @@ def test_every_plain_command_is_recognised_as_its_protocol_at_once() -> None:
         for command in load(name).commands.values():
             if command.requested and command.request.length is None and not command.request.fields:
                 sent = command.request.prefix
-                found = decide(sent)
+                found = find_protocol(sent)
                 assert found is not None and found == (name, ""), sent
 
 
@@ -80,22 +80,22 @@ def test_http_method_that_begins_with_a_nexstar_command_counts_as_nexstar() -> N
     ]
     assert not {"GET", "HEAD", "POST", "PUT", "OPTIONS", "DELETE", "PATCH"} & set(whole)
     for method in whole:
-        assert decide(method[:1].encode()) == ("nexstar", "")
+        assert find_protocol(method[:1].encode()) == ("nexstar", "")
 
 
 @each("sent", [b"P", b"H", b"R", b"S", b"G", b"PO", b"HEA", b"T", b"K", b"\x14"])
 def test_ambiguous_first_bytes_decide_no_protocol(sent: bytes) -> None:
-    found = decide(sent)
+    found = find_protocol(sent)
     assert found is None or sent in (b"K", b"\x14"), "one letter of two protocols"
 
 
 @each("sent", [b"XYZ", b"\xff\xfb\x01", b"!", b"\x01", b"9"])
 def test_bytes_of_no_protocol_are_taken_for_lx200_with_a_logged_reason(sent: bytes) -> None:
-    assert decide(sent) == ("lx200", "because no protocol has a command that begins like this")
+    assert find_protocol(sent) == ("lx200", "because no protocol has a command that begins like this")
 
 
 def test_unknown_lx200_command_is_recognised_as_lx200() -> None:
-    assert decide(b":ZZ") == ("lx200", "")
+    assert find_protocol(b":ZZ") == ("lx200", "")
 
 
 def test_nexstar_echo_decides_no_protocol() -> None:

@@ -12,7 +12,7 @@ from gateway.app.config import Endpoint
 from gateway.app.simulated import make_simulator
 from gateway.diagnostics.detect.ports import SerialPortInfo, parse_port
 from gateway.diagnostics.detect.report import as_toml, describe_port, start_command
-from gateway.diagnostics.detect.scan_port import OTHER_BAUD_RATES, PortFinding, has_nmea_sentence, scan
+from gateway.diagnostics.detect.scan_port import OTHER_BAUD_RATES, PortFinding, has_nmea_sentence, scan_port
 from gateway.diagnostics.virtual_time import run
 from tests.support.each import each
 from tests.support.uart import Device, UartWire
@@ -59,7 +59,7 @@ def seen(
                 wire.say(talk)
 
         talker = asyncio.ensure_future(talking()) if talk else None
-        finding = await scan(place, wire)
+        finding = await scan_port(place, wire)
         if talker is not None:
             talker.cancel()
         assert not wire.is_open
@@ -212,7 +212,7 @@ async def test_detect_does_not_complete_an_unfinished_slew_command() -> None:
     sim = mount("nexstar:6-8se/4.21")
     before = sim.true_position()
     sim.feed(b"P\x02\x10\x24\x09\x00")
-    finding = await scan(SerialPortInfo("-", "-"), UartWire(sim.feed))
+    finding = await scan_port(SerialPortInfo("-", "-"), UartWire(sim.feed))
     assert finding.mount is not None
     await asyncio.sleep(5.0)
     assert sim.true_position() == pytest.approx(before, abs=0.01)
@@ -264,7 +264,7 @@ async def test_detect_does_not_take_the_first_letter_of_a_word_for_an_ack_reply(
         return b"P"
 
     wire = UartWire(prompt)
-    assert (await scan(SerialPortInfo("-", "-"), wire)).state == "stranger"
+    assert (await scan_port(SerialPortInfo("-", "-"), wire)).state == "stranger"
     assert wire.sent() == HARMLESS
 
 
@@ -304,7 +304,7 @@ def test_detect_recognises_a_gps_sentence_by_its_checksum() -> None:
 async def test_detect_ignores_a_stray_byte_when_the_port_opens() -> None:
     wire = UartWire(mount("nexstar:cpc").feed)
     asyncio.get_running_loop().call_later(0.01, wire.say, b"\x00")
-    assert (await scan(SerialPortInfo("-", "-"), wire)).mount is not None
+    assert (await scan_port(SerialPortInfo("-", "-"), wire)).mount is not None
 
 
 # --- with the protocol named --------------------------------------------------------------------------------------
@@ -353,7 +353,7 @@ async def test_detect_reports_a_port_that_vanished(device: str, when: float) -> 
         wire.on_lost("unplugged")
 
     asyncio.get_running_loop().call_later(when, vanish)
-    assert (await scan(SerialPortInfo("-", "-"), wire)).state == "vanished"
+    assert (await scan_port(SerialPortInfo("-", "-"), wire)).state == "vanished"
 
 
 def test_detect_reports_a_mount_that_answers_only_once() -> None:
@@ -379,5 +379,5 @@ async def test_detect_skips_a_baud_rate_that_the_port_lacks() -> None:
                 raise OSError(22, "no such rate")
             super().set_baud(baud)
 
-    finding = await scan(SerialPortInfo("-", "-"), Poor(silent))
+    finding = await scan_port(SerialPortInfo("-", "-"), Poor(silent))
     assert (finding.state, finding.rates_tried) == ("silent", len(OTHER_BAUD_RATES) - 2)

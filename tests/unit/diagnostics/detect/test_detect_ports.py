@@ -25,9 +25,9 @@ from gateway.cli.inspect.detect import write_atomically
 from gateway.core.errors import UserError
 from gateway.diagnostics.detect import ports
 from gateway.diagnostics.detect.ports import SerialPortInfo, local_ports, parse_port, persistent_name, port_holder
-from gateway.diagnostics.detect.scan_port import PortFinding, ProbeTimes, scan
+from gateway.diagnostics.detect.scan_port import PortFinding, ProbeTimes, scan_port
 from gateway.system.processes import GatewayProcess
-from gateway.transport.baud import garbled
+from gateway.transport.baud import garble
 from gateway.transport.pty import baud_rate_of
 from tests.support.process import Running
 
@@ -75,16 +75,16 @@ async def _everybody(folder: Path) -> dict[str, Any]:
         simulator = make_simulator(Endpoint(protocol, "-", name, version or None), clock=time.time)
         rate = 9600 if what in MOUNTS else 38400
         ports += await serve_simulator(simulator, [f"pty:{folder / str(index)}"], 0.01, rate)
-        patience = {MOUNTS[0]: {"first": EAGER}, "lx200:lx200-16": {"first": HURRY}}.get(what, {})
-        jobs[what] = scan(at(str(folder / str(index))), **patience)
+        patience = {MOUNTS[0]: {"first_times": EAGER}, "lx200:lx200-16": {"first_times": HURRY}}.get(what, {})
+        jobs[what] = scan_port(at(str(folder / str(index))), **patience)
     silent, echo, gps, vanishing, held = [Terminal(), Terminal(lambda data: data), Terminal(), Terminal(), Terminal()]
-    jobs["silent"] = scan(at(silent.path), first=GLANCE, others=GLANCE)
-    jobs["echo"] = scan(at(echo.path), first=HURRY)
-    jobs["loop"] = scan(at("loop://"), first=HURRY)
-    jobs["vanishing"] = scan(at(vanishing.path))
-    jobs["gps"] = scan(at(gps.path))
+    jobs["silent"] = scan_port(at(silent.path), first_times=GLANCE, other_times=GLANCE)
+    jobs["echo"] = scan_port(at(echo.path), first_times=HURRY)
+    jobs["loop"] = scan_port(at("loop://"), first_times=HURRY)
+    jobs["vanishing"] = scan_port(at(vanishing.path))
+    jobs["gps"] = scan_port(at(gps.path))
     with serial.Serial(held.path, exclusive=True):
-        jobs["held"] = scan(at(held.path))
+        jobs["held"] = scan_port(at(held.path))
         loop = asyncio.get_running_loop()
         timers = [loop.call_later(0.1 + 0.3 * turn, os.write, gps.master, GPS) for turn in range(3)]
         timers.append(loop.call_later(0.4, vanishing.close))
@@ -208,7 +208,7 @@ def test_detect_reports_a_port_that_it_may_not_open(monkeypatch: pytest.MonkeyPa
         raise serial.SerialException(errno.EACCES, "could not open port /dev/x: [Errno 13] Permission denied: '/dev/x'")
 
     monkeypatch.setattr(serial, "serial_for_url", refuse)
-    finding = asyncio.run(scan(at("/dev/x")))
+    finding = asyncio.run(scan_port(at("/dev/x")))
     assert finding.state == "unopened"
     assert "dialout" in finding.reason
 
@@ -220,7 +220,7 @@ def test_detect_names_the_program_that_has_a_port_open_without_a_lock(tmp_path: 
     assert port_holder(str(port)) == ""
     with port.open("rb"):
         assert f"(process {os.getpid()})" in port_holder(str(link))
-        finding = asyncio.run(scan(at(str(link))))
+        finding = asyncio.run(scan_port(at(str(link))))
     assert (finding.state, finding.seconds) == ("busy", 0.0)
     assert "in use by" in finding.reason
 
@@ -310,7 +310,7 @@ def test_detect_finds_a_mount_behind_rfc2217() -> None:
         server = threading.Thread(target=serve_rfc2217, args=(listener, sim.feed), daemon=True)
         listener.settimeout(5.0)
         server.start()
-        finding = asyncio.run(scan(at(f"rfc2217://127.0.0.1:{listener.getsockname()[1]}")))
+        finding = asyncio.run(scan_port(at(f"rfc2217://127.0.0.1:{listener.getsockname()[1]}")))
         server.join(5.0)
     assert finding.mount is not None, finding
     assert (finding.mount.model, finding.baud) == ("cge", None)
@@ -320,7 +320,7 @@ def test_detect_finds_a_mount_behind_a_socket() -> None:
     async def program() -> PortFinding:
         simulator = make_simulator(Endpoint("lx200", "-", "lx200gps"), clock=time.time)
         [port] = await serve_simulator(simulator, ["tcp://127.0.0.1:0"], 0.0)
-        finding = await scan(at(port.address.replace("tcp:", "socket:")), first=EAGER)
+        finding = await scan_port(at(port.address.replace("tcp:", "socket:")), first_times=EAGER)
         await port.close()
         return finding
 
@@ -334,12 +334,12 @@ def test_detect_finds_a_mount_behind_a_socket() -> None:
 
 def test_simulated_line_garbles_bytes_received_at_another_baud_rate() -> None:
     everything = bytes(range(256))
-    assert garbled(everything, 9600, 9600) == everything
-    assert garbled(everything, 56700, 57600) == everything
-    assert garbled(b"\x06", 4800, 9600) == b"x"  # 0 0110 0000 1, each bit twice: 0 0001 1110, and no stop bit
-    assert garbled(b"\x00", 9600, 19200)[:1] == b"\x00"
+    assert garble(everything, 9600, 9600) == everything
+    assert garble(everything, 56700, 57600) == everything
+    assert garble(b"\x06", 4800, 9600) == b"x"  # 0 0110 0000 1, each bit twice: 0 0001 1110, and no stop bit
+    assert garble(b"\x00", 9600, 19200)[:1] == b"\x00"
     for rate in (1200, 4800, 19200, 38400):
-        assert garbled(b"Kx#\x06:GR#", rate, 9600) not in (b"Kx#\x06:GR#", b"")
+        assert garble(b"Kx#\x06:GR#", rate, 9600) not in (b"Kx#\x06:GR#", b"")
 
 
 def test_baud_rate_of_a_terminal_is_read_even_if_it_has_no_constant() -> None:

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from msgspec.structs import replace
 
 from gateway.diagnostics.doctor.checks import CHECKS, run_checks
-from gateway.diagnostics.doctor.facts import BAD, GOOD, NOTE, CheckResult, Facts, GatewayRun, Package, Port
+from gateway.diagnostics.doctor.facts import BAD, GOOD, NOTE, CheckResult, Facts, GatewayFacts, Package, Port
 from tests.support.each import each
 
 
@@ -95,7 +95,7 @@ def test_doctor_on_a_healthy_computer_reports_ok_and_suggests_nothing() -> None:
             "ports",
             {
                 "ports": [replace(USB, holder="python (process 77)")],
-                "gateways": [GatewayRun(77, "nexstar@/dev/ttyUSB0")],
+                "gateways": [GatewayFacts(77, "nexstar@/dev/ttyUSB0")],
             },
             GOOD,
             "in use by a gateway: python (process 77)",
@@ -128,23 +128,23 @@ def test_doctor_on_a_healthy_computer_reports_ok_and_suggests_nothing() -> None:
         ("astronomy", {"packages": LEAN}, BAD, "no almanac is known for today", "run --almanac FILE"),
         (
             "astronomy",
-            {"packages": LEAN, "gateways": [GatewayRun(77, "nexstar@sim", sky_source="almanac of 2026-06-01")]},
+            {"packages": LEAN, "gateways": [GatewayFacts(77, "nexstar@sim", sky_source="almanac of 2026-06-01")]},
             GOOD,
             "the running gateway has an almanac",
             "",
         ),
         ("state", {"state_problem": "permission denied"}, BAD, "(permission denied)", "sudo chown -R $USER /home/me"),
-        ("gateways", {"gateways": [GatewayRun(77, "nexstar@sim")]}, GOOD, "runs for nexstar@sim (process 77)", ""),
+        ("gateways", {"gateways": [GatewayFacts(77, "nexstar@sim")]}, GOOD, "runs for nexstar@sim (process 77)", ""),
         (
             "gateways",
-            {"gateways": [GatewayRun(77, user="user pi", is_other_users=True)]},
+            {"gateways": [GatewayFacts(77, user="user pi", is_other_users=True)]},
             NOTE,
             "of user pi",
             "or as root",
         ),
         (
             "gateways",
-            {"gateways": [GatewayRun(77, user="the user me"), GatewayRun(78, user="the user me")]},
+            {"gateways": [GatewayFacts(77, user="the user me"), GatewayFacts(78, user="the user me")]},
             NOTE,
             "processes 77, 78",
             "--state PATH",

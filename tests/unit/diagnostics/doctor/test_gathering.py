@@ -78,7 +78,7 @@ def test_doctor_counts_almanac_days_up_to_the_first_gap(
 ) -> None:
     monkeypatch.setenv("CACHE_DIRECTORY", str(tmp_path))
     named, today = tmp_path / "year.almanac", 20780
-    named.write_bytes(Almanac(dict.fromkeys((today, today + 1, today + 3), bytes(8 * 333))).encoded())
+    named.write_bytes(Almanac(dict.fromkeys((today, today + 1, today + 3), bytes(8 * 333))).encode())
     assert gathering._almanac_until(today * DAY + 5.0, str(named)) == (today + 1) * DAY
     assert gathering._almanac_until((today + 2) * DAY, str(named)) is None
     assert gathering._almanac_until(today * DAY, None) is None
@@ -87,7 +87,7 @@ def test_doctor_counts_almanac_days_up_to_the_first_gap(
 
 
 def test_doctor_reads_the_installed_astronomy_data() -> None:
-    assert gathering.release_date(gathering.installed_version(gathering.DATA_PACKAGE)) is not None
+    assert gathering.release_date(gathering.installed_version(gathering.IERS_PACKAGE)) is not None
 
 
 def test_doctor_reports_a_missing_package() -> None:

@@ -17,7 +17,7 @@ AT = 1768514400.25
 def told(*entries: Entry, log: str = "json") -> list[dict[str, object]]:
     """The objects of a log."""
     stream = io.StringIO()
-    put = as_json.json_printer(RowBuilder("nexstar", ["lx200"], as_json.filter_of(log)), stream, "pier")
+    put = as_json.json_printer(RowBuilder("nexstar", ["lx200"], as_json.filter_name(log)), stream, "pier")
     for entry in entries:
         put(entry)
     return [json.loads(line) for line in stream.getvalue().splitlines()]

@@ -9,7 +9,7 @@ import pytest
 
 from gateway.core.wire_log import Entry, printable
 from gateway.diagnostics.log import layout
-from gateway.diagnostics.log.layout import Row, wrapped
+from gateway.diagnostics.log.layout import Row, wrap_row
 from gateway.diagnostics.log.printing import RowBuilder, line_printer
 from tests.support.each import each
 
@@ -26,7 +26,7 @@ LONG = [
 @each("columns", [1, 40, 60, 80, 100, 132, 250])
 @each("row", LONG)
 def test_log_line_is_wrapped_to_the_width_without_losing_text(row: Row, columns: int) -> None:
-    lines = wrapped(row, columns)
+    lines = wrap_row(row, columns)
     assert max(len(line) for line in lines) <= max(columns, 40)
     assert all(line.startswith("    ") for line in lines[1:])
     told = "".join("".join(lines).split())

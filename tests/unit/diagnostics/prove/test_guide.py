@@ -324,7 +324,7 @@ def test_prove_recognises_the_mount_though_the_version_reply_is_lost(mount: str)
 
 
 def test_prove_resumes_stopped_motions_after_the_last_measured_rate(tmp_path: Path) -> None:
-    measured, real = list[str](), small_motions._measure
+    measured, real = list[str](), small_motions._measure_rate
 
     async def counted(telescope: CheckedMount, what: str, *rate: Any) -> Finding:
         measured.append(what)
@@ -349,7 +349,7 @@ def test_prove_resumes_stopped_motions_after_the_last_measured_rate(tmp_path: Pa
             verdicts = {one.what: one.verdict for one in found.stages["motions"]}
             assert verdicts["rate 6 west/east"] == verdicts["direction of west and east"] == SAME
 
-    with patch.object(small_motions, "RATE_KEYS", (9, 6)), patch.object(small_motions, "_measure", counted):
+    with patch.object(small_motions, "RATE_KEYS", (9, 6)), patch.object(small_motions, "_measure_rate", counted):
         run_calm(play())
     first, second = (["rate 9 west/east"] * 2, ["rate 9 north/south"] * 2)
     assert measured == ["rate 6 west/east", "rate 6 north/south", *first, *second]
@@ -371,11 +371,11 @@ def test_prove_stores_measurements_made_before_ctrl_c(tmp_path: Path) -> None:
                 "rate 9 west/east",
                 "the rest of motions",
             ]
-            with patch.object(small_motions, "_measure", counted):
+            with patch.object(small_motions, "_measure_rate", counted):
                 found = await proven.check(Onlooker("ssyssss"))
             assert found.is_complete("motions") and measured == ["rate 9 north/south"]
 
-    measured, real = list[str](), small_motions._measure
+    measured, real = list[str](), small_motions._measure_rate
 
     async def counted(telescope: CheckedMount, what: str, *rate: Any) -> Finding:
         measured.append(what)

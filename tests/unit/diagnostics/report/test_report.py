@@ -13,7 +13,7 @@ from gateway.app.recording.format import read
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
 from gateway.cli import main
-from gateway.diagnostics.report.gather import gather
+from gateway.diagnostics.report.gather import gather_night
 from gateway.diagnostics.report.night import Night
 from gateway.diagnostics.report.page import report_page, summary_sentences
 from gateway.diagnostics.report.plots import altaz_track, light_intervals, reply_time_spreads, split_track
@@ -35,13 +35,13 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def seen(whole: Path) -> Night:
-    return gather(read(whole))
+    return gather_night(read(whole))
 
 
 def recorded(tmp_path: Path, tape: Tape, **more: object) -> Night:
     path = tmp_path / "some.rec"
     path.write_text(tape.text(**more))
-    return gather(read(path))
+    return gather_night(read(path))
 
 
 class Reader(HTMLParser):
@@ -202,7 +202,7 @@ def test_report_shows_markup_sent_by_programs_as_text(tmp_path: Path) -> None:
 def test_report_of_an_almost_empty_night_is_complete(lines: str, tmp_path: Path) -> None:
     path = tmp_path / "short.rec"
     path.write_text(head() + lines)
-    found = gather(read(path))
+    found = gather_night(read(path))
     judged(report_page(found, path.name))
     said = summary_sentences(found, [])
     assert "The mount never reported its position." in said and "The mount answered no question." in said

@@ -16,7 +16,7 @@ from gateway.mount.motion.ends import (
     AxisSample,
     EndStep,
     MotionEnd,
-    is_visible,
+    is_end_visible,
     next_step,
     speed_since_end,
 )
@@ -77,7 +77,7 @@ def test_coarse_position_is_not_judged_before_it_could_change() -> None:
 @given(st.floats(0.0, 2 * MIN_VISIBLE_SPEED - 1e-9))
 def test_end_of_a_motion_too_slow_to_be_seen_is_not_checked_by_positions(rate: float) -> None:
     ending = MotionEnd(frozenset({1}), rate, (0.0,))
-    assert not is_visible(ending)
+    assert not is_end_visible(ending)
     assert next_step(ending, [], 100.0) is EndStep.DONE
 
 

@@ -32,7 +32,7 @@ def moves(operation: op.Move, since: float, asked: float = 0.0) -> HandMove:
 def test_early_release_of_a_queued_arrow_leaves_a_short_move() -> None:
     for active in (0, 1):
         [tap] = after(Wanted(pending=(press(1, 0.0),), active=active), release(2, 0.125)).pending
-        assert (tap.number, tap.held) == (1, 0.125)
+        assert (tap.number, tap.held_for) == (1, 0.125)
 
 
 def test_other_clients_halt_or_late_release_cancels_a_queued_arrow_press() -> None:
@@ -58,18 +58,18 @@ def test_released_arrow_runs_on_only_to_complete_a_short_press() -> None:
         if until is None:
             assert [one.operation for one in changed.pending] == [STOP] and not changed.taps
         else:
-            assert [round(tap.until, 6) for tap in changed.taps] == [until] and not changed.pending
+            assert [round(tap.ends_at, 6) for tap in changed.taps] == [until] and not changed.pending
 
 
 def test_short_arrow_presses_are_joined_only_in_the_same_direction() -> None:
     first = press(1, 0.0, held=0.1)
     joined = after(Wanted(pending=(first, press(2, 0.2))), release(3, 0.4))
-    assert [(one.number, round(one.held or 0.0, 6), one.came_at) for one in joined.pending] == [(1, 0.3, 0.2)]
+    assert [(one.number, round(one.held_for or 0.0, 6), one.came_at) for one in joined.pending] == [(1, 0.3, 0.2)]
     assert taps.was_fulfilled_otherwise(press(2, 0.2, held=0.2), joined)
     other = after(Wanted(pending=(first, press(2, 0.2, WEST))), release(3, 0.4))
     assert [one.number for one in other.pending] == [1, 2]
     begun = Wanted(motion=moves(EAST, 0.4), taps=(Tap(1, ME, 0.5),), pending=(press(2, 0.3),))
-    assert [round(tap.until, 6) for tap in after(begun, release(3, 0.45)).taps] == [0.65]
+    assert [round(tap.ends_at, 6) for tap in after(begun, release(3, 0.45)).taps] == [0.65]
 
 
 def test_axis_belongs_to_the_client_of_its_newest_unreleased_arrow() -> None:

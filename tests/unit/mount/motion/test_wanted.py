@@ -14,7 +14,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Refused
 from gateway.core.motion_kinds import END_ORDERS, GOTOS
 from gateway.mount.motion import changes
-from gateway.mount.motion.changes import after_stop, apply_order, equal_pending_halt, without_superseded
+from gateway.mount.motion.changes import after_stop, apply_order, equal_pending_halt, without_superseded_orders
 from gateway.mount.motion.wanted import Halt, HandMove, Movement, NoOrderedMove, Order, Slew, Wanted, WantedState
 from gateway.mount.presence import HostActivity
 from gateway.mount.readings.cache import ReadingsCache
@@ -66,9 +66,9 @@ class Desk:
     def begin(self) -> Order | None:
         """What is due, which is being carried out from now on. Arrows that were tapped end when they are to."""
         for tap in self.wanted.taps:
-            if tap.until <= self.now:
+            if tap.ends_at <= self.now:
                 self.numbers += 1
-                end = Halt(self.numbers, op.StopAxis(tap.axis), tap.by, came_at=tap.until, ends_tap=True)
+                end = Halt(self.numbers, op.StopAxis(tap.axis), tap.client, came_at=tap.ends_at, ends_tap=True)
                 self.wanted = apply_order(self.wanted, end, self.now, self.slewing)
         order = self.wanted.next_order(self.now)
         self.wanted = replace(self.wanted, active=order.number if order else 0)
@@ -104,7 +104,7 @@ def test_motions_are_sent_in_sequence_but_axis_stops_first() -> None:
     desk.ask(op.StopAxis(2))
     assert desk.do() == op.StopAxis(2)
     assert desk.do() == EAST
-    assert desk.wanted.by_hand == {1: EAST}
+    assert desk.wanted.hand_moves == {1: EAST}
     assert desk.begin() is None and desk.wanted.next_due_time() is None
 
 
@@ -124,7 +124,7 @@ def test_stop_cancels_every_queued_motion_but_no_queued_setting() -> None:
     desk = Desk().ask(NORTH, GOTO, PULSE, op.TrackRate(name="solar"), op.Sync(1.0, 1.0))
     desk.wanted = after_stop(desk.wanted)
     assert waiting(desk) == [op.TrackRate(name="solar")]
-    assert desk.wanted.stop_owed and desk.wanted.n_stops == 1
+    assert desk.wanted.stop_owed and desk.wanted.stop_count == 1
     assert changes.after_acknowledged_stop(desk.wanted).motion == NoOrderedMove()
     assert not changes.after_acknowledged_stop(desk.wanted).stop_owed
 
@@ -136,7 +136,7 @@ def test_axis_halt_without_an_arrow_stops_a_goto_on_both_axes(halt: op.Operation
         if under_way:
             desk.do()
         desk.ask(halt)
-        assert desk.wanted.stop_owed and desk.wanted.n_stops == 1
+        assert desk.wanted.stop_owed and desk.wanted.stop_count == 1
         assert waiting(desk) == []
 
 
@@ -224,7 +224,7 @@ def test_arrow_is_not_stopped_by_the_end_of_the_pulse_that_it_replaces() -> None
     assert desk.do() == EAST
     desk.now = 1.0
     assert desk.begin() is None
-    assert desk.wanted.by_hand == {1: EAST}
+    assert desk.wanted.hand_moves == {1: EAST}
 
 
 def test_goto_ends_guide_pulses_and_surplus_guide_pulses_are_refused() -> None:
@@ -270,7 +270,7 @@ def test_stop_leaves_nothing_moving_after_any_orders(story: list[tuple[op.Operat
 @given(st.lists(st.sampled_from(KINDS), max_size=12), st.sampled_from([op.StopAxis(1), op.StopAxis(2), op.AbortSlew()]))
 def test_halt_cancels_the_pending_orders_that_it_would_end(asked: list[op.Operation], halt: op.Operation) -> None:
     wanted = Wanted(pending=tuple(ordered(number, one) for number, one in enumerate(asked, 1)))
-    left = [order.operation for order in without_superseded(wanted, halt).pending]
+    left = [order.operation for order in without_superseded_orders(wanted, halt).pending]
     if isinstance(halt, op.StopAxis):
         assert not [
             one

@@ -17,8 +17,8 @@ from gateway.mount.safety.admission.altitudes import contradicting_sources
 from gateway.mount.safety.admission.contradictions import contradiction_warning, contradictions, sun_refusal
 from gateway.mount.site.astrometry import SiteAstrometry, Sun, SyncShift
 from gateway.mount.site.site_clock import (
-    COMPUTER,
-    CONFIGURED,
+    COMPUTER_SOURCE,
+    CONFIG_SOURCE,
     GPS_SOURCE,
     MOUNT_SOURCE,
     PROGRAM,
@@ -43,7 +43,7 @@ def says_what_to_do(fault: Fault, *sources: str) -> None:
     assert 0 < len(fault.brief) <= LONGEST, fault.brief
 
 
-@pytest.mark.parametrize(("best", "other"), list(combinations([MOUNT_SOURCE, GPS_SOURCE, CONFIGURED, PROGRAM], 2)))
+@pytest.mark.parametrize(("best", "other"), list(combinations([MOUNT_SOURCE, GPS_SOURCE, CONFIG_SOURCE, PROGRAM], 2)))
 def test_contradicting_site_is_named_with_a_remedy(best: str, other: str) -> None:
     sites, time = [SourcedSite(HERE, best), SourcedSite(FAR, other)], SourcedTime(EVENING, MOUNT_SOURCE)
     [found] = contradictions(sites, [time])
@@ -53,7 +53,10 @@ def test_contradicting_site_is_named_with_a_remedy(best: str, other: str) -> Non
     says_what_to_do(sun_refusal(known, Sun(0.0, 0.0, False, time, sites[1])), best, other)
     says_what_to_do(sun_refusal(known, Sun(0.0, 0.0, False, time, sites[1]), on_path=True), best, other)
     zenith = op.Equatorial(Sky().sidereal_time(EVENING, 10.0), 45.0)
-    astrometry, as_told = SiteAstrometry(Sky(), known, "jnow"), SimpleNamespace(tube=lambda position, shift: position)
+    astrometry, as_told = (
+        SiteAstrometry(Sky(), known, "jnow"),
+        SimpleNamespace(pointing=lambda position, shift: position),
+    )
     mount: Any = SimpleNamespace(sources=known, astrometry=astrometry, suns=as_told)
     [source] = contradicting_sources(mount, Limits(lowest=20.0))
     with pytest.raises(Contradicted) as raised:
@@ -61,10 +64,10 @@ def test_contradicting_site_is_named_with_a_remedy(best: str, other: str) -> Non
     says_what_to_do(raised.value, best, other)
 
 
-@pytest.mark.parametrize(("best", "other"), list(combinations([MOUNT_SOURCE, GPS_SOURCE, COMPUTER, PROGRAM], 2)))
+@pytest.mark.parametrize(("best", "other"), list(combinations([MOUNT_SOURCE, GPS_SOURCE, COMPUTER_SOURCE, PROGRAM], 2)))
 @pytest.mark.parametrize("apart", [200.0, 9000.0, 9e5, 9e7])
 def test_contradicting_clock_is_named_with_a_remedy(best: str, other: str, apart: float) -> None:
-    times = [SourcedTime(EVENING, best), SourcedTime(EVENING - apart, other, other == COMPUTER)]
+    times = [SourcedTime(EVENING, best), SourcedTime(EVENING - apart, other, other == COMPUTER_SOURCE)]
     known = SiteTimeSources(SiteClock(lambda: 0.0, lambda: EVENING, None))
     site = SourcedSite(HERE, MOUNT_SOURCE)
     known.sites, known.times = lambda: [site], lambda: times  # type: ignore[method-assign]

@@ -40,11 +40,11 @@ from gateway.mount.safety.allow import (
     max_rate,
 )
 from gateway.mount.safety.hour_angle import angle_from_pier_side, check_past_meridian, past_meridian
-from gateway.mount.safety.sync_sum import SyncSum, check_sync
+from gateway.mount.safety.sync_sum import SyncSum, checked_sync_sum
 from gateway.mount.safety.unattended import SunApproachWatch
 from gateway.mount.safety.watch import StallWatch
 from gateway.mount.site.astrometry import SyncShift
-from gateway.mount.site.site_clock import COMPUTER, CONFIGURED, MOUNT_SOURCE, SourcedSite, SourcedTime
+from gateway.mount.site.site_clock import COMPUTER_SOURCE, CONFIG_SOURCE, MOUNT_SOURCE, SourcedSite, SourcedTime
 from tests.support.examples import some as a_few
 from tests.support.in_process_gateway import Bridge
 
@@ -116,7 +116,7 @@ def test_axis_and_sync_maths_does_not_hang_on_any_input(n: list[float]) -> None:
     for decide in (
         lambda: past_meridian(angle_from_pier_side(n[0], "W"), german=True),
         lambda: check_past_meridian(limits, n[1], german=False),
-        lambda: check_sync(n[0], SyncSum(n[1], n[2]), [(n[3], n[4]), (n[5], n[6])], here, there),
+        lambda: checked_sync_sum(n[0], SyncSum(n[1], n[2]), [(n[3], n[4]), (n[5], n[6])], here, there),
         lambda: max_rate(n[0], n[1], n[2], n[3], n[4]),
         lambda: [watch.find_stalled(AxisSample(next(steps), (n[0], n[1]), n[2]), {1: n[3]}, n[4]) for _ in range(3)],
         lambda: fold_declination(*geometry.axis_readings((n[0], n[1]), (n[2], n[3]), (n[5], n[6]))),
@@ -137,8 +137,8 @@ def test_sun_path_check_does_not_hang_on_any_numbers(start: Any, turn: Any, plac
 @some
 @given(pairs, pairs, wild, wild)
 def test_contradiction_check_ends_on_any_input(one: Any, other: Any, unix: float, further: float) -> None:
-    sites = [SourcedSite(op.Place(*one), MOUNT_SOURCE), SourcedSite(op.Place(*other), CONFIGURED)]
-    times = [SourcedTime(unix, MOUNT_SOURCE), SourcedTime(further, COMPUTER)]
+    sites = [SourcedSite(op.Place(*one), MOUNT_SOURCE), SourcedSite(op.Place(*other), CONFIG_SOURCE)]
+    times = [SourcedTime(unix, MOUNT_SOURCE), SourcedTime(further, COMPUTER_SOURCE)]
     ends(lambda: list(contradictions(sites, times)))
     ends(lambda: (likely_mistake(sites[0].place, sites[1].place), site_text(sites[0].place)))
 

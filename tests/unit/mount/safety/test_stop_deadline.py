@@ -50,7 +50,7 @@ async def test_motion_without_positions_ends_before_the_altitude_limit(
         await ready(bridge, client, b"e")
         client.send(motor)
         await extremes(bridge, 0.1 if from_the_first else 2.0)
-        bridge.controller.reader.position.disconnect(bridge.controller.watch.check_position)
+        bridge.controller.reader.position_read.disconnect(bridge.controller.watch.check_position)
         low, high = await extremes(bridge, 10.0)
         assert 20.0 <= low <= high <= 80.0
         assert low < 28.0 or high > 72.0, "it is ended late, not at once"
@@ -62,12 +62,12 @@ async def test_motion_ended_in_time_triggers_no_deadline() -> None:
         client = bridge.client()
         client.send(UP)
         await asyncio.sleep(3.0)
-        bridge.controller.reader.position.disconnect(bridge.controller.watch.check_position)
+        bridge.controller.reader.position_read.disconnect(bridge.controller.watch.check_position)
         client.send(b"P\x02\x11\x24\0\0\0\0")
         await asyncio.sleep(60.0)
         assert altitude(bridge) < 75.0
         assert not any("stopped" in note for note in notes(bridge))
-        assert not bridge.controller.stops
+        assert not bridge.controller.stop_count
 
 
 async def test_nearest_of_two_limits_sets_the_deadline() -> None:

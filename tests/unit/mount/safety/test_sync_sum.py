@@ -13,7 +13,7 @@ from gateway.astro.axes import Build
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.core.errors import SyncTooFar
-from gateway.mount.safety.sync_sum import SyncSum, check_sync
+from gateway.mount.safety.sync_sum import SyncSum, checked_sync_sum
 from tests.support.in_process_gateway import EVENING, Bridge
 
 #: 2026-06-21 17:00 UTC
@@ -38,7 +38,7 @@ def place(ra: float = 0.0, dec: float = 0.0) -> op.Equatorial:
 def refused(so_far: SyncSum, distance: float, *turns: tuple[float, float], limit: float = 15.0) -> str:
     """Why a sync that many degrees north is refused if it turns the axes like this, or so; "" if it is not."""
     try:
-        check_sync(limit, so_far, turns, place(), place(0.0, distance))
+        checked_sync_sum(limit, so_far, turns, place(), place(0.0, distance))
     except SyncTooFar as fault:
         return str(fault)
     return ""

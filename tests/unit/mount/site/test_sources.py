@@ -17,8 +17,8 @@ from gateway.mount.presence import NO_PROGRAM
 from gateway.mount.safety.admission.contradictions import contradictions
 from gateway.mount.site.readers import SiteView
 from gateway.mount.site.site_clock import (
-    COMPUTER,
-    CONFIGURED,
+    COMPUTER_SOURCE,
+    CONFIG_SOURCE,
     GPS_SOURCE,
     MOUNT_SOURCE,
     PROGRAM,
@@ -198,7 +198,7 @@ def test_sources_rank_mount_gps_configuration_or_computer_and_programs_last() ->
     SiteView(site_clock, NO_PROGRAM).store_site(op.SetSite(1.0, 1.0))
     SiteView(site_clock, NO_PROGRAM).store_clock(op.SetClock(EVENING + 1e4, 0.0))
     assert [site.source for site in best.sites()] == ["a program (2026-01-15)"]
-    assert [time.source for time in best.times()] == [COMPUTER]
+    assert [time.source for time in best.times()] == [COMPUTER_SOURCE]
     site_clock.configured_site = op.Place(2.0, 2.0)
     site_clock.take_gps(op.Gps(linked=True, place=op.Place(3.0, 3.0), unix=EVENING + 2e4))
     site_clock.take_mount_site(op.Place(4.0, 4.0))
@@ -206,12 +206,12 @@ def test_sources_rank_mount_gps_configuration_or_computer_and_programs_last() ->
     assert [(site.source, site.place.latitude) for site in best.sites()] == [
         (MOUNT_SOURCE, 4.0),
         (GPS_SOURCE, 3.0),
-        (CONFIGURED, 2.0),
+        (CONFIG_SOURCE, 2.0),
     ]
     assert [(time.source, time.unix - EVENING) for time in best.times()] == [
         (MOUNT_SOURCE, 3e4),
         (GPS_SOURCE, 2e4),
-        (COMPUTER, 0.0),
+        (COMPUTER_SOURCE, 0.0),
     ]
     assert len(list(contradictions(best.sites(), best.times()))) == 4
 
@@ -219,12 +219,12 @@ def test_sources_rank_mount_gps_configuration_or_computer_and_programs_last() ->
 @each(
     ("host", "ahead", "told", "sources"),
     [
-        (3600.0 - EVENING, None, False, [COMPUTER]),
-        (3600.0 - EVENING, None, True, [PROGRAM, COMPUTER]),
+        (3600.0 - EVENING, None, False, [COMPUTER_SOURCE]),
+        (3600.0 - EVENING, None, True, [PROGRAM, COMPUTER_SOURCE]),
         (3600.0 - EVENING, 0.0, True, [MOUNT_SOURCE]),
-        (3600.0 - EVENING, 3700.0 - EVENING, True, [MOUNT_SOURCE, COMPUTER]),
-        (0.0, 9999.0, True, [MOUNT_SOURCE, COMPUTER]),
-        (0.0, None, True, [COMPUTER]),
+        (3600.0 - EVENING, 3700.0 - EVENING, True, [MOUNT_SOURCE, COMPUTER_SOURCE]),
+        (0.0, 9999.0, True, [MOUNT_SOURCE, COMPUTER_SOURCE]),
+        (0.0, None, True, [COMPUTER_SOURCE]),
     ],
 )
 def test_unset_computer_clock_counts_only_where_no_better_time_source_exists(
@@ -242,7 +242,7 @@ def test_unset_computer_clock_counts_only_where_no_better_time_source_exists(
     site_clock.take_mount_site(op.Place(45.0, 10.0))
     doubtful = [time.doubtful for time in best.times()]
     assert doubtful == [
-        source == COMPUTER and sources != [MOUNT_SOURCE, COMPUTER] and host != 0.0 for source in sources
+        source == COMPUTER_SOURCE and sources != [MOUNT_SOURCE, COMPUTER_SOURCE] and host != 0.0 for source in sources
     ]
     assert not any("computer" in one.text for one in contradictions(best.sites(), best.times())) or host == 0.0
 
@@ -253,7 +253,7 @@ def test_gps_without_a_fix_and_small_differences_cause_no_warning() -> None:
     site_clock.take_gps(op.Gps(linked=False, place=op.Place(0.0, 0.0), unix=0.0))
     site_clock.take_mount_site(op.Place(45.0, 10.0))
     site_clock.take_mount_clock(op.Moment(EVENING, 0.0))
-    assert [site.source for site in best.sites()] == [MOUNT_SOURCE, CONFIGURED]
+    assert [site.source for site in best.sites()] == [MOUNT_SOURCE, CONFIG_SOURCE]
     assert not list(contradictions(best.sites(), best.times()))
 
 

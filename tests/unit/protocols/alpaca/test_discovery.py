@@ -98,6 +98,6 @@ async def test_discovery_port_in_use_is_reported_and_nothing_fails(monkeypatch: 
 
 async def test_skysafari_discovery_offers_no_alpaca_port() -> None:
     own = DiscoveryAnswers(lambda text: None)
-    await own.start([Offer("alpaca", "tcp", *EVERYWHERE)], port=0)
+    await own.answer_skyfi([Offer("alpaca", "tcp", *EVERYWHERE)], port=0)
     assert own.skyfi_port == 0
     own.close()

@@ -73,7 +73,7 @@ def test_detect_lists_each_telescope_of_an_alpaca_server_once(monkeypatch: pytes
     german, polar = (SimulatedAlpaca(kind, clock=lambda: EVENING) for kind in ("german", "polar"))
     found = served(look, german, polar)
     assert sorted(one.product for one in found) == ["Simulated german", "Simulated polar"]
-    assert {one.identifier for one in found} == {german.unique_id, polar.unique_id}
+    assert {one.unique_id for one in found} == {german.unique_id, polar.unique_id}
     assert not any(one.is_gateway for one in found)
 
 
@@ -98,7 +98,7 @@ def test_alpaca_server_is_found_by_its_host_name() -> None:
         )
 
     [found] = served(look, sim)
-    assert found.where.startswith("http://localhost:") and found.product == "Simulated german"
+    assert found.url.startswith("http://localhost:") and found.product == "Simulated german"
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,7 @@ def driver(**facts: Any) -> AlpacaDriver:
 
 
 def test_alpaca_driver_stops_a_moving_axis_reported_as_not_movable() -> None:
-    mount = driver(hand_rates={2: 4.0}, movable={1: False, 2: False})
+    mount = driver(hand_rates={2: 4.0}, is_movable={1: False, 2: False})
     assert play(abort_motion(mount, op.AbortMotion()), moveaxis=None, abortslew=None)[0] == ["moveaxis1", "abortslew"]
     mount.hand_rates[1] = 4.0
     assert play(stop_axis(mount, op.StopAxis(1)), moveaxis=None)[0] == ["moveaxis0"]
@@ -57,11 +57,11 @@ def test_alpaca_driver_stops_a_moving_axis_reported_as_not_movable() -> None:
 @pytest.mark.parametrize("able", [ABSENT, Refused("busy"), True])
 def test_alpaca_axis_counts_as_movable_until_canmoveaxis_is_false(able: Any) -> None:
     mount = driver()
-    assert mount.may_move(1) and mount.may_move(2)
+    assert mount.may_be_moving(1) and mount.may_be_moving(2)
     play(identity(mount, op.GetIdentity()), connected=True, canmoveaxis=able, axisrates=[])
-    assert mount.may_move(1) and mount.may_move(2) and not mount.supports("moveaxis")
+    assert mount.may_be_moving(1) and mount.may_be_moving(2) and not mount.supports("moveaxis")
     play(identity(mount, op.GetIdentity()), connected=True, canmoveaxis=False)
-    assert not mount.may_move(1) and not mount.may_move(2)
+    assert not mount.may_be_moving(1) and not mount.may_be_moving(2)
 
 
 @pytest.mark.parametrize("place", [("NaN", "NaN"), (1.0, float("inf")), (25.0, 10.0), (-1.0, 10.0), (1.0, 90.5)])

@@ -75,7 +75,7 @@ def test_cancelled_simulated_goto_brakes_for_a_second_and_then_tracks() -> None:
     made = mount(on=True)
     made.goto_axes(START, 60.0, 60.0)
     assert second(made, 3.0) == pytest.approx(30.0)
-    made.cancel(START + 3.0)
+    made.stop_goto(START + 3.0)
     assert not made.slewing(START + 3.0) and made.is_moving(START + 3.5)
     assert [second(made, t) for t in (3.5, 4.0, 60.0)] == pytest.approx([31.5, 32.0, 32.0])
     assert not made.is_moving(START + 4.1) and made.tracking(START + 4.1)
@@ -87,7 +87,7 @@ def test_sped_up_simulated_goto_brakes_at_the_same_speedup() -> None:
     made.speedup = 6.0
     made.goto_axes(START, 60.0, 80.0)
     before = second(made, 1.0)
-    made.cancel(START + 1.0)
+    made.stop_goto(START + 1.0)
     assert second(made, 1.0 + 1.0 / 6.0) - before == pytest.approx(2.0, abs=1e-4)  # as far, in a sixth of the time
     assert second(made, 9.0) - before == pytest.approx(2.0, abs=1e-4)
 
@@ -125,7 +125,7 @@ def order(made: Mechanics, now: float, chance: Random) -> None:
     elif what == 3:
         made.goto_axis(now, axis, chance.uniform(30.0, 60.0))
     elif what == 4:
-        made.cancel(now)
+        made.stop_goto(now)
     elif what == 5:
         made.track(now, chance.random() < 0.7)
     elif what == 6:

@@ -321,6 +321,6 @@ def test_unwritable_truth_file_is_reported_at_once(tmp_path: Path, capsys: pytes
 def test_truth_file_that_becomes_unwritable_ends_the_simulated_mount(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("gateway.cli.serve.sim.plain_fd", os.open)
+    monkeypatch.setattr("gateway.cli.serve.sim.open_regular_fd", os.open)
     assert main(["sim", "nexstar:cge", "--at", "tcp://127.0.0.1:0", "--truth", "/dev/full"]) == 2
     assert "the simulated mount has ended" in capsys.readouterr().err

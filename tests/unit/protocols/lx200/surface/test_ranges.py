@@ -174,7 +174,7 @@ def test_altitude_beyond_the_clients_limits_is_refused() -> None:
 
 def test_altitude_below_the_configured_limit_is_refused() -> None:
     talk = Talk()
-    talk.session.settings = replace(talk.session.settings, limits=Limits(lowest=-5.0))
+    talk.session.client_settings = replace(talk.session.client_settings, limits=Limits(lowest=-5.0))
     assert talk.send(b":Sa-04*00#:Sa-06*00#") == b"10"
 
 

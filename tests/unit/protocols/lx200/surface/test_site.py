@@ -82,7 +82,7 @@ def test_impossible_lx200_site_is_refused(refused: bytes) -> None:
 @each(("model", "longest"), [("autostar", 15), ("lx200", 3), ("lx200-16", 3), ("lx200gps", 15)])
 def test_lx200_site_name_is_cut_to_the_models_length_and_saved(model: str, longest: int) -> None:
     talk, saved = Talk(model=model), []
-    talk.session.settings_holder.changed = lambda: saved.append(1)
+    talk.session.shared_settings.changed = lambda: saved.append(1)
     name = b"Observatory Alpha"[:longest]
     for letter in (b"M", b"N", b"O", b"P"):
         assert talk.send(b":S%s%s#:G%s#" % (letter, name, letter)) == b"1" + name + b"#"
@@ -92,7 +92,7 @@ def test_lx200_site_name_is_cut_to_the_models_length_and_saved(model: str, longe
 
 def test_all_lx200_clients_read_the_same_nonempty_site_names() -> None:
     one, other = Talk(), Talk()
-    other.session.settings_holder = one.session.settings_holder
+    other.session.shared_settings = one.session.shared_settings
     assert one.send(b":SNHOME#") == b"1"
     assert other.send(b":GN#") == b"HOME#"
     assert all(

@@ -132,7 +132,7 @@ def _limited(lowest: float, highest: float) -> Talk:
     """A client of a gateway whose operator has set limits."""
     talk = Talk()
     talk.mount.limits = Limits(lowest, highest)
-    talk.session.settings = replace(talk.session.settings, limits=talk.mount.limits)
+    talk.session.client_settings = replace(talk.session.client_settings, limits=talk.mount.limits)
     return talk
 
 

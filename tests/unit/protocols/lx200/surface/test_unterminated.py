@@ -198,7 +198,7 @@ def test_endless_lx200_command_takes_no_memory(endless: bytes) -> None:
     framer = Lx200Framer()
     assert framer.feed(b":Sr1:Sd1" + endless * 4_000, 0.0) == []
     assert len(framer._frame) <= MAX_COMMAND_LENGTH and len(framer._unterminated_text) <= MAX_COMMAND_LENGTH
-    assert len(framer._unterminated) <= len(load("lx200").commands)
+    assert len(framer._unterminated_names) <= len(load("lx200").commands)
 
 
 # --- left as it was -----------------------------------------------------------------------------------------------
@@ -281,4 +281,4 @@ def test_lx200_framing_marks_unterminated_commands_and_those_behind_them() -> No
     assert [type(frame) for frame in frames] == [bytes, Unterminated, Suspect, bytes, Suspect]
     assert Lx200Framer().feed(b":SMa:Mn#:SMb:Me#", 0.0) == [b":SMa:Mn#", b":SMb:Me#"]
     refused = frames[1]
-    assert isinstance(refused, Unterminated) and refused.names == ("SM", "Sr") and not refused.late
+    assert isinstance(refused, Unterminated) and refused.command_names == ("SM", "Sr") and not refused.late

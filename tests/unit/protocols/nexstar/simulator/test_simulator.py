@@ -108,7 +108,7 @@ def test_simulated_guide_pulses_need_newer_motors() -> None:
 def manual_state() -> Bench:
     """The state that the hand-typed forms are written for."""
     bench = Bench("cge", now=APRIL - 300)
-    bench.sim.row = {**bench.sim.row, "has": ["gps", "rtc"]}
+    bench.sim.facts = {**bench.sim.facts, "has": ["gps", "rtc"]}
     bench.sim.firmware = (6, 11)
     bench(b"T\x00b12AB0500,40000500")
     bench.settle()

@@ -44,5 +44,5 @@ SPEC = ProtocolSpec(
     new_framer=_framing,
     opening_pattern=re.compile(rb"(?:[?!=][^\n]*\n)*"),
     make_surface=_make_surface,
-    recognises=lambda sent: 1.0 if sent[:1] in (b"?", b"!") and b"\n" in sent else 0.0,
+    likelihood=lambda sent: 1.0 if sent[:1] in (b"?", b"!") and b"\n" in sent else 0.0,
 )
