@@ -20,8 +20,8 @@ from pathlib import Path
 
 import pytest
 
-PAUSE = 0.02
-"""Seconds between two looks at something that is waited for."""
+PAUSE, LONGEST_PAUSE = 0.02, 0.2
+"""Seconds between two looks at something that is waited for: a tenth of the time waited so far, within these."""
 PATIENCE = 120.0
 """Seconds for what must happen sooner or later, however loaded the computer is: only a failing test waits so long."""
 
@@ -39,11 +39,12 @@ def requires(*programs: str) -> None:
 
 def wait_until(what: str, happened: Callable[[], bool], seconds: float = PATIENCE) -> None:
     """Look again and again until `happened()` is true; fail after `seconds`."""
-    deadline = time.monotonic() + seconds
+    began = time.monotonic()
     while not happened():
-        if time.monotonic() > deadline:
+        waited = time.monotonic() - began
+        if waited > seconds:
             pytest.fail(f"{what}: not within {seconds:g} s")
-        time.sleep(PAUSE)
+        time.sleep(min(max(PAUSE, waited / 10.0), LONGEST_PAUSE))
 
 
 def free_port() -> int:

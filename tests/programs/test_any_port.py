@@ -1,4 +1,7 @@
-"""Real programs of every protocol on one port: Hamlib, INDI's drivers, Stellarium, Chromium; and all at once."""
+"""Real programs of every protocol on one port: Hamlib, INDI's drivers, Chromium; and all at once.
+
+Stellarium is in ``test_stellarium``.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +13,11 @@ from .meade import Meade
 from .processes import Workshop, requires, wait_until
 from .product import Endpoint, start_any_gateway, start_meade, start_simulator
 from .sky import NORTH, Spot, arcseconds
-from .stellarium import Planetarium
 from .tap import Tap
 from .telescope import Telescope
 from .test_browser import ATTACK, FETCH, FORM, QUESTIONS
 from .test_hamlib import turns_and_stops
-from .test_stellarium import NEAR, STAR, told
+from .test_stellarium import STAR, told
 
 LX200, NEXSTAR = ("indi_lx200autostar", "LX200 Autostar"), ("indi_celestron_gps", "Celestron GPS")
 
@@ -34,16 +36,6 @@ def test_auto_detecting_port_serves_hamlib(workshop: Workshop) -> None:
     requires("rotctld", "socat")
     surface, truth = start(workshop, "lx200")
     turns_and_stops(Rotator(workshop, CELESTRON, terminal_to(workshop, surface.port)), truth)
-
-
-def test_auto_detecting_port_serves_stellarium(workshop: Workshop) -> None:
-    """It waits for the first word, and is told positions after three seconds; then its goto decides."""
-    requires("stellarium", "Xvfb", "xdotool")
-    surface, truth = start(workshop, "nexstar")
-    Planetarium(workshop, surface.port, "Aldebaran", NORTH).slew()
-    wait_until("the slew", truth.goto_running)
-    wait_until("arrival", lambda: not truth.goto_running())
-    wait_until("the position that is told", lambda: arcseconds(told(surface.port), STAR) < NEAR)
 
 
 def test_hostile_web_page_moves_no_mount_over_port_any(workshop: Workshop) -> None:
