@@ -1,8 +1,9 @@
 """The order of a run is drawn by chance, so that no test comes to need what another one has left behind.
 
 The tests of a module stay together, because they share what it sets up, and so do those of the console's page, which
-share a browser. Modules that wait for real programs come to lie between those that keep a processor busy. The seed is
-printed at the end; ``TEST_ORDER=7 pytest`` repeats an order.
+share a browser. Modules that wait for real programs begin first, on some of the workers, while those that keep a
+processor busy begin on the others: else a long wait may be all that is left at the end. The seed is printed at the end;
+``TEST_ORDER=7 pytest`` repeats an order on the same number of workers.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ import pytest
 
 #: The folder whose tests share a browser and a gateway, and keep their order.
 IN_ORDER = "tests/programs/console/"
+#: Where the tests wait most of their time: for real programs, and for what needs the time of this computer.
+WAITING = ("tests/programs/", "tests/unit/app/watchdog/", "tests/integration/stops/test_stop_waits_on_ports.py")
 
 
 def seed() -> str:
@@ -22,7 +25,7 @@ def seed() -> str:
 
 
 def shuffled(items: list[pytest.Item]) -> list[pytest.Item]:
-    """Return the tests group by group, the groups and their tests in the order of the seed."""
+    """Return the tests group by group, the groups and their tests in the order of the seed, dealt to the workers."""
     chance, groups = Random(seed()), dict[str, list[pytest.Item]]()
     for item in items:
         path = item.nodeid.partition("::")[0]
@@ -32,4 +35,22 @@ def shuffled(items: list[pytest.Item]) -> list[pytest.Item]:
             chance.shuffle(tests)
     order = list(groups)
     chance.shuffle(order)
-    return [item for group in order for item in groups[group]]
+    waiting = [groups[group] for group in order if group.startswith(WAITING)]
+    busy = [item for group in order if not group.startswith(WAITING) for item in groups[group]]
+    return dealt(waiting, busy, int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")))
+
+
+def dealt(waiting: list[list[pytest.Item]], busy: list[pytest.Item], workers: int) -> list[pytest.Item]:
+    """Return the tests in an order of which pytest-xdist gives each worker an equal part: two thirds of the workers
+    begin with a like number of waiting tests, and the busy tests fill all parts.
+    """
+    parts: list[list[pytest.Item]] = [[] for _ in range(workers)]
+    for group in waiting:
+        min(parts[: workers * 2 // 3 or 1], key=len).extend(group)
+    left = sum(map(len, parts)) + len(busy)
+    for number, part in enumerate(parts):
+        taken = max(0, left // (workers - number) - len(part))
+        part += busy[:taken]
+        del busy[:taken]
+        left -= len(part)
+    return [item for part in parts for item in part] + busy
