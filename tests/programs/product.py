@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import datetime
-import sys
 from collections.abc import Sequence
 from typing import NamedTuple
+
+from tests.support.process import GATEWAY
 
 from .alpaca_server import AlpacaServer
 from .hand_control import HandControl
@@ -14,7 +15,7 @@ from .processes import Workshop
 from .sky import NIGHT, Site
 from .synscan import SynScan
 
-PRODUCT = (sys.executable, "-m", "gateway")
+PRODUCT = tuple(GATEWAY)
 #: The mount's night is long past: today's Sun would count as well, and this computer's clock contradicts the mount's.
 OF_ANOTHER_NIGHT = ("--sun", "0", "--computer-clock", "doubtful")
 

@@ -41,12 +41,12 @@ def shuffled(items: list[pytest.Item]) -> list[pytest.Item]:
 
 
 def dealt(waiting: list[list[pytest.Item]], busy: list[pytest.Item], workers: int) -> list[pytest.Item]:
-    """Return the tests in an order of which pytest-xdist gives each worker an equal part: two thirds of the workers
+    """Return the tests in an order of which pytest-xdist gives each worker an equal part: three quarters of the workers
     begin with a like number of waiting tests, and the busy tests fill all parts.
     """
     parts: list[list[pytest.Item]] = [[] for _ in range(workers)]
     for group in waiting:
-        min(parts[: workers * 2 // 3 or 1], key=len).extend(group)
+        min(parts[: workers * 3 // 4 or 1], key=len).extend(group)
     left = sum(map(len, parts)) + len(busy)
     for number, part in enumerate(parts):
         taken = max(0, left // (workers - number) - len(part))

@@ -38,6 +38,7 @@ def warnings(bridge: Any) -> list[str]:
     return [note for note in notes(bridge) if note.startswith("WARNING: the Sun")]
 
 
+@pytest.mark.sampled(every=2)
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
 async def test_resting_tube_in_the_suns_path_is_reported_15_minutes_ahead_and_not_moved(
     mount: str, driven: str
@@ -69,6 +70,7 @@ async def test_resting_tube_in_the_suns_path_is_reported_15_minutes_ahead_and_no
         assert told(bridge) == ""
 
 
+@pytest.mark.sampled(every=2)
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
 async def test_sun_rising_beside_a_tracking_tube_is_reported_and_tracking_continues(mount: str, driven: str) -> None:
     """Turning its tracking off would let the Sun walk over it."""

@@ -20,6 +20,9 @@ from typing import Any
 from PIL import Image
 from playwright.sync_api import Browser, BrowserType, Page, WebSocketRoute
 
+from gateway.astro.ephemeris.almanac import DAY
+from gateway.astro.ephemeris.keeper import renew_almanac
+
 from ..processes import PATIENCE, Process, Workshop, requires, wait_until
 from ..product import PRODUCT, endpoints, start_simulator
 from ..sky import NIGHT, NORTH, Spot, separation
@@ -67,6 +70,8 @@ class Console:
 
     def __init__(self, workshop: Workshop, *more: str, moment: datetime.datetime = NIGHT) -> None:
         requires("chromium-headless-shell")
+        day = int(moment.timestamp() // DAY)
+        renew_almanac([day, day + 1])  # for the planets of the night
         mount, self.truth = start_simulator(workshop, "nexstar:cpc", NORTH, speed=4.0, moment=moment)
         argv = [*PRODUCT, "run", "--mount", f"nexstar@socket://127.0.0.1:{mount.port}", "--sun", "0", "--lowest", "10"]
         argv += ["--computer-clock", "doubtful"]  # the night is the mount's, at whatever hour this runs
