@@ -1,9 +1,9 @@
 """The order of a run is drawn by chance, so that no test comes to need what another one has left behind.
 
 The tests of a module stay together, because they share what it sets up, and so do those of the console's page, which
-share a browser. Modules that wait for real programs begin first, on some of the workers, while those that keep a
-processor busy begin on the others: else a long wait may be all that is left at the end. The seed is printed at the end;
-``TEST_ORDER=7 pytest`` repeats an order on the same number of workers.
+share a browser. Tests that wait for real programs begin first, on most of the workers, while others keep the processor
+busy: else a long wait may be all that is left at the end. The seed is printed at the end; ``TEST_ORDER=7 pytest``
+repeats an order on the same number of workers.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ import pytest
 
 #: The folder whose tests share a browser and a gateway, and keep their order.
 IN_ORDER = "tests/programs/console/"
+#: Where tests wait for long and share nothing: each is dealt by itself.
+APART = ("tests/programs/test_indi", "tests/programs/test_hamlib", "tests/programs/test_alpaca")
 #: Where the tests wait most of their time: for real programs, and for what needs the time of this computer.
 WAITING = ("tests/programs/", "tests/unit/app/watchdog/", "tests/integration/stops/test_stop_waits_on_ports.py")
 
@@ -29,7 +31,8 @@ def shuffled(items: list[pytest.Item]) -> list[pytest.Item]:
     chance, groups = Random(seed()), dict[str, list[pytest.Item]]()
     for item in items:
         path = item.nodeid.partition("::")[0]
-        groups.setdefault(IN_ORDER if path.startswith(IN_ORDER) else path, []).append(item)
+        group = IN_ORDER if path.startswith(IN_ORDER) else item.nodeid if path.startswith(APART) else path
+        groups.setdefault(group, []).append(item)
     for group, tests in groups.items():
         if group != IN_ORDER:
             chance.shuffle(tests)
