@@ -123,7 +123,7 @@ class Gateway:
             )
 
     def _on_watchdog_stop(self) -> None:
-        """Continue after the watchdog process has stopped the mount because this process did not run for a while."""
+        """Warn the user and stop again: this process did not run for a while, so its watchdog has stopped the mount."""
         self.warn(
             f"{self.title}: this gateway did not run for a while and its watchdog process stopped the mount; "
             "the gateway continues from where the mount is now"

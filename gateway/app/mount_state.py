@@ -155,7 +155,7 @@ class MountState(Struct, frozen=True, dict=True):
             yield "held: nothing moves it until it is released (mount-gateway stop --release)"
 
     def _recent_event_texts(self) -> Iterator[str]:
-        """Yield refusals and actions of the gateway in the last minute; repeated messages are counted."""
+        """Yield the last MAX_RECENT_EVENTS refusals and actions of the last minute; repeated messages are counted."""
         counted: dict[tuple[str, str], tuple[int, float]] = {}
         for notice in self.notices:
             if self.unix_time - notice.time <= RECENT_AGE:

@@ -18,7 +18,7 @@ from gateway.core.requests import FAILED, Answer, PressKeyRequest, ReleaseKeyReq
 
 
 class ArrowPress(NamedTuple):
-    """An arrow that is held down: numbers of its press and of the request, rate (1 to 9), and loop time of the press.
+    """An arrow that is held down: number of its press, id of its request, rate (1 to 9), and loop time of the press.
 
     ``cancel_counts``: how many stops and gotos there were at the press. Another stop or goto ends the arrow's motion.
     """

@@ -40,7 +40,7 @@ def page_files() -> Pages:
 
 
 class Console:
-    """Serves the console of these gateways. A request must satisfy ``access`` and the access rules of its port."""
+    """Serves the console of these gateways. A client's address must be admitted by ``access`` and its port's rules."""
 
     def __init__(self, gateways: Sequence[Gateway], access: AccessRules, pin: str) -> None:
         self._mounts, self._access = Mounts(gateways, pin), access

@@ -166,7 +166,7 @@ class NotAligned(Fault):
 
 
 class SyncTooFar(Fault):
-    """A sync, or the sum of all syncs since the last alignment, is larger than ``sync_limit``."""
+    """A sync, or the sum of all since the alignment, exceeds ``sync_limit``, and the sync does not reduce that sum."""
 
     default_text = "Sync too far from present position."
     explanation = "All syncs since the last alignment may add up to {sync:g}°."

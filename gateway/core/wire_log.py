@@ -145,5 +145,5 @@ class ClientLog:
         self.wire_log.log_refusal(self.name, text)
 
     def log_refusal_once(self, text: str) -> None:
-        """Like `log_refusal`, but logged once per text and host."""
+        """Like `log_refusal`, but once per text and host; texts that differ only in numbers count as the same."""
         self.wire_log.log_refusal(self.name, text, self._host)

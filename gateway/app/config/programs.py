@@ -110,7 +110,7 @@ def stops_all(protocol: str, program: str) -> bool:
 def first_bytes(surface: SurfaceConfig) -> dict[bytes, str]:
     """Return the programs that need other settings than the surface's, by the first bytes that each sends.
 
-    It is empty for a serial line, on which another program may take over unnoticed.
+    It is empty for a serial line, on which another program may take over unnoticed, and if ``client`` is not auto.
     """
     endpoint = parse_endpoint(surface.at)
     if surface.client != "auto" or not endpoint.where.startswith(NETWORK_SCHEMES):

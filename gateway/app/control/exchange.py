@@ -92,7 +92,7 @@ def motion_markers(endpoint: ControlEndpoint) -> list[Path]:
 
 
 def remove_stale_files(folder: Path) -> None:
-    """Delete the endpoint files of gateways that no longer run, unless a motion marker needs them. Raises OSError."""
+    """Delete the endpoint files of ended gateways, except those that lead to a motion marker. Raises OSError."""
     for path, endpoint in read_endpoints(folder, user_id()):
         if not is_listening(endpoint) and not motion_markers(endpoint):
             with contextlib.suppress(OSError):

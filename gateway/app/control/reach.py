@@ -88,7 +88,7 @@ def search(scope: Scope) -> SearchResult:
 
 
 def belongs_to_user(folder: Path) -> bool:
-    """Whether a folder exists and belongs to this user."""
+    """Whether a folder exists and belongs to this user; always True on a system without user ids (Windows)."""
     try:
         return user_id() is None or os.lstat(folder).st_uid == user_id()
     except OSError:

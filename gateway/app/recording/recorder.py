@@ -191,7 +191,7 @@ def _line_of(time: float, entry: Entry) -> str:
 
 
 def record(path: Path, gateway: Gateway, max_bytes: int = MAX_FILE_BYTES) -> Recorder:
-    """Record what a gateway does from now on, in files of ``max_bytes`` bytes. Raises UserError if it cannot write."""
+    """Record what a gateway does from now on, in files of about ``max_bytes``. Raises UserError if it cannot write."""
     settings = {
         "began": gateway.clock(),
         "config": {"mount": gateway.config, "surface": gateway.surfaces},

@@ -66,7 +66,7 @@ def object_by_row(row_id: int) -> CatalogObject:
 
 
 def _original_of_duplicate(name: str) -> tuple[object, ...] | None:
-    """Return the row of the object that a duplicate record refers to."""
+    """Return the row of the object that a duplicate record refers to; None if the catalogue does not contain it."""
     numbers = _select("name = ?", name, columns="ngc, ic, messier")[0]
     for template, number in zip(("NGC{}", "IC{}"), numbers, strict=False):
         if number:

@@ -79,7 +79,7 @@ def escape_word(text: str) -> str:
 def _user_and_group(login: str | None) -> tuple[str, str]:
     """Return the user of the unit (``login``, or the caller, also through sudo), and the group that opens serial ports.
 
-    Raises UserError for root and for a user who does not exist.
+    Raises UserError for a user who does not exist, for root unless ``login`` is root, and on a system without ``pwd``.
     """
     try:
         import grp

@@ -170,7 +170,7 @@ class SetHome(Operation[None], frozen=True):
 
 
 class Unpark(Operation[None], frozen=True):
-    """Leave the park position: turn tracking on, and read the mount's state again."""
+    """Leave the park position, and turn tracking on if possible; some drivers also read the mount's state."""
 
     survives_abort = True
 

@@ -1,7 +1,7 @@
 """Format the log as lines: time, connection, direction, bytes, meaning. Lines fit the terminal, and are coloured there.
 
-A line that is too long continues below, indented; no byte and no word is left out. With ``night`` all colours are
-shades of red, which preserve night vision best.
+A line that is too long continues below, indented; no byte and no word is left out. With ``night_colours`` all colours
+are shades of red, which preserve night vision best.
 """
 
 from __future__ import annotations

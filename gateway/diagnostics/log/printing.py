@@ -38,7 +38,7 @@ class LogLine(Struct, frozen=True):
     row: Row
     host: str
     message: DecodedMessage
-    query: bytes
+    query: bytes  # the bytes of that query; empty if the line is no reply
 
 
 #: The arrows of a new connection and of its recognised protocol.

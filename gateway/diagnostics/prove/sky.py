@@ -61,7 +61,7 @@ def _site_finding(telescope: CheckedMount, sites: Sequence[SourcedSite]) -> Find
 
 
 async def _check_az_alt(telescope: CheckedMount) -> Finding:
-    """Compare reported altitude and azimuth with those calculated from reported RA and Dec. Raises StageEnded."""
+    """Compare az and alt with those calculated from RA and Dec; NOT_MEASURABLE if one is missing. Raises StageEnded."""
     what, driver = "altitude and azimuth against RA and Dec", telescope.driver
     overhead = driver.protocol.extra_table("prove.toml")["overhead"]
     if telescope.status.equatorial and "axes_of" in overhead:

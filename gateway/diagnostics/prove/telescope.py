@@ -250,7 +250,7 @@ class CheckedMount:
         await self.ask(replace(pack_operation(op.Pulse(direction, ms), requests.new_request_number()), who=CLIENT))
 
     def _refusal_reason(self, answer: requests.Answer) -> str:
-        """Return why a request was refused; empty if it was not. Raises StageEnded."""
+        """Return why a request was refused, else "". Raises StageEnded if the mount is silent or others move it."""
         if answer.is_ok:
             return ""
         self.raise_if_stage_ends()

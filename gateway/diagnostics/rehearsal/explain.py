@@ -151,8 +151,8 @@ def rehearse_command(
 ) -> tuple[Trace, str, str]:
     """Send a frame through a new gateway, which presents the surface's model; if it has none, one that fits the mount.
 
-    Return the trace, the actual outcome, and the outcome by the tables. The two outcomes differ if the command is
-    refused, or if the mount need not do anything.
+    Return the trace and two outcomes, such as ``translated``: the observed one, and the one by the tables. These differ
+    if the command is refused, or if the mount need not do anything.
     """
     protocol, driven = load(surface.protocol), load(mount.protocol).in_dialect_of(mount.model)
     match = protocol.find(frame)

@@ -72,7 +72,9 @@ class ReceivedReply(Struct):
 
 
 class ReplyVerifier:
-    """Verifies replies for the drivers. ``speed_factor`` is how many times faster a simulated mount slews."""
+    """Repeats a request until its replies agree, because a corrupted reply may look valid. ``speed_factor`` is how many
+    times faster a simulated mount slews.
+    """
 
     def __init__(self, line: MountLink, clock: Callable[[], float], speed_factor: float = 1.0) -> None:
         self._line, self._clock, self._max_speed = line, clock, MAX_SPEED * speed_factor
@@ -204,10 +206,8 @@ class ReplyVerifier:
         return ACCEPTED_STEP + self._max_speed * (after.arrived_at - before.arrived_at + took)
 
     def _distance(self, before: ReceivedReply, after: ReceivedReply, latitude_growth: float = 0.0) -> float:
-        """Return the degrees between two replies; infinite if they differ in form.
-
-        A reply may hold a longitude only. The last latitude is then assumed to be up to ``latitude_growth`` degrees
-        higher by now.
+        """Return the degrees between two replies; infinite if they differ in form. If a reply holds only a
+        longitude, the last latitude is assumed to be up to ``latitude_growth`` degrees higher by now.
         """
         if before.fault is not None or after.fault is not None or before.values.keys() != after.values.keys():
             return math.inf

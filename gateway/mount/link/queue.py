@@ -107,8 +107,8 @@ class RequestQueue:
     ) -> QueuedCommand | None:
         """Return the request whose turn it is, or None if this call only waited and must be repeated.
 
-        ``typical_rtt`` is the average reply time, ``quiet_needed`` returns the quiet time needed before a command, both
-        in seconds. ``client_answered``: a client got a reply just now, and may queue its next request first.
+        ``typical_rtt`` is the average reply time (seconds), ``quiet_needed`` returns the seconds of quiet before a
+        command. ``client_answered``: a client got a reply just now, and may queue its next request first.
         """
         if client_answered:
             await self._let_clients_follow_up()

@@ -247,7 +247,7 @@ class Transaction:
     # --- one exchange -----------------------------------------------------------------------------------------------
 
     def quiet_needed(self, command: Send) -> float:
-        """Return the seconds of quiet needed before a command, so that no late bytes are taken for its reply."""
+        """Return for how many more seconds the line must be quiet, so that no late bytes pass for a command's reply."""
         now = self._clock()
         left = self.heard_at + COPY_GAP - now
         if left <= 1e-6 or now > self.written_at + BABBLE_TIME:

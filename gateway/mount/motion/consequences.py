@@ -1,4 +1,4 @@
-"""The consequences of an acknowledged order: the state that follows without a request, and the motions to watch."""
+"""What follows when the mount acknowledges an order: cached readings are updated unasked, and motions are watched."""
 
 from __future__ import annotations
 

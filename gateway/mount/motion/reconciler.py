@@ -156,7 +156,9 @@ class Reconciler:
         return outcome if outcome is not None else waiting.finished_outcome()
 
     def merge_halt(self, operation: op.Operation) -> bool:
-        """Remove the pending orders that a halt ends; return whether an equal halt is pending and suffices."""
+        """Remove the pending guide pulses that a halt ends; return whether an equal pending halt suffices. While the
+        mount slews, or a goto or a motion by hand is pending, remove nothing and return False.
+        """
         begins = any(isinstance(order.operation, (*GOTOS, op.Move, op.MoveAxis)) for order in self.wanted.pending)
         if begins or self._movement.slewing:
             return False
@@ -188,9 +190,8 @@ class Reconciler:
     # --- stops ------------------------------------------------------------------------------------------------------
 
     def begin_stop(self, reason: str | None = None) -> asyncio.Task[None]:
-        """End every motion: cancel all orders that run or wait, and send the stop before everything else.
-
-        It is repeated until the mount has acknowledged it, even after a lost line. ``reason``: see ``after_stop``.
+        """End every motion: cancel all orders that run or wait, and send the stop before everything else. The stop is
+        repeated until the mount has acknowledged it, even after a lost line. ``reason``: see ``after_stop``.
         """
         self._update(changes.after_stop(self.wanted, reason))
         return self._stopping.send(self._loop_task if self._active_cancelled else None)

@@ -51,9 +51,8 @@ class RunOn(Struct, frozen=True):
 
 
 def unexplained_motion(before: op.Equatorial, after: op.Equatorial, elapsed: float, equatorial: bool = False) -> float:
-    """Return the motion between two positions that tracking, on or off, does not explain, degrees.
-
-    On an ``equatorial`` mount a turn in right ascension counts in full, because near the pole it hardly moves the tube.
+    """Return the motion between two positions that tracking, on or off, does not explain, degrees. On an
+    ``equatorial`` mount a turn in right ascension counts in full, because near the pole it hardly moves the tube.
     """
     distance = separation(before.ra, before.dec, after.ra, after.dec)
     passed = separation(before.ra + SKY_SPEED * elapsed, before.dec, after.ra, after.dec)
@@ -75,7 +74,9 @@ def after_position(run_on: RunOn, position: TimedPosition, equatorial: bool, res
 
 
 class RunOnWatch:
-    """Holds the ``current`` run-on, None at rest. ``changed`` is emitted with the loop time until which pulses wait."""
+    """Holds ``current``: the run-on, in which the mount may still move after the end of a motion; None at rest.
+    ``changed`` is emitted with the loop time until which guide pulses wait.
+    """
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
@@ -121,8 +122,7 @@ class RunOnWatch:
 
     def begin(self, after_goto: bool, position: TimedPosition | None = None, moved_by_others: bool = False) -> None:
         """Note that the mount has acknowledged the end of a motion, or that a goto has ended by itself. ``position``,
-        the last position, may already show rest. Nothing changes if the mount was at rest, unless somebody else moved
-        it.
+        the last one, may already show rest. Nothing changes if the mount was at rest, unless somebody else moved it.
         """
         now = self._clock()
         if self.current is not None or not (self.may_move.count != self._commands_at_rest or moved_by_others):

@@ -112,10 +112,8 @@ def _join_taps(wanted: Wanted, tap: Order) -> Wanted:
 
 
 def was_fulfilled_otherwise(order: Order, wanted: Wanted) -> bool:
-    """Whether an order that is no longer pending was fulfilled in another way.
-
-    This is so for a halt, because whatever removes it ends the motion, too; and for an arrow that was replaced by, or
-    joined with, another arrow of the same client.
+    """Whether an order that is no longer pending was fulfilled in another way. This is so for a halt, because whatever
+    removes it ends the motion, too; and for an arrow that was replaced by, or joined with, another of the same client.
     """
     if isinstance(order.operation, END_ORDERS):
         return True
@@ -135,8 +133,8 @@ def begin_tap(wanted: Wanted, motion: AxisMotion, axis: int, held_seconds: float
 
 def after_stop_as_release(wanted: Wanted, activity: HostActivity, now: float) -> Wanted | None:
     """Return the new ``Wanted`` after a full stop by which a program releases an arrow: a short motion, then the stop.
-
-    None if the stop must be sent at once: the motion has begun, the press is too old, or other motions are ordered.
+    None if the stop must be sent at once: a motion or stop is under way, or what waits is not exactly one order, a
+    recent press of an arrow by the same host that is not released yet.
     """
     waiting = [other for other in wanted.pending if not other.follow_up]
     moving = not isinstance(wanted.motion, NoOrderedMove) or wanted.stop_owed or wanted.pulses or wanted.taps

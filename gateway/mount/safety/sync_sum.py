@@ -48,7 +48,7 @@ class SyncSum(Struct, frozen=True, omit_defaults=True):
 
     def with_sync(self, present: Equatorial, target: Equatorial, turns: Sequence[Pair]) -> SyncSum:
         """Return the sum after another sync from ``present`` to ``target``. ``turns``: by how much it turns the axes,
-        and a second pair if the mount may believe from then on that it points in the other way.
+        and a second pair if the mount may then take its tube to be beyond the pole, or on the other side of the pier.
         """
         middle = cos(radians((present.dec + target.dec) / 2.0))
         around = None

@@ -259,7 +259,9 @@ class LimitWatch:
         return PositionSample(now, reported, altitude, hour_angle, suns, lifting, era, further, 1 + len(shifted))
 
     def _update_state(self, now: float, status: op.Status | None, moving: MotionState) -> None:
-        """Notice motion at the hand control, a new alignment, a tube beyond pole or zenith, and the end of parking."""
+        """Notice motion at the hand control, a new alignment and a tube beyond pole or zenith. Restore the limits when
+        the ordered motion has ended; after a park, only when the mount tracks again.
+        """
         mount, last = self._mount, self.observed.last
         self.tracked_at = now if status is None or status.tracking is not op.Tracking.OFF else self.tracked_at
         self.others_watch.record(now, self.observed.sky_speed > MAX_TRACKING_SPEED and not moving.ordered_by_client)
@@ -359,10 +361,9 @@ class LimitWatch:
 
 
 def blind_reason(motions: MotionState, position_age: float, since_stop: float) -> str:
-    """Return why a mount that moves by hand and reports no position must stop; empty if it need not.
-
-    ``position_age`` and ``since_stop``: seconds since the last position and since the last such stop. An LX200GPS also
-    reports nothing while it seeks home, but that is no motion by hand.
+    """Return why a mount that moves by hand and reports no position must stop; empty if it need not. ``position_age``
+    and ``since_stop``: seconds since the last position and since the last such stop. An LX200GPS also reports nothing
+    while it seeks home, but that is no motion by hand.
     """
     if motions.hand_moves and position_age > MAX_BLIND_TIME and since_stop > MAX_BLIND_TIME:
         return "it moves but does not report its position"
@@ -436,9 +437,8 @@ class OthersWatch:
 
 
 class SkyChange:
-    """Notices that site or clock was set: then equal positions before and after mean different altitudes.
-
-    For a while after that the reported position may change at rest. ``changed_at``: loop time of the last such setting.
+    """Notices that site or clock was set: then equal positions before and after mean different altitudes. For a while
+    after that the reported position may change at rest. ``changed_at``: loop time of the last such setting.
     """
 
     def __init__(self, mount: Context) -> None:

@@ -212,7 +212,7 @@ class SunAvoidance:
         self.reset_count += 1
 
     def suns_to_avoid(self) -> list[Sun]:
-        """Return the Suns to avoid now, from a cache if possible; none if the limit is off."""
+        """Return a Sun for each direction that it may have now by any source (cached); none without a limit."""
         if not self.min_dist:
             return []
         now, frame = self._clock(), self._get_frame()

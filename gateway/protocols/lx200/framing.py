@@ -27,7 +27,7 @@ _FIRST_BYTES = frozenset(b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz$
 
 
 def setter_name(beginning: bytes) -> str | None:
-    """Return the name of the command with an argument that these bytes begin, "" for an unknown ``:S``, else None."""
+    """Return the name of a command that these bytes begin if it has an argument; "" for an unknown ``:S``, or None."""
     command = load("lx200").begun_command(beginning)
     if command is not None:
         return command.name if command.request.fields else None

@@ -24,7 +24,7 @@ _DATE_PARTS = ("month", "day", "hour", "minute", "second")
 
 @cache
 def rate_tables() -> dict[str, Model]:
-    """Return the key speeds of every mount family by name. The file is read once."""
+    """Return mount family -> its row of ``rates.toml``: the speeds of rate keys 1 to 9. The file is read once."""
     tables: dict[str, Model] = load("nexstar").extra_table("rates.toml")
     return tables
 

@@ -161,7 +161,7 @@ class CommandSet:
         return {command.request.prefix: command.read for command in self.commands.values() if command.read is not None}
 
     def frames_discarded_by(self, command: Command) -> frozenset[bytes]:
-        """Return the frames of the queued commands that this command discards when it arrives."""
+        """Return the request prefixes of the commands that this command, when it arrives, discards from the queue."""
         return frozenset([self.commands[name].request.prefix for name in command.discarded_commands])
 
     def find(self, frame: bytes) -> tuple[Command, FrameTemplate] | None:

@@ -223,7 +223,7 @@ def date(value: datetime.date) -> str:
 
 
 def parse_date(raw: bytes) -> datetime.date:
-    """Parse ``MM/DD/YY`` or ``MM/DD/YYYY`` with any separator. Raises ValueError, also outside 1951 to 2050."""
+    """Parse ``MM/DD/YY`` or ``MM/DD/YYYY``; : . - or space may replace /. Raises ValueError, also outside 1951-2050."""
     match = re.fullmatch(rb" ?(\d{1,2})[/:. -](\d{1,2})[/:. -](\d{2}|\d{4}) ?", raw)
     if match is None:
         raise ValueError(f"'{printable(raw)}' is not a date MM/DD/YY")

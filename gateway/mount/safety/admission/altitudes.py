@@ -1,8 +1,8 @@
 """The altitude of a direction, by every source of site and time that counts, and as if the syncs were wrong.
 
-An altitude by the mount's own site and clock is checked against all limits. But if the syncs since the alignment were
-wrong, the tube points elsewhere; and another source of site and time may be right although it contradicts the mount's.
-Altitudes by these are only checked against limits that somebody has set (`Limits.without_default_altitudes`).
+An altitude by the best known site and time (``SiteTimeSources``; the mount's own, if known) is checked against all
+limits. But if the syncs since the alignment were wrong, the tube points elsewhere; and another source of site and time
+that contradicts the best one may be right. Altitudes by these are only checked against limits that somebody has set.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from gateway.mount.site.astrometry import PointingFrame, SiteAstrometry, SyncShi
 
 
 class AltitudeSource(NamedTuple):
-    """One way to calculate an altitude: by the mount's own data; as if the syncs were wrong, so that the tube is off by
-    ``sync_shift``; or by another site and time (``contradiction``), with the astronomy for these in ``sky``.
+    """One way to calculate an altitude: by the best known site and time; as if the syncs were wrong, so that the tube
+    is off by ``sync_shift``; or by another site and time (``contradiction``), with the astronomy for these in ``sky``.
     """
 
     mount: Context
@@ -39,7 +39,7 @@ class AltitudeSource(NamedTuple):
 
     @property
     def is_mounts_own(self) -> bool:
-        """Whether the altitude follows from the mount's own data as they are."""
+        """Whether the altitude follows from the best known site and time, and the syncs count as right."""
         return self.sync_shift is None and self.contradiction is None
 
     def altitude(self, position: Equatorial) -> float:
@@ -47,8 +47,8 @@ class AltitudeSource(NamedTuple):
         return (self.sky or self.mount.astrometry).horizontal(self.mount.suns.pointing(position, self.sync_shift)).alt
 
     def check(self, limits: Limits, altitude: float) -> None:
-        """Check an altitude that follows from this source. Raises BelowHorizon or TooHigh if the source is the mount's
-        own data, else Contradicted, whose text names the source.
+        """Check an altitude that follows from this source. Raises BelowHorizon or TooHigh if the source is the best
+        known one, else Contradicted, whose text names the source.
         """
         try:
             (limits if self.is_mounts_own else limits.without_default_altitudes()).check_altitude(altitude)
@@ -68,7 +68,7 @@ class AltitudeSource(NamedTuple):
 
 
 def mount_sources(mount: Context) -> Iterator[AltitudeSource]:
-    """Yield the source of the mount's own data, then those as if the syncs were wrong; nothing without a site."""
+    """Yield the source by the best site and time, then those as if the syncs were wrong; nothing without a site."""
     if mount.sources.site() is not None:
         yield AltitudeSource(mount)
         yield from unsynced_sources(mount, mount.tube_frame())
@@ -81,7 +81,7 @@ def unsynced_sources(mount: Context, frame: PointingFrame) -> Iterator[AltitudeS
 
 
 def contradicting_sources(mount: Context, limits: Limits) -> Iterator[AltitudeSource]:
-    """Yield the sources that contradict the mount's site and clock; nothing if the user has set no altitude limit."""
+    """Yield the sources that contradict the best site and time; nothing if the user has set no altitude limit."""
     written = limits.without_default_altitudes()
     if written.lowest <= -90.0 and written.highest >= 90.0:
         return
@@ -90,7 +90,7 @@ def contradicting_sources(mount: Context, limits: Limits) -> Iterator[AltitudeSo
 
 
 def check_goal(mount: Context, limits: Limits, goal: Equatorial) -> float:
-    """Return the altitude of a goal by the mount's own clock and site (which must be known), degrees. Raises
+    """Return the altitude of a goal in degrees by the best known time and site (a site must be known). Raises
     BelowHorizon or TooHigh if it is beyond a limit; Contradicted if that by another source is beyond a set limit.
     """
     altitude = check_altitude(mount, limits, goal)
@@ -100,7 +100,7 @@ def check_goal(mount: Context, limits: Limits, goal: Equatorial) -> float:
 
 
 def check_altitude(mount: Context, limits: Limits, goal: Equatorial) -> float:
-    """Return the altitude of a goal by the mount's own site and clock, degrees. Raises BelowHorizon or TooHigh."""
+    """Return the altitude of a goal in degrees by the best known site and time. Raises BelowHorizon or TooHigh."""
     altitude = mount.astrometry.horizontal(goal).alt
     try:
         limits.check_altitude(altitude)

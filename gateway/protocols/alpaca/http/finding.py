@@ -68,8 +68,8 @@ class _DiscoveryClient(asyncio.DatagramProtocol):
 
 
 async def _discover(port: int) -> list[HostAndPort]:
-    """Return the servers that answer a broadcast in each network of this computer, loopback included. A broadcast to
-    255.255.255.255 would reach one network only.
+    """Return the servers that answer a broadcast in each network of this computer, loopback included, except link-local
+    networks and prefixes longer than /30. A broadcast to 255.255.255.255 would reach one network only.
     """
     places: set[HostAndPort] = set()
     loop, askers = asyncio.get_running_loop(), []

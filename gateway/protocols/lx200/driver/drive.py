@@ -61,7 +61,7 @@ def set_tracking(mount: Lx200Driver, operation: op.SetTracking) -> Steps:
 
 
 def emulate_sleep(mount: Lx200Driver, _: op.Hibernate) -> Steps:
-    """Turn tracking off, as the telescope cannot sleep. Raises Unsupported if it reports no status, even if parked."""
+    """Turn tracking off instead of hibernating. Raises Unsupported, even if parked, for a mount without a status."""
     if not mount.has_status:
         raise Unsupported(_CANNOT_STOP_TRACKING)
     yield from set_tracking(mount, op.SetTracking(on=False))

@@ -237,7 +237,7 @@ def sync(mount: Lx200Driver, operation: op.Sync) -> Steps:
 
 
 def note_chosen_side(mount: Lx200Driver, ra: float) -> None:
-    """Note the side of the pier that the mount has chosen for a goto to this right ascension."""
+    """Note the right ascension and the time of a goto; ``is_beyond_pole`` derives the side that the mount chose."""
     mount.pier_side_basis, mount.beyond_pole = (ra, mount.now()), None
 
 

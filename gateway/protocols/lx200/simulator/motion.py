@@ -89,7 +89,7 @@ def select_rate(sim: MeadeTelescope, command: str, _: Values) -> None:
 
 
 def select_key_rate(sim: MeadeTelescope, command: str, values: Values) -> None:
-    """:R<n> - select the rate of a key."""
+    """:R<n> - select the rate of motion by hand, as number key n of the hand control does."""
     key = values["key"]
     sim.stored_values["rate"] = "RG" if key <= 2 else "RC" if key <= 5 else "RM" if key <= 7 else "RS"
 

@@ -1,6 +1,6 @@
 """Park, home, hibernate and wake.
 
-A hand control has no park position: the gateway slews to a configured position by ``b`` and turns tracking off on
+A hand control has no park position: the gateway slews by ``b`` to a configured or default one and turns tracking off on
 arrival. ``x`` and ``y`` hibernate and wake it if the firmware has them; otherwise tracking is turned off and on. Some
 hand controls resume tracking late after ``y``: so tracking is turned on a little later, unless a client has changed it.
 """

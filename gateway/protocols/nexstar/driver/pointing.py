@@ -1,7 +1,7 @@
 """Positions, syncs, and gotos to sky positions or axis readings.
 
-A goto is under way from the moment the hand control has acknowledged it, although ``L`` may still return 0 for a while.
-Its progress is read by ``L``. What follows its end (parking, home, drive rate) is a scheduled operation, ``AfterGoto``.
+A goto counts as under way just before its command is sent. Its progress is read by ``L``, which may still return 0 for
+a while at first. What follows its end (parking, home, drive rate) is a scheduled operation, ``AfterGoto``.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def axis_command(mount: NexStar) -> Send:
 
 
 def axis_position(mount: NexStar, _: op.AxisPosition) -> Steps:
-    """Return the readings of both axes; on a German mount, counted as a Celestron counts them (POLE_AXES)."""
+    """Return both axis readings; the first one of a German mount is shifted to what a Celestron would read."""
     answer = yield axis_command(mount)
     az = wrap360(answer["az"] + mount.axis_offset) if mount.axis_offset else answer["az"]
     return op.Horizontal(az, answer["alt"])

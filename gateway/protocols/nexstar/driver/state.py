@@ -145,7 +145,7 @@ class NexStar(Driver):
         self.added_rates.clear()
 
     def give_up_goto(self) -> None:
-        """Record that the goto has ended before its goal; a goto to the home position has failed."""
+        """Forget the goto under way: it has ended before its goal. If that was home, the mount is now not at home."""
         if self.goto is not None and self.goto.purpose == "home":
             self.home_state = 0
         self.goto = None

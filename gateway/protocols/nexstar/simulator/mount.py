@@ -119,7 +119,7 @@ class SimulatedMount(Simulated):
         self._set_up(wedge, rates["fastest"], speed, ramps)
 
     def _set_version(self, version: str | None, starsense: bool) -> None:
-        """Set the version that ``V`` reports and that whose commands it has. Raises UserError for an impossible one."""
+        """Set the version that ``V`` reports and the one whose commands are simulated. Raises UserError if invalid."""
         try:
             number = parse(version or (STARSENSE if starsense else self.facts["versions"][-1]))
             self.reported_version: Version = (number.reported[0], number.reported[1], *number.reported[2:3])

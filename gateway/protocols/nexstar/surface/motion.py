@@ -74,8 +74,8 @@ def mode(session: NexStarSession) -> Handling:
 
 def set_mode(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """T - set the tracking mode; ignore an unknown one. A refusal shows only in ``t`` and the log. Raises NoAnswer.
-
-    A SynScan's equatorial modes mean the mount's native mode. A mount that is presented itself gets the same byte.
+    A SynScan's equatorial modes mean the mount's native mode. If the surface presents the mount itself, not another
+    model, the mount gets the client's byte unchanged.
     """
     known = modes_by_code(session.model, session.model["counts_as"])
     if values["mode"] not in known:
