@@ -145,7 +145,7 @@ class Gateway:
         if self.store is not None:
             self.store.attach(self.controller)
         if self.watchdog_mount is not None:
-            self.controller.save_due.connect(self.watchdog_mount.renew)
+            self.controller.save_due.connect(self.watchdog_mount.report_changes)
         factory = AcceptorFactory(
             self.controller, self.mount, config, shared, self.clock, self.sky, self.warn, self.web
         )

@@ -21,7 +21,7 @@ from gateway.mount.motion.wanted import HandMove, Slew, Wanted
 from gateway.mount.policy import Policy
 from gateway.mount.presence import HostActivity
 from gateway.mount.safety.admission.contradictions import Contradiction, contradictions, site_text
-from gateway.mount.safety.hour_angle import NO_LIMIT_MESSAGE, can_enforce_hour_angle
+from gateway.mount.safety.hour_angle import NO_LIMIT_MESSAGE, mount_suits_hour_angle_limit
 from gateway.mount.site.site_clock import SourcedSite, SourcedTime
 
 if TYPE_CHECKING:
@@ -191,7 +191,7 @@ def mount_state(
         title=driver.protocol.model_title(product, model),
         pier_side=readings.last_value(op.PierSide) or "",
         german=driver.german,
-        can_enforce_hour_angle=identity is None or can_enforce_hour_angle(controller.context),
+        can_enforce_hour_angle=identity is None or mount_suits_hour_angle_limit(controller.context),
         horizontal=astrometry.horizontal(position) if sites and position is not None else None,
         wanted=wanted.value,
         goal=_goal_of(controller),

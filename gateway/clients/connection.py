@@ -98,9 +98,9 @@ class ClientConnection:
             if binding.profiles
             else client.feed
         )
-        self._filter: StrangerFilter | None = None
+        self._stranger_filter: StrangerFilter | None = None
         if new_connection.hang_up is not None:
-            self._filter = StrangerFilter(binding.opening_pattern, self.protocol)
+            self._stranger_filter = StrangerFilter(binding.opening_pattern, self.protocol)
             self._deliver_after_filter, self._deliver = self._deliver, self._deliver_filtered
 
     @property
@@ -166,14 +166,14 @@ class ClientConnection:
     def _deliver_filtered(self, data: bytes, stop_count: int | None, arrived_at: float | None) -> None:
         """Process the bytes that cannot come from a stranger, with their times of arrival; disconnect a stranger."""
         now = self._controller.now()
-        assert self._filter is not None
-        pieces = self._filter.feed(
+        assert self._stranger_filter is not None
+        pieces = self._stranger_filter.feed(
             ReceivedBytes(data, now, self._controller.stop_count if stop_count is None else stop_count)
         )
-        if self._filter.stranger is not None:
-            self._reject(self._filter.stranger)
+        if self._stranger_filter.stranger is not None:
+            self._reject(self._stranger_filter.stranger)
             return
-        if self._filter.is_done:
+        if self._stranger_filter.is_done:
             self._deliver = self._deliver_after_filter
         for piece in pieces:
             late = piece.arrived_at != now
@@ -195,7 +195,7 @@ class ClientConnection:
         self._hang_up(http_answer(titles) if greeting.is_http else b"")
 
     def close(self) -> None:
-        if self._filter is not None and not self.is_stranger and self._filter.held_bytes:
-            self.client.log.put("x", self._filter.held_bytes, UNRECOGNISED_MESSAGE)
+        if self._stranger_filter is not None and not self.is_stranger and self._stranger_filter.held_bytes:
+            self.client.log.put("x", self._stranger_filter.held_bytes, UNRECOGNISED_MESSAGE)
         self.client.close()
         self._on_closed()

@@ -87,7 +87,7 @@ class WrongProtocolWatch:
     ) -> None:
         self.controller, self.served_protocol, self.address, self.warn = controller, served_protocol, address, warn
         self._make_framer, self._is_single_protocol = make_framer, is_single_protocol
-        self._last_spoken_at: dict[str, float] = {}
+        self._last_use_by_host: dict[str, float] = {}
         self._warned_hosts: set[str] = set()
 
     def start_command_check(self, connection_name: str, host: str) -> FirstCommandCheck:
@@ -95,13 +95,13 @@ class WrongProtocolWatch:
 
     def note_protocol_used(self, host: str) -> None:
         """Record that a client on this host has used the surface's own protocol."""
-        if len(self._last_spoken_at) >= MAX_HOSTS:
-            self._last_spoken_at.clear()
-        self._last_spoken_at[host] = self.controller.now()
+        if len(self._last_use_by_host) >= MAX_HOSTS:
+            self._last_use_by_host.clear()
+        self._last_use_by_host[host] = self.controller.now()
 
     def used_protocol_since(self, host: str, started_at: float) -> bool:
         """Whether a client on this host has used the surface's own protocol since ``started_at``."""
-        return self._last_spoken_at.get(host, -1e9) >= started_at
+        return self._last_use_by_host.get(host, -1e9) >= started_at
 
     def warn_about(self, connection_name: str, host: str, received: bytes) -> None:
         """Warn of a connection that sent only these bytes and no command of the surface's own protocol."""

@@ -113,7 +113,7 @@ class PageSession:
     async def run(self) -> None:
         """Send the state until cancelled or disconnected; then release all arrows."""
         mounts, publisher = self._mounts, self._mounts.publisher
-        publisher.subscribe()
+        publisher.subscribe_to_mounts()
         guard = self._loop.create_task(self._watch_arrows())
         try:
             await self._send({"hello": {
@@ -125,7 +125,7 @@ class PageSession:
                     await self._send_newest()
                 await publisher.wait_for_message()
         finally:
-            publisher.unsubscribe()
+            publisher.unsubscribe_from_mounts()
             self._show_conversation(False)
             for arrows in self._arrows:
                 arrows.close()
@@ -263,10 +263,10 @@ class PageSession:
     async def _send_answer(self, message: Message, answer: Answer) -> None:
         await self._answer(message.answer_number, answer.is_ok, in_page_wording(answer.text))
 
-    async def _answer(self, number: int, is_done: bool, text: str, extra_fields: dict[str, Any] | None = None) -> None:
+    async def _answer(self, number: int, is_ok: bool, text: str, extra_fields: dict[str, Any] | None = None) -> None:
         if number:
             with contextlib.suppress(ConnectionError):
-                await self._send({"id": number, "ok": is_done, "words": text, **(extra_fields or {})})
+                await self._send({"id": number, "ok": is_ok, "words": text, **(extra_fields or {})})
 
 
 def _direction(arrow: messages.Arrow) -> Direction:

@@ -102,7 +102,7 @@ class MountController:
         TrackingLimiter(context, reader, watch, self.perform).must_stop.connect(reconciler.begin_stop)
         self.presence = ClientPresence(self.now)
         self.supervisor = ClientSupervisor(context, self.presence, self.perform)
-        reconciler.needs_client.connect(self.supervisor.start_watching)
+        reconciler.client_motion_began.connect(self.supervisor.start_watching)
         self.same_mount_check = SameMountCheck(context, runner)
         reader.position_read.connect(self.same_mount_check.record_position)
         self.identification = Identification(

@@ -69,7 +69,7 @@ class Identification:
         self._leftover_motion: Leftover | None = None
         self._status_when_lost: op.Status | None = None
         self._link.came_up.connect(self._on_line_up)
-        self._link.reopened.connect(self._on_port_reopened)
+        self._link.reopened.connect(self._stop_interrupted_motion)
         self._link.writing_stop.connect(self._add_pending_stop)
         self._link.port_lost.connect(self._on_port_lost)
 
@@ -88,7 +88,7 @@ class Identification:
         """Set the motion that an earlier run of the gateway did not end. If the mount still makes it, it is stopped."""
         self._leftover_motion = motion
 
-    def _on_port_reopened(self, _: None) -> None:
+    def _stop_interrupted_motion(self, _: None) -> None:
         """Stop the mount if it moved when the port was lost. After a long loss, `_stop_leftover_motion` decides."""
         old = self._leftover_motion is not None and self._context.now() - self._lost_at >= MAX_MARK_AGE
         if self._motion_interrupted and old and not self._reconciler.wanted.stop_owed:

@@ -124,7 +124,7 @@ class _Connection(asyncio.BufferedProtocol):
 
     def _hand_over(self, take_transport: TakeOver) -> None:
         """Give the connection to a new owner, who sets another asyncio protocol."""
-        self._forget()
+        self._close_and_forget()
         transport, self._transport = self._transport, None
         if transport is not None and not transport.is_closing():
             if not transport.is_reading():
@@ -136,11 +136,11 @@ class _Connection(asyncio.BufferedProtocol):
             self._transport.write_eof()
 
     def abort(self) -> None:
-        self._forget()
+        self._close_and_forget()
         if self._transport is not None:
             self._transport.abort()
 
-    def _forget(self) -> None:
+    def _close_and_forget(self) -> None:
         """Close the handler and forget the connection."""
         self._port.connections.discard(self)
         self._close_handler()
@@ -151,7 +151,7 @@ class _Connection(asyncio.BufferedProtocol):
             handler.close()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._forget()
+        self._close_and_forget()
 
 
 def _enable_keepalive(connection: socket.socket) -> None:

@@ -47,7 +47,7 @@ class ControlServer(asyncio.DatagramProtocol):
         carry_out: Callable[[Request], Awaitable[Answer]],
         mount_name: str = "",
     ) -> None:
-        self.paths = [folder / f"{file_stem}.{os.getpid()}{exchange.ENDPOINT_SUFFIX}" for folder in folders]
+        self.endpoint_files = [folder / f"{file_stem}.{os.getpid()}{exchange.ENDPOINT_SUFFIX}" for folder in folders]
         self._state_folder = str(folders[0].absolute())
         self._endpoint, self._carry_out, self._mount_name = endpoint, carry_out, mount_name
         self._secret = os.urandom(16).hex()
@@ -57,7 +57,7 @@ class ControlServer(asyncio.DatagramProtocol):
 
     async def open(self) -> None:
         """Open a port and write endpoint files. Raises OSError if no port is free, or no file can be written."""
-        for path in self.paths:
+        for path in self.endpoint_files:
             with contextlib.suppress(OSError):
                 exchange.remove_stale_files(path.parent)
         loop = asyncio.get_running_loop()
@@ -68,15 +68,15 @@ class ControlServer(asyncio.DatagramProtocol):
             ControlEndpoint(self._endpoint, os.getpid(), port, self._secret, self._state_folder, self._mount_name)
         )
         failed: list[OSError] = []
-        for path in self.paths:
+        for path in self.endpoint_files:
             try:
                 replace_file(path, endpoint, flush=False)
             except OSError as error:
                 failed.append(error)
-        if len(failed) == len(self.paths):
+        if len(failed) == len(self.endpoint_files):
             raise failed[0]
         self._open_descriptors = [
-            number for path in self.paths[1:] if (number := protect_from_cleanup(path.parent)) is not None
+            number for path in self.endpoint_files[1:] if (number := protect_from_cleanup(path.parent)) is not None
         ]
 
     def datagram_received(self, data: bytes, addr: object) -> None:
@@ -131,7 +131,7 @@ class ControlServer(asyncio.DatagramProtocol):
 
     async def close(self) -> None:
         """Delete the endpoint files, answer the callers that still wait, and close the port."""
-        for path in self.paths:
+        for path in self.endpoint_files:
             with contextlib.suppress(OSError):
                 path.unlink(missing_ok=True)
         while self._open_descriptors:

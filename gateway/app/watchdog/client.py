@@ -125,7 +125,7 @@ class Watchdog:
         self._heartbeat_timer = None
         moving = [mount for mount in self._mounts if mount.moving]
         for mount in moving:
-            mount.renew()
+            mount.report_changes()
         if any(mount.moving for mount in moving):
             self.send("beat")
             self.start_heartbeats()
@@ -172,7 +172,7 @@ class Watchdog:
         if self._heartbeat_timer is not None:
             self._heartbeat_timer.cancel()
         for mount in self._mounts:
-            mount.renew()
+            mount.report_changes()
         self._disconnect()
 
 
@@ -197,14 +197,14 @@ class WatchedMount:
     ) -> None:
         self._watchdog, self._mount_number, self._title, self._lock = watchdog, number, title, lock
         self._stop_commands, self._busy, self._on_stopped, self._clear = stop_commands, busy, on_stopped, path_is_clear
-        self._descriptor: int | None = None
+        self._line_descriptor: int | None = None
         self._server_fields: tuple[str, ...] = ()
         self._last_message: tuple[str, tuple[bytes, ...]] = REST_MESSAGE
         self.moving = False
 
     def opened(self, descriptor: int) -> None:
         """Pass the descriptor of the open line to the process."""
-        self._descriptor = descriptor
+        self._line_descriptor = descriptor
         self.register()
 
     def reached(self, host: str, port: int, answers_in_parallel: bool) -> None:
@@ -214,20 +214,20 @@ class WatchedMount:
 
     def closed(self) -> None:
         """Tell the process to close its duplicate: the line is about to be closed."""
-        self._descriptor, self._server_fields = None, ()
+        self._line_descriptor, self._server_fields = None, ()
         self._watchdog.send(f"gone {self._mount_number}")
 
     def register(self) -> None:
         """Send the line's descriptor or the server's address to the process, and the stop commands if it moves."""
-        if self._descriptor is not None or self._server_fields:
-            kind, files = ("server", []) if self._descriptor is None else ("line", [self._descriptor])
+        if self._line_descriptor is not None or self._server_fields:
+            kind, files = ("server", []) if self._line_descriptor is None else ("line", [self._line_descriptor])
             parts = (self._title, str(self._lock or ""), *self._server_fields)
             self._watchdog.send(
                 f"{kind} {self._mount_number} {' '.join(word.encode().hex() or '00' for word in parts)}", files
             )
             self._last_message = REST_MESSAGE
             if self.moving:
-                self.renew()
+                self.report_changes()
 
     def report_motion_start(self) -> None:
         """Tell the process that a motion is about to begin."""
@@ -240,7 +240,7 @@ class WatchedMount:
         """Tell the process that a motion is about to begin; this never waits. The ``Reconciler`` calls it."""
         self.report_motion_start()
 
-    def renew(self, _: None = None) -> None:
+    def report_changes(self, _: None = None) -> None:
         """Check whether the mount still moves, and send its stop commands again if they have changed."""
         if self.moving:
             self.moving = self._busy()

@@ -23,7 +23,7 @@ MAX_STARVED_SILENCE, MIN_WAIT_FRACTION, WAITING_CHECK_PERIOD = 5.0, 0.8, 0.25
 #: Seconds between two commands of a stop: a hand control must answer each before it can receive the next.
 COMMAND_GAP = 0.15
 #: Seconds within which a server must accept a connection; how many used connections stay open.
-CONNECT_TIMEOUT, MAX_USED_CONNECTIONS = 0.4, 6
+CONNECT_TIMEOUT, MAX_KEPT_CONNECTIONS = 0.4, 6
 #: A stop is sent so many times, once in so many seconds: the first may end up in the middle of a command.
 STOP_COUNT, STOP_PERIOD = 5, 1.0
 #: If this process itself did not run for so many seconds, it cannot judge whether the gateway was silent.
@@ -103,7 +103,7 @@ class ServedMount(GuardedMount):
             pass
         self.used_connections += self.next_connections
         self.next_connections.clear()
-        while len(self.used_connections) > MAX_USED_CONNECTIONS:
+        while len(self.used_connections) > MAX_KEPT_CONNECTIONS:
             self.used_connections.pop(0).close()
 
     def close(self) -> None:

@@ -264,7 +264,7 @@ async def _stop_before_suspension(gateways: Sequence[Gateway], screen: Screen) -
         outcome = "the mount has not acknowledged the stop; look at it"
     for gateway in gateways:
         if gateway.watchdog_mount is not None:
-            gateway.watchdog_mount.renew()  # else the watchdog process, without heartbeats now, stops it again
+            gateway.watchdog_mount.report_changes()  # else the watchdog process, without heartbeats now, stops it again
     screen.warn(f"suspended: {outcome}. Programs get no answers until the gateway continues (fg, or bg)")
 
 

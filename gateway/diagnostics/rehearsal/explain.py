@@ -230,9 +230,9 @@ def _unknown_command_hint(client: str, mount: str, frame: bytes) -> str:
     return f"; {alike[0].help} is written like '{printable(example_request(alike[0]))}'" if alike else ""
 
 
-def format_trace(trace: Trace, surface: str, mount: Endpoint) -> list[str]:
+def format_trace(trace: Trace, surface_protocol: str, mount: Endpoint) -> list[str]:
     """Format a trace: its meaning, all commands to the mount until the reply, and later ones that change the mount."""
-    program, driven = ConnectionDecoder(surface), ConnectionDecoder(mount.protocol, mount.model)
+    program, driven = ConnectionDecoder(surface_protocol), ConnectionDecoder(mount.protocol, mount.model)
     lines: list[str] = []
     answered, last, again = False, "", 0
     for event in trace.events:

@@ -214,7 +214,7 @@ class MountLink:
             if self._wire_used_by_others:
                 self._wire_used_by_others = False
                 await self._recover()
-            request = await self.queue.next(self.times.typical_rtt, self.transaction.quiet_needed, answered)
+            request = await self.queue.next(self.times.typical_rtt, self.transaction.remaining_quiet, answered)
             answered = False
             if request is None:
                 continue
@@ -278,7 +278,7 @@ class MountLink:
         """Send the check commands; return whether each gets the right reply, and nothing follows the last reply."""
         self._check_count += 1
         for command in self.reply_rules.resync_commands(self._check_count):
-            await asyncio.sleep(self.transaction.quiet_needed(command))
+            await asyncio.sleep(self.transaction.remaining_quiet(command))
             outcome = await self.transaction.exchange(command, is_resync=True)
             if isinstance(outcome, GaveWayToStop):
                 return True  # the reply to the stop will show whether it is

@@ -103,11 +103,11 @@ class RequestQueue:
         return await self._wake_event.wait_within(seconds)
 
     async def next(
-        self, typical_rtt: float, quiet_needed: Callable[[Send], float], client_answered: bool = False
+        self, typical_rtt: float, remaining_quiet: Callable[[Send], float], client_answered: bool = False
     ) -> QueuedCommand | None:
         """Return the request whose turn it is, or None if this call only waited and must be repeated.
 
-        ``typical_rtt`` is the average reply time (seconds), ``quiet_needed`` returns the seconds of quiet before a
+        ``typical_rtt`` is the average reply time (seconds), ``remaining_quiet`` returns the seconds of quiet before a
         command. ``client_answered``: a client got a reply just now, and may queue its next request first.
         """
         if client_answered:
@@ -126,7 +126,7 @@ class RequestQueue:
             if not await self.wait_for_change_within(pause):
                 heapq.heappop(self._urgent_times)
             return None
-        quiet = 0.0 if first.priority == STOP else quiet_needed(first.command)
+        quiet = 0.0 if first.priority == STOP else remaining_quiet(first.command)
         if quiet > 0:
             await self.wait_for_change_within(quiet)
             return None

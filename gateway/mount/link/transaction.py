@@ -246,7 +246,7 @@ class Transaction:
 
     # --- one exchange -----------------------------------------------------------------------------------------------
 
-    def quiet_needed(self, command: Send) -> float:
+    def remaining_quiet(self, command: Send) -> float:
         """Return for how many more seconds the line must be quiet, so that no late bytes pass for a command's reply."""
         now = self._clock()
         left = self.heard_at + COPY_GAP - now
@@ -291,7 +291,7 @@ class Transaction:
             return fault
         expected = self.reply_rules.expected_reply(command)
         settle = (
-            COPY_GAP if is_stop and self.quiet_needed(command) else SETTLE_TIME
+            COPY_GAP if is_stop and self.remaining_quiet(command) else SETTLE_TIME
         )  # a request that skipped the quiet must wait after the reply
         self.discard("unsolicited")
         self._bytes_event.clear()

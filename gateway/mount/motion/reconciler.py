@@ -53,7 +53,7 @@ class Reconciler:
     def __init__(
         self,
         context: Context,
-        follow_ups: FollowUps,
+        follow_up_handlers: FollowUps,
         runner: DriverRunner,
         admission: MotionAdmission,
         consequences: Consequences,
@@ -61,11 +61,11 @@ class Reconciler:
     ) -> None:
         self._context, self._driver, self._link = context, context.driver, context.link
         self._wanted_state, self._movement = context.wanted, context.movement
-        self._follow_ups, self._runner, self._announcers = follow_ups, runner, announcers
+        self._follow_up_handlers, self._runner, self._announcers = follow_up_handlers, runner, announcers
         self._admission, self._consequences = admission, consequences
         self._loop = asyncio.get_running_loop()
         self.acknowledged: Signal[op.Operation] = Signal()
-        self.needs_client: Signal[None] = Signal()
+        self.client_motion_began: Signal[None] = Signal()
         self.saved_state_changed: Signal[None] = Signal()
         self._order_ids = count(1)
         #: By order number, the future that the client of the order may wait for.
@@ -358,7 +358,7 @@ class Reconciler:
     async def _carry_out_follow_up(self, order: Order) -> Any:
         """Carry out an order of the gateway itself, which needs no admission. Raises Fault."""
         operation, began = order.operation, self._loop.time()
-        special = self._follow_ups.get(type(operation))
+        special = self._follow_up_handlers.get(type(operation))
         steps = special(self._driver, operation) if special else self._driver.perform(operation)
         answer = await self._runner.drive(steps, STOP if order.urgent else MOTION)
         if isinstance(operation, op.StopAxis):
@@ -412,7 +412,7 @@ class Reconciler:
         self.acknowledged.emit(operation)
         self._consequences.on_ack_stored(operation, before)
         if by_hand or isinstance(operation, op.Focus):
-            self.needs_client.emit(None)
+            self.client_motion_began.emit(None)
         elif isinstance(operation, op.StopAxis) and self.wanted.hand_moves:
             self._context.tasks.spawn(self._check_other_axis())
         self.saved_state_changed.emit(None)

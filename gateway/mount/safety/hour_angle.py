@@ -38,7 +38,7 @@ def reports_axes(mount: Context) -> bool:
     return mount.driver.implementation(op.AxisPosition) is not None
 
 
-def can_enforce_hour_angle(mount: Context) -> bool:
+def mount_suits_hour_angle_limit(mount: Context) -> bool:
     """Whether an hour angle limit can be enforced: on forks, and on German mounts that report axes or pier side."""
     german = mount.driver.german
     return reports_axes(mount) or german is False or (german is True and mount.driver.reports_pier_side)
@@ -95,7 +95,7 @@ class HourAngleWatch:
         mount = self._mount
         status = mount.cache.last_value(op.GetStatus)
         limited = mount.policy.limits.hour_angle is not None and status is not None and status.equatorial
-        return limited and can_enforce_hour_angle(mount)
+        return limited and mount_suits_hour_angle_limit(mount)
 
     @property
     def read_period(self) -> float | None:

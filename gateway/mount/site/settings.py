@@ -124,7 +124,7 @@ class SiteClockOperations:
         if status is None or not context.identified.is_set():
             return ""
         never = context.policy.site_time == "never" or context.driver.certain_fault(op.SetSite(0.0, 0.0)) is not None
-        if not never and self.sender.accepts_site_clock(status):
+        if not never and self.sender.accepts_site_or_clock(status):
             return "everyone: this mount takes it"
         if sites and sites[0].source in (MOUNT_SOURCE, GPS_SOURCE, CONFIG_SOURCE):
             why = "takes no site" if never else "is aligned and takes no site"
@@ -191,7 +191,7 @@ class SiteClockOperations:
     async def _set_clock_from_gps(self, operation: op.ClockFromGps, program: ProgramId) -> None:
         """Set the mount's clock from its GPS; if not allowed, this program's clock. Raises NoDevice without a fix."""
         try:
-            mount_too = await self.sender.may_set_site_clock()
+            mount_too = await self.sender.may_set_site_or_clock()
         except Fault:
             mount_too = False
         if mount_too:

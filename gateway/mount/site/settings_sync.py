@@ -229,13 +229,13 @@ class SettingsSender:
         finally:
             self._sending = self._incoming.type_being_sent = None
 
-    async def may_set_site_clock(self) -> bool:
+    async def may_set_site_or_clock(self) -> bool:
         """Whether policy and alignment allow setting the mount's site and clock. Raises Fault."""
         if self._context.policy.site_time == "never":
             return False
-        return self.accepts_site_clock(await self._reader.read(op.GetStatus()))
+        return self.accepts_site_or_clock(await self._reader.read(op.GetStatus()))
 
-    def accepts_site_clock(self, status: op.Status) -> bool:
+    def accepts_site_or_clock(self, status: op.Status) -> bool:
         """Whether this status of the mount allows sending a site and clock; the owner may still forbid it."""
         driver, policy = self._driver, self._context.policy.site_time
         return not status.aligned or driver.can_set_site_aligned or (policy == "always" and not driver.site_unaligns)
@@ -250,7 +250,7 @@ class SettingsSender:
             return True
         if self._is_set_already(setting.value_now(self._now())):
             return False
-        if await self.may_set_site_clock():
+        if await self.may_set_site_or_clock():
             return True
         note_not_sent(self._context, setting, "the mount is aligned")
         return False

@@ -75,7 +75,7 @@ class Surface:
         row = self.protocol.surface_rows[command.name]
         return UrgentEnd(
             self._operation_of_row(session, row, {}) if command.urgent == "axis" else AbortMotion(),
-            self.protocol.frames_discarded_by(command),
+            self.protocol.discarded_prefixes(command),
         )
 
     def begins_goto(self, frame: bytes) -> bool:

@@ -70,7 +70,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
         home.CheckHomeSearch: home.check_home_search,
         ends.RepeatEnd: ends.repeat_end,
         ends.RestoreRates: ends.restore_rates,
-        dialect.CheckArrow: dialect.check_arrow,
+        dialect.CheckArrow: dialect.check_arrow_motion,
     }
     return MadeDriver(driver, follow_ups, Lx200ReplyRules(settings.model, driver))
 

@@ -70,7 +70,7 @@ class PartialCommand:
     def __init__(self, received: bytes, expires_at: float, lengths: dict[int, int]) -> None:
         self.missing, self.expires_at, self.burst = lengths[received[0]] - len(received), expires_at, bytearray()
         self._opcode, self._received_count = received[0], len(received)
-        self._lengths = lengths
+        self._command_lengths = lengths
         #: The indices in the burst at which commands begin that have been passed on.
         self._passed_positions: set[int] = set()
         #: The bytes of the burst that arrived together at its beginning.
@@ -124,13 +124,13 @@ class PartialCommand:
         return not sample or load("nexstar").find(completed) is not None
 
     def _is_one_command(self) -> bool:
-        return len(self.burst) == self._lengths.get(self.burst[0])
+        return len(self.burst) == self._command_lengths.get(self.burst[0])
 
     def _split(self, index: int) -> tuple[list[tuple[int, bytes]], bool]:
         """Return the whole commands of the burst from an index on, each with its index, and whether no byte is left."""
         frames: list[tuple[int, bytes]] = []
         while index < len(self.burst):
-            length = self._lengths.get(self.burst[index])
+            length = self._command_lengths.get(self.burst[index])
             if length is None and self.burst[index] not in STRAY_BYTES:
                 return frames, False
             if length is not None:
@@ -171,7 +171,7 @@ class NexStarFramer(LengthFramer):
         super().__init__()
         self._drops_late_ends = drops_late_ends
         self._partial_command: PartialCommand | None = None
-        self._lengths = length_by_opcode()
+        self._command_lengths = length_by_opcode()
         #: Stray bytes allowed after the last request, and how many more of them.
         self._stray, self._stray_left = b"", 0
 
@@ -190,7 +190,7 @@ class NexStarFramer(LengthFramer):
         quiet = now - self._last_byte_at
         if self._drops_late_ends and self._pending and data and QUIET_GAP <= quiet < QUIET_GAP + END_WINDOW:
             until = self._last_byte_at + QUIET_GAP + END_WINDOW
-            self._partial_command = PartialCommand(bytes(self._pending), until, self._lengths)
+            self._partial_command = PartialCommand(bytes(self._pending), until, self._command_lengths)
         interrupted = self._partial_command
         if interrupted is None:
             return super().feed(data, now)
@@ -231,9 +231,9 @@ class NexStarFramer(LengthFramer):
         pending = self._pending
         rest = iter(data)
         for byte in rest:
-            if pending or byte in self._lengths:
+            if pending or byte in self._command_lengths:
                 pending.append(byte)
-                if len(pending) == self._lengths[pending[0]]:
+                if len(pending) == self._command_lengths[pending[0]]:
                     frames.append(bytes(pending))
                     self._stray, self._stray_left = STRAY_BY_OPCODE.get(pending[0], (b"", 0))
                     pending.clear()

@@ -160,7 +160,7 @@ class CommandSet:
         """Frame -> how many bytes some programs read of its reply; only commands whose reply is not read to the end."""
         return {command.request.prefix: command.read for command in self.commands.values() if command.read is not None}
 
-    def frames_discarded_by(self, command: Command) -> frozenset[bytes]:
+    def discarded_prefixes(self, command: Command) -> frozenset[bytes]:
         """Return the request prefixes of the commands that this command, when it arrives, discards from the queue."""
         return frozenset([self.commands[name].request.prefix for name in command.discarded_commands])
 

@@ -38,7 +38,7 @@ class AltitudeSource(NamedTuple):
     sky: SiteAstrometry | None = None
 
     @property
-    def is_mounts_own(self) -> bool:
+    def is_best_known(self) -> bool:
         """Whether the altitude follows from the best known site and time, and the syncs count as right."""
         return self.sync_shift is None and self.contradiction is None
 
@@ -51,7 +51,7 @@ class AltitudeSource(NamedTuple):
         known one, else Contradicted, whose text names the source.
         """
         try:
-            (limits if self.is_mounts_own else limits.without_default_altitudes()).check_altitude(altitude)
+            (limits if self.is_best_known else limits.without_default_altitudes()).check_altitude(altitude)
         except Fault as fault:
             which = "low" if isinstance(fault, BelowHorizon) else "high"
             if self.contradiction is not None:

@@ -85,7 +85,7 @@ def check_turns(mount: Context, limits: Limits, start: StretchStart, turns: dict
         soon = _after_turns(mount, start, {axis: degrees * step / steps for axis, degrees in turns.items()})
         for source in start.alt_sources:
             before, after = source.altitude(position), source.altitude(soon)
-            if is_moving_out(limits if source.is_mounts_own else limits.without_default_altitudes(), before, after):
+            if is_moving_out(limits if source.is_best_known else limits.without_default_altitudes(), before, after):
                 source.check(limits, after)
         for sun in start.suns:
             distance = mount.suns.distance(soon, sun)

@@ -148,8 +148,8 @@ def _client_name(host: str, client_id: int) -> str:
 class AlpacaDevice:
     """One mount as an Alpaca device."""
 
-    def __init__(self, web_device: WebDevice) -> None:
-        self.web_device, self.programs = web_device, Programs(web_device.accept)
+    def __init__(self, web_mount: WebDevice) -> None:
+        self.web_mount, self.programs = web_mount, Programs(web_mount.accept)
 
     async def answer(self, request: AlpacaRequest, host: str) -> dict[str, Any]:
         """Return the answer to a request as JSON members. Raises ConnectionRefused if there are too many programs."""

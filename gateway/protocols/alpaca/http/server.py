@@ -88,8 +88,8 @@ class AlpacaServer:
     def _devices_at_port(self, request: web.Request) -> list[AlpacaDevice]:
         """Return the devices that are served at the port of a request."""
         port = local_address(request)[1]
-        offered = [device for device in self._all_devices if device.web_device.port == port]
-        return offered or [device for device in self._all_devices if not device.web_device.port]
+        offered = [device for device in self._all_devices if device.web_mount.port == port]
+        return offered or [device for device in self._all_devices if not device.web_mount.port]
 
     def _requested_device(self, request: web.Request) -> AlpacaDevice:
         """Return the device that the path of a request names. Raises BadRequest if there is none."""
@@ -112,8 +112,8 @@ class AlpacaServer:
             "ManufacturerVersion": version(), "Location": "", TOKENS_MEMBER: tokens(),
         }  # fmt: skip
         devices = [
-            {"DeviceName": device.web_device.title, "DeviceType": "Telescope", "DeviceNumber": number,
-             "UniqueID": str(uuid.uuid5(_UUID_NAMESPACE, f"{socket.gethostname()} {device.web_device.title}"))}
+            {"DeviceName": device.web_mount.title, "DeviceType": "Telescope", "DeviceNumber": number,
+             "UniqueID": str(uuid.uuid5(_UUID_NAMESPACE, f"{socket.gethostname()} {device.web_mount.title}"))}
             for number, device in enumerate(self._devices_at_port(request))
         ]  # fmt: skip
         values = {"apiversions": [1], "v1/description": server, "v1/configureddevices": devices}
@@ -125,7 +125,7 @@ class AlpacaServer:
         if "kind" in request.match_info:
             self._requested_device(request)
         rows = "".join(
-            f"<li>telescope {number}: {html.escape(device.web_device.title)}"
+            f"<li>telescope {number}: {html.escape(device.web_mount.title)}"
             for number, device in enumerate(self._devices_at_port(request))
         )
         page = (

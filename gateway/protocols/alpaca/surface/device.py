@@ -102,7 +102,7 @@ def _polled_values(session: AlpacaSession) -> Iterator[tuple[str, Handling]]:
     yield "SiderealTime", _in_hours(_read_field(op.SiderealTime()))
     yield "Slewing", motion.slewing()
     yield "Tracking", motion.tracking()
-    yield "UTCDate", _read_utc()
+    yield "UTCDate", _read_mount_utc()
 
 
 def _read_field(operation: op.Operation, field: str = "") -> Handling:
@@ -114,5 +114,5 @@ def _in_hours(degrees: Handling) -> Handling:
     return ((yield from degrees) / 15.0) % 24.0
 
 
-def _read_utc() -> Handling:
+def _read_mount_utc() -> Handling:
     return moment((yield op.GetClock()).unix).decode()

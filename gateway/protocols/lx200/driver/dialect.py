@@ -122,7 +122,7 @@ def schedule_arrow_check(mount: Lx200Driver, axis: int) -> Steps:
         yield Schedule(ARROW_CHECK_DELAY, CheckArrow(axis, mount.now(), mount.now()))
 
 
-def check_arrow(mount: Lx200Driver, operation: CheckArrow) -> Steps:
+def check_arrow_motion(mount: Lx200Driver, operation: CheckArrow) -> Steps:
     """Press an arrow again if the controller's timer has ended its motion and the client has not released it.
 
     A motion that ended at any other time met a limit or was stopped at the keypad, so the arrow is not pressed again.

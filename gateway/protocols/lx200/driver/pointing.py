@@ -142,7 +142,7 @@ def goto(mount: Lx200Driver, operation: op.Goto) -> Steps:
     yield from set_max_speed(mount, operation.fastest)
     yield from set_target(mount, operation.ra, operation.dec)
     yield from begin_goto(mount, "MS")
-    note_chosen_side(mount, operation.ra)
+    note_pier_side_basis(mount, operation.ra)
     yield from restore_rates_later(mount)
 
 
@@ -236,7 +236,7 @@ def sync(mount: Lx200Driver, operation: op.Sync) -> Steps:
 # --- the side of the pier ---------------------------------------------------------------------------------------------
 
 
-def note_chosen_side(mount: Lx200Driver, ra: float) -> None:
+def note_pier_side_basis(mount: Lx200Driver, ra: float) -> None:
     """Note the right ascension and the time of a goto; ``is_beyond_pole`` derives the side that the mount chose."""
     mount.pier_side_basis, mount.beyond_pole = (ra, mount.now()), None
 
@@ -250,7 +250,7 @@ def is_beyond_pole(mount: Lx200Driver) -> Steps:
         return mount.beyond_pole
     if mount.beyond_pole is None:
         if mount.pier_side_basis is None:
-            note_chosen_side(mount, (yield from ask(mount, "GR"))["ra"])
+            note_pier_side_basis(mount, (yield from ask(mount, "GR"))["ra"])
         sidereal = (yield from ask(mount, "GS"))["sidereal"]
         assert mount.pier_side_basis is not None
         ra, then = mount.pier_side_basis

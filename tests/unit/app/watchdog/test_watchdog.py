@@ -470,10 +470,10 @@ def test_gateway_tells_the_watchdog_when_a_motion_path_is_safe() -> None:
     watched = WatchedMount(watchdog, 0, "pier", None, lambda: [b"M"], lambda: True, lambda: None, lambda: clear[0])
     watched.report_motion_start()
     clear[0] = True
-    watched.renew()
-    watched.renew()
+    watched.report_changes()
+    watched.report_changes()
     clear[0] = False
-    watched.renew()
+    watched.report_changes()
     assert told == ["moving 0 4d", "clear 0 4d", "moving 0 4d"]
 
 
