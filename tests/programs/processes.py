@@ -20,6 +20,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.forked import POSSIBLE, Forked
+from tests.support.process import GATEWAY
+
 PAUSE, LONGEST_PAUSE = 0.02, 0.2
 """Seconds between two looks at something that is waited for: a tenth of the time waited so far, within these."""
 PATIENCE = 120.0
@@ -66,19 +69,26 @@ def accepts(port: int) -> bool:
 
 
 class Process:
-    """One running program; `output()` is all it has written so far, standard error included."""
+    """One running program; `output()` is all it has written so far, standard error included.
+
+    The product is forked, if possible, from a process that has loaded it.
+    """
 
     def __init__(self, argv: Sequence[str], log: Path, environment: Mapping[str, str] | None = None) -> None:
         self.argv = list(argv)
         self.log = log
         with log.open("wb") as sink:
-            self._process = subprocess.Popen(
-                self.argv,
-                stdin=subprocess.DEVNULL,
-                stdout=sink,
-                stderr=subprocess.STDOUT,
-                env={**os.environ, **(environment or {})},
-                start_new_session=True,
+            self._process: Forked | subprocess.Popen[bytes] = (
+                Forked(*self.argv[len(GATEWAY) :], sink=sink.fileno(), **(environment or {}))
+                if self.argv[: len(GATEWAY)] == GATEWAY and POSSIBLE
+                else subprocess.Popen(
+                    self.argv,
+                    stdin=subprocess.DEVNULL,
+                    stdout=sink,
+                    stderr=subprocess.STDOUT,
+                    env={**os.environ, **(environment or {})},
+                    start_new_session=True,
+                )
             )
 
     def output(self) -> str:

@@ -39,26 +39,36 @@ PATIENCE = 120.0
 
 
 class Forked:
-    """A product process with these arguments, or a script; stdout and stderr are text pipes.
+    """A product process with these arguments, or a script, in this process's environment and ``environment``.
 
+    Stdout and stderr are text pipes; with ``sink``, a file descriptor, they go there, and the process leads a session.
     SIGUSR1 blocks it for ``hangs`` seconds.
     """
 
+    stdout: TextIO
+    stderr: TextIO
     _server: tuple[subprocess.Popen[bytes], socket.socket] | None = None
 
-    def __init__(self, *arguments: str, hangs: float = 0.0) -> None:
+    def __init__(self, *arguments: str, hangs: float = 0.0, sink: int | None = None, **environment: str) -> None:
         control = self._control()
-        (out, told), (err, warned) = os.pipe(), os.pipe()
+        told, warned = [self._pipe(name) if sink is None else os.dup(sink) for name in ("stdout", "stderr")]
         self._life, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        request = {"words": arguments, "environment": dict(os.environ), "folder": os.getcwd(), "hangs": hangs}
+        request = {
+            "words": arguments, "environment": {**os.environ, **environment}, "folder": os.getcwd(), "hangs": hangs,
+            "leads": sink is not None,
+        }  # fmt: skip
         socket.send_fds(control, [json.dumps(request).encode()], [told, warned, there.fileno()])
         for number in (told, warned):
             os.close(number)
         there.close()
-        self.stdout: TextIO = os.fdopen(out, encoding="utf-8")
-        self.stderr: TextIO = os.fdopen(err, encoding="utf-8")
         self.returncode: int | None = None
         self.pid = self._word(PATIENCE)
+
+    def _pipe(self, name: str) -> int:
+        """Set the attribute to the reading end of a new pipe; return the other end."""
+        reading, writing = os.pipe()
+        setattr(self, name, os.fdopen(reading, encoding="utf-8"))
+        return writing
 
     @classmethod
     def _control(cls) -> socket.socket:
@@ -110,6 +120,9 @@ class Forked:
         if self.poll() is None:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self.pid, number)
+
+    def terminate(self) -> None:
+        self.send_signal(signal.SIGTERM)
 
     def kill(self) -> None:
         self.send_signal(signal.SIGKILL)
@@ -188,6 +201,8 @@ def become(request: dict[str, Any], out: int, err: int) -> None:
     os.environ.clear()
     os.environ.update(request["environment"])
     os.chdir(request["folder"])
+    if request["leads"]:
+        os.setsid()
     signal.signal(signal.SIGQUIT, signal.SIG_DFL)  # a shell ignores it for background jobs
     if request["hangs"]:
         signal.signal(signal.SIGUSR1, lambda number, frame: time.sleep(request["hangs"]))
