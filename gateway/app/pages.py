@@ -225,9 +225,9 @@ def require_own_page(handler: Handler, get_refusal: Callable[[web.Request], str]
     """Return a handler for the server's own page only; ``get_refusal`` returns why a request is refused, or an empty
     text.
 
-    A foreign page in the same browser could send requests to this server, or resolve its own name to this computer (DNS
-    rebinding). So ``Host`` must be an address or a name of this computer, ``Origin`` must be the page's own, and every
-    action needs the token that only the served page has. Ports are not compared: an SSH tunnel may use another.
+    A foreign page in the same browser could send requests to this server: an ``Origin``, if sent, must be the page's
+    own. Ports are not compared: an SSH tunnel may use another. ``Host`` is checked for all requests (it could name
+    another computer by DNS rebinding), and the token of the served page by those who carry out actions.
     """
 
     async def guarded(request: web.Request) -> web.StreamResponse:

@@ -175,7 +175,7 @@ class StateRequest(Struct, frozen=True, tag="see"):
 
 
 class StopRequest(Struct, frozen=True, tag="stop"):
-    """End every motion; it is done when the positions show the mount at rest. ``who`` is empty for the command line."""
+    """End every motion; done when the positions show the mount at rest. ``who``: empty for the command line or MQTT."""
 
     who: str = ""  # the client
 

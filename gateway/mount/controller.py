@@ -217,9 +217,9 @@ class MountController:
     ) -> _T:
         """Carry out an operation for the connection ``activity``, and return its answer. Raises Fault.
 
-        A read asks the mount even if the answer is cached; ``answer`` uses the cache first. ``arrived_at``: the loop
-        time at which the request arrived (default: now). ``stop_count``: the number of stops before that; a later stop
-        cancels the operation. ``max_delay``: for how many seconds the client waits for it.
+        Most reads ask the mount even if the answer is cached; ``answer`` uses the cache first. For motions,
+        ``arrived_at`` is the loop time at which the request arrived (default: now), ``stop_count`` the number of stops
+        before that (a later stop cancels it), and ``max_delay`` for how many seconds the client waits for it.
         """
         program = activity.program if activity is not None else NO_PROGRAM
         if type(operation) in MAX_AGE:

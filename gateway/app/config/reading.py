@@ -135,7 +135,7 @@ def _parse_msgspec_error(message: str) -> tuple[Place, str | None, str]:
 
 
 def _msgspec_error(tables: dict[str, object], source: Source, path: Place, field: str | None, kind: str) -> UserError:
-    """Return the error for a value or a key that msgspec did not accept."""
+    """Return the error for what msgspec did not accept: an ``unknown`` or ``missing required`` key, or a value ("")."""
     table = str(path[0]) if path and path[0] in TABLES else ""
     if field is None:
         return _value_error(tables, source, table, path)

@@ -199,7 +199,7 @@ class Publisher:
         await asyncio.shield(self._next_message)
 
     def change_listeners(self, change: int) -> None:
-        """Count one more (1) or one less (-1) page that shows the conversation."""
+        """Count one more (1) or less (-1) page that shows the conversation; without any, no rows are made for it."""
         self._listener_count += change
         for mount in self.mounts:
             mount.conversation.listen(self._listener_count > 0)

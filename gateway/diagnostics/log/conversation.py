@@ -120,8 +120,8 @@ class ConnectionDecoder:
         return DecodedMessage(b"", "nobody asked", fails=True), len(self._partial_reply)
 
     def describe_reply(self, data: bytes) -> DecodedMessage:
-        """Describe a complete reply on a connection with one request at a time: it answers the last command. The text
-        is empty if the reply does not match that command.
+        """Describe a complete reply to the last command, on a connection with one request at a time. The text is empty
+        if the reply does not match that command.
         """
         if (message := self._match_pushed(data)) is not None:
             return message[0]._replace(data=data)

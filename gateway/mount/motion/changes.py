@@ -309,7 +309,7 @@ def _is_void_after(halt: Order, goto: Order) -> bool:
 
 
 def may_have_begun(order: Order, error: BaseException) -> bool:
-    """Whether a failed order may move the mount nevertheless: its acknowledgement was lost, or it had begun before."""
+    """Whether a failed motion by hand may move the mount: it got no answer, had begun before, or stops all after it."""
     unheard = isinstance(order.operation, HAND_MOTIONS) and isinstance(error, NoAnswer) and error.is_sent
     return order.arrow.then_stop or unheard or (order.rank == RESUMED_RANK and isinstance(order.operation, MOVERS))
 

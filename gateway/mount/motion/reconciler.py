@@ -213,7 +213,7 @@ class Reconciler:
             self.begin_stop()
 
     def _on_stop_acknowledged(self, _: None) -> None:
-        """Note that the mount has acknowledged a stop."""
+        """Note that the mount has acknowledged a stop: the ordered motion is over, and its run-on begins."""
         self._update(changes.after_acknowledged_stop(self.wanted))
         self._consequences.on_stop_acknowledged()
 

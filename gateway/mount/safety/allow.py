@@ -210,7 +210,7 @@ class JudgedState(Struct, frozen=True):
         return rate * self.timing.reaction_time_after(self.observed.elapsed) + self._second_axis_run_on
 
     def approach_rates(self, last_rates: tuple[float, ...], earlier_rates: tuple[float, ...]) -> list[float]:
-        """Return how fast the mount may approach each limit from now on, by its last two rates of approach."""
+        """Return ``max_rate`` for each altitude or each Sun; in a goto, which slows down by itself, the last rate."""
         known = len(earlier_rates) == len(last_rates)
         return [self.max_rate(rate, earlier_rates[number] if known else None) for number, rate in enumerate(last_rates)]
 

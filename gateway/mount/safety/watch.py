@@ -349,7 +349,7 @@ class LimitWatch:
             self._end_motion(f"{limit_name}, estimated from its speed")
 
     def _end_motion(self, reason: str) -> None:
-        """Stop the motion. If no client moves the mount, it is tracking, which is turned off instead."""
+        """Stop the motion, whoever began it. If nothing but tracking moves the mount, have that turned off instead."""
         if self._is_moving:
             self._stop(f"stopped at {reason}")
         else:

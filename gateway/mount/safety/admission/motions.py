@@ -156,9 +156,9 @@ class MotionAdmission:
         return await self._admit(goto)
 
     async def _admit_untracked_goto(self, operation: op.GotoHorizontal, goto: op.Goto) -> op.Operation:
-        """Return the goto of an equatorial mount to an azimuth and altitude while tracking is off. It is a goto to axis
-        readings, relative to the present ones. If the mount does not report these, it is a goto to the celestial
-        coordinates that this direction will have on arrival.
+        """Return the goto of an equatorial mount to an azimuth and altitude while tracking is off. A driver
+        that can do so goes there itself. Else it is a goto to axis readings, calculated from the present ones, or, if
+        the mount reports none, to the celestial coordinates that this direction will have on arrival.
         """
         mount = self._mount
         if mount.driver.implementation(op.GotoHorizontal):

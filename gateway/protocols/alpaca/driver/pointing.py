@@ -111,8 +111,8 @@ def slewing(mount: AlpacaDriver, _: op.Slewing) -> Steps:
 
 
 def _begin_goto(mount: AlpacaDriver, steps: Steps, purpose: str | None = None, side: str = "") -> Steps:
-    """Begin a goto with these steps; ``side`` is the tube's side of the pier at the goal, empty if unknown. If no
-    answer shows that the goto has begun, send a stop, because the mount may begin it late.
+    """Begin a goto with these steps; ``side``: the tube's side of the pier at the goal, if the mount does not report
+    it. If no answer shows that the goto has begun, send a stop, because the mount may begin it late.
     """
     try:
         yield from mount.begin_goto(GotoUnderWay(purpose=purpose), steps, _is_slewing)

@@ -113,7 +113,7 @@ class _Parameters:
 
 
 class LineFramer(WholeCommandFramer):
-    """Cuts the byte stream of a client into lines."""
+    """Cuts a stream into lines, each an HTTP request in the text form of the surface; drops what has no end."""
 
     cut_off_reason = "half a request, whose end did not arrive"
 

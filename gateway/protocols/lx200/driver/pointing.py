@@ -124,7 +124,8 @@ def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
 def _stands_still(mount: Lx200Driver, state: Lx200GotoState) -> bool:
     """Whether the position shows that the telescope has not moved for a while since it was sent to a goal.
 
-    False if the mount reports its status: its bars are reliable, and an OnStep may wait at the meridian for the user.
+    False while it parks or homes, and for another maker's mount that reports its status: an OnStep may wait at the
+    meridian for the user.
     """
     reports = mount.dialect and mount.has_status
     return state.purpose is None and not reports and state.position_read_at - state.moved_at > STILL_PERIOD

@@ -94,7 +94,7 @@ def tell_name(session: LxSession, command: Command) -> dict[str, str]:
 
 
 def set_name(session: LxSession, command: Command, values: Values) -> None:
-    """:SM :SN :SO :SP - set the name of a site: 3 letters on the classic, 15 on other models."""
+    """:SM :SN :SO :SP - set a site's name. Raises Invalid unless it has 1 to 15 (classic: 3) printable characters."""
     name = values.get("name", "").strip()
     if not name or len(name) > session.model["names"] or not (name.isascii() and name.isprintable()):
         raise Invalid(f"A site name has 1 to {session.model['names']} printable characters.")

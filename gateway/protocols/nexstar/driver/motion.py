@@ -31,8 +31,8 @@ REMARK_THRESHOLD = 0.1
 def motor_sense(mount: NexStar, direction: op.Direction) -> int:
     """Return +1 or -1, the motor direction for a sky direction. Positive on axis 1 is west, but east in EQ south.
 
-    Positive on axis 2 moves the tube of a fork towards the pole to which its base is tilted: south in EQ south. On a
-    German mount it depends on the pier side (``_is_reversed``), whose letters are those of the northern hemisphere.
+    Positive on axis 2 moves the tube of a fork towards the pole to which its base is tilted: south in EQ south. The
+    reversal of a German mount's axis 2 by the pier side is not included: see ``_is_reversed``.
     """
     southern = tracking.native_mode(mount) is op.Tracking.EQ_SOUTH
     if southern and (direction.axis == 1 or not mount.german):

@@ -1,4 +1,4 @@
-"""State of a simulated mount and its hand control: settings, motors, devices on the bus. It contains no commands.
+"""State of a simulated mount and its hand control: settings, motors, devices on the bus. Commands: ``commands.py``.
 
 What the manual does not say is simulated like this:
 

@@ -1,4 +1,4 @@
-"""The hand control that clients see: its model and version, and the requests that it does not have.
+"""The hand control that clients see: its model and version, and the requests that it has.
 
 If the mount's own hand control is presented, the gateway still answers for everything that it does itself, such as
 positions and ends of gotos of the motors; other devices on the mount's bus answer for themselves.
