@@ -222,8 +222,7 @@ def rules_of(request: web.Request) -> AccessRules:
 
 
 def require_own_page(handler: Handler, get_refusal: Callable[[web.Request], str] = lambda request: "") -> Handler:
-    """Return a handler for the server's own page only; ``get_refusal`` returns why a request is refused, or an empty
-    text.
+    """Return a handler for the server's own page only; ``get_refusal`` returns why to refuse a request, or "".
 
     A foreign page in the same browser could send requests to this server: an ``Origin``, if sent, must be the page's
     own. Ports are not compared: an SSH tunnel may use another. ``Host`` is checked for all requests (it could name

@@ -46,8 +46,7 @@ class OrderRunner:
     """Carries out the broker's orders for one mount, if they are ``allowed``. The limits of the gateway apply.
 
     A stop does not wait for other orders. An order with the retain flag is refused: the broker stores it, and it would
-    be carried out again at every connection. ``conflict_message`` returns why only stops are carried out now, or an
-    empty text.
+    be carried out again at every connection. ``conflict_message`` returns why only stops are carried out now, or "".
     """
 
     def __init__(self, gateway: Gateway, allowed: Collection[str], conflict: Callable[[], str], report: Report) -> None:

@@ -119,7 +119,7 @@ class ConnectionDecoder:
             return None
         return DecodedMessage(b"", "nobody asked", fails=True), len(self._partial_reply)
 
-    def describe_reply(self, data: bytes) -> DecodedMessage:
+    def describe_reply_to_last(self, data: bytes) -> DecodedMessage:
         """Describe a complete reply to the last command, on a connection with one request at a time. The text is empty
         if the reply does not match that command.
         """

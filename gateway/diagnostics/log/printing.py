@@ -293,7 +293,7 @@ class RowBuilder:
             return DecodedMessage(entry.data, f"dropped: {entry.note}{hint}", fails=True)
         if entry.note:
             return DecodedMessage(entry.data, _escape(entry.note), fails=True)
-        return side.describe_command(entry.data) if entry.arrow == ">" else side.describe_reply(entry.data)
+        return side.describe_command(entry.data) if entry.arrow == ">" else side.describe_reply_to_last(entry.data)
 
 
 def describe_event(arrow: str, note: str) -> str:

@@ -38,7 +38,7 @@ async def ask_mount(telescope: CheckedMount, query_name: str) -> DecodedMessage:
     side = ConnectionDecoder(driver.protocol.name, driver.model)
     side.describe_command(driver.protocol.commands[query_name].request.encode({}))
     keep = "dialect" if driver.protocol.dialect else "moment"
-    return side.describe_reply(await telescope.controller.read(op.NativeRequest(query_name, (), keep)))
+    return side.describe_reply_to_last(await telescope.controller.read(op.NativeRequest(query_name, (), keep)))
 
 
 def _query_names(driver: Driver) -> Iterator[str]:

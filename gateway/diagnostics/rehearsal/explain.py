@@ -257,7 +257,7 @@ def format_trace(trace: Trace, surface_protocol: str, mount: Endpoint) -> list[s
         if line and line not in lines[-1:]:
             lines.append(line)
     program.describe_command(trace.frame)
-    meaning = program.describe_reply(trace.reply).text.partition(": ")[2] if trace.reply else ""
+    meaning = program.describe_reply_to_last(trace.reply).text.partition(": ")[2] if trace.reply else ""
     same = meaning.strip('"') == printable(trace.reply).removesuffix("#")  # a name needs no explanation
     about = "" if same or meaning in ("", "accepted") else f"  ({meaning})"
     return [*lines, f"reply: {printable(trace.reply) if trace.reply else 'none'}{about}"]

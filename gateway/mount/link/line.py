@@ -82,7 +82,7 @@ class MountLink:
     @property
     def state(self) -> str:
         """``opening``, ``up``, ``busy`` or ``down``."""
-        return "busy" if self._state == "up" and self.transaction.busy else self._state
+        return "busy" if self._state == "up" and self.transaction.refuses_others else self._state
 
     @property
     def is_running(self) -> bool:

@@ -146,7 +146,7 @@ class Transaction:
         self.last_request = b""
         #: Whether a long operation is under way, whether it takes so long that other requests are refused, and the loop
         #: time at which the last one ended.
-        self.is_long_op, self.busy, self.long_op_ended_at = False, False, -1e9
+        self.is_long_op, self.refuses_others, self.long_op_ended_at = False, False, -1e9
         #: Loop time of the last write; long ago if there was none.
         self.written_at = -1e9
         self.times = ReplyTimes()
@@ -276,7 +276,7 @@ class Transaction:
                 )  # without the pause the mount may have missed the first
             return outcome
         finally:
-            self.busy = False
+            self.refuses_others = False
 
     async def exchange(
         self, command: Send, full_pause: bool = False, is_resync: bool = False, is_stop: bool = False
@@ -352,8 +352,8 @@ class Transaction:
             now = self._clock()
             self._bytes_event.clear()
             if command.long:
-                self.busy = self.busy or now >= busy_at
-                self._stops_sent += self._queue.send_stops_while_busy(self.busy, self._send_unanswered)
+                self.refuses_others = self.refuses_others or now >= busy_at
+                self._stops_sent += self._queue.send_stops_while_busy(self.refuses_others, self._send_unanswered)
             taken = self._parsed_reply(command) if self._buffer or expected.silent else None
             if taken is not None and self._stops_sent and isinstance(taken[0], Busy):
                 self._stops_sent -= 1  # the busy reply to a stop; nothing moves during a long operation

@@ -194,6 +194,7 @@ class CommandSet:
         return None
 
 
+@lru_cache
 def functions_of(*modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
     """Return ``module.function`` -> function for the public functions of these modules, which driver rows may name."""
     return {
@@ -204,6 +205,7 @@ def functions_of(*modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
     }
 
 
+@lru_cache
 def surface_functions(*modules: ModuleType) -> Mapping[str, Callable[..., Any]]:
     """Return ``module.function`` -> function for surface rows; each accepts all of ``HANDLER_PARAMETERS``."""
     return {name: _with_all_parameters(function) for name, function in functions_of(*modules).items()}

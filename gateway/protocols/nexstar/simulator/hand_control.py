@@ -48,7 +48,7 @@ class SimulatedHandControl(SimulatedMount):
             return b""
         if frame[0] == PASS_THROUGH:
             return self._pass_to_device(frame)
-        match = self.commands.find(frame)
+        match = self.command_set.find(frame)
         try:
             if match is None:
                 raise ValueError(f"{frame!r} has the length of a command but not its form")

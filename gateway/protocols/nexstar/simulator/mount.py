@@ -104,7 +104,7 @@ class SimulatedMount(Simulated):
             raise UserError(f"no NexStar model is called {model!r}; there are {', '.join(protocol.models)}")
         self.facts: Model = protocol.models[model]
         self._set_version(version, starsense)
-        self.model, self.commands = model, protocol
+        self.model, self.command_set = model, protocol
         self.clock, self.now = clock, clock()
         self.last_byte_at = self.now
         rates = protocol.extra_table("rates.toml")[self.facts["rates"]]

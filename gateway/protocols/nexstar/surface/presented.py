@@ -55,7 +55,7 @@ def make_chooser(model: str | None, version: str | None) -> Callable[[bool, bool
 
 
 @cache
-def _opcodes(model: str, version: Version) -> frozenset[int]:
+def _known_opcodes(model: str, version: Version) -> frozenset[int]:
     """Return the first bytes of the requests that a hand control of this version has."""
     known = [
         command
@@ -67,7 +67,7 @@ def _opcodes(model: str, version: Version) -> frozenset[int]:
 
 def missing_command_text(model: Model, frame: bytes) -> str:
     """Return why the presented hand control ignores a request; an empty string if it has the request."""
-    if frame[0] in _opcodes(model["name"], model["counts_as"]):
+    if frame[0] in _known_opcodes(model["name"], model["counts_as"]):
         return ""
     name = "StarSense" if model["variant"] == STARSENSE_VARIANT else model.get("hand_control", "hand control")
     return f"a {name} {format_version(model['version'])} has no such command"

@@ -82,7 +82,7 @@ def test_log_describes_commands_and_replies_in_words(
     side = ConnectionDecoder(protocol)
     assert side.describe_command(command).text == words
     if reply:
-        assert side.describe_reply(reply).text == answer
+        assert side.describe_reply_to_last(reply).text == answer
 
 
 @pytest.mark.parametrize("protocol", ["lx200", "nexstar"])
@@ -121,7 +121,7 @@ def test_every_row_of_log_descriptions_names_an_existing_field_or_command() -> N
 def test_log_shows_unknown_bytes_as_bytes() -> None:
     side = ConnectionDecoder("lx200")
     assert side.describe_command(b":XX#").text == "not a command of the lx200 protocol"
-    assert side.describe_reply(b"\xffwhat").text == ""
+    assert side.describe_reply_to_last(b"\xffwhat").text == ""
 
 
 def test_log_does_not_infer_a_protocol_from_a_reply_to_an_earlier_program() -> None:
