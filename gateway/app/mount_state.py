@@ -226,7 +226,7 @@ _TUBE_DIRECTIONS = {"north": "up", "south": "down", "east": "left", "west": "rig
 
 
 def _arrow_text(operation: op.Move | op.MoveAxis, axis: int, moves_tube: bool) -> str:
-    """Return the text for an arrow: up, down, left or right with ``moves_tube``, else north, south, east or west."""
+    """Return an arrow's text: up, down, left or right with ``moves_tube``; else a point of the compass, or a motor."""
     if isinstance(operation, op.Move):
         word = operation.direction.label
         return f"an arrow {_TUBE_DIRECTIONS[word] if moves_tube else word}"

@@ -98,7 +98,7 @@ class _Connection(asyncio.BufferedProtocol):
             asyncio.get_running_loop().call_later(CHECK_PERIOD, self._close_when_answered)
 
     def _write(self, data: bytes) -> int:
-        """Send bytes, possibly none. Return how many bytes of this connection wait to be sent."""
+        """Send bytes, or collect them while the client's are processed. Return how many the transport holds."""
         if self._replies is not None:
             self._replies.append(data)
         elif self._transport is not None and not self._transport.is_closing():

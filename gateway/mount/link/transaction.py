@@ -162,7 +162,7 @@ class Transaction:
         self._stops_sent = 0
         #: Loop time of the last request whose reply is still missing.
         self._unanswered_since: float | None = None
-        self._awaiting_more_bytes = self._stop_is_waiting = self._pause_cut_short = False
+        self._stop_is_waiting = self._pause_cut_short = False
         #: Whether the last exchange was a stop that gets no reply, so that the mount may not be listening.
         self._stop_unanswered = False
         #: Loop time from which the exchange under way is cut off for a stop that is due.
@@ -361,12 +361,10 @@ class Transaction:
                 self._bytes_event.set()
             elif taken is not None:
                 if taken[1] and expected.unterminated and not self._stop_is_waiting:
-                    self._awaiting_more_bytes = True
                     alone = max(REPLY_END_GAP, 2.0 * self.times.typical_rtt)
                     ambiguous = self._buffer[: taken[1]] in expected.ambiguous_replies
                     if await self._bytes_event.wait_within(max(settle_time, alone if ambiguous else 0.0)):
                         taken = self._parsed_reply(command)
-                    self._awaiting_more_bytes = False
                 if taken is not None:  # else it was the beginning of a longer reply
                     return taken
             elif now >= deadline or self._must_give_way:

@@ -291,7 +291,7 @@ def after_success(wanted: Wanted, order: Order, now: float) -> Wanted:
 
 
 def after_failure(wanted: Wanted, order: Order) -> Wanted:
-    """Remove an order that failed. If it was a goto, releases of arrows that waited for it take effect after all."""
+    """Remove an order that failed. If it was a goto, waiting releases of axes that still move by hand take effect."""
     wanted = remove_order(wanted, order)
     if isinstance(order.operation, END_ORDERS):
         wanted = replace(wanted, halts=tuple(halt for halt in wanted.halts if halt.operation != order.operation))

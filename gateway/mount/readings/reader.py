@@ -41,7 +41,7 @@ MOTION_CHECK_PERIOD = 0.2
 #: The longest time in seconds that a client waits for the end of a goto to be reported, and for the first reply.
 GOTO_END_WAIT, FIRST_REPLY_WAIT = 2.0, 2.0
 #: Seconds that a client waits for a new answer before it gets the last one, while the mount is at rest and while it
-#: moves. MAX_READ_TRIES: how often the gateway asks the mount again if orders keep outdating its replies.
+#: moves. MAX_READ_TRIES: how often the gateway asks the mount if orders keep outdating its replies.
 ANSWER_TIMEOUT, ANSWER_TIMEOUT_MOVING, MAX_READ_TRIES = 2.5, 3.2, 3
 #: Degrees: a goto that ends farther from its goal counts as missed.
 GOAL_TOLERANCE = 0.5

@@ -146,7 +146,7 @@ class CheckedPath(Struct):
 
     def set_points(self, points: list[Pair], zenith: Pair, allowed: bool, lost_margin: float) -> None:
         """Store the axis readings along the paths; none if not ``allowed``, because the tube may be on other paths. The
-        goto counts as astray ``lost_margin`` degrees below all of them. ``zenith``: the axis readings of the zenith.
+        goto counts as astray ``lost_margin`` degrees below all of them, or below the horizon. ``zenith``: its readings.
         """
         self.points, self.allowed = points if allowed else [], allowed
         self.min_altitude = min(0.0, 90.0 - max(separation(*direction, *zenith) for direction in points) - lost_margin)

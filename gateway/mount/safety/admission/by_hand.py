@@ -48,7 +48,7 @@ class StretchStart(NamedTuple):
     suns: tuple[Sun, ...] = ()
 
     def past_meridian(self, mount: Context, west_turn: float) -> float | None:
-        """Return how far the tube is past the meridian after a ``west_turn`` of the first axis (degrees), or None."""
+        """Return how far the tube is past the meridian after a ``west_turn`` of axis 1, degrees; None if irrelevant."""
         return None if self.axis_angle is None else past_meridian(self.axis_angle + west_turn, mount.driver.german)
 
 

@@ -1,4 +1,4 @@
-"""The devices behind the hand control's pass-through command: the two motors and a focuser.
+"""The devices behind the hand control's pass-through command: the two motors, a focuser and a GPS receiver.
 
 A handler returns the values of its reply, or None if the device does not have the command; the hand control then uses
 its no-response form. The rates of keys 1-9 come from ``rates.toml``; the simulator's ``speed`` applies to gotos.
@@ -84,7 +84,7 @@ def _position(sim: SimulatedMount, values: Values) -> Values | None:
 
 
 def _goto(sim: SimulatedMount, values: Values, slow: bool) -> Values | None:
-    """02 and 17 hex: goto of a single motor."""
+    """02 and 17 hex: goto of a single motor, or of the focuser."""
     device = values["device"]
     if device == FOCUSER and sim.focuser is not None:
         sim.focuser.move_to(sim.now, values["position"] / 360.0 * _TURN)
