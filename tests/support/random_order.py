@@ -2,8 +2,8 @@
 
 The tests of a module stay together, because they share what it sets up, and so do those of the console's page, which
 share a browser. Tests that wait for real programs begin first, on most of the workers, while others keep the processor
-busy: else a long wait may be all that is left at the end. The seed is printed at the end; ``TEST_ORDER=7 pytest``
-repeats an order on the same number of workers.
+busy, and long tests begin before short ones: else one long test may be all that is left at the end. The seed is printed
+at the end; ``TEST_ORDER=7 pytest`` repeats an order on the same number of workers.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ IN_ORDER = "tests/programs/console/"
 APART = ("tests/programs/test_indi", "tests/programs/test_hamlib", "tests/programs/test_alpaca")
 #: Where the tests wait most of their time: for real programs, and for what needs the time of this computer.
 WAITING = ("tests/programs/", "tests/unit/app/watchdog/", "tests/integration/stops/test_stop_waits_on_ports.py")
+#: Where tests take seconds of the processor.
+LONG = ("tests/integration/safety/", "tests/conformance/wire/", "tests/conformance/ascom/")
 
 
 def seed() -> str:
@@ -39,21 +41,25 @@ def shuffled(items: list[pytest.Item]) -> list[pytest.Item]:
     order = list(groups)
     chance.shuffle(order)
     waiting = [groups[group] for group in order if group.startswith(WAITING)]
-    busy = [item for group in order if not group.startswith(WAITING) for item in groups[group]]
-    return dealt(waiting, busy, int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")))
+    long = [groups[group] for group in order if group.startswith(LONG)]
+    short = [item for group in order if not group.startswith((*WAITING, *LONG)) for item in groups[group]]
+    return dealt(waiting, long, short, int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")))
 
 
-def dealt(waiting: list[list[pytest.Item]], busy: list[pytest.Item], workers: int) -> list[pytest.Item]:
+def dealt(
+    waiting: list[list[pytest.Item]], long: list[list[pytest.Item]], short: list[pytest.Item], workers: int
+) -> list[pytest.Item]:
     """Return the tests in an order of which pytest-xdist gives each worker an equal part: three quarters of the workers
-    begin with a like number of waiting tests, and the busy tests fill all parts.
+    begin with a like number of waiting tests, long tests follow, and short ones fill all parts.
     """
     parts: list[list[pytest.Item]] = [[] for _ in range(workers)]
-    for group in waiting:
-        min(parts[: workers * 3 // 4 or 1], key=len).extend(group)
-    left = sum(map(len, parts)) + len(busy)
+    for groups, some in ((waiting, parts[: workers * 3 // 4 or 1]), (long, parts)):
+        for group in groups:
+            min(some, key=len).extend(group)
+    left = sum(map(len, parts)) + len(short)
     for number, part in enumerate(parts):
         taken = max(0, left // (workers - number) - len(part))
-        part += busy[:taken]
-        del busy[:taken]
+        part += short[:taken]
+        del short[:taken]
         left -= len(part)
-    return [item for part in parts for item in part] + busy
+    return [item for part in parts for item in part] + short

@@ -163,7 +163,7 @@ async def _one(pair: Pair, player: Watcher, command: Command, state: State, watc
     greeted = Prelude(tuple(map(unescape, PROTOCOLS[pair.face.protocol].required_requests)))
     said = commands_before(pair.face, row) if row is not None and _alone(row) else greeted
     seen = await player.watch(frame, said, watched)
-    asked = frozenset(found[0].name for data in own.sent_requests() if (found := driven.find(data)) is not None)
+    asked = frozenset(found[0].name for data in {*own.sent_requests()} if (found := driven.find(data)) is not None)
     surface = own.binding.surface
     case = Case(
         command,

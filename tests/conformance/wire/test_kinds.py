@@ -1,7 +1,7 @@
 """Every row of every surface says what becomes of it on every kind of mount, aligned and not, and what it asks for.
 
-A row is played behind the default model on every kind, and behind every other kind of model on the first mount. The
-models of a kind differ in their version only, or in numbers; ``test_wire`` plays all of them.
+Behind the default model a row is played on every kind, behind every other model on a single mount. The models of a
+kind differ in their version only, or in numbers; ``test_wire`` plays all of them.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ PRESENTED = {"lx200": ["lx200gps", "autostar", "lx200"], "nexstar": KINDS["nexst
 def played(client: str, every: bool = False) -> Iterator[Pair]:
     """Yield presented models and mounts; ``every`` one of these with every one of those."""
     faces = [parse_device(f"{client}:{model}") for model in PRESENTED.get(client, ())] or [parse_device(client)]
-    for _, driven in (pair for pair in protocol_pairs() if pair[0] == client):
-        kinds = [parse_device(f"{driven}:{model}") for model in KINDS[driven]]
-        for face, mount in product(faces, kinds):
-            if every or face is faces[0] or mount is kinds[0]:
-                yield Pair(face, mount)
+    protocols = [driven for presented, driven in protocol_pairs() if presented == client]
+    kinds = [parse_device(f"{driven}:{model}") for driven in protocols for model in KINDS[driven]]
+    for face, mount in product(faces, kinds):
+        if every or face is faces[0] or mount is kinds[0]:
+            yield Pair(face, mount)
 
 
 PLAYED = {str(pair): pair for client in surfaces() for pair in played(client)}
