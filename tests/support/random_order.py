@@ -49,11 +49,11 @@ def shuffled(items: list[pytest.Item]) -> list[pytest.Item]:
 def dealt(
     waiting: list[list[pytest.Item]], long: list[list[pytest.Item]], short: list[pytest.Item], workers: int
 ) -> list[pytest.Item]:
-    """Return the tests in an order of which pytest-xdist gives each worker an equal part: three quarters of the workers
+    """Return the tests in an order of which pytest-xdist gives each worker an equal part: five eighths of the workers
     begin with a like number of waiting tests, long tests follow, and short ones fill all parts.
     """
     parts: list[list[pytest.Item]] = [[] for _ in range(workers)]
-    for groups, some in ((waiting, parts[: workers * 3 // 4 or 1]), (long, parts)):
+    for groups, some in ((waiting, parts[: workers * 5 // 8 or 1]), (long, parts)):
         for group in groups:
             min(some, key=len).extend(group)
     left = sum(map(len, parts)) + len(short)
