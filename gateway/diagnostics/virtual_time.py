@@ -134,7 +134,7 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         if timers:  # without a system call, which would take longer than most callbacks
             self.elapsed += max(0.0, timers[0][0] - self.elapsed)
             return
-        ready = self._selector.select_rate(0)  # type: ignore[attr-defined]
+        ready = self._selector.select(0)  # type: ignore[attr-defined]
         if not ready:
             raise RuntimeError("nothing will ever happen again")
         self._process_events(ready)  # type: ignore[attr-defined]
