@@ -1,6 +1,6 @@
-"""mount-gateway: a protocol translator between Meade LX200 and Celestron NexStar telescope mounts.
+"""mount-gateway: translates between the protocols of Meade LX200, Celestron NexStar and ASCOM Alpaca mounts.
 
-Its public names are listed in ``__all__`` and explained in docs/python.md; everything else may change with every
+The public names are listed in ``__all__`` and explained in docs/python.md; everything else may change with every
 version. They are loaded on first use, because the command line does not need them and must start quickly. This module
 is above all layers: nothing inside the package imports it.
 """

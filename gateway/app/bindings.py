@@ -75,7 +75,7 @@ def _speed_factor(endpoint: Endpoint, speed: float, warn: Callable[[str], None] 
 def make_surface(
     endpoint: Endpoint, config: SurfaceConfig, limits: Limits, guide_directions: str | None = None
 ) -> SurfaceBinding:
-    """Make the surface for a port; ``guide_directions`` is ``guide-directions`` of the mount. Raises UserError."""
+    """Make the surface for a port. ``guide_directions``: the mount's key, ``motor`` or ``sky``. Raises UserError."""
     spec = PROTOCOLS[endpoint.protocol]
     assert spec.make_surface is not None  # every protocol has one
     made = spec.make_surface(
@@ -121,8 +121,7 @@ def is_hardware_port(address: str) -> bool:
     return not address.startswith("tcp://") and address not in (WEB_ADDRESS, "-")
 
 
-#: Accepts the connections of a surface.
-Acceptor: TypeAlias = "ConnectionAcceptor | AnyProtocolAcceptor"
+Acceptor: TypeAlias = "ConnectionAcceptor | AnyProtocolAcceptor"  # accepts the connections of a surface
 
 
 class AcceptorFactory:
@@ -150,23 +149,23 @@ class AcceptorFactory:
         """Make the acceptor of a surface; ``surface_number`` counts surfaces from 1. Raises UserError."""
         if endpoint.protocol != ANY:
             return self._make_acceptor(surface_number, endpoint, surface)
-        speaking, titles = {}, ", ".join(PROTOCOLS[name].title for name in accepted_protocols(ANY))
+        acceptors, titles = {}, ", ".join(PROTOCOLS[name].title for name in accepted_protocols(ANY))
         for protocol in accepted_protocols(ANY):
             part = with_needs(msgspec.structs.replace(surface, at=f"{protocol}@{endpoint.where}"))
-            speaking[protocol] = self._make_acceptor(surface_number, Endpoint(protocol, endpoint.where), part, titles)
+            acceptors[protocol] = self._make_acceptor(surface_number, Endpoint(protocol, endpoint.where), part, titles)
         from gateway.clients.any_protocol.acceptor import AnyProtocolAcceptor
 
-        return AnyProtocolAcceptor(speaking, self._web)
+        return AnyProtocolAcceptor(acceptors, self._web)
 
     def _make_acceptor(
         self, surface_number: int, endpoint: Endpoint, surface: SurfaceConfig, protocol_titles: str = ""
     ) -> ConnectionAcceptor:
-        """Make a surface's acceptor for one protocol. ``protocol_titles`` lists all, if there are several."""
-        entry, bind = access_rules(surface, self._config), partial(self._bind, endpoint, surface, protocol_titles)
+        """Make a surface's acceptor for one protocol. ``protocol_titles`` is empty for a surface of one protocol."""
+        rules, bind = access_rules(surface, self._config), partial(self._bind, endpoint, surface, protocol_titles)
         later = endpoint.where == WEB_ADDRESS and endpoint.protocol != self._mount.protocol  # with the web server
         made, where, only = bind if later else bind(), endpoint.where, not protocol_titles
         return ConnectionAcceptor(
-            self._controller, made, self._shared_settings, self._clock, surface_number, entry, where, self._warn, only
+            self._controller, made, self._shared_settings, self._clock, surface_number, rules, where, self._warn, only
         )
 
     def _bind(self, endpoint: Endpoint, surface: SurfaceConfig, protocol_titles: str) -> SurfaceBinding:
@@ -211,10 +210,10 @@ def access_rules(surface: SurfaceConfig, config: MountConfig) -> AccessRules:
 
 
 def access_networks(config: SurfaceConfig | ConsoleConfig) -> tuple[Networks | None, bool | Networks]:
-    """Return the networks that may connect (None: all), and those that may only read. Raises UserError."""
-    looks = config.read_only
+    """Return the networks that may connect (None: all), and those that may only read (True: all). Raises UserError."""
+    read_only = config.read_only
     allowed = None if config.allow is None else parse_networks(config.allow)
-    return allowed, looks if isinstance(looks, bool) else parse_networks(looks)
+    return allowed, read_only if isinstance(read_only, bool) else parse_networks(read_only)
 
 
 def exposure_warning(address: str, surface: SurfaceConfig, networks_of: Callable[[str], Sequence[IPv4Network]]) -> str:
@@ -258,12 +257,13 @@ def watch_mount(
     controller: Callable[[], MountController],
     on_stop: Callable[[], None],
 ) -> WatchedMount:
-    """Register the mount with the watchdog process. ``controller`` is not called before something moves."""
+    """Register the mount with the watchdog process. ``controller`` is first called when a motion is about to begin."""
 
     @cache
     def encode_for_wire(url: str, protocol: str, command: bytes) -> bytes:
-        over_http = PROTOCOLS[protocol].make_http_dialect
-        return bytes_on_wire(url, command) if over_http is None else request_bytes(url, over_http(url).request(command))
+        if (make_dialect := PROTOCOLS[protocol].make_http_dialect) is None:
+            return bytes_on_wire(url, command)
+        return request_bytes(url, make_dialect(url).request(command))
 
     def stop_bytes() -> list[bytes]:
         line, driver = controller().line, controller().driver
@@ -282,12 +282,12 @@ def presents_mount(mount: Endpoint, surface: Endpoint) -> bool:
 
     A mount whose model speaks a dialect of the protocol is presented as a standard model instead.
     """
-    other = mount.model in PROTOCOLS[mount.protocol].commands.dialect_by_model
-    return mount.protocol == surface.protocol and surface.model is None and surface.version is None and not other
+    is_dialect = mount.model in PROTOCOLS[mount.protocol].commands.dialect_by_model
+    return mount.protocol == surface.protocol and surface.model is None and surface.version is None and not is_dialect
 
 
 def configure_binding(controller: MountController, binding: SurfaceBinding) -> None:
-    """Make a surface present the model and version that the mount itself has reported."""
+    """Make a surface present the model and version that the mount has reported, and reply in the mount's notation."""
     binding.model.update(controller.driver.presented_model())
     binding.surface.to_mount_form = controller.line.reply_rules.in_mount_notation
 
@@ -298,6 +298,6 @@ def make_transport(mount: Endpoint, config: MountConfig, watchdog_mount: Watched
         from gateway.app.simulated import simulated_transport
 
         return simulated_transport(mount, config)
-    if (over_http := PROTOCOLS[mount.protocol].make_http_dialect) is not None:
-        return HttpWire(mount.where, over_http(mount.where), watchdog_mount)
+    if (make_dialect := PROTOCOLS[mount.protocol].make_http_dialect) is not None:
+        return HttpWire(mount.where, make_dialect(mount.where), watchdog_mount)
     return SerialTransport(mount.where, config.baud, watchdog_mount)

@@ -55,9 +55,9 @@ if TYPE_CHECKING:
 
 
 class Gateway:
-    """A mount and its surfaces, open for clients until it is closed. Several gateways share only the tables of the sky.
+    """A mount and its surfaces, open for clients until ``close`` is called. ``warn`` gets messages for the user.
 
-    ``warn`` gets messages that the user should see at once.
+    Several gateways of a process may share the tables of the sky, the watchdog process and the web server.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class Gateway:
         self.acceptors: list[Acceptor] = []
         self.ports: list[Listener] = []
         self.bindings: list[tuple[str, SurfaceBinding]] = []
-        #: The web server; several gateways of a process may share it. It waits until the ports are open.
+        #: The web server, which several gateways may share, and the event for which it waits: the ports are open.
         self.web, self.ports_ready = WebServer(), asyncio.Event()
         self.models_presented = asyncio.Event()
         self._controller: MountController | None = None
@@ -90,13 +90,13 @@ class Gateway:
         self.mount_claim: NameClaim | None = None
 
     def open_state_store(self) -> None:
-        """Read the state that the previous run saved, and open the store. Raises UserError if the mount is in use."""
+        """Claim the mount and read its saved state. Raises MountTaken if another gateway has the mount."""
         self.mount_claim = claim_mount(self.mount, self.warn)
         marked = MarkerContent(str(self.mount), self.config.baud)
         self.store = StateStore(self.mount.protocol, self.mount.where, marked, self.config.state, self.warn)
 
     async def open(self) -> None:
-        """Open the ports of the surfaces and the line to the mount. Raises UserError if a surface cannot be opened."""
+        """Open the surfaces and begin to open the line. Raises UserError if a surface fails, or the mount is in use."""
         if self.store is None:
             self.open_state_store()
         self._connect_watchdog()
@@ -115,7 +115,7 @@ class Gateway:
         await self._open_control()
 
     def _connect_watchdog(self) -> None:
-        """Let the watchdog process stop a real mount if this process cannot. A simulated mount needs no watchdog."""
+        """Let the watchdog process stop a real mount if this process cannot. A simulated one ends with this process."""
         if self.watchdog is not None and self.mount.where != "sim":
             lock = self.store.lock_path if self.store is not None else None
             self.watchdog_mount = watch_mount(
@@ -155,37 +155,37 @@ class Gateway:
             self.acceptors.append(factory.make(number, endpoint, surface))
 
     def _present_mount(self, bindings: list[SurfaceBinding]) -> None:
-        """Make these surfaces present the mount's own model whenever the mount has identified itself."""
+        """Make these surfaces present the model that the mount has reported; called after each identification."""
         for binding in bindings:
             configure_binding(self.controller, binding)
 
     def open_line(self) -> None:
-        """Open the line and identify the mount."""
+        """Begin to open the line and to identify the mount; this does not wait."""
         self.controller.start()
         self.controller.spawn(self.present_fitting_model())
 
     async def _open_control(self) -> None:
         """Open the control endpoint for ``mount-gateway stop`` and the other commands."""
         assert self.store is not None
-        where = [self.store.folder, *find_folders()[0]]
-        self.control = ControlServer(where, self.store.stem, str(self.mount), self.carry_out, self.config.name or "")
+        folders = [self.store.folder, *find_folders()[0]]
+        self.control = ControlServer(folders, self.store.stem, str(self.mount), self.carry_out, self.config.name or "")
         try:
             await self.control.open()
         except OSError as error:
             self.warn(
-                f"mount-gateway stop, status and goto will not find this gateway: {where[0]}: "
+                f"mount-gateway stop, status and goto will not find this gateway: {folders[0]}: "
                 f"{error.strerror or error}; --state PATH names another folder"
             )
 
     async def carry_out(self, request: Request) -> Answer:
-        """Carry out a request of a person. A stop imports no module, because the disk may be broken."""
+        """Carry out a request of a person or a program. A stop imports no module, because the disk may be broken."""
         if isinstance(request, StopOrHold):
             assert self.store is not None
             return await carry_out_stop(request, self.controller, self.store)
         return await self.request_handler.carry_out(request)
 
     async def present_fitting_model(self) -> None:
-        """When the mount is identified, present a model that fits it on surfaces for which the user named none."""
+        """Wait until the mount has reported its status; then present a fitting model where the user named none."""
         await self.controller.identified.wait()
         while True:
             try:
@@ -221,7 +221,7 @@ class Gateway:
             yield self.store.conflict_text
 
     def names(self) -> list[str]:
-        """Return one ``PROTOCOL:MODEL@WHERE`` per open port, followed by the mount's name if it has one."""
+        """Return ``PROTOCOL:MODEL@WHERE`` for each surface with its own port, followed by the mount's name if any."""
         name = f" {self.config.name}" if self.config.name else ""
         return [
             f"{device_text(endpoint.protocol, acceptor.model)}@{port.address}{name}"
@@ -259,16 +259,16 @@ class Gateway:
 
     @property
     def moving(self) -> bool:
-        """Whether the mount moves or is about to move by an order of this gateway."""
+        """Whether an ordered motion is under way or pending, or a stop is not acknowledged yet."""
         return self.is_prepared and self.controller.reconciler.busy
 
     @property
     def title(self) -> str:
-        """The name of the mount in messages."""
+        """The mount in messages: its name, if any, and its endpoint."""
         return f"{self.config.name}: {self.mount}" if self.config.name else str(self.mount)
 
     async def wait_identified(self, seconds: float) -> bool:
-        """Wait until the mount is identified; return whether that happened within ``seconds``."""
+        """Wait until the mount is identified and its status is read; return whether that is so within ``seconds``."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(seconds):
                 await self.models_presented.wait()

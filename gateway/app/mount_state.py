@@ -85,12 +85,12 @@ class MountState(Struct, frozen=True, dict=True):
 
     @cached_property
     def site_contradictions(self) -> list[Contradiction]:
-        """The reports of other sources that differ from the site in use."""
+        """The reports of other sources that differ too much from the site in use."""
         return list(contradictions(self.sites, self.times[:1]))
 
     @cached_property
     def clock_contradictions(self) -> list[Contradiction]:
-        """The reports of other sources that differ from the time in use."""
+        """The reports of other sources that differ too much from the time in use."""
         return list(contradictions((), self.times))
 
     @property
@@ -103,7 +103,7 @@ class MountState(Struct, frozen=True, dict=True):
 
     @property
     def time(self) -> str:
-        """The time in use and its source; empty if it is no valid date."""
+        """The time in use, its source and what contradicts it; empty if it is no valid date."""
         best = self.times[0]
         try:
             moment = datetime.datetime.fromtimestamp(best.unix, datetime.UTC)
@@ -168,7 +168,7 @@ class MountState(Struct, frozen=True, dict=True):
 def mount_state(
     controller: MountController, name: str = "", mount: str = "", programs: Sequence[str] = ()
 ) -> MountState:
-    """Return the state of a mount; ``name`` is its configured name, or empty."""
+    """Return the state of a mount; ``name`` is its configured name or empty, ``mount`` its endpoint."""
     now, readings, astrometry, driver = controller.now(), controller.cache, controller.astrometry, controller.driver
     identity: op.Identity | None = readings.last_value(op.GetIdentity)
     product, model = (identity.product, identity.model) if identity else ("", "")

@@ -63,9 +63,9 @@ def simulated_transport(endpoint: Endpoint, config: MountConfig) -> SimulatedTra
 
 
 class _SimulatedConnection:
-    """One connection to a simulated mount, which all connections share; each reply is sent after the latency.
+    """One connection to a simulated mount, which all connections share.
 
-    With ``baud`` the bytes are paced at that rate in both directions.
+    Each reply is sent after ``latency`` seconds. With ``baud`` the bytes are paced at that rate in both directions.
     """
 
     def __init__(
@@ -114,10 +114,10 @@ class _SimulatedConnection:
 async def serve_simulator(
     simulator: Simulated, ports: list[str], latency: float, baud: int | None = None
 ) -> list[Listener]:
-    """Open ports on which any number of programs connect to one simulated mount.
+    """Open ``ports``, at which any number of programs connect to one simulated mount. Raises UserError.
 
-    Serial ports and pseudo-terminals are paced at 9600 baud. With ``baud`` they are paced at and accept only that rate.
-    TCP ports are paced at ``baud`` if it is given, else not at all.
+    Serial ports and pseudo-terminals are paced at ``baud`` (default: 9600); if it is given, they accept no other rate.
+    TCP and RFC 2217 ports are paced only if ``baud`` is given.
     """
 
     def accept_at(baud: int | None) -> Accept:

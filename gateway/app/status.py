@@ -46,7 +46,7 @@ class StatusLine(Struct, frozen=True):
 
     @property
     def moves(self) -> bool:
-        """Whether the mount moves for any reason but tracking, or may move."""
+        """Whether the mount moves, except by tracking and guiding, or is not yet seen at rest after a motion."""
         return self.slewing or self.by_hand or self.ends
 
     @property
@@ -56,7 +56,7 @@ class StatusLine(Struct, frozen=True):
 
 
 class ServedSurface(Struct, frozen=True):
-    """A surface, or the console, with its configured address (``at``) and those for other computers at the moment."""
+    """A surface, or the console: the address at which it is open (``at``), and those for other computers now."""
 
     name: str
     at: str
@@ -162,7 +162,7 @@ def activity(line: StatusLine) -> str:
 
 
 def _condition_text(line: StatusLine) -> str:
-    """Return the most important activity or condition of the mount in one to three words; empty if not known."""
+    """Return the most important activity or condition of the mount in a few words; empty if not known."""
     if line.unknown:
         return "not known whether it moves"
     if line.slewing:

@@ -30,7 +30,7 @@ class Observer(NamedTuple):
     clock_ahead: float = 0.0
 
     def lst(self, now: float) -> float:
-        """Return the local apparent sidereal time in degrees."""
+        """Return the local apparent sidereal time in degrees; ``now`` is Unix time by the mount's clock."""
         return sidereal_time(now + self.clock_ahead, self.longitude)
 
 
@@ -38,9 +38,9 @@ class Geometry(NamedTuple):
     """Converts axis positions to hour angle and declination, and back.
 
     A fork on a wedge is an alt-az mount whose zenith is the elevated pole. Both axes of a German mount read 90 degrees
-    when its counterweight is down and its tube points at that pole. Positive on axis 1 is west in the northern
-    hemisphere and east in the southern one; positive on axis 2 is up, on a polar mount towards the elevated pole. Each
-    direction can be reached in two ways; ``flipped`` is the one through the pole or the zenith.
+    when its counterweight is down and its tube points at that pole. On an alt-az fork they read azimuth and altitude.
+    On a polar mount, positive on axis 1 is west in the northern hemisphere and east in the southern one; positive on
+    axis 2 is towards the elevated pole. ``flipped`` is the second way to a direction, past the pole or the zenith.
     """
 
     build: Build
@@ -57,14 +57,14 @@ class Geometry(NamedTuple):
         return 180.0 if self.build is Build.WEDGE and self.pole_sign > 0 else 0.0
 
     def ha_dec_of_axes(self, axis1: float, axis2: float) -> Pair:
-        """Return the hour angle and the declination (-90 to 90) of the direction in which these axes point."""
+        """Return the hour angle (-180 to 180) and the declination (-90 to 90) to which these axis positions point."""
         if self.build is Build.ALTAZ:
             return horizon_to_hour_angle(axis1, axis2, self.latitude)
         hour_angle, dec = fold_declination(self.pole_sign * (axis1 - self._meridian_reading), self.pole_sign * axis2)
         return wrap180(hour_angle), dec
 
     def unfolded_ha_dec(self, axis1: float, axis2: float, flipped: bool) -> Pair:
-        """Like ``ha_dec_of_axes``, but the declination of a polar mount that was driven past the pole is beyond ±90."""
+        """Like ``ha_dec_of_axes``, but do not fold a polar mount's declination beyond ±90; ``flipped``: its side."""
         if self.build is Build.ALTAZ:
             return self.ha_dec_of_axes(axis1, axis2)
         if flipped:
@@ -92,12 +92,12 @@ class Geometry(NamedTuple):
         return first + offset[0], second + offset[1]
 
     def is_flipped(self, hour_angle: float) -> bool:
-        """Whether a German mount is ``flipped`` at this hour angle, so that its counterweight stays low."""
+        """Whether the mount is a German one, and ``flipped`` at this hour angle so that its counterweight stays low."""
         return self.build is Build.GERMAN and wrap180(self.pole_sign * hour_angle) < 0.0
 
     def axis_travel(self, axis: int, start: float, end: float) -> float:
-        """Return the degrees by which an axis turns from ``start`` to ``end``: by the shorter way, except that the
-        first axis of a German mount goes the way that keeps its counterweight low.
+        """Return the degrees by which an axis turns from ``start`` to ``end``: axis 1 by the shorter way, axis 2
+        without passing 180. On a German mount neither axis passes -90, where axis 1 has its counterweight high.
         """
         if self.build is Build.GERMAN:
             return wrap180(end - 90.0) - wrap180(start - 90.0)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 
 def go_offline() -> None:
-    """Configure astropy to download nothing, to read and write no settings, and not to warn of old data."""
+    """Configure astropy not to download, use settings or warn of old data. Raises ImportError without astropy."""
     os.environ["ASTROPY_CONFIG_DIR"] = str(Path(__file__).parent)  # a folder that exists and holds no settings
     from astropy.utils.iers import conf  # takes 0.2 s, so it is imported only when needed
 

@@ -72,7 +72,7 @@ def rotate(matrix: Matrix, vector: Vector) -> Vector:
 
 
 def transpose(matrix: Matrix) -> Matrix:
-    """Return the inverse rotation."""
+    """Return the transposed matrix: the inverse of a rotation."""
     a, b, c = matrix
     return (a[0], b[0], c[0]), (a[1], b[1], c[1]), (a[2], b[2], c[2])
 
@@ -90,7 +90,7 @@ def rotation_z(angle: float) -> Matrix:
 
 
 def product(*matrices: Matrix) -> Matrix:
-    """Return the matrix product: the combined rotation, of which the last is applied first."""
+    """Return the matrix product: the combined rotation, in which the last matrix is applied first."""
     *others, total = matrices
     for matrix in reversed(others):
         x, y, z = (rotate(matrix, column) for column in transpose(total))

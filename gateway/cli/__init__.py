@@ -31,7 +31,7 @@ MAX_MESSAGE = 500
 def main(argv: list[str] | None = None) -> int:
     """Run a command and return its exit code: 0 done, 1 not done (no mount found, a mount not stopped), 2 bad input.
 
-    If stdout cannot be written, the code is 2 as well, except if its reader has closed the pipe.
+    If stdout cannot be written, the code is 2, except if its reader closed the pipe. Raises SystemExit after help.
     """
     garbage.collect_rarely()
     streams.reopen_closed_streams()
@@ -78,7 +78,7 @@ def _parse(typed_words: list[str]) -> argparse.Namespace:
 
 
 def _report_stdout_error(error: Exception, exit_code: int) -> int:
-    """Report that stdout cannot be written; return the exit code: 2, or ``exit_code`` if its reader closed the pipe."""
+    """Report that stdout cannot be written, and return 2. If its reader closed the pipe, only return ``exit_code``."""
     if isinstance(error, BrokenPipeError):
         return exit_code
     why = explain_os_error(error) if isinstance(error, OSError) else str(error)

@@ -57,15 +57,15 @@ def _wrap_row(line: str, width: int) -> list[str]:
     if len(line) <= width:
         return [line]
     indent, row = " " * (len(line) - len(line.lstrip())), re.fullmatch(_EPILOG_ROW, line)
-    first, gap, rest = row.groups() if row else (line, "", "")
+    first, gap, second = row.groups() if row else (line, "", "")
     if first.startswith("  mount-gateway "):
         below = indent + "    "
         joined = re.sub(r"( --[a-z-]+) (?=[^-])", "\\1\0", first)  # a flag stays with its value
         command = [part.replace("\0", " ") for part in _wrap_text(joined, width - 2, "", below + "    ")]
         lines = [f"{part} \\" for part in command[:-1]] + command[-1:]
-        return lines + (_wrap_text(rest, width, below, below) if rest else [])
+        return lines + (_wrap_text(second, width, below, below) if second else [])
     return _wrap_text(
-        rest or line.strip(), width, first + gap if rest else indent, " " * len(first + gap) if rest else indent
+        second or line.strip(), width, first + gap if second else indent, " " * len(first + gap) if second else indent
     )
 
 
@@ -82,11 +82,11 @@ class HelpLayout(argparse.HelpFormatter):
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         filled: list[str] = []
-        for wrapped, group in groupby(text.splitlines(), lambda line: line[:1] in ("", " ")):
+        for are_rows, group in groupby(text.splitlines(), lambda line: line[:1] in ("", " ")):
             lines = list(group)
             filled += (
                 [part for line in lines for part in _wrap_row(line, width)]
-                if wrapped
+                if are_rows
                 else _wrap_text(" ".join(lines), width, "", "")
             )
         return "\n".join(indent + line for line in filled)
@@ -227,14 +227,14 @@ class _CommandsAction(argparse._SubParsersAction):  # type: ignore[type-arg]
 
 
 def make_parser(argv: Sequence[str] = ()) -> Parser:
-    """Make the parser of the commands in ``argv``, or of all. If it begins with a help flag, commands get no flags."""
-    *shown, rest = COMMAND_GROUPS
+    """Make the parser of the commands in ``argv`` (none: of all), without flags if ``argv`` begins with a help flag."""
+    *shown, hidden = COMMAND_GROUPS
     whole = Parser(
         prog="mount-gateway",
         usage="mount-gateway COMMAND [options]",
         description=PROGRAM_SUMMARY,
         make_epilog=lambda: "\n".join([*map(group_help, shown), HELP_EPILOG]),
-        more_help=lambda: f"{group_help(rest)}\n{endpoints_help()}\n\n{EXIT_CODES_HELP}",
+        more_help=lambda: f"{group_help(hidden)}\n{endpoints_help()}\n\n{EXIT_CODES_HELP}",
     )
     whole.add_argument("--version", action=_VersionAction, nargs=0, help="print the version and the commit, and exit")
     commands = whole.add_subparsers(

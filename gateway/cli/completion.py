@@ -56,7 +56,7 @@ def completion_script(shell: str) -> str:
 
     whole = make_parser()
     _set_short_descriptions(whole)
-    few = {f"--{key.name}": key.choices for key in keys_of("mount") if key.choices}
+    choices_by_flag = {f"--{key.name}": key.choices for key in keys_of("mount") if key.choices}
     for action in _all_actions(whole):
         if action.metavar == "FILE":
             action.complete = shtab.FILE  # type: ignore[attr-defined]
@@ -72,7 +72,7 @@ def completion_script(shell: str) -> str:
                 for protocol in PROTOCOLS
                 for name, version, _ in model_versions(load(protocol))
             ]
-        elif choices := few.get(action.option_strings[0] if action.option_strings else ""):
+        elif choices := choices_by_flag.get(action.option_strings[0] if action.option_strings else ""):
             action.choices = choices
     return str(shtab.complete(whole, shell))
 
@@ -90,6 +90,6 @@ def _set_short_descriptions(parser: argparse.ArgumentParser) -> None:
     """Set the short help of each command as its description, because menus of shells show the description."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
-            action.help = "what to do"  # what is hidden has no menu
+            action.help = "what to do"  # shtab omits a suppressed action
             for name, command in action.choices.items():
                 command.description = COMMANDS[name][1]

@@ -63,14 +63,14 @@ async def _serve(access: BrokerAccess, prefix: str, port: int) -> int:
     from gateway.console.server import PAGE_FOLDER
     from gateway.fleet.overview.server import OverviewServer
 
-    done, was_there = end_signal_event(), True
+    done, was_connected = end_signal_event(), True
 
     def on_connection(connected: bool, reason: str) -> None:
-        nonlocal was_there
-        if connected != was_there:
+        nonlocal was_connected
+        if connected != was_connected:
             state = "is connected again" if connected else f"cannot be reached: {reason}; this page keeps trying"
             streams.warn(f"the broker {access.broker} {state}", streams.WARNING)
-        was_there = connected
+        was_connected = connected
 
     page = OverviewServer(access, prefix, PAGE_FOLDER, time.time, on_connection)
     await page.open(port)

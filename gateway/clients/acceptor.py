@@ -1,9 +1,9 @@
 """Accepts client connections and gives each a session.
 
 A session lives as long as its connection. If a connection from the same host closed within the last minute, the new
-session starts with a copy of its state, so that a program that opens a connection per command keeps its target. Two
-programs that are connected at the same time do not disturb each other. On network ports, the gateway recognises web
-browsers and port scanners by their first bytes and carries out nothing that they send.
+session starts with a copy of the old one's state, so that a program that opens a connection per command keeps its
+target. Two programs that are connected at the same time do not disturb each other. On network ports, the gateway
+recognises web browsers and port scanners by their first bytes and carries out nothing that they send.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class ConnectionAcceptor:
     def create_connection(
         self, new_connection: NewConnection, on_closed: Callable[[], None] = lambda: None, first_bytes: bytes = b""
     ) -> ConnectionHandler:
-        """Create a connection that the caller has checked and logged; call ``on_closed`` when it ends.
+        """Create a connection that the caller has checked and logged; ``on_closed`` is called when the connection ends.
         ``first_bytes``: bytes of this client that another handler has already answered.
         """
         binding, controller, host = self.binding, self.controller, new_connection.host
@@ -113,13 +113,13 @@ class ConnectionAcceptor:
         return connection
 
     def client_hosts(self) -> list[str]:
-        """Return the hosts of all clients, including disconnected clients whose operations are still under way."""
+        """Return the host of every client, also of disconnected clients whose operations are still under way."""
         self._clients = {client for client in self._clients if client.is_open or client.has_running_operations}
         return [client.activity.host for client in self._clients]
 
     def hosts_present(self) -> list[str]:
         """Return the hosts of the clients that are connected, or were within the last ``PRESENCE_TIME`` seconds.
-        On a serial line, a client counts as connected for as long after its last byte.
+        A client on a serial line counts as connected until ``PRESENCE_TIME`` seconds after its last byte.
         """
         now, connected = self.controller.now(), self.connected_hosts()
         present = [
@@ -133,7 +133,7 @@ class ConnectionAcceptor:
         return [connection.host for connection in self._connections]
 
     def just_disconnected_hosts(self) -> list[str]:
-        """Return the hosts that disconnected at most ``PRESENCE_TIME`` seconds ago."""
+        """Return the hosts whose last disconnection was at most ``PRESENCE_TIME`` seconds ago."""
         return [host for host, (at, _) in self._saved_states.items() if self.controller.now() - at <= PRESENCE_TIME]
 
     def connections(self) -> list[ClientConnection]:

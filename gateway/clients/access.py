@@ -102,8 +102,8 @@ class ClientAdmission:
             why = "its address is not in allow"
         elif len(connected_hosts) >= most:
             why = f"there are {most} clients (max-clients) already"
-        elif connected_hosts.count(host) >= (part := host_capacity(host, most)):
-            why = f"it has {part} clients already, three quarters of max-clients"
+        elif connected_hosts.count(host) >= (capacity := host_capacity(host, most)):
+            why = f"it has {capacity} clients already, three quarters of max-clients"
         elif not peer.is_serial_line and (full := no_room_reason()):
             why = full
         else:

@@ -32,8 +32,8 @@ DeliverBytes = Callable[[bytes, int | None, float | None], None]
 
 
 class Backlog:
-    """Tracks whether a connection is behind: whether more of its bytes wait than one read takes. ``is_late``: it is
-    behind for more than a second. Times are loop times in seconds.
+    """Tracks whether a connection is behind: whether more of its bytes wait than one read takes. ``is_late``: it was
+    behind for more than a second, and has not caught up since. Times are loop times in seconds.
     """
 
     def __init__(self) -> None:
@@ -43,7 +43,7 @@ class Backlog:
         self._behind_since = self._full_read_at = -1e9
 
     def stop_count_when_sent(self, now: float) -> int | None:
-        """Return how many stops there were, at least, when the next bytes were sent; -1 if late, None if not behind."""
+        """Return a lower bound of the number of stops when the next bytes were sent; -1 if late, None if not behind."""
         if self._stop_count is not None and now - self._full_read_at > (LATE_AFTER if self.is_late else CATCH_UP_TIME):
             self._stop_count, self.is_late = None, False
         self.is_late = self.is_late or (self._stop_count is not None and now - self._behind_since > LATE_AFTER)
@@ -62,8 +62,8 @@ class Backlog:
 class ClientConnection:
     """A client's connection. Its first bytes identify the client program; on a network they may show a stranger.
 
-    ``is_serial_line``: its clients do not visibly connect or disconnect. ``last_received_at``: the loop time of its
-    last bytes. ``first_bytes``: bytes of this client that another handler has answered; they identify the program, too.
+    ``is_serial_line``: clients do not visibly connect or disconnect; only then ``last_received_at`` is the loop time of
+    the last bytes. ``first_bytes``: bytes that another handler has answered; they identify the program, too.
     """
 
     def __init__(
@@ -117,12 +117,12 @@ class ClientConnection:
             self._first_command_check.feed(data)
             self._first_command_check = None if self._first_command_check.is_done else self._first_command_check
         now, was_late = self._controller.now(), self._backlog.is_late
-        sent = self._backlog.stop_count_when_sent(now)
+        stop_count = self._backlog.stop_count_when_sent(now)
         if self._backlog.is_late:
             self._note_late()
         elif was_late and not self._peer_closed:
             self._controller.presence.mark_open_again(self.client.activity)  # it has caught up, so a client is there
-        self._deliver(data, sent, None)
+        self._deliver(data, stop_count, None)
         self._backlog.record_read(len(data), now, self._wanted_state.value.stop_count)
 
     def _note_late(self) -> None:
@@ -137,7 +137,7 @@ class ClientConnection:
             )
 
     def peer_closed(self) -> None:
-        """Save the client's state for its next connection, and hold back no more text: the other end has closed."""
+        """Send held-back text, and save the state of a client that is no stranger: the other end has closed."""
         self._peer_closed = True
         self.client.unread_text.stop_holding_back()
         if not self.is_stranger:
@@ -176,9 +176,9 @@ class ClientConnection:
         if self._stranger_filter.is_done:
             self._deliver = self._deliver_after_filter
         for piece in pieces:
-            late = piece.arrived_at != now
+            was_held = piece.arrived_at != now
             self._deliver_after_filter(
-                piece.data, piece.stop_count if late else stop_count, piece.arrived_at if late else arrived_at
+                piece.data, piece.stop_count if was_held else stop_count, piece.arrived_at if was_held else arrived_at
             )
 
     def _reject(self, greeting: Greeting) -> None:

@@ -52,7 +52,7 @@ class ClientProfile(Struct, frozen=True):
     program: str
     settings: Values
     converter: EquinoxConverter | None
-    #: Seconds for which the text of a refusal is held back, for a program that may not read it.
+    #: Seconds for which the text of a refusal is held back, for a program that may not read it; infinity: for ever.
     hold_time: float
     #: Whether the program sends a command that stops all motion when an arrow is released.
     releases_by_stop: bool
@@ -78,7 +78,7 @@ class SurfaceBinding(Struct, frozen=True):
     hold_time: float = 0.0
     #: Whether the client program sends a command that stops all motion when an arrow is released.
     releases_by_stop: bool = False
-    #: Chooses the model, by whether the mount is equatorial, is German (None: unknown), has GPS; None if the user did.
+    #: Chooses the model by whether the mount is equatorial, is German (None: unknown), has GPS; None if the user did.
     fit_model: Callable[[bool, bool | None, bool], Model] | None = None
     profiles: tuple[ClientProfile, ...] = ()
 

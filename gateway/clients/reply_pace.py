@@ -61,7 +61,7 @@ class PacedHandler:
             self._write_bytes(data)
 
     def _change_baud(self, change_baud: Callable[[int], int], baud: int) -> int:
-        """Change the baud rate after sending the acknowledgement at the old rate."""
+        """Change the baud rate after sending the acknowledgement at the old rate. Return the old rate."""
         self.flush()
         return change_baud(baud)
 

@@ -155,7 +155,7 @@ class StrangerRecogniser:
 
     @property
     def is_done(self) -> bool:
-        """Whether the client can no longer be a stranger, or was recognised."""
+        """Whether no further bytes can complete a greeting."""
         return not (self._table_may_match or self._method_matcher.may_match)
 
     def feed(self, data: bytes) -> Greeting | None:

@@ -17,7 +17,7 @@ from gateway.protocols.wireformat.command_set import CommandSet, load
 
 #: The gateway warns if no command of the surface's own protocol arrives within this many seconds of the first bytes.
 OWN_COMMAND_WINDOW = 3.0
-#: Maximum number of bytes of a connection that are examined; maximum number of hosts that are remembered.
+#: How many bytes of a connection are stored to recognise another protocol; how many hosts are remembered.
 MAX_CHECKED_BYTES, MAX_HOSTS = 64, 1000
 
 
@@ -32,10 +32,10 @@ def other_protocol_command(served_protocol: str, received: bytes) -> tuple[str, 
 def _first_command(command_set: CommandSet, received: bytes) -> bytes:
     """Return the first command if all bytes are commands (the last may be incomplete); else empty."""
     first = command_set.first_command(received)
-    rest = received
-    while command := command_set.first_command(rest):
-        rest = rest[len(command) :].lstrip(IDLE_BYTES)
-    return first if command_set.may_begin(rest) else b""
+    remaining = received
+    while command := command_set.first_command(remaining):
+        remaining = remaining[len(command) :].lstrip(IDLE_BYTES)
+    return first if command_set.may_begin(remaining) else b""
 
 
 def other_telescope_type(served_protocol: str, received: bytes) -> str:
@@ -71,9 +71,9 @@ def _neighbouring_address(address: str) -> str:
 class WrongProtocolWatch:
     """Finds clients with the wrong telescope type on the surface at ``address``; ``warn`` is called once per host.
 
-    The recent events list every such client. ``make_framer`` makes a framer for the surface's protocol
-    ``served_protocol``. ``is_single_protocol`` is False for a surface that serves every protocol: every telescope type
-    works there, so nobody is warned.
+    Every such client is added to the wire log's recent notices. ``make_framer`` makes a framer for ``served_protocol``,
+    the surface's protocol. ``is_single_protocol`` is False for a surface that serves every protocol: every type works
+    there, so nobody is warned.
     """
 
     def __init__(
@@ -114,7 +114,7 @@ class WrongProtocolWatch:
 
 
 class FirstCommandCheck:
-    """Examines the first bytes of a connection until they contain a command of the surface's own protocol."""
+    """Examines a connection's bytes up to a command of the surface's own protocol, or for ``OWN_COMMAND_WINDOW``."""
 
     def __init__(self, protocol_watch: WrongProtocolWatch, name: str, host: str, framer: Framer) -> None:
         self._protocol_watch, self._connection_name, self._host, self._framer = protocol_watch, name, host, framer
@@ -123,16 +123,16 @@ class FirstCommandCheck:
         self.is_done = False
 
     def feed(self, data: bytes) -> None:
-        presets = self._protocol_watch
+        watch = self._protocol_watch
         if not self._received:
-            began = presets.controller.now()
-            presets.controller.loop.call_later(OWN_COMMAND_WINDOW, self._warn_if_wrong_protocol, began)
+            began = watch.controller.now()
+            watch.controller.loop.call_later(OWN_COMMAND_WINDOW, self._warn_if_wrong_protocol, began)
         self._received = (self._received + data)[:MAX_CHECKED_BYTES]
         if any(
-            load(presets.served_protocol).find(frame) is not None
-            for frame in self._framer.feed(data, presets.controller.now())
+            load(watch.served_protocol).find(frame) is not None
+            for frame in self._framer.feed(data, watch.controller.now())
         ):
-            presets.note_protocol_used(self._host)
+            watch.note_protocol_used(self._host)
             self.is_done = True
 
     def end(self) -> None:

@@ -51,8 +51,8 @@ class Arrows:
         return bool(self._presses)
 
     def press(self, direction: Direction, rate: int, press_number: int = 0) -> asyncio.Task[Answer]:
-        """Press an arrow, and release the opposite one. If ``press_number`` (0: a new press) is held already, change
-        only its rate. Return the task whose result is the gateway's answer.
+        """Press an arrow, and release others of its axis. If ``press_number`` (0: a new press) is held already, change
+        only its rate; if it was released, fail. Return the task whose result is the gateway's answer.
         """
         held = self._presses.get(direction)
         if held is not None and 0 < press_number == held.press_number:
@@ -70,7 +70,7 @@ class Arrows:
     async def _move(self, direction: Direction, press: ArrowPress) -> Answer:
         request = PressKeyRequest(direction, press.rate, number=press.request, who=self._client_name)
         answer = await self._gateway.carry_out(request)
-        if not answer.is_ok and (now := self._presses.get(direction)) is not None and now.request == press.request:
+        if not answer.is_ok and (held := self._presses.get(direction)) is not None and held.request == press.request:
             del self._presses[direction]  # refused, or ended by something else: a stop, a limit, the mount
             self._send_release(press, page_is_lost=True)
         return answer
@@ -85,26 +85,26 @@ class Arrows:
             await self._move(direction, held)
 
     def release_all_but(self, held_presses: Set[tuple[Direction, int]]) -> None:
-        """Release every arrow except these, each given with the number of its press."""
+        """Release every arrow except these (direction, number of the press), as if the page had disconnected."""
         for direction, held in list(self._presses.items()):
             if (direction, held.press_number) not in held_presses:
                 self.release(direction, page_is_lost=True)
 
     def release(self, direction: Direction | None = None, press_number: int = 0, page_is_lost: bool = False) -> None:
-        """Release an arrow, or all; with a ``press_number``, only if that press is still held.
-        If the page has disconnected (``page_is_lost``), a motion that has not begun is dropped.
+        """Release an arrow (None: all of them); with a ``press_number``, only if that press is still held.
+        ``page_is_lost``: the user did not release it; then a motion that has not begun is dropped.
         """
         for released in list(self._presses) if direction is None else [direction]:
             held = self._presses.get(released)
             if held is not None and press_number in (0, held.press_number):
                 del self._presses[released]
-                refused = partial(self._send_release, held, True)
-                any(page.take_over(released, held, refused) for page in self._all_pages)
+                on_refused = partial(self._send_release, held, True)
+                any(page.take_over(released, held, on_refused) for page in self._all_pages)
                 self._send_release(held, page_is_lost)
 
     def take_over(self, direction: Direction, released_press: ArrowPress, on_refused: Callable[[], None]) -> bool:
-        """Continue a motion if this page has held the arrow longer than the page that has just released it. Return
-        whether it continues. If the mount refuses that, ``on_refused`` is called, which ends the motion.
+        """Continue a motion if this page has held the arrow longer than the page that has just released it, and no stop
+        or goto came since. Return whether it continues. If the mount refuses, ``on_refused`` is called to end it.
         """
         held = self._presses.get(direction)
         if held is None or held.began_at > released_press.began_at or held.cancel_counts != self._cancel_counts():
@@ -118,7 +118,7 @@ class Arrows:
             on_refused()
 
     def _cancel_counts(self) -> tuple[int, int]:
-        """Return the number of stops and gotos so far."""
+        """Return how many stops and how many gotos were ordered since the gateway started."""
         wanted = self._controller.wanted.value
         return wanted.stop_count, wanted.goto_count
 

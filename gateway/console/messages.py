@@ -27,7 +27,7 @@ class HeldArrow(Struct, frozen=True):
 
 
 class Beat(Struct, frozen=True, tag="beat"):
-    """Says that the page is alive, and which arrows it holds; all others are released, or all if heartbeats stop."""
+    """Reports that the page is open, and the arrows it holds; others are released, or all if heartbeats stop."""
 
     held: Annotated[list[HeldArrow], Meta(max_length=1000)] = []
 
@@ -61,7 +61,7 @@ class ShowNight(Struct, frozen=True, tag="night"):
 
 
 class Explain(Struct, frozen=True, tag="explain"):
-    """Explain what the gateway does with a client's command on this mount."""
+    """Explain what the gateway does with a ``command`` of a client on ``surface`` (empty: the first) on this mount."""
 
     surface: _Text = ""
     command: _Text = ""
@@ -76,11 +76,11 @@ class Record(Struct, frozen=True, tag="record"):
 class PressArrow(Struct, frozen=True, tag="jog"):
     """Press an arrow: the mount moves until the arrow is released or the page disconnects.
 
-    ``press`` numbers the presses of a page from 1. The number of a press that is still held changes its rate.
+    ``press`` numbers the presses of a page from 1 (0: none). With the number of a held press, only its rate changes.
     """
 
     direction: Arrow
-    rate: Annotated[int, Meta(ge=1, le=9)] = 5
+    rate: Annotated[int, Meta(ge=1, le=9)] = 5  # key of the hand control, 1 (slowest) to 9
     press: Annotated[int, Meta(ge=0)] = 0
 
 
@@ -118,7 +118,7 @@ class _MessageHeader(_AnswerNumber, kw_only=True):
 
 
 class Message(NamedTuple):
-    """A decoded message: the number that its answer must carry, the number of the mount, and the request."""
+    """A decoded message: the number that its answer must carry, the number of the mount (-1: all), and the request."""
 
     answer_number: int
     mount_index: int

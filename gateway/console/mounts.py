@@ -27,7 +27,7 @@ from gateway.protocols.wireformat.command_set import load
 from gateway.system.files import state_folder
 from gateway.system.own_commands import gateway_argv
 
-#: The timeout for an explanation or a report in seconds; each runs a complete gateway in another process.
+#: The timeout for an explanation or a report in seconds; another process makes each.
 EXPLAIN_TIMEOUT = 20.0
 RECORDINGS_FOLDER = "recordings"
 _RECORDING_NAME = re.compile(r"[\w.@-]+\.rec(\.\d+)?")
@@ -50,7 +50,7 @@ class Mounts:
         return self.gateways[0].clock()
 
     def gateway(self, mount_index: int) -> Gateway:
-        """Return a gateway by its number. Raises UserError."""
+        """Return the gateway of the mount with this number. Raises UserError if there is none."""
         if not 0 <= mount_index < len(self.gateways):
             raise UserError(f"there is no mount {mount_index} here")
         return self.gateways[mount_index]
@@ -125,7 +125,7 @@ class MountRecorder:
         return {"name": self._path.name, "since": round(self._started_at)}
 
     def begin(self) -> str:
-        """Start a recording and return a message. Raises UserError if the file cannot be written."""
+        """Start a recording and return a message. Raises UserError if one is running, or the file cannot be written."""
         if self._recorder is not None:
             raise UserError("a recording is running already; end it first")
         gateway = self._gateway

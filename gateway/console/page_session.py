@@ -34,8 +34,8 @@ MAX_SUGGESTIONS, NIGHT_LENGTH, NIGHT_STEP = 12, 57600.0, 7200.0
 
 async def look_up(controller: MountController, target: Target) -> dict[str, Any]:
     """Return the coordinates of a target, and whether the mount may go to it (``may``; if not, the reason ``why``).
-    For an object, add its name, kind and magnitude. Raises UserError for an unknown name, and Fault if the
-    target is not on the sky or its position is unknown.
+    For a name, add the data of the object (fields of ``SkyObject``). Raises UserError for an unknown name, and Fault if
+    the target is not on the sky or its position is unknown.
     """
     about: dict[str, Any] = {}
     if isinstance(target, Named):
@@ -54,10 +54,10 @@ async def suggestions(text: str) -> list[str]:
 
 
 def night_positions(controller: MountController) -> dict[str, Any]:
-    """Return the positions (equinox of date) of Sun and Moon, from 8 hours before local solar midnight to 8 after it.
+    """Return the positions (RA, dec) of date of Sun and Moon, from 8 hours before local solar midnight to 8 after it.
 
     In the evening and at night this is the current night, in the daytime the next. ``begins`` is the time of the first
-    position by the gateway's clock, in Unix seconds; None while the site is unknown.
+    position by the gateway's clock, Unix seconds (None while the site is unknown), ``step`` the interval in seconds.
     """
     derived = controller.astrometry
     site, sky, unix = derived.site_clock.site(), derived.sky, derived.site_clock.unix()
@@ -78,7 +78,7 @@ def _round_position(position: Sequence[float]) -> tuple[float, float]:
 
 #: Seconds without a message until arrows are released; between two checks of that; between repeated motion orders.
 ARROW_TIMEOUT, ARROW_CHECK_PERIOD, ARROW_REPEAT_PERIOD = 1.5, 0.2, 5.0
-#: The maximum number of simultaneous requests of a page.
+#: The maximum number of simultaneous requests of a page; a stop and a release are always accepted.
 MAX_PAGE_REQUESTS = 32
 READ_ONLY_MESSAGE = "This page only looks. Enter the pin to act; STOP needs none."
 
@@ -87,7 +87,7 @@ class Socket(Protocol):
     """The interface of a WebSocket that a page session uses."""
 
     def unread_byte_count(self) -> int:
-        """Return how many sent bytes the browser has not read yet."""
+        """Return how many bytes wait to be sent, because the browser does not read them."""
 
     async def send(self, text: str) -> None:
         """Send a message. Raises ConnectionError."""
@@ -161,7 +161,7 @@ class PageSession:
     # --- requests ---------------------------------------------------------------------------------------------------
 
     def receive(self, text: str | bytes) -> None:
-        """Receive a message from the page. An invalid message is answered with an error and has no effect."""
+        """Receive a message of the page. An invalid one is answered with an error, and only keeps arrows held."""
         self._last_message_at = self._loop.time()
         try:
             message = messages.decode(text, self._client_name)
@@ -170,14 +170,14 @@ class PageSession:
                 self._answer(messages.answer_number(text), False, f"the console does not understand this: {error}")
             )
             return
-        wish = message.request
-        if isinstance(wish, messages.Beat):
+        request = message.request
+        if isinstance(request, messages.Beat):
             for number, arrows in enumerate(self._arrows):
                 arrows.release_all_but(
-                    {(_direction(arrow.direction), arrow.press) for arrow in wish.held if arrow.mount == number}
+                    {(_direction(arrow.direction), arrow.press) for arrow in request.held if arrow.mount == number}
                 )
             return
-        if len(self._tasks) >= MAX_PAGE_REQUESTS and not isinstance(wish, StopRequest | messages.ReleaseArrow):
+        if len(self._tasks) >= MAX_PAGE_REQUESTS and not isinstance(request, StopRequest | messages.ReleaseArrow):
             self._tasks.spawn(self._answer(message.answer_number, False, "too many requests at once; wait a moment"))
         else:
             self._tasks.spawn(self._carry_out(message, self._press_or_release(message)))
@@ -186,11 +186,11 @@ class PageSession:
         """Press or release an arrow at once, in the order of the messages. Return the task that answers a press."""
         if not 0 <= message.mount_index < len(self._arrows):
             return None
-        arrows, wish = self._arrows[message.mount_index], message.request
-        if isinstance(wish, messages.ReleaseArrow):
-            arrows.release(None if wish.direction is None else _direction(wish.direction), wish.press)
-        elif isinstance(wish, messages.PressArrow) and self._may_control:
-            return arrows.press(_direction(wish.direction), wish.rate, wish.press)
+        arrows, request = self._arrows[message.mount_index], message.request
+        if isinstance(request, messages.ReleaseArrow):
+            arrows.release(None if request.direction is None else _direction(request.direction), request.press)
+        elif isinstance(request, messages.PressArrow) and self._may_control:
+            return arrows.press(_direction(request.direction), request.rate, request.press)
         return None
 
     async def _carry_out(self, message: Message, press_task: asyncio.Task[Answer] | None = None) -> None:
@@ -208,41 +208,41 @@ class PageSession:
             await self._answer(message.answer_number, False, f"internal error, please report it: {error!r}")
 
     async def _carry_out_request(self, message: Message) -> None:
-        mounts, wish = self._mounts, message.request
-        if isinstance(wish, StopRequest):
+        mounts, request = self._mounts, message.request
+        if isinstance(request, StopRequest):
             chosen = mounts.gateways if message.mount_index == -1 else [mounts.gateway(message.mount_index)]
-            answers = await asyncio.gather(*(gateway.carry_out(wish) for gateway in chosen))
+            answers = await asyncio.gather(*(gateway.carry_out(request) for gateway in chosen))
             reason = "; ".join(dict.fromkeys(answer.text for answer in answers))
             await self._answer(message.answer_number, all(answer.is_ok for answer in answers), reason)
             return
         gateway = mounts.gateway(message.mount_index)
-        if not self._may_control and not isinstance(wish, messages.ReadOnlyRequest):
+        if not self._may_control and not isinstance(request, messages.ReadOnlyRequest):
             await self._answer(message.answer_number, False, READ_ONLY_MESSAGE)
             return
-        match wish:
+        match request:
             case messages.Talk():
-                self._show_conversation(wish.on)
+                self._show_conversation(request.on)
             case messages.EnterPin():
-                self._may_control = self._may_control or mounts.pin.admits(wish.pin, self._host)
+                self._may_control = self._may_control or mounts.pin.admits(request.pin, self._host)
                 reason = "this page may act now" if self._may_control else "this is not the pin"
                 await self._answer(message.answer_number, self._may_control, reason)
             case messages.ReleaseArrow() | messages.PressArrow():  # the outcome of a press is answered elsewhere
                 await self._answer(message.answer_number, True, "let go")
             case messages.LookUp():
-                await self._answer(message.answer_number, True, "", await look_up(gateway.controller, wish.where))
+                await self._answer(message.answer_number, True, "", await look_up(gateway.controller, request.where))
             case messages.Search():
-                await self._answer(message.answer_number, True, "", {"found": await suggestions(wish.text)})
+                await self._answer(message.answer_number, True, "", {"found": await suggestions(request.text)})
             case messages.ShowNight():
                 await self._answer(message.answer_number, True, "", night_positions(gateway.controller))
             case messages.Explain():
-                done, text = await mounts.explain(gateway, wish.surface, wish.command)
+                done, text = await mounts.explain(gateway, request.surface, request.command)
                 await self._answer(message.answer_number, done, "" if done else text, {"text": text} if done else {})
             case messages.Record():
-                await self._record(message, wish.on)
+                await self._record(message, request.on)
             case messages.Beat():
                 pass  # ``receive`` has done it
             case _:
-                await self._send_answer(message, await gateway.carry_out(wish))
+                await self._send_answer(message, await gateway.carry_out(request))
 
     def _show_conversation(self, is_shown: bool) -> None:
         if is_shown != (self._next_row is not None):

@@ -73,7 +73,7 @@ class Console:
     # --- access -----------------------------------------------------------------------------------------------------
 
     def _refusal_reason(self, request: web.Request) -> str:
-        """Return why a request is refused; an empty string if it is served."""
+        """Return why a request is refused, and log that; an empty string if it is served."""
         if all(rules.admits(request.remote or "") for rules in (self._access, rules_of(request))):
             return ""
         logs = [gateway.wire_log for gateway in self._mounts.gateways]
@@ -81,8 +81,8 @@ class Console:
         return "This address is not in the console's allow list."
 
     def _may_control(self, request: web.Request) -> bool:
-        looks = any(rules.is_read_only(request.remote or "") for rules in (self._access, rules_of(request)))
-        return not self._mounts.pin and not looks
+        is_read_only = any(rules.is_read_only(request.remote or "") for rules in (self._access, rules_of(request)))
+        return not self._mounts.pin and not is_read_only
 
     # --- requests ---------------------------------------------------------------------------------------------------
 
@@ -134,19 +134,19 @@ class Console:
     async def _serve_page(self, websocket: web.WebSocketResponse, request: web.Request, host: str) -> None:
         """Serve a page until it disconnects."""
         session = PageSession(self._mounts, _Socket(websocket, request), host, self._may_control(request))
-        shown = asyncio.ensure_future(session.run())
-        self._page_tasks.add(shown)
+        session_task = asyncio.ensure_future(session.run())
+        self._page_tasks.add(session_task)
         try:
             async for message in websocket:
                 if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
                     session.receive(message.data)
-                if shown.done():
+                if session_task.done():
                     break
         finally:
-            shown.cancel()
+            session_task.cancel()
             with contextlib.suppress(asyncio.CancelledError, ConnectionError):
-                await shown
-            self._page_tasks.discard(shown)
+                await session_task
+            self._page_tasks.discard(session_task)
 
 
 class _Socket:

@@ -21,7 +21,7 @@ _PROJECT_NAME, _COMMIT_PATTERN = "mount-gateway", re.compile(r"[0-9a-f]{40}")
 
 @functools.cache
 def version() -> str:
-    """Return the version, such as ``0.2.0``."""
+    """Return the version, such as ``0.2.0``; ``unknown`` if it cannot be found."""
     project = _read(PACKAGE_FOLDER.parent / "pyproject.toml")
     if f'name = "{_PROJECT_NAME}"' in project and (match := re.search(r'(?m)^version = "(.+)"$', project)):
         return match[1]
@@ -48,7 +48,7 @@ def full_version(version_number: str | None = None, commit_id: str = "") -> str:
 
 
 def head_commit(git_path: Path) -> str:
-    """Return the commit of a checkout, without asking git, which a user need not have."""
+    """Return the commit of a checkout (empty without one), without running git, which a user need not have."""
     if git_path.is_file():  # a further worktree: the file names its folder
         git_path = git_path.parent / _read(git_path).removeprefix("gitdir:").strip()
     head = _read(git_path / "HEAD").strip()

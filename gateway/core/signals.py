@@ -1,7 +1,7 @@
-"""A typed signal: a part reports an event without knowing which parts listen.
+"""A typed signal: a part reports an event, and every listener that has been connected is called.
 
 It is synchronous: when ``emit`` returns, all listeners have been called, in the order in which they were connected.
-Thus a limit is enforced in the same event loop iteration as the reading. A listener's exception reaches the emitter.
+Thus a limit is enforced in the loop iteration of the reading. An exception reaches the emitter and ends the calls.
 """
 
 from __future__ import annotations

@@ -72,7 +72,7 @@ async def _wait_until_done(work: asyncio.Future[_T]) -> None:
 
 
 async def run_in_thread(function: Callable[..., Any], *arguments: object) -> Any:
-    """Run a function on another thread. While Python shuts down and starts no thread, run it on this one."""
+    """Return a function's result, run on another thread; on this one while Python shuts down and starts no thread."""
     working = functools.partial(function, *arguments)
     try:
         future = asyncio.get_running_loop().run_in_executor(None, working)

@@ -1,6 +1,6 @@
 """The wire log: every command, reply and note on either side, as it happens.
 
-Entries are values, sinks are functions that take them. Without a sink no entry is made, which costs nothing.
+Entries are values, sinks are functions that take them. Without a sink no entry is made, so logging costs nothing.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class WireLog:
             self.sinks.remove(sink)
 
     def put(self, side: str, arrow: str, data: bytes = b"", note: str = "") -> None:
-        """Pass bytes or a note to the sinks."""
+        """Pass bytes or a note to the sinks. A sink that raises OSError is removed."""
         if self.sinks:
             entry: Entry = _new_tuple(Entry, (self.clock(), side, arrow, data, note))
             broken = None
@@ -126,7 +126,7 @@ class WireLog:
 
 
 class ClientLog:
-    """The wire log for a client; ``name``: its host and port. Without ``sinks``, callers need not prepare entries."""
+    """The wire log for a client. ``name``: host:port. While ``sinks`` is empty, callers need not prepare entries."""
 
     def __init__(self, name: str, wire_log: WireLog) -> None:
         self.name, self.wire_log, self.sinks = name, wire_log, wire_log.sinks

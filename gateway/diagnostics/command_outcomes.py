@@ -45,7 +45,7 @@ def outcome(
 ) -> str:
     """Return the outcome of a command for a kind of mount and the traits of the presented model (None: any model).
 
-    If the command's row says *translated*, return the outcome that the implementation of its first operation has.
+    If the row says *translated*, return the implementation's outcome, for the first operation that the mount supports.
     """
     if row is None:
         return MISSING_OUTCOME

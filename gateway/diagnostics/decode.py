@@ -98,19 +98,19 @@ def _read_socat_log(path: Path) -> Iterator[Event]:
 
 
 def decode(events: Iterable[Event], decoder_of: Callable[[str], ConnectionDecoder], start_time: float) -> Iterator[str]:
-    """Yield the events as lines of text; ``decoder_of`` makes a connection's decoder. ``start_time`` is Unix time."""
-    talks: dict[str, ConnectionDecoder] = {}
+    """Yield events as text lines. ``decoder_of`` makes a side's decoder. ``start_time``: Unix time of event time 0."""
+    decoders: dict[str, ConnectionDecoder] = {}
     for event in events:
-        if event.side not in talks or event.arrow in "+~":
-            talks[event.side] = decoder_of(event.side)
-        side = talks[event.side]
+        if event.side not in decoders or event.arrow in "+~":
+            decoders[event.side] = decoder_of(event.side)
+        data, decoder = event.data, decoders[event.side]
         if event.arrow not in "<>":
             if event.arrow == "-":
-                del talks[event.side]
+                del decoders[event.side]
             yield _format_line(event, start_time, b"", describe_event(event.arrow, event.data.decode("latin-1")))
             continue
-        pieces = side.decode_commands(event.data, event.time) if event.arrow == ">" else side.decode_replies(event.data)
-        yield from [_format_line(event, start_time, heard.data, heard.text) for heard in pieces]
+        pieces = decoder.decode_commands(data, event.time) if event.arrow == ">" else decoder.decode_replies(data)
+        yield from [_format_line(event, start_time, message.data, message.text) for message in pieces]
 
 
 def _format_line(event: Event, start_time: float, data: bytes, text: str) -> str:

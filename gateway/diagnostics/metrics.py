@@ -47,7 +47,7 @@ class Histogram:
 
 class MountCounts:
     """Counts the events of a mount until it is closed. ``stop_count`` counts requested stops; ``stop_times`` are
-    the times from a request until the mount has acknowledged the stop.
+    the seconds from a request until the mount has acknowledged the stop.
     """
 
     def __init__(self, controller: MountController) -> None:
@@ -59,14 +59,14 @@ class MountCounts:
         self._stop_began_at: float | None = None
         controller.line.exchanged.connect(self._on_exchange)
         controller.wanted.changed.connect(self._on_wanted_changed)
-        controller.reconciler.stop_acknowledged.connect(self._on_at_rest)
+        controller.reconciler.stop_acknowledged.connect(self._on_stop_acknowledged)
 
     def close(self) -> None:
         """Stop counting."""
         controller = self._controller
         controller.line.exchanged.disconnect(self._on_exchange)
         controller.wanted.changed.disconnect(self._on_wanted_changed)
-        controller.reconciler.stop_acknowledged.disconnect(self._on_at_rest)
+        controller.reconciler.stop_acknowledged.disconnect(self._on_stop_acknowledged)
 
     def _on_exchange(self, reply: dict[str, Any] | Fault) -> None:
         self.exchanges += 1
@@ -82,7 +82,7 @@ class MountCounts:
             if wanted.stop_owed and self._stop_began_at is None:
                 self._stop_began_at = self._controller.now()
 
-    def _on_at_rest(self, _: None) -> None:
+    def _on_stop_acknowledged(self, _: None) -> None:
         if self._stop_began_at is not None:
             self.stop_times.add(self._controller.now() - self._stop_began_at)
             self._stop_began_at = None

@@ -14,7 +14,7 @@ from gateway.protocols.registry import ANY, accepted_protocols
 
 
 class ConnectionProtocols:
-    """The protocol of each connection of a recording, by name. ``protocols_of_surfaces`` has one per surface."""
+    """The ``protocols`` of a recording by connection name; ``protocols_of_surfaces``: one per surface, in order."""
 
     def __init__(self, recording: Recording) -> None:
         config = recording.settings["config"]
@@ -24,15 +24,15 @@ class ConnectionProtocols:
         self.protocols = {MOUNT_SIDE: protocol_of(config["mount"])}
 
     def _register(self, side: str, data: bytes) -> int:
-        """Register a connection, as in ``surface 2, host 192.168.1.7``, and return the number of its surface."""
+        """Register a client's connection; return its surface's number: 2 for ``data`` of ``surface 2, host orion``."""
         number = int(data.split(b",")[0].split()[-1])
         self.surface_numbers[side] = number
         self.protocols[side] = accepted_protocols(self.protocols_of_surfaces[number - 1])[0]
         return number
 
     def protocol_lines_first(self, lines: Iterable[Event]) -> Iterator[Event]:
-        """Yield all lines, but a client's first bytes only after the line with the protocol recognised in them: so the
-        protocol is known when they are decoded.
+        """Yield all lines. If a surface accepts any protocol, a client's first bytes come after the line that names the
+        protocol recognised in them, so that they can be decoded.
         """
         held: dict[str, list[Event]] = {}
         for line in lines:
@@ -53,7 +53,7 @@ class ConnectionProtocols:
                     del held[side]
                 continue
             elif waiting:
-                yield from waiting  # it continues with its first protocol, or has disconnected
+                yield from waiting  # the client continues with its first protocol, or has disconnected
                 del held[side]
             yield line
         for waiting in held.values():

@@ -1,6 +1,6 @@
 """An event loop with virtual time: waiting takes no real time, so a night passes in seconds.
 
-Whenever nothing is ready, time jumps to the next timer. It is only for programs within one process without real I/O.
+If nothing is ready, time jumps to the next timer. The loop is only for programs within one process without real I/O.
 Such programs spend most of their time in loop iterations, so an iteration does less than asyncio's own. Timers that are
 due at the same moment run in the order in which they were set.
 """
@@ -24,7 +24,7 @@ _T = TypeVar("_T")
 
 
 class _TimerHandle(list[Any]):
-    """A timer handle: time, number, callback, arguments, context. As a list it is created and compared faster."""
+    """A timer handle, as a list for speed: time, number, callback (None: cancelled), arguments, context."""
 
     __slots__ = ()
     __hash__ = object.__hash__  # type: ignore[assignment]  # handles are hashed by identity
@@ -62,7 +62,7 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         """Return False without a lookup: asyncio calls this for every future."""
         return False
 
-    # the exact signatures of these three in asyncio cannot be written for this version of Python
+    # the exact signatures of these four in asyncio cannot be written for this version of Python
 
     def call_soon(  # type: ignore[override]
         self, callback: Callable[..., object], *args: object, context: Context | None = None

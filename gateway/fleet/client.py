@@ -57,7 +57,7 @@ class BrokerAccess(Struct, frozen=True):
 def get_access(
     url: str, user: str | None = None, password_file: str | None = None, ca: str | None = None
 ) -> BrokerAccess:
-    """Collect the settings for a broker. Raises UserError for a missing setting or an unreadable file."""
+    """Collect the settings for a broker. Raises UserError for a missing package or setting, or an unreadable file."""
     if find_spec("aiomqtt") is None:
         raise UserError(f"for an MQTT broker aiomqtt is needed; to install it, {install_instruction('mqtt')}")
     broker = parse_broker(url)
@@ -122,13 +122,13 @@ Connect = Callable[[MqttMessage | None], AbstractAsyncContextManager[MqttClient]
 def make_connector(access: BrokerAccess) -> Connect:
     """Return a function that connects to a broker. It raises OSError, ValueError or aiomqtt's MqttError."""
 
-    old = False
+    lacks_mqtt_5 = False
 
     @asynccontextmanager
     async def connect(last_will: MqttMessage | None) -> AsyncIterator[MqttClient]:
         import aiomqtt
 
-        nonlocal old
+        nonlocal lacks_mqtt_5
         quiet = logging.getLogger("gateway.mqtt")
         quiet.setLevel(logging.CRITICAL)  # the caller reports what matters to the user
         broker = access.broker
@@ -139,9 +139,9 @@ def make_connector(access: BrokerAccess) -> Connect:
             password=access.password,
             identifier=f"mg-{secrets.token_hex(8)}",
             will=None if last_will is None else aiomqtt.Will(last_will.topic, last_will.payload, 1, last_will.retain),
-            protocol=aiomqtt.ProtocolVersion.V311 if old else aiomqtt.ProtocolVersion.V5,
+            protocol=aiomqtt.ProtocolVersion.V311 if lacks_mqtt_5 else aiomqtt.ProtocolVersion.V5,
             # Orders sent while the gateway was not connected are not carried out later; MQTT 5 keeps no session anyway.
-            clean_session=True if old else None,
+            clean_session=True if lacks_mqtt_5 else None,
             timeout=ANSWER_TIMEOUT,
             keepalive=KEEPALIVE_PERIOD,
             max_queued_incoming_messages=MAX_WAITING_MESSAGES,
@@ -153,10 +153,10 @@ def make_connector(access: BrokerAccess) -> Connect:
         _limit_packet_size(paho)
         try:
             async with client:
-                yield _RetainAwareClient(client, not old)
+                yield _RetainAwareClient(client, not lacks_mqtt_5)
         except Exception as error:
             reason = getattr(error, "rc", None)
-            old = old or getattr(reason, "value", reason) in OLD_BROKER_CODES
+            lacks_mqtt_5 = lacks_mqtt_5 or getattr(reason, "value", reason) in OLD_BROKER_CODES
             raise
         finally:
             _shut_down_socket(paho)
@@ -165,7 +165,7 @@ def make_connector(access: BrokerAccess) -> Connect:
 
 
 def _limit_packet_size(paho: Any) -> None:
-    """Let paho store only the beginning of a packet that is too long. The packet is then acknowledged and dropped."""
+    """Let paho store only the beginning of a packet that is too long. It is acknowledged, and passed on cut off."""
     read = paho.loop_read
 
     def loop_read(*arguments: Any) -> Any:

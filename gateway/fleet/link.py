@@ -1,9 +1,9 @@
 """The connection to a broker, on a separate thread: it is always restored, and a mount never waits for it.
 
-Messages are taken from the outbox in groups of a few; the next group is sent when the broker has acknowledged the last
-message of the group before. No other message needs an acknowledgement, because a broker takes messages in order; after
-a reconnect all states are sent again. A slow broker gets only the newest states. From a broker that sends too many
-messages, the gateway disconnects for a while.
+Messages are taken from the outbox in groups of a few. The next group is sent when the broker has acknowledged the last
+message and the events of the group before. Other states need no acknowledgement, because a broker takes messages in
+order; after a reconnect all states are sent again. A slow broker gets only the newest states. From a broker that sends
+too many messages, the gateway disconnects for a while.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class BrokerLink:
         threading.Thread(target=self._run_thread, name="mqtt", daemon=True).start()
 
     def put(self, message: MqttMessage) -> None:
-        """Queue a message; it is sent with the next ``send``."""
+        """Queue a message; it is sent after the next ``send`` at the latest."""
         self._outbox.put(message)
 
     def send(self) -> None:
@@ -97,7 +97,7 @@ class BrokerLink:
         self.send()
 
     async def close(self) -> None:
-        """Send the last messages, if the broker takes them at once, and disconnect."""
+        """Send the last messages, if the broker takes them within `CLOSE_TIMEOUT` seconds, and disconnect."""
         if self._loop is None:
             return
         self._call_on_thread(self._end_requested.set)

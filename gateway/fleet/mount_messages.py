@@ -110,7 +110,7 @@ class EventPublisher:
 def discovery_message(
     prefix: str, topics: Topics, mount: str, state: Mapping[str, Any], orders: Collection[str]
 ) -> MqttMessage:  # fmt: skip
-    """Return the message that describes a mount to Home Assistant; ``orders`` are those that are allowed."""
+    """Return the message, under Home Assistant's ``prefix``, that describes a mount; ``orders``: those allowed."""
     device = re.sub(r"[^A-Za-z0-9_-]", "_", f"{topics.prefix}_{topics.id}_{mount}")
     description: dict[str, Any] = {
         "device": _without_none(

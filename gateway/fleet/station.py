@@ -43,10 +43,10 @@ Report = Callable[[str, str], None]
 
 
 class OrderRunner:
-    """Carries out the broker's orders for one mount, if they are ``allowed``. The limits of the gateway apply.
+    """Carries out the broker's orders for one mount: ``allowed`` ones and stops. The limits of the gateway apply.
 
     A stop does not wait for other orders. An order with the retain flag is refused: the broker stores it, and it would
-    be carried out again at every connection. ``conflict_message`` returns why only stops are carried out now, or "".
+    be carried out again at every connection. ``conflict`` returns why only stops are carried out now, or "".
     """
 
     def __init__(self, gateway: Gateway, allowed: Collection[str], conflict: Callable[[], str], report: Report) -> None:
@@ -62,7 +62,7 @@ class OrderRunner:
         text = payload[: MAX_ORDER_LENGTH + 1].decode("utf-8", "replace").strip()
         if not text and retained:
             return
-        word, _, rest = text.partition(" ")
+        word, _, arguments = text.partition(" ")
         if retained:
             self._refuse(text, "ignored because of its retain flag: publish orders without it")
         elif text == "stop":
@@ -72,16 +72,16 @@ class OrderRunner:
             self._refuse(f"{text[:20]}…", f"no order is longer than {MAX_ORDER_LENGTH} characters", once)
         elif mount_name == ALL_GATEWAYS:
             self._refuse(text, "the only order for all mounts together is stop")
-        elif word not in (*PLAIN_ORDERS, GOTO_ORDER) or (bool(rest) is not (word == GOTO_ORDER)):
+        elif word not in (*PLAIN_ORDERS, GOTO_ORDER) or (bool(arguments) is not (word == GOTO_ORDER)):
             self._refuse(text, f"there is no such order: {', '.join(('stop', *self._allowed_orders))}")
         elif word not in self._allowed_orders:
             self._refuse(text, f'the broker may not ask for this; orders = ["{word}"] under [mqtt] allows it')
-        elif doubt := self._conflict_message():
-            self._refuse(text, doubt)
+        elif conflict := self._conflict_message():
+            self._refuse(text, conflict)
         elif self._has_order:
             self._refuse(text, "the gateway is taking another order; send this one again in a moment")
         else:
-            self._tasks.spawn(self._carry_out(text, word, rest))
+            self._tasks.spawn(self._carry_out(text, word, arguments))
 
     def close(self) -> None:
         """Cancel the orders in progress; ``receive`` must not be called after that."""
@@ -207,7 +207,7 @@ class _PublishedMount:
         self.events.publish(kind, CLIENT, text)
 
     def update(self) -> None:
-        """Queue the state for publishing if it has changed."""
+        """Queue the state if it has changed, and the Home Assistant description if the mount's identity has."""
         station, now = self._service, published_state(self.gateway)
         if now == self._state:
             return
@@ -282,15 +282,15 @@ class MqttService:
     def _on_message(self, received: ReceivedMessage) -> None:
         if self.presence.receive(received):
             return
-        to = [*self.topics.levels_of(received.topic), ""]
-        if to[0] == ALL_GATEWAYS:
+        levels = [*self.topics.levels_of(received.topic), ""]
+        if levels[0] == ALL_GATEWAYS:
             for mount in self._mounts.values():
                 mount.orders.receive(received.payload, received.retained, ALL_GATEWAYS)
-        elif (addressed := self._mounts.get(to[1])) is not None:
+        elif (addressed := self._mounts.get(levels[1])) is not None:
             addressed.orders.receive(received.payload, received.retained, addressed.name)
 
     def _on_connection(self, connected: bool, reason: str) -> None:
-        """Tell the user when the broker is connected or lost."""
+        """Print or warn that the broker was connected or lost, if that is a change."""
         if connected and self._was_connected is None:
             self._print_line(f"ready broker {self._broker} as {self.topics.prefix}/{self.topics.id}")
         elif connected and not self._was_connected:

@@ -24,7 +24,7 @@ MAX_QUEUED_EVENTS = 200
 
 
 class MqttMessage(Struct, frozen=True):
-    """A message to publish: an event or a state. A newer state replaces a queued one; reconnects resend states."""
+    """A message to publish: an event, or a state. At every reconnect the newest state of each topic is sent again."""
 
     topic: str
     payload: bytes

@@ -1,9 +1,9 @@
 """Checks whether the mount was switched off while the gateway or the line was down.
 
-If a hand control has no sync command, the gateway stores the offset of the syncs. It also stores the drive rate, which
-no hand control reports. Both become wrong when the mount is switched off. So the gateway records the mount's position,
-tracking and clock, and compares them after a reconnect. If anything differs or cannot be read, the gateway discards the
-stored values and the sum of syncs, and the log asks the user to sync again.
+If a hand control has no sync command, the gateway stores the offset of the syncs. It also stores settings that a mount
+does not report, such as a drive rate. All of this becomes wrong when the mount is switched off. So the gateway records
+the mount's position, tracking and clock, and compares them when the line comes up. If anything differs or cannot be
+read, it resets the stored values (a driver may send a setting again), and the log asks for a sync if one was lost.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class SameMountCheck:
         return bool(driver.stale_note) or ((synced != NO_SYNC or any(driver.sync_offset)) and driver.emulates_sync)
 
     def record_position(self, _: op.Equatorial) -> None:
-        """Record the mount's position, tracking and clock if the gateway stores its sum of syncs or its drive rate."""
+        """Record position, tracking and clock of a checked mount, if the gateway stores syncs or settings for it."""
         if not (self._checked and self._stores_values):
             return
         context = self._context
@@ -73,22 +73,22 @@ class SameMountCheck:
             self.save_due.emit(None)
 
     async def check(self) -> None:
-        """Compare the mount with its last record; unless they agree, discard the stored sum of syncs and drive rate."""
+        """Compare the mount with its last record; unless they agree, reset the stored syncs and driver settings."""
         keeps, context = not self._stores_values or await self._is_unchanged(), self._context
         self._checked = True
         if keeps:
             return
-        emulated, synced = context.driver.stale_note, context.driver.emulates_sync and context.syncs.value != NO_SYNC
+        stale_note, synced = context.driver.stale_note, context.driver.emulates_sync and context.syncs.value != NO_SYNC
         with contextlib.suppress(Fault):
             await self._runner.drive(context.driver.renew_settings(), READ)
         if context.driver.emulates_sync:
             context.syncs.reset("sync again: the mount may have been switched off, and earlier syncs no longer count")
-        also = f"; {emulated}" if emulated else ""
+        also = f"; {stale_note}" if stale_note else ""
         context.note(f"{context.syncs.resync_reason if synced else 'the mount may have been switched off'}{also}")
 
     async def _is_unchanged(self) -> bool:
-        left, host = self.snapshot, self._context.site_clock.computer_time()
-        if left is None or not 0.0 <= host - left.at < MAX_ABSENCE:
+        record, now = self.snapshot, self._context.site_clock.computer_time()
+        if record is None or not 0.0 <= now - record.at < MAX_ABSENCE:
             return False
         try:
             if not (await self._runner.perform(op.GetStatus(), READ)).aligned:
@@ -97,8 +97,8 @@ class SameMountCheck:
             place = await self._runner.perform(op.Position(), READ)
         except Fault:
             return False
-        turned = 0.0 if left.tracked else SIDEREAL_RATE * (host - left.at)
+        turned = 0.0 if record.tracked else SIDEREAL_RATE * (now - record.at)
         return (
-            abs(clock - left.ahead) < MAX_SKEW
-            and separation(left.ra + turned, left.dec, place.ra, place.dec) < MAX_SHIFT
+            abs(clock - record.ahead) < MAX_SKEW
+            and separation(record.ra + turned, record.dec, place.ra, place.dec) < MAX_SHIFT
         )

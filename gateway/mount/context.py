@@ -34,8 +34,8 @@ FASTEST_RATE = op.Rate(name="max")
 class Context:
     """The driver, the owner's policy, the log, the loop's clock, background tasks, and the shared values.
 
-    Only `Identification` sets the events: ``replied`` at the mount's first reply, ``identified`` after identification,
-    ``site_read`` when site and clock were read as well. ``closed``: shutdown has begun, and nothing new may start.
+    `Identification` sets the events: ``replied`` after a first reply with a position, or with ``identified``;
+    ``site_read`` after requests for site and clock. Shutdown sets the first two, and ``closed``: start nothing new.
     """
 
     def __init__(
@@ -68,8 +68,8 @@ class Context:
             return NoAnswer()
         if (driver.asleep or driver.powerless) and not self.wanted.wake_up_pending and begins_motion(operation):
             return Asleep()
-        calculates = link.occupied or self.incoming_settings.type_being_sent is op.SetClock
-        if calculates and begins_motion(operation) and not isinstance(operation, GOTOS):  # gotos may wait
+        is_occupied = link.occupied or self.incoming_settings.type_being_sent is op.SetClock
+        if is_occupied and begins_motion(operation) and not isinstance(operation, GOTOS):  # gotos may wait
             return Busy()
         try:
             if isinstance(operation, SEQUENTIAL_ORDERS):

@@ -1,7 +1,7 @@
 """The controller of one mount: builds its parts, and passes each operation of a client to the part that answers it:
 readings, motions, site and clock, or astronomy.
 
-Each part knows only the parts that were built before it; the others are connected by signals. Reads are answered from
+Each part uses only parts that were built before it; the others are connected by signals. Reads are answered from
 the cache while they are fresh, and otherwise share one exchange. While any client polls, the cache is refreshed, so a
 hundred polling clients load the mount's line like one.
 """
@@ -127,7 +127,7 @@ class MountController:
     # --- start and end --------------------------------------------------------------------------------------------
 
     def start(self) -> None:
-        """Open the line, identify the mount, and keep the readings fresh from then on."""
+        """Begin to open the line, to identify the mount and to keep the readings fresh; return at once."""
         self.line.start()
         self.poller.start()
 
@@ -149,7 +149,7 @@ class MountController:
         return self.context.policy
 
     def narrow_limits(self, **requested_limits: float | None) -> Limits:
-        """Narrow the owner's limits until the gateway ends; None leaves a limit. Raises Invalid for a wider limit."""
+        """Set limits within the owner's until the gateway ends; None: as the owner's. Raises Invalid if wider."""
         limits = self.owners_limits.narrowed_by_page(**requested_limits)
         self.context.policy = replace(self.policy, limits=limits)
         self.suns.set_min_distance(limits.sun)
@@ -173,7 +173,7 @@ class MountController:
 
     @property
     def stop_count(self) -> int:
-        """The number of stops so far. A motion that a client requested before the last stop is not begun."""
+        """The number of stops since the start. A motion that a client requested before the last stop is not begun."""
         return self.wanted.value.stop_count
 
     def peek(self, operation: op.Operation[_T], program: ProgramId = NO_PROGRAM) -> _T:
@@ -242,7 +242,7 @@ class MountController:
         return cast(_T, await self._perform_unshared(operation, program))
 
     async def _perform_unshared(self, operation: op.Operation, program: ProgramId) -> Any:
-        """Carry out an operation that is neither a motion nor a read that clients share."""
+        """Carry out an operation that is neither a motion nor a read that clients share. Raises Fault."""
         if type(operation) in POSITION_FUNCTIONS:
             return POSITION_FUNCTIONS[type(operation)](self.context.astrometry_for(program), operation)
         if (setting := self.site_settings.handlers.get(type(operation))) is not None:
@@ -250,8 +250,8 @@ class MountController:
             self.save_due.emit(None)
             return answer
         if isinstance(operation, op.GetActivity):
-            heard = self.cache.age(op.Position, self.now())
-            return self.context.run_on.activity(self.wanted.value, self.driver.parked, heard)
+            position_age = self.cache.age(op.Position, self.now())
+            return self.context.run_on.activity(self.wanted.value, self.driver.parked, position_age)
         if isinstance(operation, op.GetAbilities):  # by the tables, and by the mount's model and version
             return self.driver.abilities((await self.reader.read(op.GetStatus())).equatorial)
         if isinstance(operation, op.TubeSide):
@@ -275,15 +275,15 @@ class MountController:
         arrived_at: float | None = None,
     ) -> asyncio.Future[None]:
         """Carry out an operation without waiting for it; ``on_failure`` is called with the Fault if it fails."""
-        motion = None
+        outcome = None
         if isinstance(operation, op.AbortSlew):
             self._note_stop(activity.host)
         if isinstance(operation, SEQUENTIAL_ORDERS):
-            motion = self.reconciler.accept(operation, stop_count, activity, arrived_at=arrived_at)
+            outcome = self.reconciler.accept(operation, stop_count, activity, arrived_at=arrived_at)
 
         async def finish() -> None:
             try:
-                await (_wait_for_outcome(motion) if motion is not None else self.perform(operation, stop_count))
+                await (_wait_for_outcome(outcome) if outcome is not None else self.perform(operation, stop_count))
             except Fault as fault:
                 on_failure(fault)
             except Exception as error:  # no caller waits for this task, so a defect must be logged here
@@ -303,7 +303,7 @@ class MountController:
         await self.reconciler.stop("")
 
     def _note_stop(self, client_name: str) -> None:
-        """Log which client stops a goto before it has reached its goal."""
+        """Record which client stops the mount, and log it if that ends a goto before its goal."""
         self.wanted.stopped_by = client_name
         if isinstance(self.wanted.value.motion, Slew):
             self.context.note(f"the goto was stopped before its goal{f' by {client_name}' if client_name else ''}")

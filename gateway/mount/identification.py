@@ -1,4 +1,4 @@
-"""Identifies the mount whenever the line comes up, after it has repeated a stop that the mount has not acknowledged.
+"""Identifies the mount each time the line comes up. A stop that the mount has not acknowledged is repeated before that.
 
 If the mount moved when the line was lost, a stop is the first command on the restored line. After a longer loss, a
 person may be using the hand control, so the motion of the mount is observed first (``left_moving.py``). A mount that
@@ -81,7 +81,7 @@ class Identification:
         self._status_when_lost = self._cache.last_value(op.GetStatus)
 
     def leftover_motion(self) -> Leftover | None:
-        """Return the motion that the gateway has begun; None without one, or if positions cannot show it."""
+        """Return the motion of this gateway that is under way now; None without one, or if positions cannot show it."""
         return find_leftover(self._reconciler.wanted, self._context.driver.speed, self._end_watch.samples)
 
     def set_leftover_motion(self, motion: Leftover) -> None:
@@ -101,8 +101,8 @@ class Identification:
             self._reconciler.begin_stop("stopped when the connection to the mount was lost and restored")
 
     def _add_pending_stop(self, commands: list[bytes]) -> None:
-        """Add the bytes of a stop to ``commands`` if the mount has not acknowledged the last stop. Add them also if no
-        position has confirmed yet that the mount stopped, unless a newer motion is being sent.
+        """Add the bytes of a stop to ``commands`` if an identified mount has not acknowledged the last stop, or if no
+        position has confirmed yet that the mount stopped and no newer motion is being sent.
         """
         wanted = self._reconciler.wanted
         active = wanted.active_order
@@ -122,7 +122,7 @@ class Identification:
         self._identify_task = self._context.tasks.spawn(self._identify())
 
     async def _identify(self) -> None:
-        """Send an unacknowledged stop again, then read the identity, status, site and clock of the mount."""
+        """Repeat an unacknowledged stop or stop motion left over, then read identity, status, site and clock."""
         if self._reconciler.wanted.stop_owed:
             with contextlib.suppress(Fault):
                 if not self._context.identified.is_set():
@@ -183,7 +183,7 @@ class Identification:
             async with asyncio.timeout(SAMPLES_TIMEOUT):
                 slewing = await self._reports_goto() and (
                     not motion.goto or await self._reports_goto()
-                )  # bars may be old for a moment
+                )  # the first report may be outdated
                 if slewing != motion.goto:  # a goto has ended, or has replaced an arrow
                     self._leave_motion_alone()
                     return
@@ -244,7 +244,7 @@ class Identification:
         return north and place is not None and place.latitude < 0.0
 
     async def read_once(self, operation: op.Operation) -> None:
-        """Ask the mount once and store the answer; a fault is logged, not raised, and no answer is ignored."""
+        """Ask the mount once and store the answer. Raises nothing: silence is ignored, another fault is logged."""
         try:
             value = await self._runner.perform(operation, READ)
         except NoAnswer:

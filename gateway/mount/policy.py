@@ -28,8 +28,8 @@ PARK_TIP = (
 
 class Limits(Struct, frozen=True):
     """The owner's limits in degrees: lowest and highest altitude, largest sum of syncs, smallest distance from the Sun
-    (0 for none), largest hour angle past the meridian. ``key_limits``: altitude limits for motion by the hand control's
-    keys, -90 and 90 unless the owner has set them. ``by_page``: a web page has narrowed the limits.
+    (0 for none), largest hour angle past the meridian (None: any). ``key_limits``: altitude limits for motion by the
+    hand control's keys, -90 and 90 unless the owner has set them. ``by_page``: a web page has narrowed the limits.
     """
 
     lowest: float = 0.0
@@ -58,7 +58,7 @@ class Limits(Struct, frozen=True):
         )
 
     def narrowed_by_page(self, **requested_limits: float | None) -> Limits:
-        """Return these limits, narrowed by a web page for all clients. Raises Invalid for a wider limit."""
+        """Return these limits, narrowed for all clients by a web page. Raises Invalid for a wider limit or no range."""
         limits = self.narrowed(**requested_limits)
         if any(value not in (None, getattr(limits, name)) for name, value in requested_limits.items()):
             raise Invalid(f"The configuration allows {self}; a page can only narrow that.")
@@ -89,7 +89,7 @@ class Limits(Struct, frozen=True):
         return replace(self, lowest=min(self.lowest, self.key_limits[0]), highest=max(self.highest, self.key_limits[1]))
 
     def without_default_altitudes(self) -> Limits:
-        """Return these limits with -90 and 90 degrees as the altitude limits that no owner, page or program has set."""
+        """Return these limits without default altitudes: a limit that nobody has set becomes -90 or 90 degrees."""
         return replace(
             self,
             lowest=self.lowest if self.lowest > 0.0 or self.key_limits[0] > -90.0 else -90.0,
@@ -121,7 +121,7 @@ class Policy(Struct, frozen=True):
 
 
 def check_unknown_park(operation: op.Park | op.Home, limits: Limits) -> None:
-    """Check whether a mount may park at a position that only the mount knows. Raises Refused if it may not.
+    """Check that a mount may park at a position that the gateway cannot read. Raises Refused if it may not.
 
     A Meade parks at the position set at its keypad, which no command reads; the default is the horizon. So it may park
     if the limits are no narrower than the horizon, or if the owner allows it with park = "mount".

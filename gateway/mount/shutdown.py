@@ -30,14 +30,14 @@ async def end_motion(context: Context, reader: Reader, reconciler: Reconciler) -
     """Stop all motion and resume tracking; takes a few seconds at most, and raises nothing."""
     link = context.link
     reconciler.update(changes.refuse_earlier_orders(reconciler.wanted))
-    moved = reconciler.busy and link.state != "opening"
-    if moved:
+    was_busy = reconciler.busy and link.state != "opening"
+    if was_busy:
         await _stop(context, reconciler)
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(FOLLOW_UP_TIMEOUT):
             while link.usable and reconciler.wanted.pending:  # some hand controls need the tracking command twice
                 await asyncio.sleep(0.05)
-    if moved and not reconciler.wanted.stop_owed and link.state == "up":
+    if was_busy and not reconciler.wanted.stop_owed and link.state == "up":
         with contextlib.suppress(TimeoutError, Fault):
             async with asyncio.timeout(LAST_READ_TIMEOUT):
                 await reader.read_now(op.GetStatus())

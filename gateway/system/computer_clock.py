@@ -1,6 +1,6 @@
 """Detects a computer whose clock may be wrong: a board without a clock battery that no time server has set.
 
-Linux tells whether its clock is synchronised (adjtimex); a board is recognised by its device tree. Other computers, and
+Linux shows whether its clock is synchronised (adjtimex); a board is recognised by its device tree. Other computers, and
 virtual machines and containers, keep the time while off or get it from their host: their clocks are not doubted.
 """
 
@@ -30,7 +30,7 @@ class _Timex(ctypes.Structure):
 def lacks_hardware_clock(root: Path = Path("/")) -> bool:
     """Whether this is a board with a device tree and without a hardware clock, such as a Raspberry Pi before the 5."""
     models = (root / name for name in ("proc/device-tree/model", "sys/firmware/devicetree/base/model"))
-    # os.path, because a container may forbid to look, and a container keeps the time of its host
+    # os.path, because a container may forbid access, and a container keeps the time of its host
     return any(map(os.path.exists, models)) and not any((root / "dev").glob("rtc*"))
 
 

@@ -50,7 +50,7 @@ def raise_file_limit(client_count: int, port_count: int) -> str:
 
 
 def no_room_reason() -> str:
-    """Return why no file can be opened for another client; empty if one can."""
+    """Return why no file is left for another client beside ``RESERVED_FILES``; empty if one is."""
     most = open_file_limit()
     if most is None:
         return ""
@@ -61,8 +61,8 @@ def no_room_reason() -> str:
     except OSError:
         pass
     finally:
-        for number in held:
-            os.close(number)
+        for descriptor in held:
+            os.close(descriptor)
     if len(held) == RESERVED_FILES and max(held) < most:
         return ""
     return (

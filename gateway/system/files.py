@@ -49,15 +49,15 @@ def open_regular_fd(path: Path, flags: int = os.O_RDONLY, mode: int = 0o600) -> 
     Opening a pipe would block until its other end is open, even for signals; a device such as /dev/zero never ends.
     """
     try:
-        number = os.open(path, flags | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0), mode)
+        descriptor = os.open(path, flags | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0), mode)
     except OSError as error:
         if error.errno == errno.ENXIO:  # a pipe that nobody reads, or a socket
             raise OSError(errno.EINVAL, NOT_REGULAR_FILE) from None
         raise
-    kind = os.fstat(number).st_mode
+    kind = os.fstat(descriptor).st_mode
     if stat.S_ISREG(kind):
-        return number
-    os.close(number)
+        return descriptor
+    os.close(descriptor)
     if stat.S_ISDIR(kind):
         raise OSError(errno.EISDIR, os.strerror(errno.EISDIR))
     raise OSError(errno.EINVAL, NOT_REGULAR_FILE)
@@ -74,9 +74,9 @@ def replace_file(path: Path, data: bytes, *, flush: bool = True) -> None:
     Each path has one writer, so an unfinished file of a killed writer is replaced.
     """
     beside = path.with_name(f".{path.name}.new")
-    number = open_regular_fd(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    descriptor = open_regular_fd(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     try:
-        with open(number, "wb") as file:
+        with open(descriptor, "wb") as file:
             file.write(data)
             if flush:
                 file.flush()
@@ -91,10 +91,10 @@ def replace_file(path: Path, data: bytes, *, flush: bool = True) -> None:
 
 
 def flush_folder(folder: Path) -> None:
-    """Write the entries of a folder to the disk, so that they survive a power cut, on POSIX. Raises OSError."""
+    """Write the entries of a folder to the disk, so that they survive a power cut; only on POSIX. Raises OSError."""
     if os.name == "posix":
-        number = os.open(folder, os.O_RDONLY)
+        descriptor = os.open(folder, os.O_RDONLY)
         try:
-            os.fsync(number)
+            os.fsync(descriptor)
         finally:
-            os.close(number)
+            os.close(descriptor)

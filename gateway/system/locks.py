@@ -1,7 +1,7 @@
 """Lock files that contain the process id of their holder.
 
-The system releases a lock when its process ends for any reason. A failed attempt does not change the file. A symbolic
-link is not followed. A process that cannot get the lock learns the holder's id.
+The system releases a lock when its process ends for any reason. A failed attempt does not change the file, and raises
+LockHeld with the holder's id. A symbolic link is not followed.
 """
 
 from __future__ import annotations
@@ -14,8 +14,7 @@ from pathlib import Path
 
 from gateway.system.runtime_folders import find_folders
 
-#: The byte that is locked on Windows, far behind the content, because others cannot read a locked byte.
-LOCK_OFFSET = 1 << 30
+LOCK_OFFSET = 1 << 30  # the byte that is locked on Windows: far behind the content, which others can then read
 
 
 class LockHeld(Exception):
@@ -32,24 +31,24 @@ class PidLock:
         """With ``remove``, the file is deleted when the lock is released."""
         self.path, self._remove = path, remove
         self._descriptor: int | None = None
-        #: Whether the file had content already, because a previous holder was killed.
+        #: Whether the file had content already; with ``remove``, only a holder that was killed leaves any.
         self.holder_was_killed = False
 
     def acquire(self) -> None:
-        """Get the lock at once. Raises LockHeld if another process has it, OSError if the file cannot be created."""
+        """Get the lock now. Raises LockHeld if another process has it, OSError if the file cannot be made or locked."""
         while self._descriptor is None:
-            number = os.open(self.path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
+            descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
             try:
-                status = os.fstat(number)
+                status = os.fstat(descriptor)
                 if not stat.S_ISREG(status.st_mode):
                     raise OSError(errno.EINVAL, "is not a file", str(self.path))
-                if not _lock(number):
+                if not _lock(descriptor):
                     raise LockHeld(read_pid(self.path))
-                if os.fstat(number).st_nlink:  # else the last holder has just deleted the file
-                    self._descriptor, number = number, -1
+                if os.fstat(descriptor).st_nlink:  # else the last holder has just deleted the file
+                    self._descriptor, descriptor = descriptor, -1
             finally:
-                if number >= 0:
-                    os.close(number)
+                if descriptor >= 0:
+                    os.close(descriptor)
         self.holder_was_killed = os.fstat(self._descriptor).st_size > 0
         with contextlib.suppress(OSError):  # the disk is full, but the lock is held
             content = b"%d\n" % os.getpid()
@@ -58,22 +57,23 @@ class PidLock:
 
     def release(self) -> None:
         """Release the lock if it is held. Unless it is removed, the file still contains the id of this process."""
-        number, self._descriptor = self._descriptor, None
-        if number is None:
+        descriptor, self._descriptor = self._descriptor, None
+        if descriptor is None:
             return
         if self._remove:
             with contextlib.suppress(OSError):
                 os.unlink(self.path)
-        os.close(number)
+        os.close(descriptor)
 
 
 def read_pid(path: Path) -> int | None:
+    """Return the process id in a lock file; None if the file cannot be read or contains none."""
     with contextlib.suppress(OSError, ValueError):
-        number = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
         try:
-            return int(os.read(number, 32)) or None
+            return int(os.read(descriptor, 32)) or None
         finally:
-            os.close(number)
+            os.close(descriptor)
     return None
 
 

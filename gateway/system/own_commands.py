@@ -43,7 +43,7 @@ def own_command() -> str:
 
 
 def pip_command() -> str:
-    """Return the pip command for this environment; pipx environments have no pip of their own."""
+    """Return the pip command to type, for a single file with a remark; pipx environments have no pip of their own."""
     if is_single_file():
         return "in an installed mount-gateway, since one file cannot be added to: pip"
     if os.path.isfile(os.path.join(sys.prefix, "pipx_metadata.json")):

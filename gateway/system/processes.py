@@ -40,7 +40,7 @@ def gateways() -> list[GatewayProcess]:
 
 
 def is_gateway(pid: int) -> bool:
-    """Whether a process is a gateway; without ``/proc``, whether the process exists."""
+    """Whether a process is a gateway; without ``/proc``, whether it exists; always False on Windows."""
     if PROC_FOLDER.joinpath(str(os.getpid())).is_dir():
         return pid == os.getpid() or is_gateway_argv(_argv(pid))
     return os.name == "posix" and exists(pid)
@@ -98,7 +98,7 @@ def is_gateway_argv(argv: list[str]) -> bool:
 
 
 def listeners_on(ports: Collection[int], proc: Path = PROC_FOLDER) -> Iterator[tuple[int, tuple[()] | tuple[int, str]]]:
-    """Yield each of these TCP ports that a process listens on, with the process's id and name if visible."""
+    """Yield each of these TCP ports that a process listens on, with its process's (id, name), () if that is hidden."""
     sockets = {inode: port for inode, port in _listen_sockets(proc) if port in ports}
     owners = dict(holders_of([f"socket:[{inode}]" for inode in sockets], proc)) if sockets else {}
     for inode, port in sockets.items():

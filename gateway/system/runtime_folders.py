@@ -77,12 +77,12 @@ def protect_from_cleanup(folder: Path) -> int | None:
     except ImportError:
         return None
     try:
-        number = os.open(folder, os.O_RDONLY)
+        descriptor = os.open(folder, os.O_RDONLY)
     except OSError:
         return None
     with contextlib.suppress(OSError):
-        fcntl.flock(number, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    return number
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    return descriptor
 
 
 def _owner_id(folder: Path) -> int | None:

@@ -3,7 +3,7 @@
 If its output fails, the gateway continues, because a mount depends on it. If a standard stream was closed before the
 program began, its descriptor is opened again at once, because the first socket would get it otherwise. A line for the
 journal begins with its level, sd-daemon(3)'s ``<N>``; a line for any other stream does not. ``JOURNAL_STREAM``
-(systemd.exec(5)), the device and inode of a stream, tells whether the journal reads it.
+(systemd.exec(5)) is the device and inode of the stream that the journal reads.
 """
 
 from __future__ import annotations
@@ -71,12 +71,12 @@ def set_encoding_fallback() -> None:
 
 
 def warn(text: str, level: int) -> None:
-    """Print a message of this program on stderr, if that is open."""
+    """Print a message of this program on stderr, with its syslog level; do nothing if that fails."""
     print_to_stderr(message_line(text, level, sys.stderr))
 
 
 def print_to_stderr(line: str) -> None:
-    """Print a line on stderr, if that is open."""
+    """Print a line on stderr; do nothing if that fails."""
     try:
         print(line, file=sys.stderr, flush=True)
     except (OSError, ValueError):

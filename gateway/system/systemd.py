@@ -1,7 +1,7 @@
 """Notifies systemd of the state of the service: sends ``KEY=VALUE`` lines to ``NOTIFY_SOCKET``, as sd_notify(3).
 
 No library does this: the only pure one, ``sdnotify``, has not changed since 2017, blocks on a full queue, which an
-event loop must not, and does not know the watchdog's interval. systemd's manual page shows similar code.
+event loop must not, and does not report the watchdog's interval. systemd's manual page shows similar code.
 """
 
 from __future__ import annotations

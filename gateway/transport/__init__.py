@@ -1,6 +1,6 @@
 """Ports for clients: TCP, RFC 2217, a pseudo-terminal with a stable name, a real serial port.
 
-A port knows no protocol. For every connection it calls ``accept`` to get a handler, passes received bytes to the
+A port depends on no protocol. For every connection it calls ``accept`` to get a handler, passes received bytes to the
 handler, and sends what the handler writes. Clients connect and disconnect at any time; no connection affects another.
 """
 
@@ -17,7 +17,7 @@ __all__ = ["Accept", "ConnectionHandler", "Listener", "open_port"]
 async def open_port(address: str, accept: Accept, baud: int | None = None) -> Listener:
     """Open ``tcp://`` or ``rfc2217://HOST:PORT``, ``pty:PATH`` or a serial port. Raises UserError with the reason.
 
-    ``baud`` is for the last two; a pseudo-terminal without it accepts any rate.
+    ``baud`` is for the last two. Without it, a pseudo-terminal accepts any rate, and a serial port has 9600 baud.
     """
     if address.startswith("tcp://"):
         return await TcpPort.open(address, accept)

@@ -87,14 +87,14 @@ class BaudTrial:
             self._change_baud(previous)
 
     def cancel_fallback(self) -> None:
-        """Do not change back to the old rate; also called when the connection ends."""
+        """Cancel the change back to the old rate; also called when the connection ends."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
 
 
 def garble(data: bytes, send_baud: int, receive_baud: int) -> bytes:
-    """Return what a receiver at ``receive_baud`` baud gets if bytes are sent without gaps at ``send_baud`` baud.
+    """Return what a receiver at ``receive_baud`` gets of bytes sent without gaps at ``send_baud``; all if a rate is 0.
     The receiver waits for the falling edge of a start bit and samples the middle of every bit by its own clock. A byte
     with a missing stop bit (framing error) is delivered all the same. Rates that differ by a few percent work.
     """

@@ -58,10 +58,10 @@ class DeviceLink:
         except OSError as error:
             with contextlib.suppress(OSError):
                 os.unlink(draft)
-            where = (
+            advice = (
                 "; choose a folder that you may write to, such as /tmp" if isinstance(error, PermissionError) else ""
             )
-            raise UserError(f"cannot make {self.path}: {error.strerror}{where}") from None
+            raise UserError(f"cannot make {self.path}: {error.strerror}{advice}") from None
         self._target = target
 
     def close(self) -> None:
@@ -73,7 +73,7 @@ class DeviceLink:
 
 
 def is_path_free(path: str) -> bool:
-    """Whether a gateway could use this path. A link left by a killed gateway of this user is removed."""
+    """Whether a gateway could use this path. A link there is removed if it dangles, or a killed gateway left it."""
     try:
         link = DeviceLink(path)
     except UserError:

@@ -22,11 +22,11 @@ class NewConnection(Struct, frozen=True):
     """A new connection, and the functions that its handler may call.
 
     ``hang_up`` ends the connection; it is set only for a connection from the network, where anyone may be at the other
-    end. ``hand_over`` gives it to another owner. ``change_baud`` sets the port's baud rate and returns the old rate.
+    end. ``hand_over`` gives it to a new owner. ``change_baud`` sets the port's baud rate and returns the old rate.
     """
 
-    name: str
-    host: str
+    name: str  # ``HOST:PORT`` of the client; the path or URL of a serial line
+    host: str  # the host of the client; the address of a serial line's port
     write: Write
     hang_up: HangUp | None = None
     hand_over: HandOver | None = None

@@ -32,6 +32,6 @@ def is_for_this_computer(request: web.Request, extra_names: Iterable[str] = ()) 
 
 
 def local_address(request: web.Request) -> tuple[str, int]:
-    """Return the local address and port of a request's connection."""
+    """Return the local address and port of a request's connection; ("", 0) if that is closed."""
     local = request.transport.get_extra_info("sockname") if request.transport is not None else None
     return (str(local[0]), int(local[1])) if local else ("", 0)

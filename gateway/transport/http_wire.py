@@ -56,8 +56,8 @@ class HttpDialect(Protocol):
 
 
 class AddressWatcher(Protocol):
-    """Is informed when the connection to a server opens and closes. ``answers_in_parallel``: the server
-    answers while another connection is idle.
+    """Is informed when the connection to a server opens and closes. ``answers_in_parallel``: the server answers while
+    another connection is idle.
     """
 
     def reached(self, host: str, port: int, answers_in_parallel: bool) -> None: ...
@@ -77,9 +77,9 @@ class HttpWire:
         self._base_url = f"{parts.scheme}://{parts.netloc}"
         self._session: ClientSession | None = None
         self._tasks: set[asyncio.Task[bool]] = set()
-        self._read_task: asyncio.Task[bool] | None = None
-        #: The unanswered commands that begin a motion, the stops written since the last of them, the task that repeats
-        #: these, and the loop time until which they are repeated without an answer.
+        self._get_task: asyncio.Task[bool] | None = None  # of the newest request, if a GET; the next write cancels it
+        #: The unanswered commands that begin a motion; the stops written since the last of these commands; the task
+        #: that repeats the stops; and the loop time until which it repeats them without an answer.
         self._motion_tasks: set[asyncio.Task[bool]] = set()
         self._recent_stops: dict[bytes, HttpRequest] = {}
         self._stop_repeat_task: asyncio.Task[None] | None = None
@@ -129,12 +129,12 @@ class HttpWire:
         if self._session is None:
             raise OSError(errno.ENODEV, "the connection is closed")
         self._last_request_number += 1
-        if self._read_task is not None:
-            self._read_task.cancel()
+        if self._get_task is not None:
+            self._get_task.cancel()
         request = self._dialect.request(data)
         loop = asyncio.get_running_loop()
         task = loop.create_task(self._carry_out(self._session, self._last_request_number, request))
-        self._read_task = task if request.method == "GET" else None
+        self._get_task = task if request.method == "GET" else None
         if request.is_motion:
             self._recent_stops.clear()
             self._motion_tasks.add(task)
@@ -147,19 +147,19 @@ class HttpWire:
             task.add_done_callback(unfinished.discard)
 
     async def _repeat_stops(self, session: ClientSession) -> None:
-        """Repeat the stops while earlier motion commands are unanswered, for ``REPEAT_TIMEOUT`` seconds, and once
+        """Repeat the stops while earlier motion commands are unanswered, at most ``REPEAT_TIMEOUT`` seconds; and once
         after each of their answers.
         """
         overtaken, now = set(self._motion_tasks), asyncio.get_running_loop().time
         while overtaken:
             ended, _ = await asyncio.wait(overtaken, timeout=REPEAT_DELAY)
             unanswered = set(self._motion_tasks)
-            if now() < self._repeat_until or any(order.result() for order in ended):
+            if now() < self._repeat_until or any(task.result() for task in ended):
                 await asyncio.gather(*(self._carry_out(session, 0, stop) for stop in self._recent_stops.values()))
             overtaken = unanswered | self._motion_tasks
 
     async def _carry_out(self, session: ClientSession, request_number: int, request: HttpRequest) -> bool:
-        """Send a request, and deliver the answer; return whether an answer came."""
+        """Send a request; deliver the answer if no newer request was written. Return whether an answer came."""
         import aiohttp
 
         closed = (aiohttp.ServerDisconnectedError, aiohttp.ClientOSError, ConnectionResetError)
@@ -193,9 +193,9 @@ class HttpWire:
             return
         if self._watcher is not None:
             self._watcher.closed()
-        orders = [task for task in self._tasks if task is not self._read_task]
-        if orders:  # a stop that was written just before
-            await asyncio.wait(orders, timeout=1.0)
+        puts = [task for task in self._tasks if task is not self._get_task]
+        if puts:  # a stop that was written just before
+            await asyncio.wait(puts, timeout=1.0)
         for task in (*self._tasks, *([self._stop_repeat_task] if self._stop_repeat_task is not None else [])):
             task.cancel()
         await session.close()

@@ -81,7 +81,7 @@ def _port_holder(port: int) -> str:
 
 
 def split_address(url: str) -> tuple[str, int]:
-    """Split ``SCHEME://HOST:PORT`` into (host, port). Raises UserError."""
+    """Split ``SCHEME://HOST:PORT`` into (host, port); no host means 127.0.0.1. Raises UserError if it is malformed."""
     scheme, _, address = url.partition("://")
     host, colon, number = address.rpartition(":")
     digits = number.removeprefix("-")

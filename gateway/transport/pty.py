@@ -194,13 +194,13 @@ class _TerminalPair:
         asyncio.get_running_loop().remove_reader(self._watched_descriptor)
         if self._epoll is not None:
             self._epoll.close()
-        for number in (self.master, self._slave):
+        for descriptor in (self.master, self._slave):
             with contextlib.suppress(OSError):
-                os.close(number)
+                os.close(descriptor)
 
 
 def baud_rate_of(terminal: int) -> int:
-    """Return the baud rate of a terminal, also a non-standard rate (Linux); 0 if it is unknown."""
+    """Return the baud rate of a terminal, also a non-standard rate (Linux); 0 if none is set."""
     import fcntl
     import termios
 

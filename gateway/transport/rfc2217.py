@@ -75,7 +75,7 @@ class _TelnetFilter:
         return data if self._telnet is None else data.replace(IAC, IAC + IAC)
 
     def _detect_telnet(self, data: bytes) -> bytes:
-        """Return the data of a connection that has not used Telnet so far; switch to Telnet if it begins now."""
+        """Return the data of a connection that does not use Telnet yet; if Telnet begins in it, switch to Telnet."""
         data, self._pending_iac = self._pending_iac + data, b""
         at = data.find(IAC)
         while at >= 0:

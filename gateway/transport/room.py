@@ -1,6 +1,6 @@
 """Limits the number of connections, in total and for each client address.
 
-An address gets at most three quarters of them, this computer all. The last two go only to addresses that have none.
+One address gets at most 3/4 of them, this computer all; but the last two go only to addresses that have none.
 """
 
 from __future__ import annotations

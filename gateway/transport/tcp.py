@@ -83,7 +83,7 @@ class _Connection(asyncio.BufferedProtocol):
             self._transport.resume_reading()
 
     def eof_received(self) -> bool:
-        """The client sends no more but may still read: close the connection when it has got all its replies."""
+        """Close the connection when the client, which sends no more but may still read, has got all its replies."""
         if self._handler is not None:
             self._handler.peer_closed()
         self._close_when_answered()
@@ -98,7 +98,7 @@ class _Connection(asyncio.BufferedProtocol):
             asyncio.get_running_loop().call_later(CHECK_PERIOD, self._close_when_answered)
 
     def _write(self, data: bytes) -> int:
-        """Send bytes, or collect them while the client's are processed. Return how many the transport holds."""
+        """Send bytes, or collect them while received bytes are processed. Return how many are still to be sent."""
         if self._replies is not None:
             self._replies.append(data)
         elif self._transport is not None and not self._transport.is_closing():

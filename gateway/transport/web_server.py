@@ -1,8 +1,8 @@
 """The web server of a process, for connections of its own ports and those that other ports hand over.
 
 It is loaded when its first byte arrives, because loading takes a quarter of a second, which would delay every start. A
-connection ends if a request is incomplete ``REQUEST_TIMEOUT`` seconds after its first byte, if none comes in that time,
-or if it is idle for ``IDLE_TIMEOUT`` seconds. ``room.py`` limits the number of connections.
+connection ends if a request is incomplete ``REQUEST_TIMEOUT`` seconds after its first byte, if no request comes in that
+time, or if it is idle for ``IDLE_TIMEOUT`` seconds. ``room.py`` limits the number of connections.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from gateway.transport.handler import Accept
 from gateway.transport.listening import WEB_ADDRESS, listen
 from gateway.transport.room import ConnectionQuota
 
-#: Connections at a time. Seconds until a request must be complete, an idle connection ends, and answers end at close.
+#: Connections at a time. Seconds until a request must be complete; an idle connection ends; ``close`` ends answers.
 MAX_CONNECTIONS, REQUEST_TIMEOUT, IDLE_TIMEOUT, CLOSE_TIMEOUT = 256, 10.0, 60.0, 0.5
 #: Maximum number of bytes from a connection before the server is loaded: no legitimate request is longer.
 MAX_EARLY_BYTES = 16384
@@ -51,7 +51,7 @@ class WebPort:
 
 
 class WebServer:
-    """Serves the aiohttp application that ``load_site`` returns, until ``close``; without one, refuses all requests."""
+    """Serves the aiohttp application of ``load_site`` until ``close``; without ``load_site``, refuses all requests."""
 
     def __init__(self, load_site: Callable[[], Awaitable[Any]] | None = None) -> None:
         self._load_site = load_site

@@ -78,9 +78,9 @@ class SerialTransport:
         loop = asyncio.get_running_loop()
         port = await loop.run_in_executor(None, open_port, self.name, self.baud)
         self._port = port
-        number = descriptor_of(port)
-        if self._watcher is not None and number is not None:
-            self._watcher.opened(number)
+        descriptor = descriptor_of(port)
+        if self._watcher is not None and descriptor is not None:
+            self._watcher.opened(descriptor)
         self._thread = threading.Thread(
             target=self._read, args=(port, loop, on_data, on_lost), name=f"read {self.name}", daemon=True
         )
@@ -166,12 +166,12 @@ def descriptor_of(port: Serial) -> int | None:
 
 def unlock_port(port: Serial) -> None:
     """End the exclusive lock of a port; else it would last while another process has a copy of its descriptor."""
-    number = descriptor_of(port)
-    if number is not None and os.name == "posix":
+    descriptor = descriptor_of(port)
+    if descriptor is not None and os.name == "posix":
         import fcntl
 
         with contextlib.suppress(OSError):
-            fcntl.flock(number, fcntl.LOCK_UN)
+            fcntl.flock(descriptor, fcntl.LOCK_UN)
 
 
 def open_port(url: str, baud: int) -> Serial:
@@ -258,7 +258,7 @@ def _permission_advice(device: str) -> str:
 
 
 def group_of(device: str) -> str:
-    """Return the group that may use a serial port; the usual group if it is unknown."""
+    """Return the group that may use a serial port; the usual group if that is unknown, or is root or wheel."""
     try:
         import grp
 

@@ -27,7 +27,7 @@ CLOSED_MESSAGE = "The gateway is closed."
 
 
 class CoroutineRunner(Protocol):
-    """Begins a coroutine, waits for it, and returns its result."""
+    """Makes and begins a coroutine, waits for it, and returns its result."""
 
     def __call__(self, make_coroutine: Callable[[], Coroutine[object, object, _T]], /) -> _T: ...
 
@@ -47,7 +47,7 @@ def _make_blocking(
 class BlockingMount:
     """``Mount`` with methods that wait for their results; made by ``open_blocking_gateway`` and ``connect_blocking``.
 
-    Ctrl-C ends the wait. If it also leaves the ``with`` block of ``open_blocking_gateway``, the mount is stopped.
+    Ctrl-C ends the wait. The mount is stopped if Ctrl-C also ends the ``with`` block of ``open_blocking_gateway``.
     """
 
     def __init__(self, mount: Mount, run_coroutine: CoroutineRunner) -> None:
@@ -128,7 +128,7 @@ class _GatewayThread(threading.Thread):
         raise NoAnswer(CLOSED_MESSAGE)
 
     def run_coroutine(self, make_coroutine: Callable[[], Coroutine[object, object, _T]]) -> _T:
-        """Begin a coroutine on the thread, wait for it, and return its result. Raises what it raises."""
+        """Run a coroutine on the thread; return its result. Raises its error, and NoAnswer if the gateway is closed."""
         if threading.current_thread() is self:
             raise RuntimeError("A gateway that waits cannot be used on its own thread, by watch or warn.")
         if self._close_requested:

@@ -56,7 +56,7 @@ def decode(protocol: str, frame: bytes, /) -> Frame:
 
 
 def encode(protocol: str, name: str, /, **values: object) -> bytes:
-    """Encode the command of this name with these values, as the gateway sends it. Raises FrameError if they do not fit.
+    """Encode a command as the gateway sends it. Raises FrameError for an unknown command, and values that do not fit.
 
     >>> encode("lx200", "Sr", ra=83.6333)
     b':Sr05:34:32#'
@@ -70,7 +70,7 @@ def encode(protocol: str, name: str, /, **values: object) -> bytes:
 
 
 def decode_reply(protocol: str, name: str, reply: bytes, /) -> Frame:
-    """Decode a whole reply to the command of this name; a refusal sets ``fault``. Raises FrameError if it is no reply.
+    """Decode a whole reply to the command of this name; a refusal sets ``fault``. Raises FrameError for other bytes.
 
     >>> decode_reply("lx200", "GD", b"+22*00:52#").values
     {'dec': 22.014444444444443}
@@ -88,7 +88,7 @@ def decode_reply(protocol: str, name: str, reply: bytes, /) -> Frame:
 
 
 def encode_reply(protocol: str, name: str, /, *, precision: str = "high", **values: object) -> bytes:
-    """Encode the reply to the command of this name that carries these values. Raises FrameError if there is none.
+    """Encode the reply with these values to a command. Raises FrameError if the command or such a reply is unknown.
 
     ``precision`` is ``high`` or ``low``: an LX200 has two forms of reply for most angles.
 
@@ -151,8 +151,8 @@ def _mismatch_text(template: FrameTemplate, values: Mapping[str, object]) -> str
         try:
             codec.encode(value)
         except (AttributeError, OverflowError, TypeError, ValueError) as error:
-            ours = type(error) is ValueError and isinstance(value, Real) and isfinite(value)
-            return f"{field} cannot be {value!r}" + (f": {error}" if ours else "")
+            from_codec = type(error) is ValueError and isinstance(value, Real) and isfinite(value)
+            return f"{field} cannot be {value!r}" + (f": {error}" if from_codec else "")
     return ""
 
 

@@ -33,7 +33,7 @@ CABLE_ADVICE = "Is it switched on, and the cable in the hand control? mount-gate
 
 
 class Mount:
-    """A mount. Made by ``open_gateway`` and ``connect``; ``name`` is the mount's name, or its port if it has none.
+    """A mount. Made by ``open_gateway`` and ``connect``; ``name`` is the mount's name, or else its endpoint.
 
     Positions are right ascension and declination of the equinox of date, in degrees. Every method raises ``Fault`` if
     the gateway or the mount refuses (its text is one sentence for the user), and ``NoAnswer``, a kind of ``Fault``, if
@@ -45,15 +45,15 @@ class Mount:
         self._send_request, self._client_name = send_request, client_name
         #: All operations but gotos have this one request number, so that each of them keeps a motion by hand alive.
         self._operation_number = requests.new_request_number()
-        #: The number of the last request for a goto, park or home; empty before the first, and after arrival.
+        #: The number of the last request for a goto, park or home; empty before the first, and after ``arrived``.
         self._goto_number = ""
 
     # --- what is known ------------------------------------------------------------------------------------------------
 
     async def ready(self, seconds: float = IDENTIFY_TIMEOUT) -> None:
-        """Wait until the mount has identified itself.
+        """Wait until the mount answers and has reported its identity and status.
 
-        Raises NoAnswer if it has not within ``seconds``, and UserError at once if its port cannot be opened.
+        Raises NoAnswer after ``seconds``, and UserError at once if the mount's port cannot be opened.
         """
         now = asyncio.get_running_loop().time
         end = now() + seconds
@@ -73,7 +73,7 @@ class Mount:
         ]
 
     async def status(self) -> State:
-        """Ask the mount, and return its state: what ``mount-gateway status --json`` shows."""
+        """Ask the mount, for at most 1.5 s, and return its state: what ``mount-gateway status --json`` shows."""
         return await self._get_state(fresh=True)
 
     async def position(self) -> tuple[float, float]:
@@ -123,24 +123,24 @@ class Mount:
     async def arrived(self, seconds: float = 300.0) -> tuple[float, float]:
         """Wait until the goto, park or home of this program has ended, and return the position.
 
-        If this program has none under way, wait until no program has one. Raises Stopped with the reason if the motion
-        ended before its goal (also before the call), TimeoutError after ``seconds``, NoAnswer if the mount is silent.
+        If this program has begun none, wait until none is under way. Raises Stopped with the reason if the motion ended
+        before its goal (also before the call), TimeoutError after ``seconds``, NoAnswer after 10 s without an answer.
         """
         now = asyncio.get_running_loop().time
-        heard, gone = now(), ""
+        last_heard, reason = now(), ""
         try:
             async with asyncio.timeout(seconds):
                 while await self._is_goto_under_way():
                     look = (await self._get_state(fresh=False)).look
                     if look.online:
-                        heard, gone = now(), ""
+                        last_heard, reason = now(), ""
                     else:
-                        gone = look.reason or "the mount does not answer"
-                    if now() - heard > SILENCE_TIMEOUT:
-                        raise NoAnswer(f"It is not known whether the motion goes on: {gone}.")
+                        reason = look.reason or "the mount does not answer"
+                    if now() - last_heard > SILENCE_TIMEOUT:
+                        raise NoAnswer(f"It is not known whether the motion goes on: {reason}.")
                     await asyncio.sleep(PROGRESS_PERIOD)
         except TimeoutError:
-            ending = f", and it is not known whether it goes on: {gone}." if gone else "; it goes on."
+            ending = f", and it is not known whether it goes on: {reason}." if reason else "; it goes on."
             raise TimeoutError(f"The motion has not ended within {seconds:g} s{ending}") from None
         if not self._goto_number and (short := (await self.perform(op.GetActivity())).short):
             raise Stopped(short)
@@ -153,15 +153,15 @@ class Mount:
         return await self.perform(op.Slewing())
 
     async def sync(self, ra: float, dec: float, *, j2000: bool = False) -> None:
-        """Tell the mount that it points at this position now. Raises SyncTooFar beyond ``sync_limit``."""
+        """Sync the mount: it points at this position now. Raises SyncTooFar beyond ``sync_limit``."""
         await self._get_answer_text(requests.SyncRequest(_target_of(op.Sync(ra, dec), j2000)))
 
     async def move(self, direction: op.Direction, key: int, seconds: float) -> None:
-        """Press an arrow for some seconds, at rate ``key``, 1 to 9 as on a hand control. The gateway releases it."""
+        """Press an arrow at hand-control rate ``key``, 1 to 9; return after ``seconds``; the gateway releases it."""
         await self._get_answer_text(requests.MoveRequest(direction=direction, key=key, seconds=seconds), seconds)
 
     async def stop(self) -> None:
-        """End every motion of any client at once, before waiting orders; return when the mount is seen at rest."""
+        """End every motion of any client at once, also one not begun yet; return when the mount is seen at rest."""
         await self._get_answer(requests.StopRequest(self._client_name))
 
     async def hold(self) -> None:
@@ -178,12 +178,12 @@ class Mount:
         """Carry out any operation of ``gateway.op`` and return its answer; the docstring of the operation describes it.
 
         A motion that ``Move`` began ends if the program does not call ``perform`` for ``dead_man`` seconds. Raises
-        Invalid if the argument is no operation, or a field has a wrong type.
+        Invalid if the argument is no operation, or a field has a wrong type or value.
         """
-        towards = isinstance(operation, GOTOS)
-        request = pack_operation(operation, requests.new_request_number() if towards else self._operation_number)
+        is_goto = isinstance(operation, GOTOS)
+        request = pack_operation(operation, requests.new_request_number() if is_goto else self._operation_number)
         answer = await self._get_answer_text(request)
-        if towards:
+        if is_goto:
             self._goto_number = request.number
         return answer_of(operation, answer)
 

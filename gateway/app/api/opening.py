@@ -54,8 +54,8 @@ async def open_gateway(
     ``lowest=15``. A surface is an endpoint such as ``"lx200@tcp://127.0.0.1:4030"`` (port 0: any free port), or a
     mapping of the keys of ``[[surface]]``. ``warn`` is called with whole sentences for the user, and ``watch`` with
     every entry of the wire log. Both are called on the event loop and must return quickly. Raises UserError for an
-    invalid setting and for a surface that cannot be opened; use ``Mount.ready`` to wait for the mount. Leaving the
-    block stops the mount and closes everything.
+    invalid setting, a mount in use, and a surface that cannot be opened; use ``Mount.ready`` to wait for the mount.
+    Leaving the block stops the mount and closes everything. ``watchdog``: start a watchdog process for a real mount.
     """
     for name in settings.keys() & RUN_ONLY_KEYS:
         raise UserError(f"open_gateway: {name} is not a setting of this function: {RUN_ONLY_KEYS[name]}.")
@@ -109,7 +109,7 @@ def mount_in_process(gateway: Gateway) -> Mount:
 def connect(mount: str | None = None, *, state: str | None = None) -> Mount:
     """Find a gateway on this computer, in a service or another program, and return its mount.
 
-    ``mount`` is the mount's name or port; it may be omitted if only one gateway runs. ``state`` is the gateway's state
+    ``mount`` is the mount's name, endpoint or port, needed if several gateways run. ``state`` is the gateway's state
     folder, if it is not the default one. Nothing stays open between two requests, and a motion continues after the
     program that requested it has ended. Raises UserError if no gateway runs, or if several do.
     """

@@ -58,7 +58,7 @@ def mistakes_in(config: Config, needs_surface: bool = True, has_file: bool = Fal
 
 
 def _check_park(mount_index: int, mount: MountConfig) -> Iterator[Mistake]:
-    """Check that ``park`` fits the mount: AZ,ALT only if it does not park itself, ``"mount"`` only if it does."""
+    """Check that ``park`` fits the mount: ``"mount"`` only if it has a park position of its own, else AZ,ALT."""
     try:
         spec = PROTOCOLS[parse_endpoint(mount.at).protocol]
     except (UserError, KeyError):
@@ -224,7 +224,7 @@ def _check_ports_unique(config: Config) -> Iterator[Mistake]:
 
 
 def _port_identity(where: str, is_surface: bool) -> tuple[str, str]:
-    """Return what identifies a port: (host, port) if it listens on a network, else (path or URL, '')."""
+    """Return what identifies a port: (HOST, "tcp PORT") if it listens on a network, else (path or URL, "")."""
     if is_surface and where.startswith(NETWORK_SCHEMES):
         host, port = split_address(where)
         return host.replace("localhost", "127.0.0.1"), f"tcp {port}"

@@ -13,7 +13,7 @@ from gateway.app.config.tables import TABLES
 
 
 class Key(NamedTuple):
-    """A key of the configuration. ``choices`` lists the valid values if they are few, else it is empty."""
+    """A key of the configuration. ``allowed`` describes the valid values; ``choices`` lists those that are words."""
 
     name: str
     description: str
@@ -48,7 +48,7 @@ def keys_of(table: str) -> tuple[Key, ...]:
 
 
 def header_of(table: str) -> str:
-    """Return the header of a table as the file writes it."""
+    """Return the header of a table as the file writes it; for an empty name, words for the lines before any table."""
     return {"surface": "[[surface]]", "": "the first lines of the file"}.get(table, f"[{table}]")
 
 
@@ -60,7 +60,7 @@ def find_key(table: str, name: str) -> Key | None:
 def _key(field: Any, type_hint: Any) -> Key:
     meta = _meta(type_hint)
     assert meta is not None and meta.extra is not None
-    kind, choices, right = get_args(type_hint)[0], _choices_of(type_hint), _describe_values(type_hint)
+    kind, choices, allowed = get_args(type_hint)[0], _choices_of(type_hint), _describe_values(type_hint)
     default = None if field.required else field.default
     if field.default_factory is not msgspec.NODEFAULT:
         default = field.default_factory()
@@ -68,7 +68,7 @@ def _key(field: Any, type_hint: Any) -> Key:
         name=field.encode_name,
         description=meta.description or "",
         metavar=meta.extra["shown"] or "|".join(choices),
-        allowed=right,
+        allowed=allowed,
         choices=choices,
         value_type=Annotated[kind, meta],
         default=default,

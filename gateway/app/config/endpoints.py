@@ -26,7 +26,7 @@ ANY_MODEL = "any"
 
 
 def resolve_name(text: str) -> str | None:
-    """Return ``PROTOCOL[:MODEL]`` for a name as a user writes it, without a version; None for an unknown name."""
+    """Return ``PROTOCOL[:MODEL]`` for a mount's name, None if unknown. A model after ``PROTOCOL:`` may be unknown."""
     head, colon, rest = text.partition(":")
     if not colon:
         return head if head in PROTOCOLS else _look_up(_name_table(), head)
@@ -66,7 +66,7 @@ def _name_table() -> Mapping[str, str]:
 
 
 def names_by_model(protocol: str) -> dict[str, Sequence[str]]:
-    """Return the owners' names for each model of a protocol. Raises MappingError for an invalid ``called.toml``."""
+    """Return the names that users write for each model of a protocol. Raises MappingError for a bad ``called.toml``."""
     return {model: row["words"] for model, row in load(protocol).extra_table("called.toml").items()}
 
 
@@ -214,8 +214,8 @@ def suggest_address(where: str, is_surface: bool, devices: Path = Path("/dev")) 
         wrong, good = ("socket", "tcp") if is_surface else ("tcp", "socket")
         return f"{good}://{rest}" if scheme == wrong else ""
     if match := _ADDRESS.fullmatch(where):
-        known = match[1] if match[1] == "rfc2217" else "tcp" if is_surface else "socket"
-        return f"{known}://{match[2]}:{match[3]}"
+        right_scheme = match[1] if match[1] == "rfc2217" else "tcp" if is_surface else "socket"
+        return f"{right_scheme}://{match[2]}:{match[3]}"
     if is_surface and re.fullmatch(r":?\d{1,5}", where):
         return f"tcp://127.0.0.1:{where.lstrip(':')}"
     if is_surface and where in ("pty", "pty:"):

@@ -230,7 +230,7 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
 
     @property
     def limits(self) -> Limits:
-        """The limits of the mount's motion in degrees, also the hour angle."""
+        """The limits of the mount's motion and of syncs, all in degrees, also the hour angle."""
         lowest, highest = self.lowest, self.highest
         return Limits(
             0.0 if lowest is None else lowest,

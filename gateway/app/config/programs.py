@@ -27,7 +27,7 @@ class NeededSetting(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     key: str
     value: str
     why: str
-    #: The need exists only with hand controls before this version.
+    #: The need exists only with hand controls before this version, and with a GT, whose versions begin at 100.
     below: str | None = None
 
 
@@ -84,7 +84,7 @@ def _presented_version(endpoint: Endpoint) -> Version:
 
 
 def with_needs(surface: SurfaceConfig, program: str | None = None) -> SurfaceConfig:
-    """Return the surface with the needs of the program filled in."""
+    """Return the surface with the unmet needs of a program (default: ``client``) filled in."""
     return msgspec.structs.replace(surface, **as_fields(unmet_needs(surface, program)))
 
 
@@ -94,7 +94,7 @@ def as_fields(needs: list[NeededSetting]) -> dict[str, object]:
 
 
 def text_delay(surface: SurfaceConfig, protocol: str, program: str) -> float:
-    """Return the seconds for which the text of a refusal is delayed: infinite if the program never reads it."""
+    """Return for how many seconds the text of a refusal is held back: infinite if the program never reads it."""
     if not surface.hold_text:
         return 0.0
     row = programs(protocol).get(program)
@@ -108,9 +108,9 @@ def stops_all(protocol: str, program: str) -> bool:
 
 
 def first_bytes(surface: SurfaceConfig) -> dict[bytes, str]:
-    """Return the programs that need other settings than the surface's, by the first bytes that each sends.
+    """Return the programs that a surface must treat unlike others, by the first bytes that each sends.
 
-    It is empty for a serial line, on which another program may take over unnoticed, and if ``client`` is not auto.
+    The result is empty on a serial line, which another program may take over unnoticed, and if ``client`` is not auto.
     """
     endpoint = parse_endpoint(surface.at)
     if surface.client != "auto" or not endpoint.where.startswith(NETWORK_SCHEMES):

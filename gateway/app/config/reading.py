@@ -140,9 +140,9 @@ def _msgspec_error(tables: dict[str, object], source: Source, path: Place, field
     if field is None:
         return _value_error(tables, source, table, path)
     if kind == "unknown":
-        home = next((name for name in TABLES if name != table and find_key(name, field)), None)
+        right_table = next((name for name in TABLES if name != table and find_key(name, field)), None)
         known = [key.name for key in keys_of(table)] + ([] if table else ["mount", "surface"])
-        hint = suggest_choice(field, known) if home is None else f"it belongs under {header_of(home)}"
+        hint = suggest_choice(field, known) if right_table is None else f"it belongs under {header_of(right_table)}"
         return _to_error(source, Mistake((*path, field), f"there is no such key; {hint}"))
     key = find_key(table, field)
     if (key is None or (table == "mount" and not source.text)) and source.is_file:

@@ -52,7 +52,7 @@ def _line_for(key: Key, value: Any, origin: str | None) -> str:
 
 
 def example_toml() -> str:
-    """Return a complete ``gateway.toml``: every key with its description. Keys without a default are commented out."""
+    """Return an example ``gateway.toml`` with all keys; optional ones are commented out if not at their default."""
     lines = ["# gateway.toml: every key. A flag of the same name wins over the file.", ""]
     lines += _example_lines("")
     lines += [

@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import tomli
 
-#: The path of a key or a table in the configuration, such as ``("mount", 0, "lowest")``.
+#: The path of a key or a table in the configuration, such as ``("mount", 0, "lowest")``. A single mount has number 0.
 Place = tuple[str | int, ...]
 
 
@@ -24,7 +24,7 @@ class Source(msgspec.Struct):
     is_file: bool = False
 
     def locate(self, key_path: Place) -> str:
-        """Return the flag, the line (``gateway.toml:12``), or else the file of a key; a single mount has number 0."""
+        """Return the flag or line (``gateway.toml:12``) that sets a key or else its table; else the file's name."""
         prefixes = [key_path[:length] for length in range(len(key_path), 0, -1)]
         for prefix in prefixes:
             if prefix in self.flags:
@@ -36,7 +36,7 @@ class Source(msgspec.Struct):
         return self.name
 
     def origin_of(self, key_path: Place) -> str | None:
-        """Return the flag or the line that sets exactly this key; None if it was not set."""
+        """Return the flag or the line that sets exactly this key; None if none does, or a flag replaces its table."""
         if key_path in self.flags:
             return self.flags[key_path]
         line = line_of(self.text, self._path_in_file(key_path)) if self.text else None

@@ -1,4 +1,4 @@
-"""Declares the tables of ``gateway.toml`` other than mount and surface, and `Config`, which contains all tables."""
+"""Declares the tables of ``gateway.toml`` other than mount and surface, and ``Config``, which contains all tables."""
 
 from typing import Annotated, Literal
 
@@ -150,7 +150,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
         return None if self.console.at == OFF else self.console
 
     def surfaces_of(self, mount: MountConfig) -> list[SurfaceConfig]:
-        """Return the surfaces of a mount."""
+        """Return the surfaces of a mount; if there is only one mount, all of them."""
         return [surface for surface in self.surface if surface.mount == mount.name or len(self.mount) == 1]
 
 

@@ -3,8 +3,8 @@
 An endpoint file contains a gateway's port and secret. An invalid file (half written, a directory, another program's) is
 ignored and never hides the others. A killed gateway leaves its file behind; the next gateway, or ``stop``, removes it
 if nothing listens on its port. A datagram is ``HMAC NUMBER TEXT``: the client chooses a number, the answer repeats it,
-and the HMAC is made of both with the secret. The text is ``ask`` with a request in JSON, or the ``Answer`` in JSON, in
-numbered parts if it exceeds the size of a datagram.
+and the HMAC of number and text is made with the secret. The text is ``ask`` with a request in JSON, ``wait`` to confirm
+that it was received, or ``tell`` with a numbered part of the ``Answer`` in JSON.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ MAX_DATAGRAM = 9216
 
 
 class ControlEndpoint(Struct, frozen=True):
-    """The content of an endpoint file: the mount, the gateway's process, its port and secret, and its state folder.
+    """The content of an endpoint file: the mount's endpoint, and the gateway's process, port, secret and state folder.
 
-    ``name`` is the mount's name, empty if it has none.
+    ``name`` is the mount's name, empty if the mount has none.
     """
 
     mount: str
@@ -47,7 +47,7 @@ class ControlEndpoint(Struct, frozen=True):
 
     @property
     def title(self) -> str:
-        """The mount's name; its port if it has no name."""
+        """The mount's name; its endpoint if it has no name."""
         return self.name or self.mount
 
     def matches(self, mount_name: str | None) -> bool:
@@ -106,7 +106,7 @@ def sign(secret: str, request_number: str, text: str) -> bytes:
 
 
 def verify(secret: str, data: bytes) -> tuple[str, str] | None:
-    """Return the number and the text of a datagram; None if its HMAC was not made with this secret."""
+    """Return the request number and text of a datagram; None if it is too long or not signed with this secret."""
     given, _, sealed = data.decode("utf-8", "replace").partition(" ")
     if len(data) > MAX_DATAGRAM or not hmac.compare_digest(given.encode(), _hmac_of(secret, sealed).encode()):
         return None

@@ -38,9 +38,9 @@ class SkyObject(NamedTuple):
     magnitude: float | None = None
     size: float | None = None
     width: float | None = None
-    #: Its other names.
+    #: Its other names, separated by commas.
     also: str = ""
-    #: How a double star looks in the eyepiece.
+    #: How a double star looks in the eyepiece; empty for other objects.
     seen: str = ""
 
 
@@ -79,7 +79,7 @@ def find_object(text: str) -> SkyObject:
 
 
 def completions(text: str, limit: int) -> list[str]:
-    """Return up to ``limit`` object names and catalogue numbers that begin with a text; if none does, similar names."""
+    """Return up to ``limit`` names that begin with a text; else the text if it names a star, else similar names."""
     typed = supplied.normalized(text)
     bodies = [body for body in (*BODIES, "Sun") if typed and body.lower().startswith(typed)]
     begun = list(dict.fromkeys((*bodies, *_match_ids(text.strip()), *names.names_beginning_with(text, limit))))[:limit]

@@ -1,6 +1,6 @@
 """Carries out the requests ``StopRequest``, ``HoldRequest`` and ``ReleaseHoldRequest``.
 
-A stop or a hold is reported as done only if the mount was seen at rest. Every other answer says what went wrong.
+A stop or a hold is reported as done only if the mount was seen at rest, or is asleep. Else the answer says what failed.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ STOP_TIMEOUT = STOP_ACK_TIMEOUT + MAX_TIME_TO_REST + 2.0
 
 
 async def carry_out_stop(request: StopOrHold, controller: MountController, store: StateStore) -> Answer:
-    """Stop, hold or release the mount."""
+    """Stop, hold or release the mount, as requested; return the answer, which is also logged."""
     who = request.who or STOP_CLIENT
     answer = await _execute(request, who, controller, store)
     controller.wire_log.put(who, "*", note=f"{str(request.__struct_config__.tag).capitalize()}: {answer.text}")
@@ -46,7 +46,7 @@ async def _execute(request: StopOrHold, client_name: str, controller: MountContr
 
 
 async def stop_mount(controller: MountController, client_name: str = STOP_CLIENT) -> Answer:
-    """Stop the mount for a client, and watch it until it is at rest."""
+    """Stop the mount for a client, and watch it until it is at rest. A failed answer gives the reason."""
     try:
         async with asyncio.timeout(STOP_ACK_TIMEOUT):
             await controller.stop(client_name)

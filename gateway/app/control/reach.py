@@ -2,7 +2,7 @@
 
 ``stop`` may report that there is nothing to stop only after a search of the state folder, the runtime folders and the
 processes of this computer. For everything that the search could not read it reports a warning that says what the user
-can do about it. A request is repeated until it is answered or times out.
+can do about it. A request is sent again until it is answered or times out.
 """
 
 from __future__ import annotations
@@ -156,29 +156,29 @@ def explain_no_answer(pid: int) -> str:
 
 
 async def ask(endpoint: ControlEndpoint, request: Request, timeout: float) -> Answer | None:
-    """Send a request and return the answer; None if no gateway has this endpoint any more."""
+    """Send a request and return the answer, a failed one if none comes; None if the gateway has ended."""
     number, parts, heard = new_request_number(), exchange.AnswerParts(), False
-    asked, loop = exchange.sign(endpoint.secret, number, f"ask {encode(request)}"), asyncio.get_running_loop()
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
-        port.setblocking(False)
+    datagram, loop = exchange.sign(endpoint.secret, number, f"ask {encode(request)}"), asyncio.get_running_loop()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.setblocking(False)
         try:
-            port.connect(("127.0.0.1", endpoint.port))
+            sock.connect(("127.0.0.1", endpoint.port))
         except (OSError, OverflowError) as error:
             return _no_answer(f"the gateway (process {endpoint.pid}) cannot be reached: {error}")
         try:
             async with asyncio.timeout(timeout):
                 silence = loop.time() + RECEIPT_TIMEOUT
                 while heard or loop.time() <= silence:
-                    await loop.sock_sendall(port, asked)
+                    await loop.sock_sendall(sock, datagram)
                     with contextlib.suppress(TimeoutError):
                         async with asyncio.timeout(RESEND_PERIOD):
                             while True:
-                                opened = exchange.verify(
-                                    endpoint.secret, await loop.sock_recv(port, exchange.MAX_DATAGRAM)
+                                message = exchange.verify(
+                                    endpoint.secret, await loop.sock_recv(sock, exchange.MAX_DATAGRAM)
                                 )
-                                if opened is not None and opened[0] == number:
+                                if message is not None and message[0] == number:
                                     heard = True
-                                    if (answer := parts.add(opened[1])) is not None:
+                                    if (answer := parts.add(message[1])) is not None:
                                         return msgspec.json.decode(answer, type=Answer)
         except ConnectionError:
             return _no_answer(explain_no_answer(endpoint.pid)) if processes.is_gateway(endpoint.pid) else None

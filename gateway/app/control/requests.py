@@ -29,9 +29,9 @@ from gateway.mount.readings.reader import miss_text
 
 #: Seconds after which a motion that could not begin yet is dropped, because its command does not wait longer.
 MAX_START_DELAY = 10.0
-#: Seconds for fresh readings of the mount, before cached ones are shown.
+#: Timeout in seconds for fresh readings of the mount; after it, cached ones are shown.
 FRESH_READING_TIMEOUT = 1.5
-#: How many requests are remembered, the newest ones.
+#: How many requests are remembered: the newest ones, and those whose arrow is still pressed.
 MAX_REMEMBERED_REQUESTS = 64
 #: Operations that need the site.
 SITE_OPERATIONS = (op.Zenith, op.MoonPlace, op.HorizontalPosition, op.GotoHorizontal, op.TubeSide)
@@ -39,7 +39,7 @@ _T = TypeVar("_T")
 
 
 class ActiveRequest:
-    """A request under way: its client, how many stops there were before it, its goal, and whether it was cancelled."""
+    """A remembered request: its client, how many stops there were before it, its goal, and whether it was cancelled."""
 
     def __init__(self, activity: HostActivity, stop_count: int) -> None:
         self.activity, self.stop_count = activity, stop_count
@@ -76,7 +76,7 @@ NARROWED_LIMITS_TEXT = (
 
 
 def explain(fault: Fault, limits: Limits) -> str:
-    """Return a refusal for a person: the text that programs get, followed by an explanation."""
+    """Return a refusal for a person: the text for programs, and an explanation unless the text says what to do."""
     if limits.by_page and isinstance(fault, NARROWED):
         return f"{fault} {NARROWED_LIMITS_TEXT.format(limits)}"
     if fault.brief or not fault.explanation:  # a text with a brief form says what to do
@@ -123,11 +123,11 @@ class RequestHandler:
 
     async def carry_out(self, request: requests.Request) -> Answer:
         """Carry out any request but a stop or a hold. The name of an object is first replaced by its position."""
-        named = "It"
+        subject = "It"
         if isinstance(request, requests.GotoRequest | requests.SyncRequest) and isinstance(
             request.where, requests.Named
         ):
-            named = request.where.name[:1].upper() + request.where.name[1:]
+            subject = request.where.name[:1].upper() + request.where.name[1:]
             from gateway.app.control import objects  # loads the catalogues, which only names of objects need
 
             stops = self._controller.stop_count
@@ -152,20 +152,20 @@ class RequestHandler:
         what, wire_log = title_of(request), self._controller.wire_log
         active = self._add_active(request.number, request.who or f"mount-gateway {what.lower()}")
         kept_alive = isinstance(request, requests.PressKeyRequest) and active.arrow is not None
-        asks = issubclass(_operation_type(request) or op.Operation, op.Read)
+        reads = issubclass(_operation_type(request) or op.Operation, op.Read)
         try:
             message = await self._carry_out_change(request, active)
         except Fault as fault:
             message = f"{what} ended by a stop" if isinstance(fault, Stopped) else fault.with_summary(what)
-            if not asks:
+            if not reads:
                 wire_log.log_refusal(active.activity.host, message)
             explanation = explain(fault, self._controller.policy.limits)
             return Answer(
                 FAILED,
-                named + explanation[2:] if explanation.startswith("It is") else explanation,
+                subject + explanation[2:] if explanation.startswith("It is") else explanation,
                 type(fault).__name__,
             )
-        if not (asks or kept_alive):
+        if not (reads or kept_alive):
             answer = "" if isinstance(request, requests.OperationRequest) else f": {message}"
             wire_log.put(active.activity.host, "*", note=f"{what}{answer}")
         return Answer(DONE, message)
@@ -386,7 +386,7 @@ class RequestHandler:
         return reported
 
     async def _refresh(self) -> None:
-        """Read position and status from the mount; give up after ``FRESH_READING_TIMEOUT``."""
+        """Read the position and status from the mount, for ``FRESH_READING_TIMEOUT`` seconds at most."""
         controller = self._controller
         if controller.line.state != "up" or controller.driver.asleep:
             return

@@ -80,16 +80,16 @@ class ControlServer(asyncio.DatagramProtocol):
         ]
 
     def datagram_received(self, data: bytes, addr: object) -> None:
-        """Begin or continue a request; ignore any other datagram."""
-        opened = exchange.verify(self._secret, data)
-        if opened is None or not opened[1].startswith("ask "):
+        """Begin a request, or answer a repeated one; ignore other datagrams, and requests if too many are under way."""
+        message = exchange.verify(self._secret, data)
+        if message is None or not message[1].startswith("ask "):
             return
-        number, line = opened[0], opened[1].removeprefix("ask ")
+        number, request_json = message[0], message[1].removeprefix("ask ")
         task = self._tasks.get(number)
         if task is None:
             if len(self._tasks) >= MAX_REMEMBERED_REQUESTS and not self._forget_done_task():
                 return
-            task = self._tasks[number] = asyncio.get_running_loop().create_task(self._answer_request(line))
+            task = self._tasks[number] = asyncio.get_running_loop().create_task(self._answer_request(request_json))
         elif not task.done():
             self._send(number, exchange.WAIT_REPLY, addr)
             return

@@ -1,8 +1,8 @@
 """``mount-gateway stop``: stops every mount of a state folder, with or without a running gateway.
 
 A running gateway is asked to stop its mount. If none runs and the last one ended while its mount moved, this process
-opens the mount's port and sends the stop itself. Either way the mount counts as stopped only when its position shows it
-at rest.
+opens the mount's port and sends the stop itself. In both cases the mount counts as stopped only when its position shows
+that it is at rest. A running gateway also reports a sleeping mount as stopped.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ class StopReport(Struct):
 
 
 async def request_all(scope: Scope, mount_name: str | None, request: StopOrHold) -> StopReport:
-    """Send a request to every gateway in the scope; unless it is ``ReleaseHoldRequest``, also stop mounts left moving.
+    """Send a request to the gateways in the scope; unless it is ``ReleaseHoldRequest``, also stop mounts left moving.
 
-    All mounts are stopped in parallel: a gateway that does not answer delays no other mount.
+    ``mount_name`` selects a mount (None: all). All are stopped in parallel: a silent gateway delays no other mount.
     """
     report = StopReport([], [])
     asked: set[tuple[int, int]] = set()

@@ -26,7 +26,7 @@ class UserMessage(Struct, frozen=True):
 
 
 def first_messages(controller: MountController, model: str | None, version: str | None) -> Iterator[UserMessage]:
-    """Yield the messages at the start; ``model`` and ``version`` are those that the user named, or None."""
+    """Yield the messages for an identified mount; ``model`` and ``version`` are those that the user named, or None."""
     state = mount_state(controller)
     identity, status = state.identity, state.look.status
     if identity is None:
@@ -71,7 +71,7 @@ def _numbers(version: str) -> list[int]:
 
 
 def last_message(controller: MountController, was_moving: bool) -> UserMessage | None:
-    """Return the message at the end; ``was_moving``: there was a motion to stop. None if no mount was found."""
+    """Return the message at the end, None if no mount was found; ``was_moving``: there was a motion to stop."""
     state = mount_state(controller)
     status = state.look.status
     if state.identity is None:

@@ -2,7 +2,7 @@
 
 SkySafari finds a mount by SkyFi's discovery: it broadcasts ``skyfi?``, or ``skyfi:NAME?`` if its user has named a
 mount, to UDP port 4031. The answer is the query with ``@`` and an address in place of the question mark:
-``skyfi:NAME@192.168.1.5``. It contains no port: SkySafari connects to the port in its settings.
+``skyfi:NAME@192.168.1.5``. The answer contains no port: SkySafari connects to the port in its settings.
 If the discovery port cannot be opened, a message says so, and everything else works.
 """
 
@@ -97,9 +97,9 @@ class _SkyFiProtocol(asyncio.DatagramProtocol):
 def skyfi_answer(query: bytes, offers: Sequence[Offer], sender: tuple[str, int]) -> bytes:
     """Return the answer to a SkyFi query from ``sender`` (host, port); empty for any other datagram."""
     match = re.fullmatch(_SKYFI_QUERY, query)
-    able = [offer for offer in offers if offer.reached_by_ipv4]
-    if match is None or not able:
+    reachable = [offer for offer in offers if offer.reached_by_ipv4]
+    if match is None or not reachable:
         return b""
-    best = min(able, key=lambda offer: offer.port != SKYSAFARI_PORT)
+    best = min(reachable, key=lambda offer: offer.port != SKYSAFARI_PORT)
     address = address_towards(sender) if best.host in WILDCARD_ADDRESSES else best.host
     return match[1] + b"@" + address.encode() if address else b""

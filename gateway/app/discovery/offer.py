@@ -78,10 +78,10 @@ def reachable_addresses(
         for name, address in list_interfaces()
         if not (address.is_loopback or address.is_link_local or name.lower().startswith(_INTERNAL_INTERFACES))
     ]
-    old = [str(address) for address in outer if address.version == 4]
-    new = [str(address) for address in outer if address.version == 6] if offer.host == "::" else []
+    ipv4 = [str(address) for address in outer if address.version == 4]
+    ipv6 = [str(address) for address in outer if address.version == 6] if offer.host == "::" else []
     likeliest = get_main_address(_REMOTE_ADDRESS)
-    return sorted(dict.fromkeys(old or new), key=lambda address: address != likeliest)
+    return sorted(dict.fromkeys(ipv4 or ipv6), key=lambda address: address != likeliest)
 
 
 def reachable_networks(where: str) -> list[IPv4Network]:
@@ -94,7 +94,7 @@ def reachable_networks(where: str) -> list[IPv4Network]:
 
 
 def web_address(host: str, port: int) -> str:
-    """Return the address of a web page for a browser on this computer."""
+    """Return the URL of a web page for a browser on this computer; ``host`` is the address at which it is served."""
     return f"http://{ {'0.0.0.0': '127.0.0.1', '::': '[::1]'}.get(host, url_host(host)) }:{port}/"
 
 

@@ -1,7 +1,7 @@
 """The present addresses of a gateway's surfaces and console, as users type them into a program.
 
 A computer gets its addresses after the gateway has started (Wi-Fi), and new ones later (a new lease). So they are
-looked up whenever they are shown, and ``PhoneInstructions`` shows each of them once.
+looked up each time they are shown; ``PhoneInstructions`` returns only lines that are new.
 """
 
 from __future__ import annotations
@@ -54,13 +54,13 @@ def _make_served(name: str, where: str, offer: Offer | None) -> ServedSurface:
 
 
 class PhoneInstructions:
-    """The lines that show what to type on a phone; each is printed when it is new, and again when it changes."""
+    """Makes the lines that show what to type on a phone, and remembers them, so that each is printed only once."""
 
     def __init__(self) -> None:
         self._logged_lines: dict[tuple[str, int], str] = {}
 
     def new_lines(self, offers: Iterable[Offer]) -> list[str]:
-        """Return the lines of new and changed offers."""
+        """Return the lines of offers that are new or whose line has changed since the last call."""
         lines = []
         for offer in offers:
             key, line = (offer.protocol, offer.port), phone_instruction(offer, reachable_addresses(offer))

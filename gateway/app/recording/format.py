@@ -129,12 +129,12 @@ def read(path: Path) -> Recording:
 
 
 def is_recording(path: Path) -> bool:
-    """Whether a file begins like a recording. Raises UserError if it cannot be read."""
+    """Whether a file begins like a recording. Raises UserError if it is unreadable or has another format number."""
     return _read_format_version(path) is not None
 
 
 def _read_format_version(path: Path) -> int | None:
-    """Return the format number of a recording; None for any other file. Raises UserError if it cannot be read."""
+    """Return a recording's format number; None for other files. Raises UserError if unreadable or another format."""
     try:
         with open_regular_file(path) as file:
             line = file.readline(len(FILE_HEADER) + 8).decode("latin-1")

@@ -84,7 +84,7 @@ class Recorder:
             await self.flush()
 
     async def flush(self) -> None:
-        """Write all entries so far, and wait until they are in the file."""
+        """Write all queued entries, and wait until they are in the file; after a failure, do nothing."""
         async with self._lock:
             if self._entry_queue and not self._has_failed:
                 await self._write_entries([self._entry_queue.popleft() for _ in range(len(self._entry_queue))])

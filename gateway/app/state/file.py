@@ -30,7 +30,7 @@ MAX_NAME_LENGTH = 120
 Byte = Annotated[int, Meta(ge=0, le=255)]
 #: The beginnings of the names of the two motors' settings, which all clients share.
 MOTOR_SETTING_PREFIXES = ("backlash ", "guide rate ")
-#: As long as this file exists, the mounts of its folder are held: no program moves them.
+#: A gateway whose state folder contains this file at its start holds its mount: no program moves the mount.
 HOLD_FILE = "hold"
 _HOLD_TEXT = b"mount-gateway stop --hold: no mount of this folder is moved until mount-gateway stop --release.\n"
 
@@ -116,7 +116,7 @@ def move_aside(path: Path) -> Path:
 
 
 def has_hold_file(folder: Path) -> bool:
-    """Whether a state folder contains the hold file, whatever its content or owner: no program may move its mounts."""
+    """Whether a state folder contains the hold file, whatever its content or owner: then its mounts must not move."""
     return os.path.lexists(folder / HOLD_FILE)
 
 
@@ -164,7 +164,7 @@ def to_saved_state(
     site: SiteOfProgram | None = None,
     last_observation: MountSnapshot | None = None,
 ) -> SavedState:
-    """Return what outlasts the run: these states, and the shared settings but for a guide pulse or a drive rate."""
+    """Return the state to save: these states, and the shared settings but ``manual_hertz`` and ``pulse_ends``."""
     return SavedState(
         FORMAT_VERSION,
         sites={str(index): site for index, site in shared.sites.items() if site != UNNAMED_SITE},

@@ -1,8 +1,8 @@
 """The motion marker: a file that exists while the mount moves by order of the gateway.
 
-A process that was killed cannot stop its mount. The marker tells the next gateway, or ``mount-gateway stop``, to do it.
+A process that was killed cannot stop its mount. If the marker exists, the next gateway or ``mount-gateway stop`` does.
 It is written before the motion is sent, without flushing to the disk: it must survive the process, not a power failure,
-and it never delays a motion by more than ``WRITE_TIMEOUT``.
+and it never delays a motion by more than ``WRITE_TIMEOUT`` seconds.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class MotionMarker:
             self._start_watch()
 
     async def before_motion(self) -> None:
-        """Write the marker; return once it is written, or after ``WRITE_TIMEOUT`` seconds on a busy disk."""
+        """Write the marker; return once a marker is on the disk, or after ``WRITE_TIMEOUT`` seconds on a busy disk."""
         marked = self._written_content is not None and self._wanted_content is not None
         self._request_write(msgspec.json.encode(self._get_content()))
         self._quiet_time = 0.0
@@ -96,7 +96,7 @@ class MotionMarker:
             self._watch_task = asyncio.get_running_loop().create_task(self._delete_at_rest())
 
     async def _delete_at_rest(self) -> None:
-        """Delete the marker after ``REST_DELAY`` seconds at rest, so not between two guide pulses."""
+        """Delete the marker after ``REST_DELAY`` seconds of rest, so that it lasts from one guide pulse to the next."""
         self._quiet_time = 0.0
         while self._quiet_time < REST_DELAY:
             await asyncio.sleep(CHECK_PERIOD)

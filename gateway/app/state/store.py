@@ -40,7 +40,7 @@ class PreviousRun(Struct, frozen=True):
 
 
 def restore(controller: MountController, previous_run: PreviousRun) -> None:
-    """Restore the state of the previous run. Stop a mount left moving; if that is long ago, only if it still moves."""
+    """Restore the saved state. Stop a mount left moving; after ``MAX_MARK_AGE`` seconds only if it still moves."""
     controller.driver.restore_state(previous_run.saved_state.mount, moving=False)
     controller.syncs.value = previous_run.saved_state.synced
     controller.same_mount_check.snapshot = previous_run.saved_state.left
@@ -99,7 +99,7 @@ class StateStore:
         self._writer: asyncio.Task[None] | None = None
 
     def _warn_once(self, text: str) -> None:
-        """Warn the user, but only once: a disk that is full stays full for a while."""
+        """Warn the user of the first failure, not of later ones: a disk that is full stays full for a while."""
         if not self._has_warned:
             self._has_warned = True
             self._warn(text)
@@ -211,7 +211,7 @@ class StateStore:
             self._writer = None
 
     async def _write(self) -> bool:
-        """Write the state if it differs from the file; return whether it did."""
+        """Write the state if it differs from the file; return whether it differed."""
         values = self._get_driver_memory(False), self._get_sync_sum(), self._get_site(), self._get_snapshot()
         data = file.encode_state(file.to_saved_state(self.shared.settings, *values))
         if data == self._written_bytes:

@@ -177,9 +177,9 @@ class Watchdog:
 
 
 class WatchedMount:
-    """One mount as the watchdog knows it.
+    """One mount that the watchdog process stops if this process cannot.
 
-    ``stop_commands`` returns the bytes that stop it now, ``busy`` whether it moves or is about to; ``on_stopped`` is
+    ``stop_commands`` returns the bytes that stop it now, ``busy`` whether it may be moving; ``on_stopped`` is
     called when the process has stopped the mount because heartbeats were missing; ``path_is_clear`` returns whether the
     only motion is a goto on a path within the limits. ``lock`` is the file that names the gateway that has the mount.
     """
@@ -208,12 +208,12 @@ class WatchedMount:
         self.register()
 
     def reached(self, host: str, port: int, answers_in_parallel: bool) -> None:
-        """Pass the address of the mount's server to the process, and whether it may connect to it in advance."""
+        """Pass the address of the mount's server to the process, and whether the process may connect in advance."""
         self._server_fields = host, str(port), "beside" if answers_in_parallel else "alone"
         self.register()
 
     def closed(self) -> None:
-        """Tell the process to close its duplicate: the line is about to be closed."""
+        """Withdraw the line or server from the process, which closes its duplicate: the line is about to be closed."""
         self._line_descriptor, self._server_fields = None, ()
         self._watchdog.send(f"gone {self._mount_number}")
 
@@ -230,14 +230,14 @@ class WatchedMount:
                 self.report_changes()
 
     def report_motion_start(self) -> None:
-        """Tell the process that a motion is about to begin."""
+        """Start the process if needed, report to it that a motion is about to begin, and start the heartbeats."""
         self._watchdog.start()
         self.moving = True
         self._report()
         self._watchdog.start_heartbeats()
 
     async def before_motion(self) -> None:
-        """Tell the process that a motion is about to begin; this never waits. The ``Reconciler`` calls it."""
+        """Do what ``report_motion_start`` does, without waiting. It is called before each motion."""
         self.report_motion_start()
 
     def report_changes(self, _: None = None) -> None:
@@ -255,6 +255,6 @@ class WatchedMount:
             self._watchdog.send(f"{kind} {self._mount_number}{text}")
 
     def on_watchdog_stop(self) -> None:
-        """Report that the process has stopped the mount because heartbeats were missing."""
+        """Call ``on_stopped``, because the process has stopped the mount."""
         self._last_message = REST_MESSAGE
         self._on_stopped()

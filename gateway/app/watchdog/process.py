@@ -1,10 +1,10 @@
 """The watchdog process: it stops the mounts that its gateway has set moving if the gateway dies or hangs.
 
 It runs as a script, without ``site``, and imports nothing of the gateway, so it starts within milliseconds and stays
-under 10 MiB. It holds duplicates of the gateway's lines to its mounts and reads the messages that ``client.py``
+under 10 MiB. It holds duplicates of the descriptors of the gateway's lines, and reads the messages that ``client.py``
 describes. While a mount moves, ``MAX_SILENCE`` seconds without a message (``MAX_STARVED_SILENCE`` on a busy computer if
-all slew within the limits), or the end of the socket, mean that the gateway no longer supervises it: the process then
-sends stops for some seconds. It leaves a mount alone when another gateway has taken its lock; it ends with its gateway.
+all moving mounts are in checked gotos), or the end of the socket, mean that the gateway no longer supervises it. It is
+then sent stops for some seconds, unless another gateway has taken it. The process ends after its gateway has ended.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class GuardedMount:
         """Do nothing: the line is open already. ``ServedMount`` connects to its server here."""
 
     def close(self) -> None:
-        """Close the duplicate of a line that the gateway has closed."""
+        """Close the duplicate of the descriptor; the gateway's own is not affected."""
         os.close(self.descriptor)
 
     def unlock(self) -> None:
@@ -71,7 +71,7 @@ class GuardedMount:
 
 class ServedMount(GuardedMount):
     """A mount behind a server. Each stop command is a whole HTTP request on a new connection, because servers may close
-    a connection after an answer. ``connect_mode`` is ``beside`` if the first connection may be opened in advance.
+    a connection after an answer. ``connect_mode`` is ``beside`` if a connection may be opened in advance.
     """
 
     def __init__(self, title: str, lock_path: str, host: str, port: str, connect_mode: str) -> None:
@@ -82,7 +82,7 @@ class ServedMount(GuardedMount):
         self.used_connections: list[_socket.socket] = []
 
     def prepare_stop(self, connect_now: bool = False) -> None:
-        """Connect, unless there is a connection that the server has not closed meanwhile."""
+        """Connect, unless an unused connection is still open; without ``connect_now`` only in ``beside`` mode."""
         if self.next_connections and select.select(self.next_connections, [], [], 0.0)[0]:
             self.next_connections.pop().close()
         if (connect_now or self.preconnected) and self.stop_commands and not self.next_connections:
@@ -126,7 +126,7 @@ def read_lock_file(path: str) -> bytes:
 
 
 def cpu_wait(pid: str) -> float:
-    """Return the seconds for which a process has waited for a processor; NaN if the system does not say (not Linux)."""
+    """Return the seconds for which a process has waited for a processor since its start; NaN if unknown (not Linux)."""
     columns = read_lock_file(f"/proc/{pid}/schedstat").split()
     return int(columns[1]) / 1e9 if len(columns) == 3 else float("nan")
 
@@ -143,16 +143,16 @@ class GatewayWatch:
         self._partial_line = b""
 
     def run(self) -> None:
-        """Watch until the gateway has ended and its moving mounts were sent their stops."""
+        """Watch until the gateway has ended, and stops were sent to the mounts that were moving then."""
         while True:
             moving = [mount for mount in self.mounts.values() if mount.stop_commands]
-            asked = time.monotonic()
-            left = max(0.0, self.last_heard + self._timeout - asked) if moving else None
+            began = time.monotonic()
+            left = max(0.0, self.last_heard + self._timeout - began) if moving else None
             if select.select([self.connection], [], [], left)[0]:
                 if not self.receive():
                     self.stop_for_ended_gateway(moving)
                     return
-            elif left is not None and self._timeout == MAX_SILENCE and time.monotonic() - asked > left + FREEZE_TIME:
+            elif left is not None and self._timeout == MAX_SILENCE and time.monotonic() - began > left + FREEZE_TIME:
                 self.reset_silence()  # the whole computer was suspended or overloaded
             elif all(mount.path_is_clear for mount in moving) and self.is_starved():
                 self._timeout = min(MAX_STARVED_SILENCE, time.monotonic() - self.last_heard + WAITING_CHECK_PERIOD)
@@ -160,7 +160,7 @@ class GatewayWatch:
                 self.stop_for_silent_gateway(moving)
 
     def reset_silence(self) -> None:
-        """Measure the gateway's silence from now on, because the gateway has just sent something."""
+        """Measure the gateway's silence from now on: it has sent something, or this process did not run."""
         self.last_heard, self._cpu_wait, self._timeout = time.monotonic(), cpu_wait(self.gw_pid), MAX_SILENCE
 
     def is_starved(self) -> bool:
@@ -169,7 +169,7 @@ class GatewayWatch:
         return silence < MAX_STARVED_SILENCE and cpu_wait(self.gw_pid) - self._cpu_wait >= MIN_WAIT_FRACTION * silence
 
     def receive(self) -> bool:
-        """Read the gateway's messages; return whether it still runs."""
+        """Read and handle the gateway's messages; return False if the gateway has closed the socket."""
         try:
             data, ancillary, _, _ = self.connection.recvmsg(65536, _socket.CMSG_SPACE(64))
         except OSError:
@@ -206,13 +206,13 @@ class GatewayWatch:
             self.mounts[number].prepare_stop()
 
     def drop(self, number: str) -> None:
-        """Forget a mount whose line the gateway has closed, and close the duplicate."""
+        """Forget a mount, if it is known; close the duplicate of its descriptor, or its connections."""
         mount = self.mounts.pop(number, None)
         if mount is not None:
             mount.close()
 
     def stop_for_ended_gateway(self, mounts: list[GuardedMount]) -> None:
-        """Send stops for some seconds to the mounts of a dead gateway, to each until another gateway has taken it."""
+        """Unlock a dead gateway's mounts; send stops to each for some seconds or until another gateway takes it."""
         self.write_to_stderr(mounts, "has ended")
         for mount in mounts:
             mount.unlock()
@@ -252,7 +252,7 @@ class GatewayWatch:
                 pass
 
     def report_stops(self, mounts: list[GuardedMount]) -> None:
-        """Tell the gateway, in case it resumes, that its mounts were stopped."""
+        """Report to the gateway, in case it resumes, that stops were sent to these mounts."""
         numbers = [number for number, mount in self.mounts.items() if mount in mounts]
         try:
             self.connection.send("".join(f"stopped {number}\n" for number in numbers).encode())
@@ -261,7 +261,7 @@ class GatewayWatch:
 
 
 def send_stops(mounts: list[GuardedMount]) -> None:
-    """Send the stops of all mounts in parallel, command by command, except of mounts that another gateway has taken."""
+    """Send the stops of these mounts in parallel, command by command, but none to a mount that another gateway has."""
     for place in range(max((len(mount.stop_commands) for mount in mounts), default=0)):
         for mount in mounts:
             if place < len(mount.stop_commands) and not mount.is_taken_over():

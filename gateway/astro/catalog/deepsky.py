@@ -37,7 +37,7 @@ _REPLACED_MESSIER = {102: ("NGC", 5866)}
 
 #: An object in a search: database row, right ascension, declination. A plain tuple, because there are twelve thousand.
 Candidate = tuple[int, float, float]
-#: Whether the mount may go to a J2000 position (degrees) now.
+#: Whether the mount may go to a J2000 position (degrees) now: an object there is then called visible.
 Visible = Callable[[float, float], bool]
 _BEYOND_LAST_ROW = 1 << 60  # greater than the number of every database row
 
@@ -99,7 +99,7 @@ def _select(where: str, *values: Any, columns: str = _OBJECT_COLUMNS) -> list[tu
 
 
 def find_matches(limits: SearchLimits) -> list[Candidate]:
-    """Return the matches in ``search_order``, in a cached list: do not change it. Raises NotInstalled."""
+    """Return the objects within limits, in ``search_order``, in a cached list: do not alter it. Raises NotInstalled."""
     return _find_matches(data_file("pyongc", "ongc.db"), limits)
 
 
@@ -108,14 +108,14 @@ def _find_matches(_: Path, limits: SearchLimits) -> list[Candidate]:
     types = [name for name, kinds in _KIND_LETTERS.items() if set(kinds) & set(limits.kinds)]
     least = QUALITIES.index(limits.quality)
     faintest = min(limits.max_mag, MAG_LIMITS[least]) if least < len(MAG_LIMITS) else limits.max_mag
-    judged = ", coalesce(vmag, bmag), majax, minax" if least < len(MAG_LIMITS) else ""
+    more_columns = ", coalesce(vmag, bmag), majax, minax" if least < len(MAG_LIMITS) else ""
     rows = _select(
         f"type IN ({', '.join('?' * len(types))}) AND ra IS NOT NULL "
         f"AND coalesce(vmag, bmag, {_UNMEASURED_MAGNITUDE}) BETWEEN ? AND ? AND coalesce(majax, 0) BETWEEN ? AND ? "
         "ORDER BY CAST(right / 15.0 AS INTEGER), up DESC, id",
-        *types, limits.min_mag, faintest, limits.min_size, limits.max_size, columns=_CANDIDATE_COLUMNS + judged,
+        *types, limits.min_mag, faintest, limits.min_size, limits.max_size, columns=_CANDIDATE_COLUMNS + more_columns,
     )  # fmt: skip
-    if judged:
+    if more_columns:
         rows = [row[:3] for row in rows if QUALITIES.index(quality(*row[3:])) <= least]
     return rows
 
@@ -127,15 +127,15 @@ def search_order(candidate: Candidate) -> tuple[int, float, int]:
 
 
 def first_visible(candidates: Sequence[Candidate], is_visible: Visible, meridian_ra: float) -> Candidate | None:
-    """Return the westernmost candidate that the mount may go to; ``meridian_ra`` is the sidereal time, degrees."""
-    west = int(wrap360(meridian_ra + 180.0) / 15.0), -90.0, 0
-    return _next_visible(candidates, bisect_left(candidates, west, key=search_order), 1, is_visible)
+    """Return the first visible candidate from the westernmost strip on; ``meridian_ra``: sidereal time, degrees."""
+    first_key = int(wrap360(meridian_ra + 180.0) / 15.0), -90.0, 0
+    return _next_visible(candidates, bisect_left(candidates, first_key, key=search_order), 1, is_visible)
 
 
 def neighbour(
     candidates: Sequence[Candidate], is_visible: Visible, ra: float, dec: float, step: int
 ) -> Candidate | None:
-    """Return the next visible candidate after a J2000 position (``step`` 1) or before it (-1), in search order."""
+    """Return the next visible candidate after a J2000 position in degrees (``step`` 1) or before it (-1), or None."""
     after = bisect_left(candidates, search_order((_BEYOND_LAST_ROW, ra, dec)), key=search_order)
     before = bisect_left(candidates, search_order((0, ra, dec)), key=search_order) - 1
     return _next_visible(candidates, after if step > 0 else before, step, is_visible)

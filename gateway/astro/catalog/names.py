@@ -29,27 +29,27 @@ _NUMBER_BY_SPELLING = {normalized(name): HIP_IDS[OTHER_NAMES.get(name, name)] fo
 
 
 def star_number(name: str) -> int | None:
-    """Return the Hipparcos number of a star by its name or letter, or None."""
+    """Return the Hipparcos number of a star by its name, Bayer letter or Flamsteed number; None if it is unknown."""
     doubles = {normalized(known): number for known, number in supplied.double_numbers_by_name().items()}
     return (_NUMBER_BY_SPELLING | doubles).get(normalized(name)) or supplied.star_number_by_letter(name)
 
 
 def look_up(name: str, year: float) -> CatalogObject | None:
-    """Return the star or deep sky object with this name, or None."""
+    """Return the star or deep sky object of this name, or None. ``year``: epoch of proper motion (position: J2000)."""
     number = star_number(name)
     return supplied.look_up(name) if number is None else entry_of_star(number, year)
 
 
 def entry_of_star(number: int, year: float) -> CatalogObject:
-    """Return the catalogue entry of a star with this Hipparcos number, which ``supplied.stars`` must contain."""
+    """Return the entry of a star, with proper motion up to ``year``. ``supplied.stars`` must contain the number."""
     known = supplied.stars()[number]
-    called = next((name for name, at in HIP_IDS.items() if at == number), "")
+    called = next((name for name, hip_id in HIP_IDS.items() if hip_id == number), "")
     first, *others = filter(None, (called, *known.designations.split("|")))
     return CatalogObject(first, "*", *known.position_at(year), known.magnitude, also=", ".join(others))
 
 
 def names_beginning_with(text: str, max_count: int) -> list[str]:
-    """Return names that begin with a text, or contain a word that does: stars first, sorted by brightness."""
+    """Return names that begin with a text, then names with a word that does; in each part the brightest stars first."""
     typed = normalized(text)
     if not typed:
         return []
@@ -67,7 +67,7 @@ def _sort_key(name: str) -> tuple[bool, float, int]:
 
 
 def suggestions(name: str, more_names: tuple[str, ...] = ()) -> list[str]:
-    """Return names of the catalogues, and of ``more_names``, that begin with an unknown name or are similar to it."""
+    """Return up to three names of the catalogues, or of ``more_names``, that begin with or resemble an unknown name."""
     spelled = _name_by_spelling() | {normalized(known): known for known in more_names}
     spelled = {supplied.without_kind_suffix(spelling): known for spelling, known in spelled.items()} | spelled
     typed = normalized(name)

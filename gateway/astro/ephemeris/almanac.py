@@ -37,7 +37,7 @@ _ROW_LAYOUTS["frame"] = (_FRAME_ROW, 0)
 _DAY_BYTES = DAY_ROWS * (_FRAME_ROW.size + len(SKY_PARTS[1:]) * _BODY.size)
 #: The first bytes of a file: the name and version of the format.
 FILE_HEADER = b"mount-gateway almanac 1\n"
-#: The size limit of a file that is read (eight years); and how many days are stored: the newest.
+#: The size limit of a file that is read (eight years); and how many days are stored: those added last.
 MAX_FILE_BYTES, MAX_DAYS = 8_000_000, 200
 SHIPPED_FILE = Path(__file__).with_name("rehearsal.almanac")
 
@@ -54,13 +54,13 @@ class Almanac(msgspec.Struct, frozen=True):
         day = self.days.get(int(unix // DAY))
         if day is None:
             return None
-        form, place = _ROW_LAYOUTS[part]
+        row_format, offset = _ROW_LAYOUTS[part]
         steps = unix % DAY / ROW_INTERVAL
         first = min(max(int(steps) - 1, 0), DAY_ROWS - 4)
         a = steps - first
         b, c, d = a - 1.0, a - 2.0, a - 3.0
         weights = (-b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0)
-        rows = [form.unpack_from(day, place + number * form.size) for number in range(first, first + 4)]
+        rows = [row_format.unpack_from(day, offset + number * row_format.size) for number in range(first, first + 4)]
         return tuple(sum(map(mul, weights, column)) for column in zip(*rows, strict=True))
 
     def count_days_from(self, first_day: int) -> int:
@@ -72,7 +72,7 @@ class Almanac(msgspec.Struct, frozen=True):
         return Almanac({**self.days, **newer.days})
 
     def without_oldest_days(self) -> Almanac:
-        """Return the almanac with at most `MAX_DAYS` days, the newest."""
+        """Return the almanac with at most `MAX_DAYS` days: those that were added last."""
         return Almanac(dict(list(self.days.items())[-MAX_DAYS:]))
 
     def encode(self) -> bytes:
@@ -109,7 +109,7 @@ def read(path: Path) -> Almanac:
 
 
 def load_stored(path: str | None = None) -> Almanac:
-    """Return the almanac of the cache folder (empty if it has none), joined with the almanac in the file ``path``.
+    """Return the almanac of the cache folder (empty if it cannot be read), joined with that in the file ``path``.
     Raises UserError if the named file cannot be used.
     """
     try:

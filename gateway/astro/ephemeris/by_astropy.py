@@ -1,7 +1,7 @@
 """Calculates days of the almanac with astropy. The import takes half a second and 45 MB: only
 ``mount-gateway almanac`` and tests do it, never a process that serves mounts.
 
-`Time` knows the leap seconds. ERFA's IAU 2006 precession and 2000A nutation convert J2000 to the equinox of date.
+`Time` applies leap seconds. ERFA's IAU 2006 precession and 2000A nutation convert J2000 to the equinox of date.
 `get_sun` and `get_body_barycentric` return Sun, Moon and planets (ephemeris "builtin": nothing is downloaded). UT1-UTC
 is read from the IERS file finals2000A.all, which is installed with astropy and contains predictions for a year; later
 dates use its last value. The file is parsed here, because astropy's own reader takes 100 MB.
@@ -54,7 +54,7 @@ def _times_and_rotations(days: tuple[int, ...]) -> tuple[Any, Any]:
 
 
 def _part_rows(part: str, days: tuple[int, ...]) -> Any:
-    """Return the rows of a part of the sky: sidereal time and rotation, or a body's vector of date."""
+    """Return a part's rows as [day, row, number]: sidereal time and rotation, or a body's vector of date in km."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", erfa.ErfaWarning)  # future leap seconds are unknown
         at, matrices = _times_and_rotations(days)

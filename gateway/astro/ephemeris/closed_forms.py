@@ -71,7 +71,7 @@ def nutation(t: float) -> tuple[float, float]:
 
 @lru_cache(256)  # callers ask many times for the same moment
 def sidereal_time(unix: float, longitude_east: float) -> float:
-    """Return the apparent sidereal time in [0, 360), with UTC taken as UT1: IAU 2006 mean sidereal time and the
+    """Return the apparent sidereal time, [0, 360) degrees, with UTC as UT1: IAU 2006 mean sidereal time and the
     equation of the equinoxes from `nutation`. Accurate to 0.03 s, plus UT1-UTC, which leap seconds keep below 0.9 s.
     """
     days = (unix - UNIX_AT_J2000) / 86400.0
@@ -83,12 +83,12 @@ def sidereal_time(unix: float, longitude_east: float) -> float:
 
 
 def frame(unix: float) -> Frame:
-    """Return sidereal time (UT1 = UTC) and rotation to date: IAU 2006 precession and the largest nutation terms."""
+    """Return Greenwich sidereal time (UT1 = UTC) and rotation to date: IAU 2006 precession, largest nutation terms."""
     return sidereal_time(unix, 0.0), _j2000_to_date_rotation(centuries(unix))
 
 
 def sun(unix: float) -> Vector:
-    """Return the apparent geocentric direction of the Sun, of date (Meeus, chapter 25, low accuracy)."""
+    """Return the unit vector to the apparent geocentric Sun, of date (Meeus, chapter 25, low accuracy)."""
     t = centuries(unix)
     anomaly = math.radians(357.52911 + t * (35999.05029 - 0.0001537 * t))
     centre = (
@@ -114,7 +114,7 @@ def moon(unix: float) -> Vector:
 
 
 def delaunay_arguments(t: float) -> tuple[float, float, float, float]:
-    """Return the Moon's elongation, the Sun's anomaly, the Moon's anomaly and argument of latitude, in radians."""
+    """Return the Moon's mean elongation, the Sun's and Moon's mean anomaly, the argument of latitude, in radians."""
     return (
         math.radians(297.8501921 + t * (445267.1114034 - 0.0018819 * t)),
         math.radians(357.5291092 + t * (35999.0502909 - 0.0001536 * t)),

@@ -34,7 +34,7 @@ POPEN_FLAGS = getattr(subprocess, "IDLE_PRIORITY_CLASS", 0) | getattr(subprocess
 
 
 def renew_almanac(days: Iterable[int]) -> tuple[Almanac, str]:
-    """Return an almanac with these days, and why it cannot be stored (or ""). Raises like ``calculate_in_process``."""
+    """Store and return an almanac with these days, and why it was not stored, or "". Raises OSError, ValueError."""
     path, almanac = cache_folder() / "almanac", load_stored()
     lacking = [day for day in days if day not in almanac.days]
     if not lacking:
@@ -63,16 +63,16 @@ def calculate_in_process(days: Collection[int]) -> Almanac:
     argv = [*gateway_argv(), "almanac", "-", "--dates", ",".join(map(str, days))]
     path = os.pathsep.join([str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
     environment = {**os.environ, **PROCESS_ENVIRONMENT, "PYTHONPATH": path}
-    its_input, held = os.pipe()
+    read_end, write_end = os.pipe()
     try:
         done = subprocess.run(
-            argv, stdin=its_input, capture_output=True, timeout=TIMEOUT, env=environment, creationflags=POPEN_FLAGS
+            argv, stdin=read_end, capture_output=True, timeout=TIMEOUT, env=environment, creationflags=POPEN_FLAGS
         )
     except subprocess.TimeoutExpired:
         raise ValueError(f"it took more than {TIMEOUT:.0f} s") from None
     finally:
-        os.close(its_input)
-        os.close(held)
+        os.close(read_end)
+        os.close(write_end)
     if done.returncode:
         said = done.stderr.decode(errors="replace").strip().splitlines() or [f"it ended with {done.returncode}"]
         raise ValueError(said[-1][:200])
@@ -132,7 +132,7 @@ class AlmanacKeeper:
         """Add these days to the almanac; warn and return False if they could not be calculated."""
         try:
             newer, trouble = await _renew_on_daemon_thread(days)
-        except Exception as error:  # also that there is no room for a thread: without the keeper, nothing would tell it
+        except Exception as error:  # also if no thread can start: an error that ended this task would be lost
             self._warn_once(
                 f"the almanac could not be calculated: {error}. Simpler formulas replace it: the Sun within 0.01 "
                 f"degrees, the Moon within 0.04, no planets. The gateway tries again in an hour"
@@ -144,14 +144,14 @@ class AlmanacKeeper:
         return True
 
     def _use(self, newer: Almanac) -> None:
-        """Add the days of ``newer`` to the almanac, and give that to the sky."""
+        """Add the days of ``newer``, and let the sky use the joined almanac."""
         self._calculated_almanac = self._calculated_almanac.join(newer).without_oldest_days()
         self._almanac = self._initial_almanac.join(self._calculated_almanac)
         self._sky.use(self._almanac)
 
     def _missing_days(self) -> list[int]:
-        """Return the days to calculate: up to `DAYS_PER_CALCULATION` from today, from the sky's missing day and, while
-        all mounts are at rest, from `MIN_DAYS_LEFT` days ahead, if that first day is missing.
+        """Return the days to calculate: up to `DAYS_PER_CALCULATION` from each of these days that is missing: today,
+        the sky's missing day and, while all mounts are at rest, the day `MIN_DAYS_LEFT` days ahead.
         """
         today = int(self._clock() // DAY)
         starts = {today, self._sky.missing_day or today}

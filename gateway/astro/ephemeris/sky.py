@@ -4,7 +4,7 @@ Right ascension and declination are of the equinox of date (true equator) and ge
 unless a method says so. Degrees, longitude EAST positive, Unix time (UTC) in seconds. Results are interpolated in the
 tables of an almanac, which a separate process has calculated with astropy (``keeper.py``). For a day without a table,
 which is noted as missing, and before 1973 and after 2099, closed formulas are used. No call waits; no method raises for
-finite arguments. Errors of the formulas: sidereal time 0.02 s plus UT1-UTC, precession and nutation 0.4", Sun 0.01
+finite arguments. Errors of the formulas: sidereal time 0.03 s plus UT1-UTC, precession and nutation 0.4", Sun 0.01
 degrees, Moon 0.04 degrees. Errors of the tables: sidereal time 0.005 s, precession, nutation and Sun 0.03", Moon 3" rms
 and 19" at worst, planets 1.5'. Only the tables have planets.
 """
@@ -138,10 +138,10 @@ class Sky:
         phi = math.radians(wrap360(lat))
         polar = (1.0 - _EARTH_FLATTENING) ** 2
         curvature = _EARTH_RADIUS / math.sqrt(math.cos(phi) ** 2 + polar * math.sin(phi) ** 2)
-        site = math.radians(self.sidereal_time(unix, lon_east))
+        lst = math.radians(self.sidereal_time(unix, lon_east))
         return (
-            x - curvature * math.cos(phi) * math.cos(site),
-            y - curvature * math.cos(phi) * math.sin(site),
+            x - curvature * math.cos(phi) * math.cos(lst),
+            y - curvature * math.cos(phi) * math.sin(lst),
             z - curvature * polar * math.sin(phi),
         )
 

@@ -35,8 +35,8 @@ def _run_almanac(arguments: argparse.Namespace) -> int:
     from gateway.astro.ephemeris.almanac import DAY
     from gateway.astro.offline import go_offline
 
-    asked = arguments.dates is not None
-    if asked:
+    for_gateway = arguments.dates is not None
+    if for_gateway:
         with contextlib.suppress(OSError, AttributeError):  # not on Windows
             os.nice(19)
         threading.Thread(target=_exit_when_gateway_ends, daemon=True).start()
@@ -52,7 +52,7 @@ def _run_almanac(arguments: argparse.Namespace) -> int:
     except ImportError as error:
         raise UserError(f"astropy cannot be used here: {error}") from None
     data = by_astropy.calculate_almanac(days).encode()
-    if asked:
+    if for_gateway:
         sys.stdout.buffer.write(data)
     else:
         try:

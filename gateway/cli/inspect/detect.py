@@ -114,7 +114,7 @@ def _print_next_steps(steps: list[str], prints_json: bool) -> None:
 
 
 def _write_config(path: Path, mounts: list[PortFinding], force: bool, allows_network: bool) -> None:
-    """Write a gateway.toml for the mount that was found. Raises UserError if several were found."""
+    """Write a gateway.toml for the mount that was found. Raises UserError, also if several were found."""
     from gateway.diagnostics.detect.report import as_toml
 
     if len(mounts) > 1:

@@ -106,7 +106,7 @@ class CheckTerminal(Screen):
     warn = say
 
     def show_progress(self, fraction: float, title: str) -> None:
-        """Show how far this stage of the check has come, below the last line."""
+        """Show how far this stage of the check has come (``fraction``, 0 to 1), below the last line."""
         done = round(BAR_COLUMNS * fraction)
         line = f"[{'#' * done}{'.' * (BAR_COLUMNS - done)}] {title}"[: LINE_COLUMNS - 1]
         self._print(f"{line}\r")
@@ -120,7 +120,7 @@ class CheckTerminal(Screen):
             print(before + text, end="", flush=True)
 
     async def ask_for_key(self, question: str, keys: str) -> str:
-        """Repeat the question until one of ``keys`` is pressed, and return it. Return a blank if the space bar has
+        """Repeat the question until one of ``keys`` is pressed; return that key. Return a blank if the space bar has
         stopped the mount, and q if q was pressed before the question; other earlier keys are ignored.
         """
         while not self._keys.empty():
@@ -219,8 +219,8 @@ def _run_prove(arguments: argparse.Namespace) -> int:
 
 
 def config_for_check(config: Config) -> Config:
-    """Return the configuration for the check: ``MIN_SUN_DISTANCE`` or more from the Sun, no status line, no log, no
-    ``--wait``. Raises UserError if there are several mounts.
+    """Return the configuration for the check: ``MIN_SUN_DISTANCE`` or more from the Sun, no status line, no log,
+    ``--no-wait``. Raises UserError if there are several mounts.
     """
     from msgspec.structs import replace
 
@@ -231,7 +231,7 @@ def config_for_check(config: Config) -> Config:
 
 
 def summarize(findings: Findings) -> Iterator[str]:
-    """Yield a line with the number of findings for each verdict, then a line for each that differs or is missing."""
+    """Yield lines for the user: the number of findings by verdict, the first that are not ``SAME``, the stages left."""
     from gateway.diagnostics.prove.findings import DIFFERS, NOT_MEASURABLE, NOT_TRIED, SAME
     from gateway.diagnostics.prove.guide import STAGES
 

@@ -27,7 +27,7 @@ NO_GATEWAY_TEXT = "no gateway runs here{which}; mount-gateway run starts one, an
 
 
 def add_gateway_flags(command: argparse.ArgumentParser, hint: str = "which mount, if there are several") -> None:
-    """Add the flags that choose a gateway."""
+    """Add the flags that choose a gateway; ``hint`` begins the help of ``--mount``."""
     command.add_argument(
         "--mount", metavar="NAME", help=f"{hint}: its name, or what --mount of run says, or the part of that behind @"
     )
@@ -90,7 +90,7 @@ def report_no_gateway(arguments: argparse.Namespace) -> None:
 
 
 def print_answer(answer: Answer) -> int:
-    """Print the result of a request and return the exit code."""
+    """Print the result of a request, a failure on stderr, and return the exit code, 0 or 1."""
     plain = "".join(letter if letter.isprintable() else "?" for letter in answer.text)
     if answer.outcome == "failed":
         streams.warn(plain, streams.ERROR)
@@ -102,7 +102,7 @@ def print_answer(answer: Answer) -> int:
 def run_with_gateway(
     arguments: argparse.Namespace, work: Callable[[ControlEndpoint, asyncio.Event], Coroutine[object, object, int]]
 ) -> int:
-    """Run ``work`` with the chosen gateway and an event that Ctrl-C sets; return the exit code."""
+    """Run ``work`` with the chosen gateway and an event that Ctrl-C sets; return its exit code, 1 without a gateway."""
     endpoint = chosen_gateway(arguments)
     if endpoint is None:
         return 1

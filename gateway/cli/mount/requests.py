@@ -136,7 +136,7 @@ def _move_request(arguments: argparse.Namespace) -> requests.MoveRequest:
 
 
 def _send_request(arguments: argparse.Namespace, make_request: RequestFactory) -> int:
-    """Send the request to the chosen gateway; cancel it if the user presses Ctrl-C."""
+    """Send the request, and follow it to its end with ``--wait``; Ctrl-C cancels it. Return the exit code."""
     from gateway.app.control.reach import ANSWER_TIMEOUT
     from gateway.app.control.reach import send_request as send
 

@@ -1,4 +1,4 @@
-"""``status``: show the state of mounts, as running gateways know it.
+"""``status``: shows the state of mounts, as running gateways report it.
 
 It shows everything once, for every gateway; with ``--watch`` one mount on one line, every second until Ctrl-C.
 """

@@ -96,7 +96,7 @@ NOTHING_DONE_MESSAGES = {
 
 
 def _store_hold(folder: Path, action: str) -> tuple[str, str]:
-    """Write or delete the file that makes later gateways refuse motion; return messages of success and of failure."""
+    """Write or delete the file that makes later gateways refuse motion; return a success and a failure text, or ""."""
     from gateway.app.state.file import HOLD_FILE, delete_hold_file, write_hold_file
 
     try:

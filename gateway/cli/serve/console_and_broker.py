@@ -36,7 +36,7 @@ MAX_PORTS_TRIED = 50
 async def open_console(
     config: ConsoleConfig, web_server: WebServer, screen: Screen, phone_lines: PhoneInstructions
 ) -> None:
-    """Open the console's port, or the next free port, and print its address."""
+    """Open the console's port, or the next free port, and print its address; only warn if that fails."""
     from gateway.app.discovery.offer import web_address
 
     try:
@@ -55,7 +55,7 @@ async def open_console(
 
 
 async def load_console(console_config: ConsoleConfig | None, gateways: Sequence[Gateway]) -> object:
-    """Load the routes of the web server: those of the console, if it is configured, and those of the HTTP protocols."""
+    """Return the web application: the pages of the console, if it is configured, and those of the HTTP protocols."""
     from gateway.app.site import load_web_application
 
     if console_config is None:
@@ -74,14 +74,14 @@ async def load_console(console_config: ConsoleConfig | None, gateways: Sequence[
 def http_surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
     """Return the surfaces of the HTTP protocols (Alpaca). The console's web server serves them by its access rules.
 
-    Without a console, the mount's ``any`` ports serve them; such a port has already checked the client's access.
+    Without a console, the mount's ``any`` ports serve them after their own check of access. Without either: none.
     """
     page = config.page
     if page is None and not any(parse_endpoint(surface.at).protocol == ANY for surface in config.surfaces_of(mount)):
         return []
-    allow, looks = (None, False) if page is None else (page.allow, page.read_only if page.pin is None else True)
+    allow, read_only = (None, False) if page is None else (page.allow, page.read_only if page.pin is None else True)
     return [
-        SurfaceConfig(at=f"{name}@{WEB_ADDRESS}", mount=mount.name, allow=allow, read_only=looks)
+        SurfaceConfig(at=f"{name}@{WEB_ADDRESS}", mount=mount.name, allow=allow, read_only=read_only)
         for name, spec in PROTOCOLS.items()
         if spec.web is not None
     ]
@@ -104,7 +104,7 @@ def console_offers(web_server: WebServer) -> list[Offer]:
 
 
 def qr_code(line: str) -> list[str]:
-    """Return the first web address of a line as a QR code in block characters; empty without terminal or library."""
+    """Return a line's first web address as a QR code of block characters; empty without address, terminal or segno."""
     address = next((word for word in line.split() if word.startswith("http://")), "")
     if not address or not sys.stdout.isatty():
         return []
@@ -120,7 +120,7 @@ def qr_code(line: str) -> list[str]:
 
 
 def broker_access(config: Config) -> brokers.BrokerAccess | None:
-    """Return the credentials for the broker; None without a broker. Raises UserError for a missing setting."""
+    """Return the settings for the broker; None without a broker. Raises UserError for a missing or unusable one."""
     mqtt = config.mqtt
     if mqtt is None:
         return None
@@ -132,7 +132,7 @@ def broker_access(config: Config) -> brokers.BrokerAccess | None:
 def open_broker(
     config: Config, access: brokers.BrokerAccess | None, gateways: Sequence[Gateway], screen: Screen
 ) -> MqttService | None:
-    """Start to publish the mounts on the broker; return None if no broker is configured."""
+    """Start to publish the mounts on the broker, and return the service; None if no broker is configured."""
     if access is None or config.mqtt is None:
         return None
     from gateway.fleet.station import MqttService

@@ -1,4 +1,4 @@
-"""``demo_mount``: runs a gateway with a simulated mount, so that programs can be tried without a telescope."""
+"""``demo``: runs a gateway with a simulated mount, so that programs can be tried without a telescope."""
 
 from __future__ import annotations
 

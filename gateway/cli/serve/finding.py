@@ -41,9 +41,9 @@ async def make_ready(
     on_ready: Callable[[Gateway], Awaitable[None]],
     warn: Callable[[str], None],
 ) -> None:
-    """Wait for a mount, then call ``on_ready``. Raises UserError if no mount answers within ``search_timeout`` seconds.
+    """Wait for a mount, then call ``on_ready``. Raises UserError if none answers; see ``find_mount`` for the timeout.
 
-    With ``waits_for_port`` it calls ``on_ready`` almost at once, and only warns of a mount that does not answer.
+    With ``waits_for_port`` it calls ``on_ready`` within 0.5 s, and only warns of a mount that does not answer.
     """
     if not waits_for_port:
         await find_mount(gateway, warn, search_timeout)
@@ -56,7 +56,7 @@ async def make_ready(
 
 
 async def _wait_for_mount(gateway: Gateway, warn: Callable[[str], None], retry_wait: float | None = None) -> bool:
-    """Wait for the mount and return whether it answers; give up if the first bytes or replies do not come in time.
+    """Wait for the mount; return whether it reports a position or its model. Give up after a timeout or an open error.
 
     A port may be silent for `REPLY_WAIT` seconds, or for ``retry_wait`` seconds when the wait is repeated.
     """
@@ -68,14 +68,14 @@ async def _wait_for_mount(gateway: Gateway, warn: Callable[[str], None], retry_w
             return True
         if heard is None and line.transaction.ever_answered:
             heard = now()
-        hope = (
+        timeout = (
             (REPLY_WAIT if retry_wait is None else retry_wait)
             if heard is None
             else MODEL_WAIT
             if line.times.reply_count
             else VALID_REPLY_WAIT
         )
-        if line.open_error or now() > (heard or began) + hope:
+        if line.open_error or now() > (heard or began) + timeout:
             break
         if not said and now() > began + WAITING_MESSAGE_DELAY and not line.open_error:
             said = True
@@ -86,8 +86,8 @@ async def _wait_for_mount(gateway: Gateway, warn: Callable[[str], None], retry_w
 async def find_mount(gateway: Gateway, warn: Callable[[str], None], search_timeout: float = SEARCH_TIMEOUT) -> None:
     """Wait for the mount. Raises UserError if it does not answer; the error names any other device that answers.
 
-    If no byte comes, the user gets a message, the gateway looks once for another kind of mount, and then asks the port
-    again until ``search_timeout`` seconds after the start.
+    If no byte comes, the gateway warns, looks once for another kind of mount, and asks again until ``search_timeout``
+    seconds after the start (0.0: not again). Raises MountTaken if another gateway uses the port.
     """
     now, line = asyncio.get_running_loop().time, gateway.controller.line
     end = now() + search_timeout
@@ -178,7 +178,7 @@ def not_found_message(gateway: Gateway, search_timeout: float = 0.0) -> str:
     """
     transaction, where = gateway.controller.line.transaction, gateway.mount.where
     look = f"mount-gateway detect {where} looks closer" if "://" in where else "mount-gateway detect tries every port"
-    rest = f"{look}, --wait keeps trying"
+    advice = f"{look}, --wait keeps trying"
     if not transaction.ever_answered and (what := _unsupported_message(where)):
         return f"{gateway.title}: no mount answers; {what}"
     if not transaction.ever_answered and search_timeout:
@@ -188,13 +188,13 @@ def not_found_message(gateway: Gateway, search_timeout: float = 0.0) -> str:
             "gives up sooner"
         )
     if not transaction.ever_answered:
-        return f"{gateway.title}: no mount answers (is it switched on, and the cable in the hand control?); {rest}"
+        return f"{gateway.title}: no mount answers (is it switched on, and the cable in the hand control?); {advice}"
     asked, came = transaction.last_failed_exchange
     answer = f"it answered {printable(came)}" if came else "it did not answer that"
     kind = PROTOCOLS[gateway.mount.protocol].mounts_phrase
     return (
         f"{gateway.title}: something answers, but not as a {kind} should. The last question that failed was "
-        f"{printable(asked)}: {answer}. The cable works; the baud rate or the protocol may be another one; {rest}"
+        f"{printable(asked)}: {answer}. The cable works; the baud rate or the protocol may be another one; {advice}"
     )
 
 

@@ -54,8 +54,8 @@ class Screen:
         if self.terminal is not None and _is_in_foreground(self.terminal):
             from gateway.diagnostics.log.layout import paint_line
 
-            rest = min(self._status_length, self.columns) - len(text)
-            self._write(f"\r{paint_line(text, 'program', self._colours)}{' ' * rest}")
+            padding = min(self._status_length, self.columns) - len(text)
+            self._write(f"\r{paint_line(text, 'program', self._colours)}{' ' * padding}")
             self._status_length = len(text)
 
     def clear(self) -> None:
@@ -108,7 +108,7 @@ class StatusLines:
         self._gateways = [(gateway, AverageRate()) for gateway in gateways]
 
     def line(self, columns: int | None = None) -> str:
-        """Return the status of all gateways on one line."""
+        """Return the status of all gateways on one line, of at most ``columns`` characters (None: of any length)."""
         try:
             return status_text([status_line(gateway, rate) for gateway, rate in self._gateways], columns)
         except ValueError as error:  # a mount may report any value, and systemd's watchdog must be fed
@@ -145,13 +145,13 @@ async def _update_terminal(status_lines: StatusLines, screen: Screen) -> None:
 async def _update_systemd(status_lines: StatusLines, screen: Screen) -> None:
     """Feed systemd's watchdog as long as this event loop and the I/O task of every line run, and report the status."""
     patience = watchdog_interval()
-    said, served = "", True
+    said, was_running = "", True
     while True:
         states = []
         if patience is not None and status_lines.all_io_running:
             states.append("WATCHDOG=1")
-        if served and not status_lines.all_io_running:
-            served = False
+        if was_running and not status_lines.all_io_running:
+            was_running = False
             screen.warn("internal error: the mount I/O task has ended; restart the gateway and please report it")
         if (line := status_lines.line()) != said:
             said = line

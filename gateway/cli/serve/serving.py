@@ -178,15 +178,15 @@ async def serve_mounts(
             await open_console(config.page, gateways[0].web, screen, phone)
         if config.discovery:
             await discovery.answer_discovery([*surface_offers(), *http_offers(gateways[0].web)])
-        visit = None if job is None or done.is_set() else asyncio.ensure_future(job(gateways[0]))
-        if visit is not None:
-            visit.add_done_callback(lambda _: done.set())
+        job_task = None if job is None or done.is_set() else asyncio.ensure_future(job(gateways[0]))
+        if job_task is not None:
+            job_task.add_done_callback(lambda _: done.set())
         status_tasks.append(asyncio.ensure_future(_say_new_addresses(phone, reachable_offers, screen.say)))
         await done.wait()
-        if visit is not None:
-            visit.cancel()  # nothing happens if it has ended
+        if job_task is not None:
+            job_task.cancel()  # nothing happens if it has ended
             with suppress(asyncio.CancelledError):
-                await visit
+                await job_task
     finally:
         notify("STOPPING=1")
         for task in status_tasks:
@@ -212,7 +212,7 @@ async def serve_mounts(
 async def _say_new_addresses(
     phone_lines: PhoneInstructions, get_offers: Callable[[], list[Offer]], say: Callable[[str], None]
 ) -> None:
-    """Print the addresses for a phone whenever they change, for example when the Wi-Fi connects after the start."""
+    """Until cancelled, print new addresses for a phone, for example when the Wi-Fi connects after the start."""
     while True:
         await asyncio.sleep(ADDRESS_CHECK_PERIOD)
         for line in phone_lines.new_lines(get_offers()):
@@ -229,7 +229,7 @@ async def _print_first_messages(gateway: Gateway, screen: Screen, several_mounts
 
 
 def _print_last_message(gateway: Gateway, was_moving: bool, screen: Screen, several_mounts: bool) -> None:
-    """Print the last message: the actions at the end, and the final state of the mount."""
+    """Print the last message, if the gateway was prepared: the actions at the end, and the mount's final state."""
     from gateway.app.control.user_messages import last_message
 
     message = last_message(gateway.controller, was_moving) if gateway.is_prepared else None

@@ -1,4 +1,4 @@
-"""Merges flags and ``gateway.toml``: every key of ``[mount]`` has a flag of the same name, and flags win.
+"""Merges flags and ``gateway.toml``: keys of ``[mount]`` have flags of the same name, and flags win.
 
 A key of a surface has a flag, too, which may be used if only one surface can be meant. If neither a file nor a mount is
 named, the gateway.toml of the current folder is read.
@@ -126,7 +126,7 @@ def put_table_flags(arguments: argparse.Namespace, table: str, tables: dict[str,
 
 
 def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
-    """Add the flag of a key. Without a value, the flag means true, or ``ALL`` if the key may be true or a list."""
+    """Add the flag of a key, if it has one. A flag that may stand alone then means true, or ``ALL`` for a list."""
     help_text = f"{key.description} (default: yes)" if key.default is True else key.description
     if isinstance(key.default, bool) and key.choices:
         group.add_argument(f"--{key.name}", nargs="?", const=True, type=_to_value, metavar=key.metavar, help=help_text)
@@ -146,7 +146,7 @@ def _to_value(text: str) -> bool | str:
 
 @contextlib.contextmanager
 def errors_naming_flag(flag: str) -> Iterator[None]:
-    """Put the name of a flag before the message of a UserError about its value."""
+    """Put the name of a flag before the message of a UserError that the block raises about its value."""
     try:
         yield
     except UserError as error:
@@ -247,7 +247,7 @@ def _put_flags(arguments: argparse.Namespace, tables: dict[str, object], source:
 
 
 def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, object], source: Source) -> None:
-    """Put the flags of a surface into the only ``[[surface]]`` that they fit. Raises UserError if they fit several."""
+    """Put the flags of a surface into the only ``[[surface]]`` that they fit. Raises UserError for several or none."""
     given = _given_values(arguments, surface_keys())
     surfaces = tables.get("surface", [])
     if not isinstance(surfaces, list) or not all(isinstance(surface, dict) for surface in surfaces):

@@ -31,14 +31,14 @@ def end_signal_event() -> asyncio.Event:
     """Return an event that SIGINT, SIGTERM and closing the terminal set; a second Ctrl-C ends the process at once."""
     done = asyncio.Event()
     loop = asyncio.get_running_loop()
-    asked = 0.0
+    first_signal_at = 0.0
 
     def on_end_signal(number: int) -> None:
-        nonlocal asked
+        nonlocal first_signal_at
         if not done.is_set():
             done.set()
-            asked = loop.time()
-        elif number == signal.SIGINT and loop.time() - asked > DOUBLE_PRESS_TIME:
+            first_signal_at = loop.time()
+        elif number == signal.SIGINT and loop.time() - first_signal_at > DOUBLE_PRESS_TIME:
             os._exit(128 + number)
 
     numbers = [signal.SIGINT, signal.SIGTERM]
@@ -91,7 +91,7 @@ async def race(done: asyncio.Event, work: Awaitable[_T]) -> _T | None:
 
 
 def call_before_suspension(prepare: Callable[[], Coroutine[object, object, None]]) -> None:
-    """Run ``prepare`` on Ctrl-Z before the process is suspended; a second Ctrl-Z suspends it at once."""
+    """Make Ctrl-Z run ``prepare`` and then suspend the process; a second Ctrl-Z suspends it at once. Not on Windows."""
     if sys.platform == "win32" or signal.getsignal(signal.SIGTSTP) is signal.SIG_IGN:
         return
     loop = asyncio.get_running_loop()

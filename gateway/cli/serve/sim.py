@@ -150,14 +150,14 @@ async def _serve(
     ports = await serve_simulator(simulator, addresses, latency, baud)
     for port in ports:
         streams.print_line(f"ready {model}@{port.address}")
-    end = await _answer_discovery(network_offers(f"{model}@{port.address}" for port in ports))
+    end_discovery = await _answer_discovery(network_offers(f"{model}@{port.address}" for port in ports))
     try:
         if file is None:
             await done.wait()
         else:
             await _write_truth(simulator, file, done)
     finally:
-        end()
+        end_discovery()
         for port in ports:
             await port.close()
     return 0

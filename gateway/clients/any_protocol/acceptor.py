@@ -81,27 +81,27 @@ class AnyProtocolConnection:
             self.undelivered_bytes = b""
         self._last_received_at = now
         self.undelivered_bytes += data
-        waits = self._handler is not None and PROTOCOLS[self._protocol].mount_speaks_first
-        while rest := self.undelivered_bytes.lstrip(IDLE_BYTES):
-            verdict = find_protocol(rest)
+        awaits_first_byte = self._handler is not None and PROTOCOLS[self._protocol].mount_speaks_first
+        while received := self.undelivered_bytes.lstrip(IDLE_BYTES):
+            verdict = find_protocol(received)
             if verdict is None:
                 break
-            waits = False
+            awaits_first_byte = False
             if verdict.protocol == HTTP_PROTOCOL:
-                self._pass_to_web(rest)
+                self._pass_to_web(received)
                 return
             self._switch_protocol(verdict.protocol, verdict.reason)
             assert self._handler is not None
-            count = shared_prefix_length(verdict.protocol, rest)
+            count = shared_prefix_length(verdict.protocol, received)
             if not count:
                 self._confirm_protocol()
                 return
-            common, self.undelivered_bytes = rest[:count], rest[count:]
+            common, self.undelivered_bytes = received[:count], received[count:]
             self._answered_bytes += common
             self._handler.feed(common)
-        if waits:
+        if awaits_first_byte:
             self._close_handler()  # the first byte does not decide for that protocol
-        if not rest:
+        if not received:
             self.undelivered_bytes = self.undelivered_bytes[-MAX_IDLE_BYTES:]
 
     def _switch_protocol(self, protocol: str, reason: str = "") -> None:

@@ -60,7 +60,7 @@ def protocol_may_change(protocol: str, received: bytes) -> bool:
 
 
 def greeting_protocol() -> str | None:
-    """Return the protocol whose clients wait for a greeting before they send anything."""
+    """Return the protocol whose clients wait for a greeting before they send anything; None if there is none."""
     return next((name for name in streams() if PROTOCOLS[name].mount_speaks_first), None)
 
 

@@ -53,7 +53,7 @@ class ArrowReleases:
         self._released_at: dict[bytes, float] = {}
 
     def find_end(self, frame: bytes, ending: UrgentEnd, now: float, running: PendingCommand | None) -> UrgentEnd | None:
-        """Return what the command ``frame`` must end now; None if it releases an arrow whose press still waits."""
+        """Return what the command ``frame`` must end now; None if nothing moves and its arrow's press still waits."""
         release = ending.operation
         if not isinstance(release, StopAxis):
             return ending
@@ -69,7 +69,7 @@ class ArrowReleases:
         return None if tapped else ending
 
     def _is_at_rest(self, axis: int, running_command: PendingCommand | None) -> bool:
-        """Whether the release of an arrow has nothing to end: no arrow moves this axis, and none is about to."""
+        """Whether the release of an arrow has nothing to end: no arrow moves this axis, and no goto runs or waits."""
         wanted = self._controller.wanted.value
         if not is_free_or_ending(wanted, axis) or wanted.waiting_gotos or self._controller.slewing:
             return False
@@ -231,7 +231,7 @@ class CommandProcessor:
             self.feed(b"", stop_count)
 
     def _answer_from_cache(self, data: bytes) -> bool:
-        """Send the cached reply to this command if it is still valid. Return whether it was sent."""
+        """Send the cached reply to the command ``data`` if it is still valid. Return whether it was sent."""
         controller = self.controller
         now = controller.now()
         cached = self._reply_cache.look_up(data, now)
@@ -285,7 +285,7 @@ class CommandProcessor:
             self._detach(pending)
 
     def _give_up(self, pending: PendingCommand) -> None:
-        """Continue with the next command, because the mount has not answered in time; drop a late reply to this one."""
+        """Continue with the next command, as the mount is too late; a long operation waits until one has come."""
         self._waits_past_timeout = pending.is_long_operation and not self._inbox
         if pending is self._waiting_command and not self._waits_past_timeout:
             self._detach(pending)

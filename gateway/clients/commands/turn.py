@@ -1,9 +1,9 @@
 """Carries out the commands of a connection: answers from cached readings, starts operations, or waits for the mount.
 
-A command is answered within a limited time or never. A reply made only of cached readings stays valid until one of them
-expires or is renewed, which increments the controller's ``answer_version``. For every protocol, this module refuses
-operations that the client may not request, and motions whose command has waited too long. It limits the number of
-operations that run without a reply, except those that end a motion.
+A command is answered within ``REPLY_TIMEOUT`` or never, except ``LONG_OPERATION``. A reply made only of cached readings
+stays valid until one of them expires or is renewed, which increments the controller's ``answer_version``. For every
+protocol, this module refuses operations that the client may not request, and motions and syncs whose command has waited
+too long. It limits the number of operations that run without a reply, except those that end a motion.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class PendingCommand(Struct, eq=False):
 
 
 class Inbox(deque[PendingCommand]):
-    """The commands that wait, in the order of arrival. Commands that are removed other than by ``take`` are logged."""
+    """The commands that wait, in the order of arrival. Commands that are taken, dropped or cancelled are logged."""
 
     def __init__(self, log: ClientLog) -> None:
         super().__init__(maxlen=MAX_WAITING_COMMANDS)
@@ -103,9 +103,9 @@ class Inbox(deque[PendingCommand]):
         return count
 
     def note_release(self, presses: frozenset[bytes], now: float) -> bool:
-        """Record how long the newest waiting press of an arrow was held, and remove the earlier presses.
+        """Record how long the newest waiting press of an arrow was held, and remove earlier presses without a release.
 
-        ``presses``: its press commands. Return False and do nothing if none waits, or the newest is too old.
+        ``presses``: the arrow's commands. Return False and do nothing if none waits, or the newest is too old.
         """
         waiting = [pending for pending in self if pending.frame in presses]
         if not waiting or now - waiting[-1].arrived_at > MAX_TAP_TIME:
@@ -142,7 +142,7 @@ class ReplyCache:
         self._readings_version, self._valid_until = -1, 0.0
 
     def look_up(self, command: bytes, now: float) -> tuple[bytes, ReadingKinds] | None:
-        """Return the cached reply to this command, and the kinds of readings it was made of; None if not valid."""
+        """Return the cached reply to this command, and the kinds of readings it was made of; None if none is valid."""
         current = now < self._valid_until and self._readings_version == self._controller.answer_version
         return self._replies.get(command) if current else None
 
@@ -156,7 +156,7 @@ class ReplyCache:
         self._valid_until = min(self._valid_until, until)
 
     def clear(self) -> None:
-        """Forget all replies, because something was changed or may have been."""
+        """Forget all replies, because a command has changed something or may have."""
         self._replies.clear()
 
 
@@ -175,10 +175,9 @@ class BackgroundOperations:
         return bool(self._operations)
 
     def start(self, operation: op.Operation, stop_count: int, requested_at: float) -> None:
-        """Start an operation, requested at loop time ``requested_at`` after ``stop_count`` stops. Log a failure."""
+        """Start an operation requested at loop time ``requested_at``; drop a motion if a stop followed. Log faults."""
         controller = self._controller
-        # A stop came since, or the client is gone.
-        if isinstance(operation, MOVERS) and stop_count != controller.stop_count:
+        if isinstance(operation, MOVERS) and stop_count != controller.stop_count:  # a stop came, or the client is gone
             return
         halts = isinstance(operation, op.StopAxis | op.AbortSlew)
         if halts and controller.reconciler.merge_halt(operation):
@@ -335,6 +334,7 @@ class CommandRunner:
         return value
 
     def _to_client_equinox(self, operation: op.Operation, value: object) -> object:
+        """Return an answer in the client's equinox; record a reading as the last one sent to the client."""
         if self.equinox_converter is not None:
             value = self.equinox_converter.to_client(operation, value)
         if type(operation) in MAX_AGE:

@@ -23,7 +23,7 @@ _IGNORED_BYTES = b"#\r\n\0 "
 
 
 class UnreadText:
-    """Holds back the end of a reply that the client may leave unread, for ``hold_time`` seconds; if 0, never."""
+    """Holds back the end of a reply for ``hold_time`` seconds. Infinity: it is never sent; 0: nothing is held back."""
 
     def __init__(
         self, send_bytes: Callable[[bytes], None], log: ClientLog, loop: asyncio.AbstractEventLoop, hold_time: float

@@ -24,7 +24,7 @@ from gateway.core.wire_log import MOUNT_SIDE, Entry, printable
 #: How many answer times are stored for new pages.
 MAX_ANSWER_TIMES = 240
 
-#: Time of the answer (Unix seconds), and the answer time in milliseconds; None for a failed exchange.
+#: When the mount answered (Unix seconds), and how long it took (milliseconds; None for a failed exchange).
 AnswerSample = tuple[float, float | None]
 #: For how many clients the last command is stored; how many bytes of it are shown.
 MAX_CLIENTS, MAX_COMMAND_BYTES = 200, 40
@@ -41,7 +41,7 @@ class AnswerTimes:
         self.samples: deque[AnswerSample] = deque(maxlen=MAX_ANSWER_TIMES)
         self.fault_count = 0
         self._asked_at = 0.0
-        #: The rate of exchanges with the mount.
+        #: The average number of replies of the mount per second.
         self.answer_rate = AverageRate()
 
     def put(self, entry: Entry) -> None:
@@ -57,7 +57,7 @@ class AnswerTimes:
             self.samples.append((round(entry.time, 3), answer_time))
 
     def newest_samples(self, now: float) -> list[AnswerSample]:
-        """Return the answer times of the last seconds, including some already sent: a page may miss a message."""
+        """Return the samples of the last ``ANSWER_TIMES_WINDOW``, some sent before: a page may miss a message."""
         return [sample for sample in self.samples if sample[0] > now - ANSWER_TIMES_WINDOW]
 
 
@@ -141,12 +141,12 @@ class ShownMount:
         return {**state, **self._abilities, "programs": self._program_list, "bodies": self._sky(now), "times": times}
 
     def _sky(self, now: float) -> list[dict[str, Any]]:
-        """Return Sun, Moon and planets, computed again when they are old, the site changes, or astropy is loaded."""
+        """Return Sun, Moon and planets, computed again when they are old, the site changes, or an almanac arrives."""
         controller = self.gateway.controller
-        by = controller.sources.site(), controller.astrometry.sky.has_tables
-        fresh = BODIES_CACHE_TIME if len(self._bodies) == len(view.BODIES) else BODIES_RETRY_TIME
-        if now - self._bodies_cached_at >= fresh or by != self._bodies_cache_key:
-            self._bodies_cached_at, self._bodies_cache_key, self._bodies = now, by, list(view.bodies(controller))
+        cache_key = controller.sources.site(), controller.astrometry.sky.has_tables
+        cache_time = BODIES_CACHE_TIME if len(self._bodies) == len(view.BODIES) else BODIES_RETRY_TIME
+        if now - self._bodies_cached_at >= cache_time or cache_key != self._bodies_cache_key:
+            self._bodies_cached_at, self._bodies_cache_key, self._bodies = now, cache_key, list(view.bodies(controller))
         return self._bodies
 
 
@@ -166,14 +166,14 @@ class Publisher:
         self.mounts = [ShownMount(gateway, index) for index, gateway in enumerate(gateways)]
         self._recordings = recordings
         self._loop = asyncio.get_running_loop()
-        #: The newest message; empty if there is none yet.
+        #: The newest message; empty while there is none.
         self.message_text = ""
         self._page_count = self._listener_count = 0
         #: Done when there is a new message or row; all pages wait for it.
         self._next_message: asyncio.Future[None] = self._loop.create_future()
         self._task: asyncio.Task[None] | None = None
         self._rows: deque[Any] = deque(maxlen=MAX_ROWS)
-        #: The number of rows of the conversation so far.
+        #: How many rows of the conversation were made, stored or dropped.
         self.row_count = 0
 
     def subscribe_to_mounts(self) -> None:
@@ -199,7 +199,7 @@ class Publisher:
         await asyncio.shield(self._next_message)
 
     def change_listeners(self, change: int) -> None:
-        """Count one more (1) or less (-1) page that shows the conversation; without any, no rows are made for it."""
+        """Count one more (1) or less (-1) page that shows the conversation; without any, no rows are made."""
         self._listener_count += change
         for mount in self.mounts:
             mount.conversation.listen(self._listener_count > 0)
@@ -228,7 +228,7 @@ class Publisher:
             await asyncio.sleep(MOTION_PERIOD)
 
     async def _make_rows(self) -> None:
-        """Make rows of the log entries since the last message, at most ``MAX_ROWS``."""
+        """Make rows of the log entries that wait, at most ``MAX_ROWS``."""
         began, end = time.perf_counter(), self.row_count + MAX_ROWS
         for mount in self.mounts:
             for row in mount.conversation.take_rows():

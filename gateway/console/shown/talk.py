@@ -31,7 +31,7 @@ class ConversationView:
         self._last_command_number = 0
         self._pending_commands: dict[str, tuple[int, float]] = {}
         self._cause_command_number: int | None = None
-        #: Name in the log -> surface of this connection; empty if it is no connection, or has closed.
+        #: Side in the log -> surface of that connection; empty for the mount, the gateway, and a closed connection.
         self._surfaces: dict[str, str] = {}
         self._row_builder = self._new_builder()
 

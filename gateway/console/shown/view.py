@@ -102,7 +102,7 @@ def coordinates(
 
 
 def bodies(controller: MountController) -> Iterator[dict[str, Any]]:
-    """Yield Sun, Moon and planets: name, J2000 position, altitude and azimuth (None while the site is unknown)."""
+    """Yield the bodies with known positions: name, J2000 position, altitude and azimuth (None without a site)."""
     for name in BODIES:
         where = _body_position(controller, name)
         if where is not None:
@@ -123,7 +123,7 @@ def _body_position(controller: MountController, body_name: str) -> op.Equatorial
 
 
 def _sidereal_and_hour_angle(controller: MountController, state: MountState) -> dict[str, Any]:
-    """Return sidereal time and hour angle, degrees; None while the site is unknown."""
+    """Return sidereal time and hour angle, degrees; each is None while it is unknown."""
     if not state.sites:
         return {"sidereal": None, "hour_angle": None}
     sidereal, position = controller.astrometry.sidereal_time(), state.look.position
@@ -132,7 +132,7 @@ def _sidereal_and_hour_angle(controller: MountController, state: MountState) -> 
 
 
 def _goto_target(controller: MountController, state: MountState) -> dict[str, Any]:
-    """Return ``target``: the target of the goto under way, or None."""
+    """Return ``target``, the target of the goto under way; None without one, and if only its axis angles are known."""
     goal: dict[str, Any] | None = None
     if isinstance(state.goal, op.Equatorial):
         goal = {**coordinates(controller, state.goal), "words": state.goal_text}

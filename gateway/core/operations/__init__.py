@@ -1,6 +1,6 @@
 """The operations: everything that a client can ask of a mount, as frozen values that can be logged and compared.
 
-A surface yields them and a driver carries them out; neither knows the other. Angles are degrees, right ascension
+A surface yields them and a driver carries them out; neither depends on the other. Angles are degrees, right ascension
 included, of the equinox of date unless a surface is set to J2000. Longitudes are positive to the EAST; a UTC offset is
 local time minus UTC, in hours. Motion is either on the *sky* (``Move``) or of one *axis* (``MoveAxis``).
 """

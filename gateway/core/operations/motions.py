@@ -6,7 +6,7 @@ from gateway.core.operations.values import Chosen, Direction, Fields, Operation,
 
 
 class Goto(Operation[None], frozen=True):
-    """Slew to a position of date and track there. Raises BelowHorizon, TooHigh, NearSun, NotAligned, NoAnswer.
+    """Slew to a position of date and track there. Raises Fault, such as BelowHorizon, NearSun, NotAligned, NoAnswer.
 
     ``lowest`` and ``highest`` narrow the altitude limits. Without ``track``, tracking that is off stays off.
     ``fastest`` is the slew speed in degrees a second, for mounts that let the client choose it.
@@ -130,7 +130,7 @@ class AbortSlew(Operation[None], frozen=True):
 class SetTracking(Operation[None], frozen=True):
     """Turn tracking off, or on in ``mode``, by default the mount's own mode.
 
-    With ``heard`` it then waits until the mount reports its mode, and raises Refused if the mode has not changed.
+    With ``heard`` it then waits until the mount reports that it has done so, and raises Refused if it does not.
     ``code`` is the mode's number in the mount's own protocol, if the client speaks that protocol.
     """
 

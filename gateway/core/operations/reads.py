@@ -68,7 +68,7 @@ class GetGps(Read[Gps], frozen=True):
 
 
 class SiderealTime(Read[float], frozen=True):
-    """-> float: local apparent sidereal time, degrees."""
+    """-> float: local apparent sidereal time, degrees. Raises Unsupported if the site is unknown."""
 
 
 class PierSide(Read[str], frozen=True):
@@ -107,9 +107,9 @@ class Zenith(Read[Equatorial], frozen=True):
 
 
 class PlanetPlace(Read[Equatorial], frozen=True):
-    """-> Equatorial: the present position of a planet, of date; ``name`` is English. Raises Unsupported if unknown."""
+    """-> Equatorial: a planet's position now, of date. Raises Invalid for an unknown name, Unsupported without data."""
 
-    name: str
+    name: str  # English
 
 
 class MoonPlace(Read[Equatorial], frozen=True):

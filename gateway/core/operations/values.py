@@ -57,7 +57,7 @@ class Operation(Struct, Generic[AnswerT], frozen=True):
     """Base of all operations. A stop does not cancel an operation that ``survives_abort``, because it is no motion.
 
     ``display_name`` is its name in messages, if it differs from the words of the class name. Raises Invalid for a
-    number that is missing or not finite, and for a ``polar_fields`` field (declination, latitude) beyond a pole.
+    number that is missing or not finite, a ``polar_fields`` field beyond a pole, and an invalid ``axis`` or ``sense``.
     """
 
     polar_fields: ClassVar[tuple[str, ...]] = POLAR_FIELDS

@@ -43,7 +43,7 @@ _T = TypeVar("_T")
 
 class FoundMount(Struct, frozen=True):
     """An identified mount. ``latency`` is its median reply time, seconds; ``equinox`` is ``jnow`` or ``j2000``, by its
-    version; ``aligned`` is None if it did not say. ``answered_commands`` lists the answered commands of each query.
+    version; ``aligned`` and ``equatorial`` are None if not reported; ``answered_commands``: empty text for no answer.
     """
 
     protocol: str
@@ -66,7 +66,7 @@ class _Conversation:
     def __init__(self, driver: Driver, link: MountLink) -> None:
         self.driver, self.link = driver, link
         self.reply_times: list[float] = []
-        #: The commands that were answered, in order.
+        #: The commands that were answered since the list was cleared, in order.
         self.answered_commands: list[str] = []
 
     async def perform(self, operation: op.Operation[_T]) -> _T:

@@ -32,8 +32,8 @@ class PortListener:
 
     def __init__(self, transport: BaudTransport) -> None:
         self.name, self._transport = transport.name, transport
-        self.received = b""
-        self.loss_reason = ""
+        self.received = b""  # the last 4096 bytes that arrived while no caller had opened this transport
+        self.loss_reason = ""  # empty while the port is there
         self._last_byte_at = 0.0
         self._on_data: OnData | None = None
         self._on_lost: OnLost | None = None

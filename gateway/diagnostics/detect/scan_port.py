@@ -32,7 +32,7 @@ _NMEA_LINE = re.compile(rb"\$([A-Z]{4,6},[^\r\n*$]*)\*([0-9A-F]{2})")
 
 
 class PortVerdict(StrEnum):
-    """Verdicts on a port without a mount. With one, the verdict is its protocol, or a key of ``device_states``."""
+    """Verdicts on a port without a mount. ``probe`` also returns protocols of mounts, and keys of ``device_states``."""
 
     SILENT = "silent"
     ECHO = "echo"
@@ -177,7 +177,7 @@ class PortFinding(Struct, frozen=True):
 
     port: SerialPortInfo
     state: str
-    baud: int | None = None
+    baud: int | None = None  # None: not examined, or the port has no baud setting
     reason: str = ""
     mount: FoundMount | None = None
     rates_tried: int = 0  # how many baud rates were tried
@@ -190,7 +190,7 @@ async def examine_ports(ports: Iterable[SerialPortInfo]) -> list[PortFinding]:
 
 
 async def ask_servers(urls: Sequence[str] | None) -> list[PortFinding]:
-    """Return the mounts that network servers at these addresses offer; None asks the whole network."""
+    """Return the mounts and gateways behind network servers at these addresses; None asks the whole network."""
     mounts = []
     for spec in PROTOCOLS.values():
         for answer in await spec.find_mounts(urls) if spec.find_mounts is not None else []:

@@ -49,8 +49,8 @@ class Port(Struct, frozen=True):
 
 
 class GatewayFacts(Struct, frozen=True):
-    """A running gateway: process id, mount (empty if the gateway does not answer this user), user, whether that is
-    another user, the addresses where clients connect now, and its state folder.
+    """A running gateway: process id; its mount's name or endpoint, the addresses where clients connect, and its state
+    folder; or, if it cannot be queried (``mount`` is empty), its user and whether that is another user.
     """
 
     pid: int

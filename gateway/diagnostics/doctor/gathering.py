@@ -176,7 +176,7 @@ async def _addresses_and_sky(endpoint: ControlEndpoint) -> tuple[tuple[str, ...]
 
 
 def processes_named(names: Collection[str], proc_folder: Path = PROC_FOLDER) -> dict[str, int]:
-    """Return the process ids of running programs with these names."""
+    """Return name -> process id of the running programs with these names; one process for each name."""
     results = {}
     for process in proc_folder.glob("[0-9]*"):
         with contextlib.suppress(OSError):

@@ -101,12 +101,12 @@ class ConnectionDecoder:
                 break
             if taken is None:
                 taken = DecodedMessage(b"", "answers no request", fails=True), len(self._partial_reply)
-            heard, length = taken
-            yield heard._replace(data=self._partial_reply[:length])
+            message, length = taken
+            yield message._replace(data=self._partial_reply[:length])
             self._partial_reply = self._partial_reply[length:]
 
     def _match_reply(self) -> tuple[DecodedMessage, int] | None:
-        """Match the received bytes to the oldest command that they can answer; forget commands before it."""
+        """Match the bytes to the oldest command that they can answer, and forget older ones. None: they are too few."""
         for skipped, ask in enumerate(self._requests):
             taken = self._parse_reply(ask, self._partial_reply)
             if taken is not None and taken[1]:
@@ -137,8 +137,8 @@ class ConnectionDecoder:
         for pushed in self._pushed:
             taken = self._parse_reply(pushed, data)
             if taken is not None:
-                heard, length = self._describe(pushed, *taken)
-                return heard._replace(pushed=True), length
+                message, length = self._describe(pushed, *taken)
+                return message._replace(pushed=True), length
         return None
 
     def _parse_reply(self, request: Send, data: bytes) -> tuple[dict[str, object] | Fault, int] | None:
@@ -154,7 +154,7 @@ class ConnectionDecoder:
         values = {key: value for key, value in reply.items() if key != "length"}
         text = format_fields(self.protocol, command.name, values) or "accepted"
         lasting = constant_values(self.protocol, command.name, values)
-        heard = DecodedMessage(
+        message = DecodedMessage(
             b"", f"{command.name}: {text}", command.name, command.is_query, steady_values=lasting, fields=values
         )
-        return heard, length
+        return message, length

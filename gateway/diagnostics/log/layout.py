@@ -53,7 +53,7 @@ def as_one_line(row: Row, with_time: bool = True) -> str:
 
 
 def wrap_row(row: Row, columns: int) -> list[str]:
-    """Format a row as lines of at most so many columns."""
+    """Format a row as lines of at most ``columns`` characters, or ``MIN_COLUMNS`` if that is more."""
     head, columns = _line_head(row, with_time=True) + " ", max(columns, MIN_COLUMNS)
     start: list[str] = []
     if len(head) > columns - MIN_TEXT_COLUMNS:  # the rest moves to the lines below

@@ -66,8 +66,8 @@ class _LoggedConnection:
 class LogFilter:
     """Decides which lines are shown, in their order.
 
-    The user selects "all" lines; "normal", which omits the counts of repeated queries; "changes", which omits answered
-    queries; or "refusals", which omits everything that succeeds.
+    The user selects "all"; "normal", which shows no list of repeated queries before another line; "changes", which
+    omits answered queries; or "refusals", which omits everything that succeeds.
     """
 
     def __init__(self, filter_name: str = "all") -> None:
@@ -96,77 +96,77 @@ class LogFilter:
     # --- connections --------------------------------------------------------------------------------------------------
 
     def _connection_opened(self, line: LogLine) -> list[Row]:
-        party = self._closed_connections.pop(line.host, None)
-        has_party = any(side.rpartition(":")[0] == line.host for side in self._open_connections)
-        if party is None or has_party or line.row.time - party.closed_at > RECONNECT_WINDOW:
-            party = _LoggedConnection()
-        self._open_connections[line.row.side] = party
-        if not party.polls and self._filter_name != "refusals":
+        connection = self._closed_connections.pop(line.host, None)
+        is_host_connected = any(side.rpartition(":")[0] == line.host for side in self._open_connections)
+        if connection is None or is_host_connected or line.row.time - connection.closed_at > RECONNECT_WINDOW:
+            connection = _LoggedConnection()
+        self._open_connections[line.row.side] = connection
+        if not connection.polls and self._filter_name != "refusals":
             return [line.row]
-        party.held_rows = [line.row]
+        connection.held_rows = [line.row]
         return []
 
     def _protocol_recognised(self, line: LogLine) -> list[Row]:
         """Handle the recognition of a connection's protocol, which is shown together with the connection."""
-        party = self._connection_of(line)
-        if not party.held_rows and self._filter_name != "refusals":
-            return self._show_line(party, line)
-        party.held_rows.append(line.row)
+        connection = self._connection_of(line)
+        if not connection.held_rows and self._filter_name != "refusals":
+            return self._show_line(connection, line)
+        connection.held_rows.append(line.row)
         return []
 
     def _connection_closed(self, line: LogLine) -> list[Row]:
-        party = self._open_connections.pop(line.row.side, None) or _LoggedConnection()
-        party.closed_at = line.row.time
-        self._closed_connections[line.host] = party
+        state = self._open_connections.pop(line.row.side, None) or _LoggedConnection()
+        state.closed_at = line.row.time
+        self._closed_connections[line.host] = state
         if len(self._closed_connections) > MAX_HOSTS:
             del self._closed_connections[next(iter(self._closed_connections))]
-        silent = bool(party.held_rows) and party.held_rows[0].arrow == "+"
-        rows = self._show_unanswered(party)
+        silent = bool(state.held_rows) and state.held_rows[0].arrow == "+"
+        rows = self._show_unanswered(state)
         if silent and not rows:
-            party.held_rows.clear()
+            state.held_rows.clear()
             return []
-        return [*rows, *self._repeat_counts_row(party, line.row), line.row] if self._filter_name != "refusals" else rows
+        return [*rows, *self._repeat_counts_row(state, line.row), line.row] if self._filter_name != "refusals" else rows
 
     # --- commands and replies -----------------------------------------------------------------------------------------
 
     def _on_request(self, line: LogLine) -> list[Row]:
-        party = self._connection_of(line)
-        rows = self._show_unanswered(party)
+        connection = self._connection_of(line)
+        rows = self._show_unanswered(connection)
         if line.message.fails:
-            return [*rows, *self._show_line(party, line)]
+            return [*rows, *self._show_line(connection, line)]
         if not line.message.is_query:
             if self._filter_name == "refusals":
-                party.held_rows.append(line.row)
+                connection.held_rows.append(line.row)
                 return rows
-            return [*rows, *self._show_line(party, line)]
-        if line.row.data in party.polls or self._filter_name in ("changes", "refusals"):
-            party.held_rows.append(line.row)
+            return [*rows, *self._show_line(connection, line)]
+        if line.row.data in connection.polls or self._filter_name in ("changes", "refusals"):
+            connection.held_rows.append(line.row)
             return rows
-        party.polls[line.row.data] = _RepeatedQuery(line.row.time)
-        return [*rows, *self._take_held_rows(party), line.row]
+        connection.polls[line.row.data] = _RepeatedQuery(line.row.time)
+        return [*rows, *self._take_held_rows(connection), line.row]
 
     def _on_reply(self, line: LogLine) -> list[Row]:
-        party = self._connection_of(line)
+        connection = self._connection_of(line)
         if line.message.fails:
-            return self._show_line(party, line)
+            return self._show_line(connection, line)
         if self._filter_name == "refusals" or (line.message.is_query and self._filter_name == "changes"):
-            party.held_rows = [row for row in party.held_rows if row.arrow in CONNECTION_ARROWS]
+            connection.held_rows = [row for row in connection.held_rows if row.arrow in CONNECTION_ARROWS]
             return []
         asked: Row | None = line.row
         if line.message.pushed:
-            key, run = UNPROMPTED_KEY, party.polls.setdefault(UNPROMPTED_KEY, _RepeatedQuery(line.row.time))
+            key, run = UNPROMPTED_KEY, connection.polls.setdefault(UNPROMPTED_KEY, _RepeatedQuery(line.row.time))
         else:
-            key, repeated = line.query, party.polls.get(line.query) if line.message.is_query else None
+            key, repeated = line.query, connection.polls.get(line.query) if line.message.is_query else None
             if repeated is None:
-                return self._show_line(party, line)
-            run, asked = repeated, next((row for row in party.held_rows if row.arrow == ">"), None)
+                return self._show_line(connection, line)
+            run, asked = repeated, next((row for row in connection.held_rows if row.arrow == ">"), None)
         new, run.last_values = run.last_values != line.message.steady_values, line.message.steady_values
         if asked is None or new:
             counted = self._count_row(key, run, asked) if asked is not None else []
             run.shown_at = line.row.time
-            return [*counted, *self._take_held_rows(party), line.row]
+            return [*counted, *self._take_held_rows(connection), line.row]
         if not line.message.pushed:
-            party.held_rows.remove(asked)
+            connection.held_rows.remove(asked)
         run.count, run.last_reply = run.count + 1, line.row.text
         return self._count_row(key, run, line.row) if line.row.time - run.shown_at >= REPEAT_REPORT_PERIOD else []
 
@@ -219,7 +219,7 @@ EVENT_WORDS = {"+": "connected", "-": "gone", "~": "speaks", "^": "port opened",
 
 
 class RowBuilder:
-    """Turns wire log entries into rows. ``surfaces`` are the surfaces' endpoints (or protocols) in their order."""
+    """Turns wire log entries into rows. ``surfaces``: endpoints, or protocols, of the surfaces in their order."""
 
     def __init__(
         self, mount_protocol: str, surfaces: Sequence[str], filter_name: str = "all", mount_name: str = ""
@@ -232,11 +232,11 @@ class RowBuilder:
 
     def process(self, entry: Entry) -> Iterable[Row]:
         """Process an entry and return the rows to show now."""
-        ours = entry.side == MOUNT_SIDE
-        if entry.arrow in HIDDEN_ARROWS or self._filter_name == (MOUNT_SIDE if not ours else "program"):
+        is_mount = entry.side == MOUNT_SIDE
+        if entry.arrow in HIDDEN_ARROWS or self._filter_name == (MOUNT_SIDE if not is_mount else "program"):
             return ()
         host = entry.side.rpartition(":")[0] or entry.side
-        kind = "mount" if ours else "program"
+        kind = "mount" if is_mount else "program"
         if entry.arrow == "+":
             self._set_surface_protocol(entry)
         heard = self._describe_entry(entry)
@@ -277,23 +277,23 @@ class RowBuilder:
             if entry.arrow == "+" and "@" in (surface := self._surface(entry)):
                 note = note.replace(note.partition(",")[0], surface, 1)
             return DecodedMessage(entry.data, describe_event(entry.arrow, _escape(note)))
-        side = self._connection_decoders.get(entry.side)
-        if side is None and entry.arrow == "<" and entry.side != MOUNT_SIDE:
+        decoder = self._connection_decoders.get(entry.side)
+        if decoder is None and entry.arrow == "<" and entry.side != MOUNT_SIDE:
             # A client that connected before this log began: its next command shows its protocol.
             return DecodedMessage(entry.data, _escape(entry.note), fails=bool(entry.note))
-        if side is None:
+        if decoder is None:
             protocol = self._mount_protocol if entry.side == MOUNT_SIDE else guess_protocol(entry.data)
             # What is no command of any protocol says nothing of what follows.
             if protocol is None or (entry.side != MOUNT_SIDE and load(protocol).find(entry.data) is None):
                 return DecodedMessage(entry.data, _escape(entry.note), fails=bool(entry.note))
-            side = self._connection_decoders[entry.side] = ConnectionDecoder(protocol)
+            decoder = self._connection_decoders[entry.side] = ConnectionDecoder(protocol)
         if entry.arrow == "x":
-            foreign = other_telescope_type(side.protocol, entry.data)
+            foreign = other_telescope_type(decoder.protocol, entry.data)
             hint = f"; {foreign} has such a command" if foreign else ""
             return DecodedMessage(entry.data, f"dropped: {entry.note}{hint}", fails=True)
         if entry.note:
             return DecodedMessage(entry.data, _escape(entry.note), fails=True)
-        return side.describe_command(entry.data) if entry.arrow == ">" else side.describe_reply_to_last(entry.data)
+        return (decoder.describe_command if entry.arrow == ">" else decoder.describe_reply_to_last)(entry.data)
 
 
 def describe_event(arrow: str, note: str) -> str:

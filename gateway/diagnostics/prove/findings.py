@@ -22,8 +22,8 @@ SAME, DIFFERS, NOT_TRIED, NOT_MEASURABLE = "same", "differs", "not tried", "not 
 
 
 class MeasuredRate(Struct, frozen=True):
-    """The assumed and the real rate of an axis, degrees a second (negative if reversed), and the run-on in degrees
-    after each stop (empty if it hardly moved). The rate is exact only if the mount moved ``evenly``, at one speed.
+    """The assumed and the real rate of an axis, degrees a second (real: negative if reversed), and the run-on after
+    each stop, degrees (empty if the axis hardly moved). The rate is exact only if the axis moved ``evenly``.
     """
 
     axis: int
@@ -41,7 +41,7 @@ class MeasuredRate(Struct, frozen=True):
 
 class Finding(Struct, frozen=True, omit_defaults=True):
     """The verdict on an assumption of the gateway about the mount. If the mount differs, the finding has a sentence
-    about the effect (``means``) and keys of gateway.toml that adapt the gateway.
+    about the effect (``means``) and, if there are any, keys of gateway.toml that adapt the gateway.
     """
 
     what: str  # what was compared with the assumption
@@ -105,7 +105,7 @@ def load(path: Path) -> Findings:
 
 def save(path: Path, findings: Findings) -> None:
     """Save the findings for the next session. Raises OSError."""
-    path.touch(0o600)  # it tells the mount's site
+    path.touch(0o600)  # for the owner only: the findings reveal the site
     path.write_bytes(msgspec.json.format(msgspec.json.encode(findings), indent=1))
 
 

@@ -31,7 +31,7 @@ GOTO_COUNT = 4
 
 
 def why_no_room(telescope: CheckedMount, position: op.Equatorial | None = None) -> str:
-    """Return why there is no room for small motions at a position (by default the present one); empty if there is."""
+    """Return why a position (None: the present one) has no room for small motions; empty if it has or is unknown."""
     if position is None and telescope.position is not None:
         position = telescope.position.position
     if position is None:
@@ -56,10 +56,10 @@ async def go_to_roomy_position(telescope: CheckedMount, report: StageReporter) -
     if site is None:
         raise StageEnded("the site is not known, so that no place can be chosen")
     sidereal = telescope.controller.astrometry.sidereal_time()
-    now = sidereal - telescope.position.position.ra if telescope.position is not None else 0.0
+    hour_angle = sidereal - telescope.position.position.ra if telescope.position is not None else 0.0
     goals = [op.Equatorial((sidereal - away) % 360.0, LATITUDE_FACTOR * site.latitude) for away in HOUR_ANGLES]
     if telescope.driver.german:  # on this side of the pier first
-        goals.sort(key=lambda goal: abs(wrap180(goal.ra - sidereal + now)))
+        goals.sort(key=lambda goal: abs(wrap180(goal.ra - sidereal + hour_angle)))
     goals = [goal for goal in goals if not why_no_room(telescope, goal)] or goals
     goal, refused = await _pick_goal(telescope, goals)
     if goal is None:
@@ -74,7 +74,7 @@ async def go_to_roomy_position(telescope: CheckedMount, report: StageReporter) -
 
 
 async def _pick_goal(telescope: CheckedMount, goals: Iterable[op.Equatorial]) -> tuple[op.Equatorial | None, str]:
-    """Return the first goal that the gateway allows, or None and why the last goal was refused."""
+    """Return the first goal that the gateway allows and an empty text, or None and why the last goal was refused."""
     refusal: Fault | None = None
     for goal in goals:
         refusal = await telescope.controller.preview_goto(goal)
@@ -84,15 +84,15 @@ async def _pick_goal(telescope: CheckedMount, goals: Iterable[op.Equatorial]) ->
 
 
 async def nearby_goal(telescope: CheckedMount, position: op.Equatorial) -> tuple[op.Equatorial | None, str]:
-    """Return an allowed goal 5° away, or None and the reason."""
+    """Return an allowed goal 5° away and an empty text, or None and the reason."""
     aside = GOTO_DISTANCE / max(0.2, cos(radians(position.dec)))
     ways = ((0.0, GOTO_DISTANCE), (0.0, -GOTO_DISTANCE), (aside, 0.0), (-aside, 0.0))
-    west = telescope.controller.astrometry.alt_and_ha(position)[1] if telescope.driver.german else None
+    hour_angle = telescope.controller.astrometry.alt_and_ha(position)[1] if telescope.driver.german else None
 
     def keeps_pier_side(goal: op.Equatorial) -> bool:
-        """Whether a German mount can go to a goal without changing the side of its pier (others always can)."""
-        before = 90.0 if west is None else wrap180(west)
-        after = 90.0 if west is None else wrap180(before + position.ra - goal.ra)
+        """Whether a goal is over 1° from the poles and, on a German mount, reached without a change of pier side."""
+        before = 90.0 if hour_angle is None else wrap180(hour_angle)
+        after = 90.0 if hour_angle is None else wrap180(before + position.ra - goal.ra)
         return abs(goal.dec) < 89.0 and before * after > 0.0 and abs(after) > MIN_MERIDIAN_DISTANCE
 
     goals = (op.Equatorial((position.ra + ra) % 360.0, position.dec + dec) for ra, dec in ways)
@@ -100,7 +100,7 @@ async def nearby_goal(telescope: CheckedMount, position: op.Equatorial) -> tuple
 
 
 async def run(telescope: CheckedMount, report: StageReporter) -> None:
-    """Go 5° and back, then cancel a second goto on its way. Raises StageEnded."""
+    """Go 5° and back, begin the first goto again and cancel it on its way, and go back. Raises StageEnded."""
     places = await _goto_and_back(telescope, report)
     if places is None:
         return
@@ -122,7 +122,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
 
 
 async def _goto_and_back(telescope: CheckedMount, report: StageReporter) -> tuple[op.Equatorial, op.Equatorial] | None:
-    """Go 5° and back, and return the start and the goal; None if a goto was refused. Raises StageEnded."""
+    """Go 5° and back, and return the start and the goal; None if no goto is allowed. Raises StageEnded."""
     start = (await telescope.settle()).position
     goal, refused = await nearby_goal(telescope, start)
     if goal is None:
@@ -134,7 +134,7 @@ async def _goto_and_back(telescope: CheckedMount, report: StageReporter) -> tupl
         if refused := await telescope.goto(to, GOTO_TIMEOUT):
             report.add(Finding(what, NOT_TRIED, refused))
             return None
-        said = await telescope.read_position()
+        reported = await telescope.read_position()
         took, arrived = telescope.now() - began, await telescope.settle()
         off = sky_distance(arrived.position, to)
         measured = f"{took:.0f} s, {off * 60.0:.1f}' from its goal"
@@ -142,7 +142,7 @@ async def _goto_and_back(telescope: CheckedMount, report: StageReporter) -> tupl
             report.add(
                 Finding(what, DIFFERS, measured, "at its goal", "Gotos of your mount end elsewhere than they should.")
             )
-        elif telescope.drift(said, arrived) > REST_TOLERANCE:
+        elif telescope.drift(reported, arrived) > REST_TOLERANCE:
             early = "It tells the end of a goto before it rests: the gateway waits until the position shows that."
             report.add(Finding(what, DIFFERS, f"{measured}; it reported its end too early", "at rest", early))
         else:

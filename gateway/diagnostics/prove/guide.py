@@ -1,8 +1,8 @@
 """Leads a person through the stages of ``prove``: asks before each, and stops the mount when the person presses space.
 
 A stage that ends early keeps its findings; the rest is ``not tried``. The next session offers that stage again, and
-continues after the last measured rate. At an early end the stage's motion is stopped, and tracking is turned off if the
-stage turned it on. Findings are saved after every stage.
+continues after the last measured rate. At an early end the stage's motion is stopped. After each stage its findings are
+saved, and tracking that the stage has turned on is turned off. If others stopped the mount, no command follows.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ STOP_PROMPT = "y: next stage  a: this one again  q: leave"
 
 
 class Stage(NamedTuple):
-    """A stage of ``prove``. ``announcement`` announces it in one sentence; ``moves_mount``: whether it moves the mount,
-    which must then be aligned; ``needs_alignment``: whether it must be aligned although it is not moved.
+    """A stage of ``prove``. ``announcement`` describes it to the person. ``moves_mount``: whether it moves the mount,
+    which must then be aligned. ``needs_alignment``: whether the mount must be aligned although it is not moved.
 
     ``run`` raises StageEnded. ``why_needed`` returns why the stage is necessary; empty if it is not.
     """
@@ -50,13 +50,13 @@ STAGES: tuple[Stage, ...] = (
 
 
 class Person(Protocol):
-    """The person at the terminal. ``ask_for_key`` asks, and returns the pressed key."""
+    """The person at the terminal. ``ask_for_key`` asks a question, and returns the pressed key (a blank for space)."""
 
     stop: asyncio.Event  # set when the space bar is pressed
 
     def say(self, text: str) -> None: ...
     def show_progress(self, fraction: float, title: str) -> None: ...
-    async def ask_for_key(self, question: str, keys: str) -> str: ...  # asks, returns the pressed key
+    async def ask_for_key(self, question: str, keys: str) -> str: ...  # one of ``keys``, or a blank
 
 
 class GuidedCheck:
@@ -197,8 +197,8 @@ class GuidedCheck:
 
     def _note_early_end(self, stage: Stage, reason: str) -> None:
         """Add the findings of an earlier run that this run has not replaced, and the reason why the rest is missing."""
-        again = {untried_rest_title(stage.name), *(finding.what for finding in self._stage_findings)}
-        self._stage_findings += [finding for finding in self.old_findings if finding.what not in again]
+        replaced = {untried_rest_title(stage.name), *(finding.what for finding in self._stage_findings)}
+        self._stage_findings += [finding for finding in self.old_findings if finding.what not in replaced]
         self._stage_findings.append(Finding(untried_rest_title(stage.name), NOT_TRIED, reason))
 
     def _save_findings(self, stage: Stage) -> None:
@@ -215,14 +215,14 @@ class GuidedCheck:
 
     async def _stop_mount(self) -> None:
         stopping = asyncio.ensure_future(self._telescope.stop())
-        await asyncio.sleep(0)  # it is on its way before anything is written to a terminal, which may block
+        await asyncio.sleep(0)  # the stop is sent before anything is written to a terminal, which may block
         self._person.say("Stopping …")
         trouble = await stopping
         self._person.say(f"Not stopped: {trouble}" if trouble else "STOPPED.")
 
     async def _restore_tracking(self, earlier_tracking: op.Tracking, set_by_check: bool) -> None:
-        """Turn tracking off if it was off before the stage and the stage has turned it on. Tell the person about any
-        other change of tracking: it was made by somebody else, or by the gateway at a limit.
+        """Turn tracking off if it was off before the stage and the stage has turned it on. Report any other change
+        of tracking to the person: it was made by somebody else, or by the gateway at a limit.
         """
         telescope = self._telescope
         telescope.begin_stage()

@@ -21,7 +21,7 @@ RATE_TOLERANCE = 0.25
 
 
 async def run(telescope: CheckedMount, report: StageReporter) -> None:
-    """Carry out the stage and report a finding for each axis. Raises StageEnded."""
+    """Report the guide rate of each axis, or one finding with the reason why none is measured. Raises StageEnded."""
     abilities = telescope.driver.abilities(telescope.status.equatorial)
     if not {"Pulse", "PulseAxis"} & abilities.can or telescope.status.tracking is op.Tracking.OFF:
         report.add(Finding("guiding", NOT_TRIED, "it is not guided while it does not track, or not at all"))
@@ -33,28 +33,28 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
         return
     telescope.is_moving = True
     for axis, pair in enumerate(DIRECTION_PAIRS, 1):
-        ways, late = list[float](), 0.0
+        turns, mean_delay = list[float](), 0.0
         for direction in pair:
             before = await telescope.settle()
             for number in range(PULSE_COUNT):
-                done = 2 * PULSE_COUNT * (axis - 1) + PULSE_COUNT * len(ways) + number
+                done = 2 * PULSE_COUNT * (axis - 1) + PULSE_COUNT * len(turns) + number
                 report.progress(done, 4 * PULSE_COUNT, f"pulses {direction.label}")
                 due = telescope.now() + max(PULSE_PERIOD, EXCHANGES_PER_PULSE * exchange)
                 await telescope.pulse(direction, int(PULSE_SECONDS * 1000.0))
                 await asyncio.sleep(due - telescope.now())
-                late += (telescope.now() - due) / PULSE_COUNT / len(pair)
+                mean_delay += (telescope.now() - due) / PULSE_COUNT / len(pair)
                 telescope.raise_if_stage_ends()
             after = await telescope.settle()
             if telescope.distance_moved(before, after, tracks=True) > MAX_CROSS_MOTION:
                 raise StageEnded("it turned much farther than by pulses: somebody pressed its keys")
-            ways.append(telescope.axis_turns(before, after)[axis - 1])
-        rate = (ways[0] - ways[1]) / 2.0 / (PULSE_COUNT * PULSE_SECONDS)
+            turns.append(telescope.axis_turns(before, after)[axis - 1])
+        rate = (turns[0] - turns[1]) / 2.0 / (PULSE_COUNT * PULSE_SECONDS)
         if axis == 2 and telescope.driver.german:  # a pulse means a sense of the motor, on both sides of the pier
             rate = abs(rate)
         assumed, tick = abilities.guides[axis - 1] * SIDEREAL_RATE, telescope.angle_steps[axis - 1]
         finding = guide_rate_finding(f"guiding {pair[0].label}/{pair[1].label}", rate, assumed, exchange, tick)
         if finding.verdict == DIFFERS and (
-            late > MAX_DELAY or telescope.controller.line.times.typical_rtt > QUICK_EXCHANGE_TIME
+            mean_delay > MAX_DELAY or telescope.controller.line.times.typical_rtt > QUICK_EXCHANGE_TIME
         ):
             reason = "this computer or its line was too busy for such short pulses"
             finding = Finding(finding.what, NOT_MEASURABLE, reason, finding.assumed)
@@ -62,17 +62,17 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
 
 
 def guide_rate_finding(title: str, rate: float, assumed: float, exchange_time: float, reading_step: float) -> Finding:
-    """Return the finding on the guide rate of an axis. The measurement is uncertain by two steps of the reading
-    (``reading_step``, degrees) for all pulses together, and by half an exchange (seconds) for each pulse.
+    """Return the finding on the guide rate of an axis, degrees a second. The measurement is uncertain by two steps of
+    the reading (``reading_step``, degrees) for all pulses together, and by half an exchange (seconds) for each pulse.
     """
     rates = rate_text(rate), rate_text(assumed)
     if max(abs(rate), assumed) * PULSE_COUNT * PULSE_SECONDS < MIN_READING_STEPS * reading_step:
         return Finding(title, NOT_MEASURABLE, "too few steps of its reading", rates[1])
-    shows = exchange_time / 2.0 / PULSE_SECONDS * assumed + 2.0 * reading_step / (PULSE_COUNT * PULSE_SECONDS)
-    measured = f"{rates[0]} ± {rate_text(shows)}"
+    uncertainty = exchange_time / 2.0 / PULSE_SECONDS * assumed + 2.0 * reading_step / (PULSE_COUNT * PULSE_SECONDS)
+    measured = f"{rates[0]} ± {rate_text(uncertainty)}"
     if (off := abs(rate - assumed)) <= RATE_TOLERANCE * assumed:
         return Finding(title, SAME, measured, rates[1])
-    if off <= RATE_TOLERANCE * assumed + shows:
+    if off <= RATE_TOLERANCE * assumed + uncertainty:
         return Finding(title, NOT_MEASURABLE, f"{measured}, too rough to judge", rates[1])
     means = "A guiding program calibrates itself to that; guide-rate in gateway.toml sets it where it can be set."
     return Finding(title, DIFFERS, ("reversed, " if rate < 0.0 else "") + measured, rates[1], means)

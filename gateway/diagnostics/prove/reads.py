@@ -26,9 +26,9 @@ RECOVERY_TIME = 3.0
 NAME_QUERIES, UNKNOWN_VERSION = frozenset(("GVP", "GVN", "GVD", "GVT")), "?"
 #: This word is in the description of a reply whose form is wrong.
 GARBLED_WORD = "garbled"
-#: Seconds: the longest reply time of an ordinary connection; the extra time that shows that it is busy.
+#: Seconds: the longest reply time of an ordinary connection; the extra time that shows that the mount is busy.
 USUAL_REPLY_TIME, BUSY_EXTRA_TIME = 0.3, 1.0
-#: The most exchanges for one question: the gateway asks again if an answer is doubtful.
+#: How many exchanges a question needs at most, as a rule: the gateway asks again if an answer is doubtful.
 MAX_EXCHANGES = 6.0
 
 
@@ -53,7 +53,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
     """Ask all questions and report findings on identity, form of replies and reply times. Raises StageEnded."""
     identity: op.Identity | None = telescope.controller.cache.last_value(op.GetIdentity)
     report.add(_identity_finding(identity, telescope.driver))
-    #: Seconds until the replies, by command; the commands without a reply, and those whose reply has not their form.
+    #: Seconds until the replies, by command; the commands without a reply, and those with a reply of another form.
     took, silent, strange = dict[str, float](), list[str](), list[str]()
     names = list(_query_names(telescope.driver))
     for number, name in enumerate(names):

@@ -1,6 +1,5 @@
-"""The sky stage: whether altitude and azimuth, right ascension and declination, site and clocks agree.
-
-A difference is reported as a contradiction between two sources: this check cannot know which of them is wrong.
+"""The sky stage: whether altitude and azimuth, right ascension and declination, site and clocks agree. A difference is
+reported as a contradiction between two sources: this check cannot determine which of them is wrong.
 """
 
 from __future__ import annotations
@@ -17,10 +16,9 @@ from gateway.diagnostics.prove.telescope import CheckedMount
 from gateway.mount.safety.admission.contradictions import contradictions
 from gateway.mount.site.site_clock import COMPUTER_SOURCE, MOUNT_SOURCE, SourcedSite
 
-#: Degrees by which reported altitude and azimuth may differ from calculated ones; the sky's motion meanwhile is less.
-DIRECTION_TOLERANCE = 0.5
-#: Seconds by which clocks may differ; degrees by which a longitude may differ from the middle of the time zone.
-CLOCK_TOLERANCE, ZONE_TOLERANCE = 120.0, 45.0
+#: Degrees by which reported altitude and azimuth may differ from calculated ones (the sky's motion meanwhile is less);
+#: seconds by which clocks may differ; degrees by which a longitude may differ from the middle of the time zone.
+DIRECTION_TOLERANCE, CLOCK_TOLERANCE, ZONE_TOLERANCE = 0.5, 120.0, 45.0
 
 
 async def run(telescope: CheckedMount, report: StageReporter) -> None:
@@ -46,7 +44,7 @@ async def run(telescope: CheckedMount, report: StageReporter) -> None:
 
 
 def _site_finding(telescope: CheckedMount, sites: Sequence[SourcedSite]) -> Finding:
-    """Return the finding on an undisputed site: whether its longitude suits the time zone of the mount's clock."""
+    """Return the finding on an undisputed site: whether the mount's longitude suits its zone, and two sources agree."""
     clock = telescope.controller.site_clock.mount_clock
     if not sites:
         return Finding("site", NOT_MEASURABLE, "no source has it; --site LATITUDE,LONGITUDE sets it")
@@ -61,7 +59,9 @@ def _site_finding(telescope: CheckedMount, sites: Sequence[SourcedSite]) -> Find
 
 
 async def _check_az_alt(telescope: CheckedMount) -> Finding:
-    """Compare az and alt with those calculated from RA and Dec; NOT_MEASURABLE if one is missing. Raises StageEnded."""
+    """Compare reported az and alt with those calculated from RA and Dec. NOT_MEASURABLE if the site or a value is
+    unknown, or if the mount is equatorial and reports its axes instead. Raises StageEnded.
+    """
     what, driver = "altitude and azimuth against RA and Dec", telescope.driver
     overhead = driver.protocol.extra_table("prove.toml")["overhead"]
     if telescope.status.equatorial and "axes_of" in overhead:

@@ -66,8 +66,8 @@ def velocity(telescope: CheckedMount, motion: Motion, axis: int, speed: float) -
     even = [place for place in motion.positions if place.at > motion.began_at + RUN_UP_SECONDS]
     span = even[-1].at - even[0].at if even else 0.0
     last = motion.positions[-1] if motion.positions else motion.start_position
-    rest, left = abs(telescope.axis_turns(last, motion.end_position)[number]), motion.ended_at - last.at
-    long = rest > (left + 2.0 * RUN_ON) * speed + RUN_ON_TOLERANCE  # then the whole distance does not show the rate
+    end_turn, end_time = abs(telescope.axis_turns(last, motion.end_position)[number]), motion.ended_at - last.at
+    long = end_turn > (end_time + 2.0 * RUN_ON) * speed + RUN_ON_TOLERANCE  # the whole distance does not show the rate
     if (short := span < MIN_RATE_SPAN) and not long:
         rate = distance / lasted
         error = SHORT_TOLERANCE * abs(rate) + 2.0 * tick / lasted
@@ -78,7 +78,7 @@ def velocity(telescope: CheckedMount, motion: Motion, axis: int, speed: float) -
         error = part * abs(rate) + 2.0 * tick / span
     else:
         rate, error = copysign(speed, distance), inf
-    return Velocity(rate, error, abs(distance), rest - abs(rate) * left, short)
+    return Velocity(rate, error, abs(distance), end_turn - abs(rate) * end_time, short)
 
 
 async def run(telescope: CheckedMount, report: StageReporter) -> None:

@@ -1,8 +1,8 @@
 """Moves and observes the mount for ``prove``: sends requests to the gateway, and evaluates reported positions.
 
 Every motion is a request like those of the command line, under the same rules. While ``prove`` waits, it checks whether
-somebody else has stopped or moved the mount, or the connection is lost: then the stage ends (``StageEnded``) and
-``prove`` moves nothing any more. Angles are degrees, times seconds of the event loop's clock.
+somebody else has stopped or moved the mount, or the connection is lost: then the stage ends (``StageEnded``), and
+``prove`` moves nothing until the next stage. Angles are degrees, times seconds of the event loop's clock.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class StageEnded(Exception):
 
 
 class StoppedByOthers(StageEnded):
-    """Somebody else has stopped the mount, so ``prove`` must not move it any more."""
+    """Somebody else, or the gateway at a limit, has stopped the mount: this stage must not move the mount any more."""
 
 
 class Motion(NamedTuple):
@@ -77,9 +77,9 @@ class CheckedMount:
         self.gateway, self.controller = gateway, gateway.controller
         self.now, self.driver = self.controller.now, self.controller.driver
         self._stop_count, self._positions = self.controller.stop_count, list[TimedPosition]()
-        #: Whether a motion of the check is under way.
+        #: Whether a motion of the check is under way; reset when `settle` finds the mount at rest.
         self.is_moving = False
-        #: A time of the event loop's clock, and the sidereal time (degrees) then; 0 for that if the site is unknown.
+        #: A time of the event loop's clock, and the sidereal time then (degrees; 0 if the site is unknown).
         self._lst_epoch: Pair | None = None
         #: Whether somebody else has turned tracking on or off, or set its rate, in this stage.
         self.others_set_tracking = False
@@ -113,8 +113,8 @@ class CheckedMount:
         """Raise StageEnded if somebody else stops or moves the mount, or if it does not answer."""
         controller = self.controller
         if controller.stop_count != self._stop_count:
-            said = [entry.text for entry in controller.wire_log.recent_notices if entry.side != CLIENT]
-            reason = controller.wanted.value.goto_failure or next(reversed(said), "")
+            notices = [entry.text for entry in controller.wire_log.recent_notices if entry.side != CLIENT]
+            reason = controller.wanted.value.goto_failure or next(reversed(notices), "")
             by = controller.wanted.stopped_by
             raise StoppedByOthers(f"the mount was stopped{f' by {by}' if by else f' ({reason})' * bool(reason)}")
         if controller.line.state not in ("up", "busy"):
@@ -148,7 +148,7 @@ class CheckedMount:
         self.others_set_tracking |= any(order.client is not None and order.client.host != CLIENT for order in orders)
 
     async def wait_until(self, is_done: Callable[[], bool], timeout: float) -> bool:
-        """Wait for a condition; return False after so many seconds. Raises StageEnded."""
+        """Wait for a condition; return False if it is not met within ``timeout`` seconds. Raises StageEnded."""
         end = self.now() + timeout
         while not is_done():
             if self.now() >= end:
@@ -176,7 +176,7 @@ class CheckedMount:
         return "" if answer.is_ok else answer.text
 
     async def settle(self) -> TimedPosition:
-        """Wait until the mount is at rest, and return its position. Raises StageEnded."""
+        """Wait until the mount is at rest or only tracks, and return its position. Raises StageEnded."""
         controller = self.controller
 
         def is_at_rest() -> bool:
@@ -196,7 +196,7 @@ class CheckedMount:
         raise StageEnded("the mount does not come to rest")
 
     async def move_by_key(self, direction: op.Direction, key: int, max_seconds: float) -> Motion:
-        """Move as with a key of the hand control, and wait until the mount is at rest. Raises StageEnded."""
+        """Move as with a rate key, for ``max_seconds`` at most, and wait until the mount rests. Raises StageEnded."""
         before = await self.settle()
         speed, number = self.speed_of_key(key), requests.new_request_number()
         self._positions.clear()
@@ -233,10 +233,10 @@ class CheckedMount:
     async def goto(self, goal: op.Equatorial, timeout: float) -> str:
         """Go to a position; cancel the goto when time is up. Return why it was refused, or "". Raises StageEnded."""
         number = requests.new_request_number()
-        where = requests.Spot(goal.ra % 360.0, goal.dec)
+        spot = requests.Spot(goal.ra % 360.0, goal.dec)
         self.is_moving, controller, over = True, self.controller, False
         try:
-            answer = await self.ask(requests.GotoRequest(where=where, number=number, who=CLIENT))
+            answer = await self.ask(requests.GotoRequest(where=spot, number=number, who=CLIENT))
             if refused := self._refusal_reason(answer):
                 return refused
             over = await self.wait_until(lambda: not (controller.slewing or controller.wanted.goto_pending), timeout)
@@ -250,7 +250,7 @@ class CheckedMount:
         await self.ask(replace(pack_operation(op.Pulse(direction, ms), requests.new_request_number()), who=CLIENT))
 
     def _refusal_reason(self, answer: requests.Answer) -> str:
-        """Return why a request was refused, else "". Raises StageEnded if the mount is silent or others move it."""
+        """Return why a request was refused, else "". Raises StageEnded if the mount is silent or others act on it."""
         if answer.is_ok:
             return ""
         self.raise_if_stage_ends()
@@ -268,7 +268,7 @@ class CheckedMount:
 
     @property
     def angle_steps(self) -> Pair:
-        """The steps of the two angles that the mount reports; for a network server, the smallest observed changes."""
+        """The steps of the two reported angles, degrees; for a network server, the smallest observed changes."""
         return self.driver.angle_steps if self.driver.protocol.name in streams() else (self._steps[0], self._steps[1])
 
     def _add_position(self) -> None:
@@ -301,7 +301,7 @@ class CheckedMount:
         return wrap180(then - first), second_end - second
 
     def drift(self, before: TimedPosition, after: TimedPosition) -> float:
-        """Return the motion between two positions, on the sky or over the ground, whichever is less, in degrees."""
+        """Return the motion between two positions that tracking, on or off, does not explain, degrees."""
         return unexplained_motion(before.position, after.position, after.at - before.at)
 
     def distance_moved(self, before: TimedPosition, after: TimedPosition, tracks: bool) -> float:

@@ -49,7 +49,7 @@ MAX_EQUAL_COMMANDS = 3
 
 
 class Explanation(NamedTuple):
-    """The explanation of a command as text, and whether the command can be carried out."""
+    """A command, explained as text. ``is_possible``: whether the presented model has the command, with valid values."""
 
     text: str
     is_possible: bool
@@ -57,7 +57,7 @@ class Explanation(NamedTuple):
 
 def explain(surface: str, mount: str, typed_command: str) -> Explanation:
     """Explain a command. ``surface`` and ``mount`` are ``PROTOCOL[:MODEL[/VERSION]]``, or only a model. Raises
-    UserError if any of them does not exist, or if the protocol does not have the command.
+    UserError if one of them does not exist or cannot be used, or if the protocol does not have the command.
     """
     face, at = parse_device(surface), parse_device(mount, role="mount")
     if at.protocol not in drivers():
@@ -90,17 +90,17 @@ def explain(surface: str, mount: str, typed_command: str) -> Explanation:
     except ValueError as error:
         lines.append(f"  not valid: {error}")
         valid = False
-    play, became, said = rehearse_command(face, at, frame)
+    play, observed, listed = rehearse_command(face, at, frame)
     if presents_mount(at, face):
         lines += _native_command_lines(protocol, command.name)
     elif not valid:
         lines.append(f"outcome: {_outcome_text('refused', play.reply)}")
     else:
-        lines.append(f"outcome on {_name_with_article(at)} mount: {_outcome_text(became, play.reply)}")
-        if became == "refused" != said:
-            lines.append(f"  with other values, or in another state: {said}")
+        lines.append(f"outcome on {_name_with_article(at)} mount: {_outcome_text(observed, play.reply)}")
+        if observed == "refused" != listed:
+            lines.append(f"  with other values, or in another state: {listed}")
         for otherwise, changed in _circumstances(at):
-            if (other := rehearse_command(face, at, frame, **changed)[1]) != became:
+            if (other := rehearse_command(face, at, frame, **changed)[1]) != observed:
                 lines.append(f"  {otherwise}: {other}")
         ways = choose_ways(row, driven, MountKind(at.model or "", version_tuple(at)))
         lines += [f"  {remark}" for remark in remarks(row, ways)]
@@ -118,7 +118,7 @@ def rehearsal_sky() -> Sky:
 
 
 def with_defaults(mount: Endpoint) -> Endpoint:
-    """Return the mount with the default model and version of its simulator where none is given."""
+    """Return the mount, with the protocol's default model and that model's last listed version where none is given."""
     model = mount.model or PROTOCOLS[mount.protocol].default_model or ""
     versions = load(mount.protocol).models[model].get("versions", [None])
     return replace(mount, model=model, version=mount.version or versions[-1])
@@ -130,8 +130,8 @@ def version_tuple(mount: Endpoint) -> Version | None:
 
 
 def presented_traits(surface: Endpoint, command: Command, facts: Model | None = None) -> frozenset[str]:
-    """Return the traits of a presented model, as the tables name them; none if its version lacks the command. ``facts``
-    describe the model that the gateway has fitted to the mount, without the parts that the mount lacks.
+    """Return the traits of a presented model, as the tables name them; none if its version lacks the command (it never
+    lacks one beyond the manual). ``facts``: the model as fitted to the mount, without the parts that the mount lacks.
     """
     spec = PROTOCOLS[surface.protocol]
     protocol, model = spec.commands, facts["name"] if facts else surface.model or spec.default_model or ""
@@ -140,16 +140,16 @@ def presented_traits(surface: Endpoint, command: Command, facts: Model | None = 
 
 
 def commands_before(surface: Endpoint, row: SurfaceRow) -> Prelude:
-    """Return the commands that a program sends before the command of ``row``: some are over then, some in progress."""
+    """Return the commands that a program sends before the command of ``row``: some are completed then, some not."""
     spec = PROTOCOLS[surface.protocol]
-    after = (*spec.required_requests, *spec.target_requests, *row.after)
-    return Prelude(tuple(map(unescape, after)), tuple(map(unescape, row.during)))
+    completed = (*spec.required_requests, *spec.target_requests, *row.after)
+    return Prelude(tuple(map(unescape, completed)), tuple(map(unescape, row.during)))
 
 
 def rehearse_command(
     surface: Endpoint, mount: Endpoint, frame: bytes, *, aligned: bool = True, wedge: bool = False, missing: str = ""
 ) -> tuple[Trace, str, str]:
-    """Send a frame through a new gateway, which presents the surface's model; if it has none, one that fits the mount.
+    """Send a frame through a new gateway, which presents the surface's model (if None, one that fits the mount).
 
     Return the trace and two outcomes, such as ``translated``: the observed one, and the one by the tables. These differ
     if the command is refused, or if the mount need not do anything.
@@ -171,16 +171,16 @@ def rehearse_command(
                 observation_time(command, aligned and bool(command.replies)),
             )  # an arrow may be carried out in many steps
             presented = presented_traits(surface, command, dict(whole_gateway.binding.model))
-            said = outcome(row, driven, MountKind(mount.model or "", version_tuple(mount), aligned, wedge), presented)
+            listed = outcome(row, driven, MountKind(mount.model or "", version_tuple(mount), aligned, wedge), presented)
             if is_refused(played, command, whole_gateway.binding.surface):
-                return played, "refused", said
+                return played, "refused", listed
             idle = (
-                said in ("translated", "refused")
+                listed in ("translated", "refused")
                 and not played.steps_of_kind("act")
                 and row
                 and any(map(may_change_mount, row.operations))
             )
-            return played, NOTHING_TO_DO_OUTCOME if idle else said, said
+            return played, NOTHING_TO_DO_OUTCOME if idle else listed, listed
 
     result: tuple[Trace, str, str] = run(play())
     return result
@@ -202,7 +202,7 @@ def _name_with_article(endpoint: Endpoint) -> str:
 
 
 def _outcome_text(outcome: str, reply: bytes) -> str:
-    """Return an outcome with its meaning; for a refusal, whether the client or only the log is told."""
+    """Return an outcome with its meaning; for a refusal, whether the client or only the log receives it."""
     if outcome != "refused":
         return f"{outcome} ({OUTCOME_MEANINGS[outcome]})" if outcome in OUTCOME_MEANINGS else outcome
     if not reply:
@@ -231,7 +231,7 @@ def _unknown_command_hint(client: str, mount: str, frame: bytes) -> str:
 
 
 def format_trace(trace: Trace, surface_protocol: str, mount: Endpoint) -> list[str]:
-    """Format a trace: its meaning, all commands to the mount until the reply, and later ones that change the mount."""
+    """Format a trace: meaning, notes, commands to the mount until the reply, later ones that change it, the reply."""
     program, driven = ConnectionDecoder(surface_protocol), ConnectionDecoder(mount.protocol, mount.model)
     lines: list[str] = []
     answered, last, again = False, "", 0

@@ -1,7 +1,7 @@
 """Send a command through a rehearsal gateway and record its meaning, commands to the mount, log notes and the reply.
 
-The record is called a trace. Every command that changes the mount is part of it. A query that the gateway sends for
-itself (it polls the position) is part of it only if it comes before the reply.
+The record is called a trace. It ends some seconds after the reply. It also contains the queries that the gateway sends
+for itself (it polls the position), before and after the reply.
 """
 
 from __future__ import annotations
@@ -62,14 +62,14 @@ class TraceStep(NamedTuple):
 
 
 class Prelude(NamedTuple):
-    """Commands before a frame: after those ``completed`` the mount comes to rest, not after those ``in_progress``."""
+    """Commands sent before a frame: the mount rests after those ``completed``; those ``in_progress`` still act."""
 
     completed: tuple[bytes, ...] = ()
     in_progress: tuple[bytes, ...] = ()
 
 
 class Trace(NamedTuple):
-    """All events that a frame caused, in order; ``changing_commands`` are the commands that reached the mount and
+    """All events after a frame was sent, in order; ``changing_commands`` are the commands that reached the mount and
     change it; ``refused``: whether the log has counted a refusal.
     """
 
@@ -84,7 +84,7 @@ class Trace(NamedTuple):
 
 
 def observation_time(command: Command, aligned: bool) -> float:
-    """Return how long a command is observed after its reply, seconds."""
+    """Return how many seconds a command is observed after its reply; longer unless ``aligned``, for late settings."""
     return QUERY_OBSERVATION_TIME if command.is_query else OBSERVATION_TIME if aligned else SETTING_OBSERVATION_TIME
 
 
@@ -102,7 +102,7 @@ def is_refused(trace: Trace, command: Command, surface: Surface) -> bool:
 
 
 def is_refusal(command: Command, reply: bytes, surface: Surface, frame: bytes) -> bool:
-    """Whether a reply is a refusal."""
+    """Whether a reply is one of the command's refusals, or the surface's; False if it is empty."""
     forms = [form for answer, form in command.replies if answer.fault]
     if not reply:
         return False
@@ -112,8 +112,8 @@ def is_refusal(command: Command, reply: bytes, surface: Surface, frame: bytes) -
 
 def general_refusal(surface: Surface, frame: bytes) -> bytes:
     """Return the surface's refusal of a command that no mount has; empty if the protocol has no refusal."""
-    form = surface.fallback_reply(frame, Unsupported())
-    return b"" if form == ACKNOWLEDGED else form
+    reply = surface.fallback_reply(frame, Unsupported())
+    return b"" if reply == ACKNOWLEDGED else reply
 
 
 @cache
@@ -186,16 +186,16 @@ class Tracer:
         """Send the commands of ``prelude``, then the frame; observe for some seconds after its reply."""
         self._client_count += 1
         visitor = self.rehearsal.client(f"rehearsal{self._client_count}")
-        for said in prelude.completed:
-            visitor.send(said)
+        for command in prelude.completed:
+            visitor.send(command)
             await self._wait_for_replies(visitor, 0.0)
             await asyncio.sleep(BACKGROUND_TIMEOUT)
             await self._wait_for_rest()
-        for said in prelude.in_progress:
-            visitor.send(said)
+        for command in prelude.in_progress:
+            visitor.send(command)
             await self._wait_for_replies(visitor, BACKGROUND_TIMEOUT)
         self.before_frame()
-        wire, refusals = len(self.rehearsal.rx_data), self.rehearsal.wire_log.refusal_count
+        sent_before, refusals = len(self.rehearsal.rx_data), self.rehearsal.wire_log.refusal_count
         self._events.clear()
         visitor.received = b""
         visitor.send(frame)
@@ -204,19 +204,19 @@ class Tracer:
         self._events.append(TraceStep("reply", "", reply))
         await asyncio.sleep(seconds)
         protocol = self.driver.protocol
-        acts = tuple(data for data in self.rehearsal.rx_data[wire:] if not is_query(protocol, data))
+        acts = tuple(data for data in self.rehearsal.rx_data[sent_before:] if not is_query(protocol, data))
         return Trace(frame, tuple(self._events), reply, acts, refusals != self.rehearsal.wire_log.refusal_count)
 
     def before_frame(self) -> None:
         """For subclasses: called after the preceding commands, before the frame that is traced."""
 
     async def _wait_for_replies(self, client: RehearsalClient, min_wait: float) -> None:
-        """Wait until all commands that have a reply are answered, for `REPLY_TIMEOUT` at most."""
+        """Wait ``min_wait`` seconds, then until every expected reply has come, for `REPLY_TIMEOUT` at most."""
         await asyncio.sleep(min_wait)
         await _wait_until(lambda: client.all_answered, REPLY_TIMEOUT)
 
     async def _wait_for_rest(self) -> None:
-        """Wait until the mount is at rest and the gateway has noticed that."""
+        """Wait until no goto is under way and the gateway has noticed that, for `SLEW_TIMEOUT` at most."""
         await _wait_until(
             lambda: not (self.rehearsal.sim.slewing or self.rehearsal.controller.reconciler.busy), SLEW_TIMEOUT
         )

@@ -50,7 +50,7 @@ def example_request(command: Command) -> bytes:
 
 
 def sample_value(command: Command, name: str, field: Codec) -> object:
-    """Return an example value that this field can encode and decode."""
+    """Return an example value that this field can encode and decode. Raises MappingError if none is found."""
     choices = field.pattern.decode("latin-1").replace("\\", "").removeprefix("(?:").removesuffix(")").split("|")
     wanted = (_COMMAND_FIELD_VALUES.get((command.name, name)), _FIELD_VALUES.get(name), *_FALLBACK_VALUES, *choices)
     for value in (value for value in wanted if value is not None):

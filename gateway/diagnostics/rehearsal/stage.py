@@ -32,7 +32,7 @@ class RehearsalGateway:
     """A gateway with a simulated mount ``sim``; ``client()`` opens a connection. It must be made in an event loop.
 
     ``start`` is Unix time. With ``ramps`` False the motors change their speed at once. ``on`` is an earlier rehearsal
-    whose simulated mount is used again. With ``named`` the gateway knows the mount's model and version, as from the
+    whose simulated mount is used again. With ``named`` the gateway is given the mount's model and version, as by the
     command line; else its driver identifies the mount.
     """
 
@@ -135,7 +135,7 @@ class RehearsalClient:
         return bool(self.connection.all_answered)
 
     async def ask(self, data: bytes, timeout: float = 10.0, *, ending: bytes = b"") -> bytes:
-        """Send bytes; return the reply as soon as it ends with ``ending``, or what was received after ``timeout``."""
+        """Send bytes; return the reply as soon as it ends with ``ending``, or what came in ``timeout`` seconds."""
         self.received = b""
         self.connection.feed(data)
         loop = asyncio.get_running_loop()
@@ -147,7 +147,7 @@ class RehearsalClient:
         return self.received
 
     def send(self, data: bytes) -> None:
-        """Send bytes that have no reply."""
+        """Send bytes without waiting for a reply."""
         self.connection.feed(data)
 
     def close(self) -> None:

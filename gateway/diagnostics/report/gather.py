@@ -30,7 +30,7 @@ MAX_REMARKS = 10_000
 
 
 def gather_night(recording: Recording) -> Night:
-    """Collect the data of a whole recording. Raises UserError if the file is damaged or empty."""
+    """Collect the data of a whole recording. Raises UserError if a line is invalid or nothing was recorded."""
     gathering = _NightCollector(recording)
     for event in gathering.protocols.protocol_lines_first(recording):
         gathering.process(event)
@@ -102,7 +102,7 @@ class _NightCollector:
                 self._match_reply(heard, event.time)
 
     def _match_reply(self, message: DecodedMessage, time: float) -> None:
-        """Match a reply to the newest request of its command; count older requests as unanswered."""
+        """Match a reply to the newest request of its command, count all older requests as unanswered, store values."""
         waiting = [place for place, (_, name) in enumerate(self._open_requests) if name == message.command]
         if waiting:
             self._count_unanswered(waiting[-1])

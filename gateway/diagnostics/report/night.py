@@ -51,7 +51,7 @@ class ProgramConnections:
 
 @dataclass
 class Night:
-    """The content of a recording. ``equinox`` is that of the positions; ``cut_reason``: why it is incomplete."""
+    """The content of a recording. ``equinox``: of the positions; ``cut_reason``: why the recording is incomplete."""
 
     mount: str
     surfaces: list[str]
@@ -72,5 +72,5 @@ class Night:
     refusals: list[Incident] = field(default_factory=list)
     programs: dict[tuple[str, str], ProgramConnections] = field(default_factory=dict)
     cut_reason: str = ""
-    #: The version that recorded it, with its commit.
+    #: The version of the gateway that made the recording, with its commit.
     recorded_by: str = ""

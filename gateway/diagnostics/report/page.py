@@ -24,11 +24,11 @@ def report_page(night: Night, recording_name: str) -> str:
     """Return the report on a night as a complete HTML file."""
     sky = Sky()  # its closed forms are good to a second of arc
     points = altaz_track(night, sky)
-    said = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in summary_sentences(night, points))
+    summary = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in summary_sentences(night, points))
     site = (
         f", {night.site.latitude:.2f}°, {night.site.longitude:.2f}° as {night.site.source} told" if night.site else ""
     )
-    parts = [_html_section("", "", f'<div class="summary">{said}</div>')]
+    parts = [_html_section("", "", f'<div class="summary">{summary}</div>')]
     if points:
         parts.append(_html_section(
             "Where it pointed", "North is up and east is left, as you look up. Thick line: tracking or at rest. "
@@ -104,7 +104,7 @@ def table_of_programs(night: Night) -> str:
 
 
 def table_of_remarks(remarks: Sequence[Incident], empty_text: str, with_client_column: bool) -> str:
-    """Return an HTML table of different remarks, the most frequent first: count, first and last time, text."""
+    """Return an HTML table of remarks, the most frequent first; equal ones share a row: count, times, text."""
     same: dict[tuple[str, str], list[float]] = {}
     for remark in remarks:
         same.setdefault((remark.text, remark.client_name), []).append(remark.time)
@@ -116,8 +116,8 @@ def table_of_remarks(remarks: Sequence[Incident], empty_text: str, with_client_c
         when += f" – {format_time_of_day(times[-1], with_seconds=True)}" if len(times) > 1 else ""
         rows.append([f"{len(times):,} ×", when, *([html.escape(who)] if with_client_column else []), html.escape(text)])
     heads = ("how often", "when", *(["to whom"] if with_client_column else []), "what")
-    left = f"<p>{len(same) - MAX_ROWS:,} others are not shown.</p>" if len(same) > MAX_ROWS else ""
-    return html_table(heads, rows) + left
+    omitted_note = f"<p>{len(same) - MAX_ROWS:,} others are not shown.</p>" if len(same) > MAX_ROWS else ""
+    return html_table(heads, rows) + omitted_note
 
 
 def report_title(night: Night) -> str:

@@ -18,7 +18,7 @@ SHOWN_QUANTILE, SCALE_MARGIN = 0.99, 1.3
 
 
 class ReplyTimeSpread(NamedTuple):
-    """The reply times of an interval: its time, the 5 % quantile, the median, the 95 % quantile, the maximum."""
+    """The reply times of an interval, seconds: the 5 %, 50 % and 95 % quantile, the maximum; ``time``: its middle."""
 
     time: float
     quantile_05: float
@@ -52,7 +52,7 @@ def _scale_maximum(night: Night) -> float:
 
 
 def _scale_step(value: float) -> float:
-    """Return the distance of ticks, a round number of about a quarter of the scale."""
+    """Return the distance of ticks: the first of 1, 2, 5, 10, 20, … that is at least a fifth of ``value``."""
     step = 1.0
     while True:
         for factor in (1.0, 2.0, 5.0):
@@ -62,7 +62,7 @@ def _scale_step(value: float) -> float:
 
 
 def plot_reply_times(night: Night) -> str:
-    """Plot reply times: medians as a line, 5 % to 95 % as a band, outliers as dots; problems as red lines."""
+    """Plot reply times: medians as a line, 5 % to 95 % as a band, outliers as dots; remarks as red lines."""
     reach = _scale_maximum(night)
     frame = PlotFrame(night.began, night.ended, 0.0, reach, height=220.0)
     step = _scale_step(reach)
@@ -155,7 +155,7 @@ class LightInterval(NamedTuple):
 
 
 def light_intervals(night: Night, sky: Sky) -> list[LightInterval]:
-    """Divide the time of the recording into day, twilight and dark; empty if no site is known."""
+    """Divide the time of the recording into day, twilight and dark; empty without a site or duration."""
     if night.site is None or night.ended <= night.began:
         return []
     step = max(SUN_STEP, (night.ended - night.began) / MAX_SUN_ALTITUDES)
@@ -229,7 +229,7 @@ def _draw_time_labels(points: Iterable[TrackPoint]) -> list[str]:
 
 
 def plot_altitude(points: list[TrackPoint], lights: list[LightInterval], night: Night) -> str:
-    """Plot altitude over time, with day and twilight as background, the limits, and problems at the bottom."""
+    """Plot altitude over time, with day and twilight as background, the limits, and refusals at the bottom."""
     frame = PlotFrame(night.began, night.ended, 0.0, 90.0)
     drawn = [frame.shade(part.began, part.ended, part.kind) for part in lights]
     drawn.append(frame.axes((value, f"{value}°") for value in (0, 30, 60, 90)))

@@ -160,7 +160,7 @@ class OverviewServer:
         self.address = ""
 
     async def open(self, port: int) -> None:
-        """Listen on a port of this computer only. Raises UserError."""
+        """Listen on a port of this computer only, and begin to connect to the broker. Raises UserError."""
         self.address = (await self._server.listen(f"tcp://127.0.0.1:{port}")).address.replace("tcp", "http") + "/"
         self._link.start()
 

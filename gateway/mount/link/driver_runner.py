@@ -134,7 +134,7 @@ class ReplyVerifier:
             del self._last_replies[next(iter(self._last_replies))]
 
     async def _send_change(self, command: Send, priority: int) -> Values:
-        """Send a command that changes something, once no late acknowledgement can be taken for its own. Raises Fault.
+        """Send a command with an unverified reply as soon as no late reply can be taken for its own. Raises Fault.
 
         A stop never waits: it is repeated until an acknowledgement can only belong to it.
         """
@@ -246,7 +246,7 @@ def _clock_agrees(before: ReceivedReply, after: ReceivedReply) -> bool:
 
 
 class HibernationGate:
-    """Decides which commands are sent to a hibernating mount, and tells the driver when its replies show it awake.
+    """Decides which commands are sent to a hibernating mount, and marks it as awake when its replies show that.
 
     Each command that a hibernating mount ignores costs a timeout of seconds. Stops are sent anyway. The position is
     read now and then, because a person may have woken the mount at its keys: a reply that no hibernating mount gives
@@ -258,7 +258,7 @@ class HibernationGate:
         self._next_read_at = 0.0
 
     def note_hibernation(self) -> None:
-        """Note that the mount was sent to hibernate: its position is not read for ``WAKE_TEST_PERIOD`` seconds."""
+        """Note that the mount was ordered to hibernate: its position is not read for ``WAKE_TEST_PERIOD`` seconds."""
         self._next_read_at = self._clock() + WAKE_TEST_PERIOD
 
     def allow_next_read(self) -> None:
@@ -271,7 +271,7 @@ class HibernationGate:
         return self._driver.asleep and self._clock() < self._next_read_at and not self._wanted.wake_up_pending
 
     def admit(self, command: Send, priority: int) -> None:
-        """Check that a command may be sent to the hibernating mount now. Raises Asleep if not."""
+        """Check that a hibernating mount may be sent a command; a position read holds back the next. Raises Asleep."""
         if priority == STOP or self._answers_while_asleep(command) or self._wanted.wake_up_pending:
             return
         if self.refuses_reads or priority != POSITION:
@@ -291,7 +291,7 @@ class DriverRunner:
     """Runs the generators of the driver: ``perform`` for an operation with a priority, ``drive`` for any generator.
 
     ``may_move`` is emitted before a command that may set the mount moving, ``scheduled`` with an operation that the
-    driver wants done later, ``driver_failed`` when a defect of the driver leaves it unknown what moves now.
+    driver requests for later, ``driver_failed`` when a defect of the driver leaves it unknown what moves now.
     """
 
     def __init__(self, context: Context, verifier: ReplyVerifier, gate: HibernationGate) -> None:

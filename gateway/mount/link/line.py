@@ -81,7 +81,7 @@ class MountLink:
 
     @property
     def state(self) -> str:
-        """``opening``, ``up``, ``busy`` or ``down``."""
+        """``opening``, ``up``, ``down``, or ``busy``: up, but a long operation of the mount lets only stops through."""
         return "busy" if self._state == "up" and self.transaction.refuses_others else self._state
 
     @property
@@ -124,7 +124,7 @@ class MountLink:
         self.queue.fail_all()
 
     def check_line_again(self) -> None:
-        """Check that the line is in step before the next exchange: another process has written to the wire."""
+        """Have the line brought into step before the next exchange, because another process has written to the wire."""
         self._wire_used_by_others = True
         self.queue.wake()
 
@@ -243,7 +243,7 @@ class MountLink:
         self._mark_down(f"{self.wire.name} was lost")
 
     async def _recover(self) -> None:
-        """Bring the line into step again, however long that takes; return early if the wire is lost."""
+        """Bring the line into step again; treat the wire as lost after ``REOPEN_SILENCE`` seconds without success."""
         began = self._clock()
         while not self.transaction.lost:
             if await self._resync():
@@ -296,7 +296,7 @@ class MountLink:
             self.came_up.emit(None)
 
     def _mark_down(self, reason: str) -> None:
-        """Fail all waiting requests; from now on every exchange fails at once."""
+        """Fail all waiting requests; until the line is up again, every exchange fails at once."""
         if (self.state, self.down_cause) != ("down", reason):
             self.wire_log.note("mount", reason)
         self._state, self.down_cause = "down", reason

@@ -32,10 +32,10 @@ AGING_TIMES: Mapping[int, float] = {POSITION: 0.25, READ: 0.6, SETTING: 2.0}
 MAX_MOTIONS_IN_A_ROW = 1
 #: After this many exchanges an aged setting goes first: a slow or hibernating mount always has reads waiting.
 MAX_SETTING_SKIPS = 4
-#: Reads wait if an urgent request is due within URGENT_FACTOR reply times: until URGENT_GRACE seconds after that time.
+#: Reads wait if an urgent request is due within URGENT_FACTOR reply times: until URGENT_GRACE seconds after it is due.
 URGENT_FACTOR, URGENT_GRACE = 1.5, 0.05
 #: Event loop iterations in which a client that got a reply may queue its next request. Then the second half of a
-#: position, a motion or a halt goes before other clients' reads. Five would do; recordings rely on eight.
+#: position, a motion or a stop goes before other clients' reads. Five would do; recordings rely on eight.
 FOLLOW_UP_ITERATIONS = 8
 
 #: The future of a command's reply: its fields, and the seconds that it took.
@@ -107,8 +107,8 @@ class RequestQueue:
     ) -> QueuedCommand | None:
         """Return the request whose turn it is, or None if this call only waited and must be repeated.
 
-        ``typical_rtt`` is the average reply time (seconds), ``remaining_quiet`` returns the seconds of quiet before a
-        command. ``client_answered``: a client got a reply just now, and may queue its next request first.
+        ``typical_rtt`` is the average reply time (seconds), ``remaining_quiet`` returns the seconds of quiet due
+        before a command. ``client_answered``: a client got a reply just now, and may queue its next request first.
         """
         if client_answered:
             await self._let_clients_follow_up()
@@ -160,8 +160,8 @@ class RequestQueue:
         for request in waiting:
             if request.future.done():
                 continue
-            if request.priority == STOP and (pending := send(request.command)) is not None:
-                sent += pending
+            if request.priority == STOP and (was_sent := send(request.command)) is not None:
+                sent += was_sent
                 request.future.set_result(({}, 0.0))
             elif refuse_others:
                 request.fail(Busy())

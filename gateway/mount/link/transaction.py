@@ -62,8 +62,8 @@ Taken = tuple[Answer, int]
 
 
 class ReplyTimes:
-    """``typical_rtt`` is the average round-trip time in seconds, ``last_rtt`` that of the last reply (or the time until
-    the gateway gave up), ``reply_count`` the number of replies.
+    """The mount's reply times: ``typical_rtt`` is the average round-trip time in seconds, ``last_rtt`` that of the last
+    reply (or the time until the gateway gave up), ``reply_count`` the number of replies.
     """
 
     def __init__(self) -> None:
@@ -84,7 +84,7 @@ class ReplyTimes:
             self.typical_rtt = max(self.typical_rtt, min(elapsed, MAX_FIRST_REPLY_TIME))
 
     def record_late_reply(self, reply_time: float) -> None:
-        """Record a reply that arrived after its timeout."""
+        """Record a reply that arrived after its timeout; after more than ``MAX_COUNTED_LATE`` seconds it is ignored."""
         self._last_late_time = reply_time if reply_time <= MAX_COUNTED_LATE else self._last_late_time
 
     def timeout(self, protocol_timeout: float, is_position: bool) -> float:
@@ -98,8 +98,8 @@ class ReplyTimes:
 
 
 class LateReplies:
-    """Requests that timed out and may still be answered. ``ambiguous_with`` says of two commands whether the reply to
-    one could be taken for the reply to the other.
+    """Requests that timed out and may still be answered. ``ambiguous_with`` returns whether the reply to
+    one of two commands could be taken for the reply to the other.
     """
 
     def __init__(self, ambiguous_with: Callable[[Send, Send], bool]) -> None:
@@ -115,7 +115,7 @@ class LateReplies:
         return max([end for end, _ in self._ambiguous_requests(command, now)], default=now)
 
     def count(self, command: Send, now: float) -> int:
-        """Return how many late replies could be taken for the reply to this command; after these, the next is right."""
+        """Return how many late replies could be taken for the reply to this command; the one after these is right."""
         return len(self._ambiguous_requests(command, now))
 
     def _ambiguous_requests(self, command: Send, now: float) -> list[tuple[float, Send]]:
@@ -130,7 +130,7 @@ class GaveWayToStop(NoAnswer):
 
 
 class Transaction:
-    """Carries out exchanges over a wire until it is ``lost``.
+    """Carries out exchanges over a wire until the wire is ``lost``.
 
     A stop that waits in the ``queue`` may be sent during a long operation of the mount, shortens the pause that some
     mounts need after a command, and cuts off any other exchange that lasts too long.
@@ -298,14 +298,14 @@ class Transaction:
         self._last_command = command
         began = self.written_at = self._clock()
         self.is_long_op, self._stops_sent, self._stop_is_waiting = command.long, 0, False
-        overtakes = getattr(self.wire, "newest_only", False)
-        waits = expected.max_stop_wait if overtakes else self.times.typical_rtt + STOP_WAIT
-        self._gives_way_at = math.inf if command.long or (overtakes and is_stop) else began + waits
+        newest_only = getattr(self.wire, "newest_only", False)
+        waits = expected.max_stop_wait if newest_only else self.times.typical_rtt + STOP_WAIT
+        self._gives_way_at = math.inf if command.long or (newest_only and is_stop) else began + waits
         taken = await self._await_reply(command, expected, began, settle, is_resync) if self.send(request) else None
         self._stop_unanswered = is_stop and expected.silent
         self.is_long_op, self.long_op_ended_at = False, self._clock() if command.long else self.long_op_ended_at
         if taken is None:
-            gave_way = overtakes and self._must_give_way
+            gave_way = newest_only and self._must_give_way
             return GaveWayToStop() if gave_way else self._no_reply_fault(command, expected, began)
         outcome, length = taken
         if len(self._buffer) > length + self._stops_sent:  # each stop sent meanwhile may have been refused with a byte
@@ -339,7 +339,7 @@ class Transaction:
     async def _await_reply(
         self, command: Send, expected: ExpectedReply, started_at: float, settle_time: float, is_resync: bool
     ) -> Taken | None:
-        """Return the reply and its length when it is complete; None if it is late, or the wire was lost.
+        """Return the reply and its length when it is complete; None if it is late, a stop is due, or the wire was lost.
 
         A reply without a terminator is complete when nothing follows it for ``settle_time`` seconds.
         """
@@ -436,8 +436,8 @@ class Transaction:
             await self._bytes_event.wait_within(left)
 
     async def drain(self, quiet_time: float) -> bool:
-        """Wait, not for ever, until the wire is quiet for ``quiet_time`` seconds, a stop is due or the wire is lost.
-        Drop the received bytes, and return whether there were any.
+        """Wait until the wire is quiet for ``quiet_time`` seconds, a stop is due, the wire is lost, or `DRAIN_TIMEOUT`
+        is over. Drop the received bytes; return whether there were any besides ``ignored_bytes``.
         """
         give_up = self._clock() + DRAIN_TIMEOUT
         while not self.lost and not self.stop_is_due and self._clock() < give_up:

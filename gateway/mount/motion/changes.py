@@ -57,9 +57,9 @@ def apply_order(wanted: Wanted, order: Order, now: float, slewing: bool) -> Want
 
 
 def after_stop(wanted: Wanted, reason: str | None = None) -> Wanted:
-    """Return the new ``Wanted`` after a stop: no motion, and the stop command is owed to the mount.
+    """Return the new ``Wanted`` after a stop was ordered: it is owed to the mount, and pending motions are removed.
 
-    ``reason`` is the reason if the gateway itself stops the mount, empty if a client does, None for a repeated stop.
+    A ``reason`` becomes the ``goto_failure`` of a goto under way. "" (a client's stop) clears that text, None keeps it.
     """
     pending = tuple(
         order
@@ -77,7 +77,7 @@ def after_stop(wanted: Wanted, reason: str | None = None) -> Wanted:
 def equal_pending_halt(wanted: Wanted, operation: op.Operation) -> Halt | None:
     """Return a pending halt that makes this halt redundant; None if there is none.
 
-    A halt that waits behind a goto counts only if no order arrived since.
+    A halt that waits behind a goto counts only if no other order than halts arrived since.
     """
     if not isinstance(operation, END_ORDERS):
         return None
@@ -110,14 +110,14 @@ def add_follow_up(wanted: Wanted, schedule: Schedule, order_number: int, now: fl
 
 
 def was_stopped_since(wanted: Wanted, operation: op.Operation, stop_count: int | None) -> bool:
-    """Whether a stop since the request makes the operation void. ``stop_count``: how many stops preceded it."""
+    """Whether a stop since the request voids the operation. ``stop_count``: stops before the request; None: never."""
     if stop_count is None or stop_count == wanted.stop_count:
         return False
     return not (isinstance(operation, op.StopAxis) or survives_abort(operation))
 
 
 def without_superseded_orders(wanted: Wanted, operation: op.Operation) -> Wanted:
-    """Remove the pending orders that a halt, an end of all gotos or a newer rate cancels before they begin."""
+    """Remove the pending orders that the operation cancels if it is a halt, an end of all gotos, or a newer rate."""
     pending = tuple(order for order in wanted.pending if not _cancels(operation, order, order.number == wanted.active))
     return wanted if len(pending) == len(wanted.pending) else replace(wanted, pending=pending)
 
@@ -182,7 +182,7 @@ def _is_postponed(order: Order) -> bool:
 
 
 def _replaced_by_goto(order: Order) -> bool:
-    """Whether a newer goto replaces the order: a guide pulse, or a goto postponed until the mount accepts commands."""
+    """Whether a newer goto replaces the order: a guide pulse that is no remainder, or a postponed goto."""
     if isinstance(order.operation, GOTOS):
         return _is_postponed(order)
     return order.pulse_axis is not None and not order.follow_up
@@ -219,7 +219,7 @@ def _apply_halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Want
 
 
 def _queue_halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """Queue a halt: before all other orders, but behind a pending goto, and last if a client keeps repeating it."""
+    """Queue a halt: before all other orders, but in its turn if a goto is pending or a client keeps repeating it."""
     assert isinstance(order, Halt)
     axis = halted_axis(order.operation)
     wanted = without_superseded_orders(
@@ -245,7 +245,7 @@ def halted_axis(operation: op.Operation) -> int | None:
 
 
 def _apply_focus(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """Replace the retry of a focuser halt: the newest order for the focuser counts."""
+    """Append the order, and remove the retry of a focuser halt: the newest order for the focuser counts."""
     pending = tuple(
         other
         for other in wanted.pending
@@ -255,7 +255,7 @@ def _apply_focus(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wan
 
 
 def _apply_hibernate(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """Forget the pressed arrows: a hibernating mount does not move."""
+    """Append the order, and forget the pressed arrows: a hibernating mount does not move."""
     return _append_order(replace(wanted, arrows=()), order, now, slewing)
 
 
@@ -309,7 +309,7 @@ def _is_void_after(halt: Order, goto: Order) -> bool:
 
 
 def may_have_begun(order: Order, error: BaseException) -> bool:
-    """Whether a failed motion by hand may move the mount: it got no answer, had begun before, or stops all after it."""
+    """Whether a failed motion may move the mount: it got no reply, a halt interrupted it, or a stop was to follow."""
     unheard = isinstance(order.operation, HAND_MOTIONS) and isinstance(error, NoAnswer) and error.is_sent
     return order.arrow.then_stop or unheard or (order.rank == RESUMED_RANK and isinstance(order.operation, MOVERS))
 
@@ -382,8 +382,8 @@ def after_pulse_start(wanted: Wanted, order: Order, pulse: op.Pulsed, order_numb
         return replace(wanted, pending=(*wanted.pending, end))
     if pulse.left:
         operation = replace(order.operation, ms=pulse.left)
-        rest = replace(order, number=order_number, operation=operation, due_from=until, follow_up=True)
-        return replace(wanted, pending=(*wanted.pending, rest))
+        remainder = replace(order, number=order_number, operation=operation, due_from=until, follow_up=True)
+        return replace(wanted, pending=(*wanted.pending, remainder))
     return wanted
 
 
@@ -394,7 +394,7 @@ def _add_motions(wanted: Wanted, *axes: int) -> tuple[int, int]:
 
 
 def _with_axis_motion(wanted: Wanted, axis: int, motion: AxisMotion | None) -> Wanted:
-    """Replace the motion by hand of an axis; None if it has ended."""
+    """Replace the motion by hand of an axis. If ``motion`` is None, it has ended; a goto then continues."""
     by_hand = wanted.motion if isinstance(wanted.motion, HandMove) else HandMove()
     by_hand = replace(by_hand, first=motion) if axis == 1 else replace(by_hand, second=motion)
     if isinstance(wanted.motion, Slew) and motion is None:

@@ -1,4 +1,4 @@
-"""What follows when the mount acknowledges an order: cached readings are updated unasked, and motions are watched."""
+"""Updates cached readings and the watches of motion when the mount acknowledges an order. Logs replaced gotos, too."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class Consequences:
             self._cache.correct_value(op.GetStatus, replace(status, tracking=op.Tracking.OFF))
 
     def log_pulse_excess(self, axis: int, ordered_at: float, sent_at: float) -> None:
-        """Log by how much a guide pulse was too long, if that matters. ``ordered_at`` is the loop time at which the
+        """Log by how much a guide pulse was too long, if by over a tenth. ``ordered_at`` is the loop time at which the
         reconciler took up the order to end the pulse, ``sent_at`` the loop time at which it sent the command.
         """
         pulse = next((sent for sent in self._context.wanted.value.pulses if sent.axis == axis), None)

@@ -130,12 +130,12 @@ class EndWatch:
 
     def watch_end(self, axes: Iterable[int], speed: float) -> None:
         """Watch axes for which a stop was sent, and which moved at up to this speed until then, degrees a second."""
-        both, before, begun = frozenset(axes), self.ending, self._wanted.value.motions_begun
-        if before is not None and before.axes == both:
-            self._ending = MotionEnd(both, max(speed, before.speed), (*before.sent_times[:-1], self._clock()), begun)
+        stopped, before, begun = frozenset(axes), self.ending, self._wanted.value.motions_begun
+        if before is not None and before.axes == stopped:
+            self._ending = MotionEnd(stopped, max(speed, before.speed), (*before.sent_times[:-1], self._clock()), begun)
         elif speed > 0.0:
-            rest = (before.axes, before.speed) if before is not None else (frozenset[int](), 0.0)
-            self._ending = MotionEnd(both | rest[0], max(speed, rest[1]), (self._clock(),), begun)
+            other = (before.axes, before.speed) if before is not None else (frozenset[int](), 0.0)
+            self._ending = MotionEnd(stopped | other[0], max(speed, other[1]), (self._clock(),), begun)
 
     def add_sample(self, sample: AxisSample) -> None:
         """Take the readings of a position, and emit ``resend_needed`` if the axes must be stopped once more."""

@@ -1,8 +1,8 @@
 """Motion that the gateway began and that went on without it: its line was lost, or its process was killed.
 
-A marker file records the motion. If it is recent, the mount is stopped at once. Later, a person at the hand control
-may have begun another motion, which the gateway leaves alone. So a goto is stopped only if the marker names a goto, and
-a motion by hand only if the axis turns as the marker says, or if positions cannot show it.
+A marker file records the motion. If the file is recent, the mount is stopped at once. Later, a person at the hand
+control may have begun another motion, which the gateway leaves alone. So a goto is stopped only if the marker names a
+goto, and a motion by hand only if the axis turns as the marker says, or if positions cannot show it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Leftover(Struct, frozen=True, omit_defaults=True):
 
 
 def find_leftover(wanted: Wanted, speed_of: Callable[[op.Rate], float], samples: list[AxisSample]) -> Leftover | None:
-    """Return the motion that the gateway has begun; None if positions could not show later whether it goes on."""
+    """Return the motion of pending and begun orders; None without one, or if positions could not show its end later."""
     begun = [
         *wanted.hand_moves.values(),
         *(order.operation for order in wanted.pending if isinstance(order.operation, MOVERS)),

@@ -46,8 +46,8 @@ class Reconciler:
     """Carries out motion orders. Before a command that sets the mount moving, it awaits the ``announcers`` in turn, so
     that the watchdog and the marker on disk know of the motion if this process is killed.
 
-    Signals: ``acknowledged`` with an operation that the mount has acknowledged; ``needs_client`` if that began a motion
-    which needs an active client; ``stop_acknowledged``; ``saved_state_changed`` if the state file may be outdated.
+    Signals: ``acknowledged`` with an operation that the mount has acknowledged; ``client_motion_began`` if its motion
+    needs an active client; ``stop_acknowledged``; ``saved_state_changed`` if the state file may be outdated.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class Reconciler:
         arrived_at: float | None = None,
     ) -> Outcome:
         """Take a motion order and return the future of its outcome. ``arrived_at`` is the loop time of its arrival,
-        ``stop_count`` the number of stops before it. The client waits ``max_delay`` seconds; later no goto is begun.
+        ``stop_count`` the number of stops before it. After ``max_delay`` seconds no goto or sync is begun.
         """
         now, wanted = self._loop.time(), self.wanted
         if self.closed or changes.was_stopped_since(wanted, operation, stop_count):
@@ -141,16 +141,16 @@ class Reconciler:
     def _accept(self, order: Order) -> Outcome:
         """Return the outcome of an order, or that of an equal pending halt. Raises Fault if it is refused."""
         after = changes.apply_order(self.wanted, order, self._loop.time(), self._movement.slewing)
-        late = taps.dropped_press(self.wanted, after, order) if isinstance(order.operation, op.StopAxis) else None
-        if late is not None and (outcome := self._outcomes.pop(late.number, None)) is not None:
+        dropped = taps.dropped_press(self.wanted, after, order) if isinstance(order.operation, op.StopAxis) else None
+        if dropped is not None and (outcome := self._outcomes.pop(dropped.number, None)) is not None:
             outcome.set_exception(taps.TapDropped())
         if after.stop_count != self.wanted.stop_count:
             return self.begin_stop()
-        asked = any(other.number == order.number for other in after.pending)
-        if asked:
+        queued = any(other.number == order.number for other in after.pending)
+        if queued:
             self._outcomes[order.number] = waiting.new_outcome()
         self._update(after)
-        same = order if asked else changes.equal_pending_halt(after, order.operation)
+        same = order if queued else changes.equal_pending_halt(after, order.operation)
         outcome = self._outcomes.get(same.number) if same is not None else None
         self._start_next()
         return outcome if outcome is not None else waiting.finished_outcome()
@@ -190,7 +190,7 @@ class Reconciler:
     # --- stops ------------------------------------------------------------------------------------------------------
 
     def begin_stop(self, reason: str | None = None) -> asyncio.Task[None]:
-        """End every motion: cancel all orders that run or wait, and send the stop before everything else. The stop is
+        """End every motion: cancel all motions that run or wait, and send the stop before everything else. The stop is
         repeated until the mount has acknowledged it, even after a lost line. ``reason``: see ``after_stop``.
         """
         self._update(changes.after_stop(self.wanted, reason))
@@ -291,7 +291,7 @@ class Reconciler:
                     task.uncancel()  # the order was cancelled, not the loop
                 except Exception as fault:
                     error = fault
-                if task.cancelling():  # given up in its last step: let the cancellation not hit the next order
+                if task.cancelling():  # cancelled in its last step: do not cancel the next order, too
                     with contextlib.suppress(asyncio.CancelledError):
                         await asyncio.sleep(0)
                     task.uncancel()
@@ -309,7 +309,7 @@ class Reconciler:
             self._loop_task = None
 
     def _postpone_if_needed(self, order: Order) -> bool:
-        """Postpone an order that the mount cannot be given now; refuse it if it has waited too long."""
+        """Postpone an order that cannot be sent now, or refuse it if it waited too long. False: it can be sent now."""
         now = self._loop.time()
         wait = order.needed_wait(now, self._link.occupied, self._context.incoming_settings)
         if wait is not None and order.may_wait(now, wait.max_wait) and not order.client_disconnected:
@@ -376,13 +376,13 @@ class Reconciler:
             outcome.set_exception(error)
         self._update(changes.after_failure(self.wanted, order))
         sent = isinstance(order.operation, GOTOS) and self._last_admitted == order.number
-        # It may have ended the motion before it, or left tracking suspended.
+        # The goto may have ended the motion before it, or left tracking suspended.
         interrupts = sent and (bool(self.wanted.hand_moves) or self._driver.tracking_suspended)
         half_begun = changes.may_have_begun(order, error) or interrupts
         not_ended = isinstance(order.operation, END_ORDERS) and not (self._driver.asleep and not order.follow_up)
         if stops_focuser(order.operation) and isinstance(error, NoAnswer | Busy) and not self._driver.asleep:
             if not any(isinstance(other.operation, op.Focus) for other in self.wanted.pending):
-                self.plan(Schedule(FOCUS_RETRY, order.operation))  # no position shows it, no stop of the mount does it
+                self.plan(Schedule(FOCUS_RETRY, order.operation))  # positions do not show it, a stop does not end it
         elif order.follow_up:
             self._context.note(f"{order.operation.title()}: {error}")
         if (not_ended or half_begun) and isinstance(error, Fault):  # something may move that should not

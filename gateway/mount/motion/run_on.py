@@ -74,13 +74,13 @@ def after_position(run_on: RunOn, position: TimedPosition, equatorial: bool, res
 
 
 class RunOnWatch:
-    """Holds ``current``: the run-on, in which the mount may still move after the end of a motion; None at rest.
+    """Holds ``current``: the run-on, in which the mount may still move after the end of a motion; else None.
     ``changed`` is emitted with the loop time until which guide pulses wait.
     """
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
-        #: Emitted with each command that may move the mount; and how many there had been when it was last at rest.
+        #: Emitted before each command that may move the mount; and its ``count`` at the last rest, -1 if unknown.
         self.may_move: Signal[None] = Signal()
         self._commands_at_rest = 0
         #: When the mount was last seen at rest after the end of a motion.
@@ -95,7 +95,7 @@ class RunOnWatch:
 
     @property
     def motion_unknown(self) -> bool:
-        """Whether the mount has not reported its position for so long that nothing is known of its motion."""
+        """Whether the mount may run on and has not reported its position for more than ``MAX_SILENCE`` seconds."""
         return self.current is not None and self._clock() - self.current.last_position_at > MAX_SILENCE
 
     def activity(self, wanted: Wanted, parked: bool, reply_age: float) -> op.Activity:
@@ -122,7 +122,7 @@ class RunOnWatch:
 
     def begin(self, after_goto: bool, position: TimedPosition | None = None, moved_by_others: bool = False) -> None:
         """Note that the mount has acknowledged the end of a motion, or that a goto has ended by itself. ``position``,
-        the last one, may already show rest. Nothing changes if the mount was at rest, unless somebody else moved it.
+        the last one, may be the first to show rest. Nothing changes if the mount was at rest, unless others moved it.
         """
         now = self._clock()
         if self.current is not None or not (self.may_move.count != self._commands_at_rest or moved_by_others):

@@ -131,7 +131,7 @@ def update_upright_by_passage(
     astrometry: SiteAstrometry,
     status: op.Status | None,
 ) -> ObservedMotion:
-    """Update ``upright`` if the tube has passed the pole or the zenith between two positions, except by a goto."""
+    """Flip ``upright`` if the tube has passed the pole or zenith between two positions; not to be used in a goto."""
     if last is None or status is None:
         return observed
     before, after = (axis_sample(astrometry, status, False, each.time, each.position).angles for each in (last, sample))
@@ -140,7 +140,7 @@ def update_upright_by_passage(
 
 
 def extrapolate_ra(now: float, position: op.Equatorial, previous: PositionSample, lag: float) -> op.Equatorial:
-    """Return a position whose right ascension, read ``lag`` seconds before the declination, is extrapolated to it."""
+    """Return the position with the right ascension, read ``lag`` seconds earlier, as of the time of the declination."""
     turned = wrap180(position.ra - previous.position.ra)
     if not lag or abs(turned) > JUMP_DEGREES:
         return position

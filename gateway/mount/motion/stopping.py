@@ -45,7 +45,7 @@ class StopSender:
         self._timer: asyncio.TimerHandle | None = None
 
     def send(self, cancelled_task: asyncio.Task[Any] | None) -> asyncio.Task[None]:
-        """Send a stop when the cancelled task has ended. If a stop is being sent already, no other is needed."""
+        """Send a stop when the cancelled task has ended, unless one is being sent; return the task that sends it."""
         if self.task is None or self.task.done():
             self.task = self._loop.create_task(self._send(cancelled_task))
             self.task.add_done_callback(self._on_attempt_ended)

@@ -133,8 +133,8 @@ def begin_tap(wanted: Wanted, motion: AxisMotion, axis: int, held_seconds: float
 
 def after_stop_as_release(wanted: Wanted, activity: HostActivity, now: float) -> Wanted | None:
     """Return the new ``Wanted`` after a full stop by which a program releases an arrow: a short motion, then the stop.
-    None if the stop must be sent at once: a motion or stop is under way, or what waits is not exactly one order, a
-    recent press of an arrow by the same host that is not released yet.
+    This requires that nothing moves and that a single order waits: the same host's recent, unreleased press of an
+    arrow. Otherwise return None: the stop must be sent at once.
     """
     waiting = [other for other in wanted.pending if not other.follow_up]
     moving = not isinstance(wanted.motion, NoOrderedMove) or wanted.stop_owed or wanted.pulses or wanted.taps
@@ -186,7 +186,7 @@ def waiting_arrows(wanted: Wanted, release: Order) -> list[Order]:
 
 
 def arrow_holder(wanted: Wanted, axis: int) -> HostActivity | None:
-    """Return the client that has pressed the newest arrow of an axis and has not released it."""
+    """Return the client that has pressed the newest arrow of an axis and has not released it; None if none has."""
     for order in reversed(wanted.pending):
         if moved_axis(order.operation) == axis and order.held_for is None:
             return order.client
@@ -209,13 +209,13 @@ def has_tap(wanted: Wanted, axis: int | None) -> bool:
 
 
 def motion_of(wanted: Wanted, axis: int) -> AxisMotion | None:
-    """Return the motion by hand of an axis that the mount has acknowledged."""
+    """Return the acknowledged motion by hand of an axis; None if there is none."""
     motion = wanted.motion
     return None if not isinstance(motion, HandMove) else motion.first if axis == 1 else motion.second
 
 
 def axis_of(order: Order) -> int:
-    """Return the axis of an arrow, or of its release."""
+    """Return the axis of an arrow, or of its release; 0 for any other order."""
     return getattr(order.operation, "axis", 0)
 
 

@@ -92,7 +92,7 @@ class Order(Struct, frozen=True):
     @property
     def can_be_postponed(self) -> bool:
         """Whether the order waits while the mount accepts no commands: a goto (the newest only), a tracking mode or
-        rate, and a retried halt, for as long as it takes. Motions by hand and pulses never wait, because they are no
+        rate, and, without a time limit, a retried halt. Motions by hand and pulses never wait, because they are no
         longer wanted by then. No order waits for a line that is down.
         """
         return self.not_while_busy or (
@@ -105,7 +105,7 @@ class Order(Struct, frozen=True):
         return isinstance(self.operation, GOTOS) and self.client is not None and self.client.closed_at is not None
 
     def may_wait(self, now: float, max_wait: float = MAX_POSTPONEMENT) -> bool:
-        """Whether the order may wait longer; if not, it fails before its client stops waiting for the outcome."""
+        """Whether the order may wait on: for ``max_wait`` seconds since it came, and no longer than its client."""
         return self.not_while_busy or now < min(self.came_at + max_wait, self.deadline)
 
     def needed_wait(self, now: float, mount_busy: bool, incoming: IncomingSettings) -> Postponement | None:
@@ -128,7 +128,7 @@ class Order(Struct, frozen=True):
 class Halt(Order, frozen=True):
     """The order of a client, or of the gateway for it, to end the motion of an axis, or all gotos.
 
-    ``overtakes``: it goes before pending orders. ``repeat_number``: how many equal halts came before it.
+    ``overtakes``: it goes before pending orders. ``repeat_number``: how many equal halts came shortly before.
     ``order_count`` is ``Wanted.order_count`` at its arrival. ``ends_tap``: it ends a motion whose arrow was released
     earlier. Once the goto with the number ``voided_by`` has begun, this halt is void.
     """
@@ -196,7 +196,7 @@ class GuidePulse(Struct, frozen=True):
 
 
 class Tap(Struct, frozen=True):
-    """A motion by hand whose arrow was released before it began: its axis, the client, and when it ends."""
+    """A motion by hand that goes on for a while after its arrow was released: its axis, client, and end (loop time)."""
 
     axis: int
     client: HostActivity | None
@@ -229,8 +229,8 @@ class Wanted(Struct, frozen=True):
     ``goto_count`` count the orders of these kinds so far, ``gotos_begun`` the gotos that the mount has acknowledged,
     ``motions_begun`` the acknowledged motions of each axis, ``order_count`` all orders except halts. ``stop_owed``: the
     mount has not acknowledged a stop yet. ``homed``: the mount was sent home, and no order has moved it since.
-    ``goto_failure`` is why the last goto ended before its goal, until the next order. Guide pulses wait until the mount
-    is at rest, but not beyond the loop time ``pulses_from``.
+    ``goto_failure`` is why the last goto ended before its goal, until the next order of a client. Guide pulses wait
+    until the mount is at rest, but not beyond the loop time ``pulses_from``.
     """
 
     motion: NoOrderedMove | Slew | HandMove = NoOrderedMove()
@@ -290,7 +290,7 @@ class Wanted(Struct, frozen=True):
         return moment if moment < inf else None
 
     def due_at(self, order: Order) -> float:
-        """Return the loop time from which an order may be carried out."""
+        """Return the loop time from which an order may be carried out; infinite while a tap on its axis continues."""
         if self.taps and (axis := moved_axis(order.operation)) and any(tap.axis == axis for tap in self.taps):
             return inf
         axis = None if order.follow_up else order.pulse_axis

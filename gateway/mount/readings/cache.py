@@ -81,8 +81,8 @@ class CachedAnswer(Struct):
 
     ``asked_at``: loop time of the request. ``order_count``: number of orders and settings sent before it. A position
     also has its ``reading``, the entry before it (``prev``) and, once calculated, its extrapolation
-    (``extrapolation``). ``from_kind``: the kind from which it was calculated. A ``forgotten`` answer is used only if
-    the mount is silent.
+    (``extrapolation``). ``from_kind``: the kind from which it was calculated. A ``forgotten`` answer is outdated:
+    it is used only if there is no newer one.
     """
 
     value: Any
@@ -183,12 +183,12 @@ class ReadingsCache:
         return None if entry is None else entry.value
 
     def fresh_until(self, kinds: list[Kind]) -> float:
-        """Return the loop time until which the readings of these kinds are fresh."""
+        """Return the loop time until which the readings of all these kinds are fresh; 0 if one is missing."""
         entries = [self.entries.get(kind) for kind in kinds]
         return min(0.0 if entry is None or entry.forgotten else entry.arrived_at + entry.fresh_for for entry in entries)
 
     def age(self, kind: Kind, now: float) -> float:
-        """Return the seconds since the last answer; 1e9 if there is none."""
+        """Return the seconds since the last answer; 1e9 if there is none or it is forgotten."""
         entry = self.entries.get(kind)
         return 1e9 if entry is None or entry.forgotten else now - entry.arrived_at
 
@@ -216,7 +216,7 @@ class ReadingsCache:
 
 
 class NotRead(Exception):
-    """The cache has no reading of this kind: the mount has not been asked for it yet."""
+    """The cache has no reading of this kind: the mount has not reported it yet, or the reading is forgotten."""
 
 
 class ReadingSource(Protocol):
@@ -229,7 +229,7 @@ class ReadingSource(Protocol):
 
 class LastReadings:
     """The last readings, however old: the safety rules use them to preview an order that no client has sent yet.
-    That must not change which commands the mount gets: no read asks it, and a missing reading raises ``NotRead``.
+    A preview sends nothing to the mount: ``read`` returns only stored values, and raises ``NotRead`` if there is none.
     """
 
     def __init__(self, cache: ReadingsCache, driver: Driver) -> None:

@@ -153,7 +153,7 @@ class Poller:
         return every - (now - self._requested_at[kind])
 
     async def renew(self, kind: Kind) -> None:
-        """Ask the mount for this reading; log a fault instead of raising it."""
+        """Ask the mount for this reading. A fault is not raised, but logged unless it is NoAnswer or NotAligned."""
         if kind is op.GetStatus:
             self._status_due_at = inf
         if kind is op.GetSite or kind is op.GetClock:

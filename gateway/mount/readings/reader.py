@@ -66,8 +66,8 @@ class Reader:
         self.exchange_counts: dict[Kind, int] = {}
         #: The loop time to which positions in replies to clients are extrapolated.
         self._extrapolated_to = -1e9
-        #: The number of motion commands sent before the last stop; -1 after a stop that did not end every motion.
-        self._commands_before_stop = 0
+        #: The value of ``may_move.count`` at the last stop; -1 after one that may not have ended every motion.
+        self._motion_count_at_stop = 0
         #: Whether clients get the last known position because the mount has not replied in time.
         self.gives_last_position = False
         #: By kind, for the last position given without extrapolation: the loop times of its reading and of the answer.
@@ -113,7 +113,7 @@ class Reader:
         if not any(extrapolation_of(self._context, kind, entry).rates) and self._was_given_before(
             kind, entry.reading.completed_at
         ):
-            return NOT_CACHED  # nothing says how it goes on: a mount that moves is asked, rather than a value repeated
+            return NOT_CACHED  # no rate is known: ask the moving mount instead of repeating the value
         return self._position_at(kind, entry, self._extrapolation_moment())
 
     def _was_given_before(self, kind: Kind, completed_at: float) -> bool:
@@ -204,15 +204,15 @@ class Reader:
     # --- what outdates positions ------------------------------------------------------------------------------------
 
     def note_acknowledged(self, operation: op.Operation, moved_by_others: bool) -> None:
-        """Mark positions as outdated if the operation, which the mount has acknowledged, changes its motion.
+        """Mark positions as outdated if the acknowledged operation changes the mount's motion or coordinates.
         ``moved_by_others``: the position shows a motion that the gateway has not ordered.
         """
         moves = self._movement.any_motion
         if isinstance(operation, op.AbortMotion | op.StopAxis | op.AbortSlew):
             sent = self._runner.may_move.count
-            if not (moves or sent != self._commands_before_stop or moved_by_others):
+            if not (moves or sent != self._motion_count_at_stop or moved_by_others):
                 return
-            self._commands_before_stop = -1 if moves and not isinstance(operation, op.AbortMotion) else sent
+            self._motion_count_at_stop = -1 if moves and not isinstance(operation, op.AbortMotion) else sent
         elif isinstance(operation, op.Move | op.MoveAxis):
             if self._wanted.hand_moves.get(operation.axis) == operation:
                 return  # the same motion continues
@@ -258,7 +258,7 @@ class Reader:
                 return answer or self._context.run_on.is_after_goto
             if kind not in POSITION_READS:
                 return answer
-            self._cache.note_polled((kind,), self._clock())  # its client goes on from here
+            self._cache.note_polled((kind,), self._clock())  # the client's interest counts from the reply
             if self.source_kind_of(kind) is None:
                 value = self._position_for_client(kind, self._cache.entries[kind])
                 if value is not NOT_CACHED:
@@ -280,7 +280,7 @@ class Reader:
         return cast(_T, await self._shared_answer(operation) if value is NOT_CACHED else value)
 
     async def read_now(self, operation: op.Operation[_T]) -> _T:
-        """Read from the mount, even if the last reading is fresh. A cancelled caller does not end it. Raises Fault."""
+        """Read from the mount even if the last reading is fresh. The read outlasts a cancelled caller. Raises Fault."""
         return cast(_T, await result_of(self.shared_task(operation)))
 
     async def _shared_answer(self, operation: op.Operation) -> object:
@@ -413,7 +413,7 @@ class Reader:
 
     async def _read_while_at_rest(self, operation: op.Operation) -> CachedAnswer:
         """Return the answer to a read that takes two requests, which is too long while the mount moves. If a motion
-        begins meanwhile, return an empty entry.
+        begins meanwhile, return an entry with the value None.
         """
         reading = self._context.tasks.spawn(self._request(operation))
         try:
@@ -436,7 +436,7 @@ class Reader:
         after = self._wanted.value
         is_newer = (before.stop_count, before.goto_count) != (after.stop_count, after.goto_count)
         if ends or self._wanted.is_ending or is_newer:
-            return  # a client has ended or replaced it, and knows
+            return  # a client itself has ended or replaced it
         if position is None or not isinstance(slew, Slew) or self._wanted.axes_moved_by_hand:
             return
         if miss := await self._miss_message_for(slew.operation, position):

@@ -42,8 +42,8 @@ class RestSample(NamedTuple):
 
 
 async def wait_for_rest(context: Context, reader: Reader, timeout: float = MAX_TIME_TO_REST) -> None:
-    """Sample the position until the mount is at rest. Raises Fault if it still moves, or if that cannot be determined.
-    A mount that hibernates is at rest and is not asked.
+    """Sample the position until the mount is at rest. Raises Fault if it still moves after ``timeout`` seconds, or if
+    that cannot be determined. A mount that hibernates is at rest and is not asked.
     """
     samples: deque[RestSample] = deque()
     rate, trouble, begun = None, Fault("the mount has not reported its position"), _count_motions(context)
@@ -74,7 +74,7 @@ async def wait_for_rest(context: Context, reader: Reader, timeout: float = MAX_T
 
 
 def _count_motions(context: Context) -> tuple[int, tuple[int, int]]:
-    """Return how many gotos, and how many other motions of each axis, the mount has begun so far."""
+    """Return how many gotos, and how many motions of each axis (gotos included), the mount has acknowledged."""
     return context.wanted.value.gotos_begun, context.wanted.value.motions_begun
 
 

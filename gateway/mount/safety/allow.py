@@ -146,7 +146,7 @@ class CheckedPath(Struct):
 
     def set_points(self, points: list[Pair], zenith: Pair, allowed: bool, lost_margin: float) -> None:
         """Store the axis readings along the paths; none if not ``allowed``, because the tube may be on other paths. The
-        goto counts as astray ``lost_margin`` degrees below all of them, or below the horizon. ``zenith``: its readings.
+        goto is astray below the horizon and ``lost_margin`` degrees below all of them. ``zenith``: its axis readings.
         """
         self.points, self.allowed = points if allowed else [], allowed
         self.min_altitude = min(0.0, 90.0 - max(separation(*direction, *zenith) for direction in points) - lost_margin)
@@ -189,7 +189,7 @@ class JudgedState(Struct, frozen=True):
         return self.observed.sky_speed * seconds
 
     def max_rate(self, rate: float, earlier_rate: float | None) -> float:
-        """Return how fast the mount may approach a limit from now on, by its last two rates of approach."""
+        """Return how fast the mount may approach a limit from now on: at ``rate`` in a goto that no client ordered."""
         observed = self.observed
         if self.moving.slews_by_itself:
             return rate
@@ -204,13 +204,13 @@ class JudgedState(Struct, frozen=True):
         )
 
     def stop_margin(self, rate: float) -> float:
-        """Return how far a motion gets until a stop at the next position ends it, degrees; 0 for a goto: it brakes."""
+        """Return the degrees of motion until a stop at the next position ends it; 0 for a goto, unless it is astray."""
         if self.on_checked_path or self.moving.slews_by_itself:
             return 0.0
         return rate * self.timing.reaction_time_after(self.observed.elapsed) + self._second_axis_run_on
 
     def approach_rates(self, last_rates: tuple[float, ...], earlier_rates: tuple[float, ...]) -> list[float]:
-        """Return ``max_rate`` for each altitude or each Sun; in a goto, which slows down by itself, the last rate."""
+        """Return ``max_rate`` for each altitude or Sun; ``earlier_rates`` count only if there are as many of them."""
         known = len(earlier_rates) == len(last_rates)
         return [self.max_rate(rate, earlier_rates[number] if known else None) for number, rate in enumerate(last_rates)]
 
@@ -317,8 +317,8 @@ def altitude_rooms(state: JudgedState) -> Iterator[Room]:
 
 
 def sun_rooms(state: JudgedState) -> Iterator[Room]:
-    """Yield the room up to the allowed distance from the Sun, for each of its possible positions. An approach counts
-    from the greatest distance so far (``farthest_from_suns``), however slow it is.
+    """Yield, for each possible position of the Sun, the room up to the allowed distance. The room before is measured
+    from ``farthest_from_suns``, not from the last position, so that a slow approach is noticed, too.
 
     A position of the Sun by another source of site and time only ends motion by arrow keys of programs, because a wrong
     source must not end a correct motion.
@@ -334,8 +334,8 @@ def sun_rooms(state: JudgedState) -> Iterator[Room]:
 
 
 def farthest_from_suns(state: JudgedState) -> tuple[float, ...]:
-    """Return, for each possible position of the Sun, the greatest distance since the tube came near it; or the present
-    distance if it is not near.
+    """Return, for each possible position of the Sun, the greatest distance since the tube came near or last came nearer
+    by more than ``SUN_JITTER_DEGREES``; or the present distance if the tube is not near.
     """
     observed = state.observed
     if observed.last is None:

@@ -45,9 +45,9 @@ def mount_suits_hour_angle_limit(mount: Context) -> bool:
 
 
 def angle_from_axes(mount: Context, axes: op.Horizontal | op.GotoAxes) -> float | None:
-    """Return how far the first axis is turned from its middle by these readings; None if the hemisphere is unknown.
+    """Return how far the first axis is turned from its middle by these readings; None for a fork without a site.
 
-    On a German mount the reading is 90 with the counterweight shaft down; on a fork on its wedge it counts from north.
+    On a German mount (in the north without a site) the reading is 90 with the shaft down; on a fork 0 is in the north.
     """
     site = mount.sources.site()
     if mount.driver.german:
@@ -138,7 +138,7 @@ class HourAngleWatch:
         return None if german and side is None else angle_from_pier_side(hour_angle, side if german else None)
 
     def _follow_position(self, sample: PositionSample) -> None:
-        """Update the angle of the axis by the last position, unless that was done."""
+        """Update the angle of the axis by the last position, unless that position is already used."""
         if sample.hour_angle is not None and not (self._past_samples and sample.time <= self._past_samples[-1][0]):
             self._axis_angle = self.axis_angle(sample.hour_angle, self._pier_side())
             if self._axis_angle is not None:
@@ -148,7 +148,7 @@ class HourAngleWatch:
         self._past_samples = (*self._past_samples[-2:], (read_at, past_meridian(axis_angle, self._mount.driver.german)))
 
     def _pier_side(self) -> str | None:
-        """Return the last reported pier side of a German mount, and start a new read if the report is old."""
+        """Return the pier side that a German mount last reported, else None; start a new read if that report is old."""
         mount = self._mount
         if not mount.driver.german:
             return None

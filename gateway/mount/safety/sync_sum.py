@@ -89,7 +89,7 @@ class SyncTotal:
 def checked_sync_sum(
     sync_limit: float, old_sum: SyncSum, turns: Sequence[Pair], present: Equatorial, target: Equatorial
 ) -> SyncSum:
-    """Return the sum with a sync. Raises SyncTooFar if the sync or the sum is larger than ``sync_limit`` on the sky.
+    """Return the sum with a sync. Raises SyncTooFar if the sync or an increased sum exceeds ``sync_limit`` on the sky.
 
     A sync that makes the sum of an axis smaller, and none larger, is accepted at any distance.
     """

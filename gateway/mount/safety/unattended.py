@@ -126,7 +126,7 @@ def abandoned_motions(
 
 
 class TrackingLimiter:
-    """Turns tracking off when ``watch`` reports that it carries the mount to a limit.
+    """Turns tracking off when ``watch`` reports that tracking carries the mount to a limit.
 
     ``perform`` carries out an operation. ``must_stop`` is emitted if tracking cannot be turned off: then everything
     must be stopped.

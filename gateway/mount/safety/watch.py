@@ -19,7 +19,7 @@ from gateway.core import operations as op
 from gateway.core.motion_kinds import GOTOS, MOVERS
 from gateway.core.signals import Signal
 from gateway.mount.context import FASTEST_RATE, Context
-from gateway.mount.motion import seen as fold
+from gateway.mount.motion import seen
 from gateway.mount.motion.ends import MIN_STEP_UNITS, AxisSample, EndWatch
 from gateway.mount.motion.seen import NEVER, ObservedMotion, PositionSample
 from gateway.mount.motion.wanted import MotionState, Slew
@@ -71,8 +71,8 @@ NEW_SITE_TIME = 3.0
 class LimitWatch:
     """Watches the limits of a mount: ``check_position`` gets every position, ``on_motion_start`` every motion.
 
-    ``must_stop`` is emitted with the reason: a forbidden position, a missing position, or a missed deadline.
-    ``carried_to_limit`` is emitted with the name of a limit that the mount reaches although no client moves it.
+    ``must_stop`` is emitted with the reason: a forbidden or missing position, a missed deadline, or a stalled axis.
+    ``carried_to_limit`` is emitted with the limit, as text, that the mount reaches although only tracking moves it.
     """
 
     def __init__(self, mount: Context, reader: Reader, end_watch: EndWatch) -> None:
@@ -93,7 +93,7 @@ class LimitWatch:
         #: Loop times at which the last motion by hand and the last goto ended.
         self.at_rest_since = self._goto_ended_at = NEVER
         self.next_path = CheckedPath()
-        #: What admission knew of the path of the last motion when that began.
+        #: What admission had found out about the path of the last motion when that motion began.
         self._current_path = CheckedPath()
 
     @property
@@ -117,11 +117,11 @@ class LimitWatch:
             return False
         if self.observed.sky_speed < MAX_GUIDE_SPEED:
             return False
-        then, at_then = (self._axis_sample(sample.time, sample.position) for sample in (before, last))
-        least = max(MAX_TRACKING_SPEED * self.observed.elapsed, MIN_STEP_UNITS * at_then.resolution)
+        earlier, latest = (self._axis_sample(sample.time, sample.position) for sample in (before, last))
+        least = max(MAX_TRACKING_SPEED * self.observed.elapsed, MIN_STEP_UNITS * latest.resolution)
         status = mount.cache.last_value(op.GetStatus)
         axes = (axis,) if status is None or status.equatorial else (1, 2)
-        turned = [abs(wrap180(at_then.angles[sample - 1] - then.angles[sample - 1])) for sample in axes]
+        turned = [abs(wrap180(latest.angles[each - 1] - earlier.angles[each - 1])) for each in axes]
         return any(min(way, 180.0 - way) > least for way in turned)  # a pulse over the pole is no half turn
 
     @property
@@ -157,7 +157,7 @@ class LimitWatch:
         return self._current_path.allowed and is_only_motion
 
     def narrow_limits(self, min_alt: float, max_alt: float, hour_angle: float | None) -> None:
-        """Apply tighter limits to the motion under way, too; wider ones apply to the next."""
+        """Apply tighter limits (degrees) to the motion under way, too; wider ones apply to the next."""
         self._limits = self._limits if self._at_own_park else self._limits.narrowed(min_alt, max_alt, None, hour_angle)
 
     # --- events -----------------------------------------------------------------------------------------------------
@@ -177,7 +177,7 @@ class LimitWatch:
         if isinstance(operation, op.Sync):
             self.observed = replace(self.observed, previous=None, last=None, farthest_from_suns=())
             self.hour_angle.forget()
-        self.observed = fold.begin_motion(self.observed, mount.now(), ordered_speed, at_rest=not self._is_moving)
+        self.observed = seen.begin_motion(self.observed, mount.now(), ordered_speed, at_rest=not self._is_moving)
         if not isinstance(operation, op.Move | op.MoveAxis):
             self._deadline.disarm()
         elif moving.hand_moves.get(operation.axis) != operation:  # a repeated command is judged already
@@ -225,13 +225,13 @@ class LimitWatch:
             self.hour_angle.forget()
         elif last is not None and last.altitude is None:  # the site may be known by now
             last = self._sample(last.time, last.position)
-            self.observed = fold.add_first_position(self.observed, last)
+            self.observed = seen.add_first_position(self.observed, last)
         sample, status = self._sample(now, position, last), self._mount.cache.last_value(op.GetStatus)
-        near = max(abs(position.dec), sample.altitude or 0.0) > fold.PASSAGE_LAT
+        near = max(abs(position.dec), sample.altitude or 0.0) > seen.PASSAGE_LAT
         if near and not (self._mount.movement.slewing or self.moved_by_others):
-            self.observed = fold.update_upright_by_passage(self.observed, last, sample, self._mount.astrometry, status)
+            self.observed = seen.update_upright_by_passage(self.observed, last, sample, self._mount.astrometry, status)
         if last is None or now < self._coasts_until or last.comparison_key != sample.comparison_key:
-            self.observed = fold.add_first_position(self.observed, sample)
+            self.observed = seen.add_first_position(self.observed, sample)
             return
         if status is not None and not status.aligned:
             self.observed = replace(self.observed, previous=None, last=sample)
@@ -239,7 +239,7 @@ class LimitWatch:
             if self._status_age > MAX_STATUS_AGE:
                 self._reader.shared_task(op.GetStatus())
             return
-        self.observed, moving = fold.add_position(self.observed, sample), self._mount.movement.snapshot()
+        self.observed, moving = seen.add_position(self.observed, sample), self._mount.movement.snapshot()
         self._update_state(now, status, moving)
         self._goto_is_astray = self._goto_is_astray or (moving.slewing and self._is_off_paths(position))
         view = self._judged_state(now, moving)
@@ -249,14 +249,14 @@ class LimitWatch:
     def _sample(self, now: float, reported: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
         """Return a position that was read at ``now`` with its altitude, hour angle and distances from the Sun."""
         mount, frame = self._mount, self._mount.tube_frame()
-        position = reported if before is None else fold.extrapolate_ra(now, reported, before, mount.stop_timing.ra_lag)
+        position = reported if before is None else seen.extrapolate_ra(now, reported, before, mount.stop_timing.ra_lag)
         altitude, hour_angle = mount.astrometry.alt_and_ha(position)
         shifted = tuple(unsynced_sources(mount, frame))
         others = () if altitude is None else (*shifted, *contradicting_sources(mount, self._limits))
         further = tuple(source.altitude(position) for source in others)
         suns, lifting = tuple(mount.suns.distances(position)), mount.wanted.hand_moves.get(2)
-        era = (mount.suns.reset_count, frame, altitude is None, len(further))
-        return PositionSample(now, reported, altitude, hour_angle, suns, lifting, era, further, 1 + len(shifted))
+        key = (mount.suns.reset_count, frame, altitude is None, len(further))
+        return PositionSample(now, reported, altitude, hour_angle, suns, lifting, key, further, 1 + len(shifted))
 
     def _update_state(self, now: float, status: op.Status | None, moving: MotionState) -> None:
         """Notice motion at the hand control, a new alignment and a tube beyond pole or zenith. Restore the limits when
@@ -272,7 +272,7 @@ class LimitWatch:
         if self.observed.sky_speed > REALIGNED_FACTOR * mount.driver.speed(FASTEST_RATE):
             mount.syncs.reset()
         if status is not None and last is not None and last.axis2_move is not None:
-            self.observed = fold.set_upright(self.observed, status.equatorial, mount.driver.speed(last.axis2_move.rate))
+            self.observed = seen.set_upright(self.observed, status.equatorial, mount.driver.speed(last.axis2_move.rate))
         if not moving.ordered_by_client and (not self._at_own_park or self._has_left_park(status)):
             self._limits, self._at_own_park = mount.policy.limits, False
 
@@ -302,7 +302,7 @@ class LimitWatch:
         if self.moved_by_others and not moving.ordered_by_client:
             limits = limits.for_keypad()
             if now - mount.cache.age(op.Slewing, now) < self.others_watch.began_at:
-                moving = replace(moving, slewing=True)  # perhaps: the mount will say so in the next exchange
+                moving = replace(moving, slewing=True)  # perhaps: the next exchange will show it
         status = mount.cache.last_value(op.GetStatus)
         suns = mount.suns
         return JudgedState(
@@ -333,7 +333,7 @@ class LimitWatch:
         """Return a position as readings of the two axes."""
         mount = self._mount
         status = mount.cache.last_value(op.GetStatus)
-        return fold.axis_sample(mount.astrometry, status, getattr(mount.driver, "low", False), now, position)
+        return seen.axis_sample(mount.astrometry, status, getattr(mount.driver, "low", False), now, position)
 
     # --- acting -----------------------------------------------------------------------------------------------------
 
@@ -419,8 +419,8 @@ class StallWatch:
 class OthersWatch:
     """Notices motion that no client ordered: at the hand control, or by the mount itself.
 
-    ``began_at`` and ``last_seen_at`` are the times of the first and the last position that showed it. ``is_moving``:
-    the last position showed it; ``just_began``: that was the first one to do so.
+    ``began_at`` and ``last_seen_at`` are the times of the first and the last position that showed it (``began_at``: the
+    last position while none shows it). ``is_moving``: the last position showed it; ``just_began``: it was the first.
     """
 
     def __init__(self) -> None:
@@ -438,7 +438,7 @@ class OthersWatch:
 
 class SkyChange:
     """Notices that site or clock was set: then equal positions before and after mean different altitudes. For a while
-    after that the reported position may change at rest. ``changed_at``: loop time of the last such setting.
+    after that the reported position may change at rest. ``changed_at``: loop time of the last such setting at rest.
     """
 
     def __init__(self, mount: Context) -> None:

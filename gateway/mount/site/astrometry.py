@@ -43,12 +43,12 @@ class FixedSiteTime(NamedTuple):
         return self.place
 
     def unix(self) -> float:
-        """The given time, Unix seconds."""
+        """Return the time of this source, Unix seconds."""
         return self.unix_seconds
 
 
 class SiteAstrometry:
-    """Astronomy at the site of this mount and by its clock. ``equinox`` is that of the mount's coordinates."""
+    """Astronomy by the site and time of ``site_clock``. ``equinox``: that of the mount's coordinates, j2000 or jnow."""
 
     def __init__(self, sky: Sky, site_clock: SiteTimeSources | SiteView | FixedSiteTime, equinox: str) -> None:
         self.sky, self.site_clock, self.equinox = sky, site_clock, equinox
@@ -61,7 +61,7 @@ class SiteAstrometry:
         return place
 
     def sidereal_time(self) -> float:
-        """Local apparent sidereal time, degrees."""
+        """Return the local apparent sidereal time, degrees. Raises Unsupported if the site is unknown."""
         return self.sky.sidereal_time(self.site_clock.unix(), self.site().longitude)
 
     def alt_and_ha(self, position: op.Equatorial) -> tuple[float, float] | tuple[None, None]:
@@ -162,7 +162,7 @@ class TubeFrame:
 class Sun(NamedTuple):
     """A possible direction of the Sun, in the mount's coordinates (equinox of date), and its source of site and time.
 
-    ``confirmed``: calculated from the mount's own site and time; only confirmed Suns stop a motion in progress. With a
+    ``confirmed``: calculated from the mount's own site and time; others end only motion by arrow keys. With a
     ``sync_shift``, distances are measured from where the tube points if it has this pointing error.
     """
 

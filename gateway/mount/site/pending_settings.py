@@ -1,8 +1,8 @@
 """Pending settings: the newest of each kind that the gateway has accepted and the mount has not received yet.
 
-Frozen values and pure functions; times are seconds of a monotonic clock. A setting is sent a few times at most, because
-each new date makes a classic Meade unresponsive for seconds. It waits without limit for a mount that is not reachable.
-It is dropped if the mount gets another value meanwhile, for example at its hand control.
+Only `IncomingSettings` is not frozen; times are seconds of a monotonic clock. A setting is sent a few times at most,
+because each new date makes a classic Meade unresponsive for seconds. It waits without limit for a mount that is not
+reachable. It is dropped if the mount gets another value meanwhile, for example at its hand control.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ def zenith_position(astrometry: SiteAstrometry, operation: op.Zenith) -> op.Equa
 
 
 def planet_position(astrometry: SiteAstrometry, operation: op.PlanetPlace) -> op.Equatorial:
-    """Return a planet's geocentric position; its parallax, at most 0.5' (Venus), is neglected.
+    """Return a planet's geocentric position of date; its parallax, at most 0.5' (Venus), is neglected.
 
     Raises Invalid for an unknown name, Unsupported while no table gives the positions of planets.
     """
@@ -41,7 +41,7 @@ def planet_position(astrometry: SiteAstrometry, operation: op.PlanetPlace) -> op
 
 
 def moon_position(astrometry: SiteAstrometry, operation: op.MoonPlace) -> op.Equatorial:
-    """Return the position of the Moon, or of a point on it. Raises BelowHorizon if the Moon's centre is too low."""
+    """Return the position of date of the Moon or a point on it. Raises BelowHorizon if the Moon's centre is below."""
     site, unix = astrometry.site(), astrometry.site_clock.unix()
     ra, dec, _ = astrometry.sky.moon(unix, site.latitude, site.longitude)
     if astrometry.sky.az_alt(ra, dec, site.latitude, site.longitude, unix)[1] < 0.0:

@@ -63,7 +63,7 @@ NO_SETTINGS = SettingsOfProgram()
 
 
 class ProgramSettings:
-    """The site and clock that each program has set and the mount has not accepted; ``last_site``: the last one."""
+    """Each program's site and clock that the mount has not accepted; ``last_site``: the newest site of any program."""
 
     def __init__(self) -> None:
         self._by_program: dict[ProgramId, SettingsOfProgram] = {}
@@ -97,7 +97,7 @@ class ProgramSettings:
         self.last_site = make_site_of_program(program, site, unix)
 
     def forget(self, kind: Literal["site", "clock"], program: ProgramId | None = None) -> None:
-        """Remove the site or clock of a program, or of all programs (None). Then they read the mount's own."""
+        """Remove the site or clock of a program, or of all (None): these then read the values of the best source."""
         for program_, settings in list(self._by_program.items()):
             if program in (None, program_):
                 self.put(program_, replace(settings, site=None) if kind == "site" else replace(settings, clock=None))

@@ -25,7 +25,7 @@ class SiteView:
     # --- reading ----------------------------------------------------------------------------------------------------
 
     def site(self) -> Place | None:
-        """Return the site that the program has set, else the site of the best source; None if neither exists."""
+        """Return the program's site, else that of the best source, with a coordinate set alone; None if unknown."""
         settings = self.settings
         place, half = settings.site or self._site_clock.best_site(), settings.half_site
         if half is None:
@@ -43,12 +43,12 @@ class SiteView:
         return moment if moment is None or settings.zone is None else Moment(moment.unix, settings.zone)
 
     def unix(self) -> float:
-        """UTC by this program's `clock`, else by the best source, Unix seconds."""
+        """Return UTC by this program's ``clock``, else by the best source, Unix seconds."""
         moment = self.clock()
         return SiteTimeSources(self._site_clock).unix() if moment is None else moment.unix
 
     def answer(self, kind: type[Operation]) -> Place | Moment | Gps | None:
-        """Return the known answer to GetSite, GetClock or GetGps; None if there is none."""
+        """Return the known answer to GetSite, GetClock or GetGps; None if there is none, or for another operation."""
         if kind is GetSite:
             return self.site()
         if kind is GetGps:
@@ -102,7 +102,7 @@ class SiteView:
         self._store(replace(self.settings, zone=offset))
 
     def forget_site(self) -> None:
-        """Forget the program's site, so that it reads the site of the best source."""
+        """Forget the program's site, so that the program reads the site of the best source."""
         self._site_clock.program_settings.forget("site", self._program)
         self._store(replace(self.settings, half_site=None))
 

@@ -72,7 +72,7 @@ class SiteClockOperations:
         return self._context.astrometry_for(program).site()
 
     async def _ask_for_site(self) -> None:
-        """Ask the mount again if it reported no site at the start: its GPS may have a fix by now."""
+        """Ask the mount for its site again, at most every 30 s: since the start its GPS may have got a fix."""
         now = self._context.now()
         if now - self._site_requested_at < GPS_RETRY_TIME:
             return
@@ -106,7 +106,7 @@ class SiteClockOperations:
     # --- setting ----------------------------------------------------------------------------------------------------
 
     async def _set_site(self, operation: op.SetSite, program: ProgramId) -> None:
-        """Store a latitude, a longitude or both. The site is sent when both are set, or after HALF_SITE_WAIT."""
+        """Store latitude, longitude or both. Queue the site when both are set, or ``HALF_SITE_WAIT`` seconds later."""
         if operation.others is not None and await self._mount_has_site(operation, operation.others):
             self._site_view(program).forget_site()
             return
@@ -132,7 +132,7 @@ class SiteClockOperations:
         return "everyone, as long as neither the mount nor the configuration has one"
 
     async def _mount_has_site(self, site: op.SetSite, other_sites: Sequence[op.SetSite]) -> bool:
-        """Whether the mount has ``site``, or at least none of ``other_sites``, which clients have set since."""
+        """Whether the mount is known to have ``site``, or at least none of ``other_sites``, which clients have set."""
         if site.latitude is None or site.longitude is None:
             return True
         if self._context.link.state == "up" and not self._context.driver.asleep:
@@ -142,7 +142,7 @@ class SiteClockOperations:
         return self._site_clock.is_mount_site(site) or not self._site_clock.matches_any_site(other_sites)
 
     def send_site(self, program: ProgramId) -> None:
-        """Queue this program's site for the mount. A missing latitude or longitude is that of its previous site."""
+        """Queue the site that a program has set. A missing latitude or longitude is that of the site it read before."""
         whole = self._site_view(program).take_completed_site()
         if whole is not None and not self._context.closed:
             self._context.incoming_settings.note_complete(program)
@@ -150,7 +150,7 @@ class SiteClockOperations:
             self.sender.queue(whole, by=program)
 
     async def _set_clock(self, operation: op.SetClock, program: ProgramId) -> None:
-        """Store the clock and queue it. Raises Invalid for an impossible year, and Refused if the mount refuses it."""
+        """Store and queue a clock. Raises Invalid for an invalid year; with ``heard``, Refused if it is refused."""
         years = self._context.driver.clock_years
         try:
             year = datetime.fromtimestamp(operation.unix + operation.offset * 3600.0, UTC).year
@@ -171,12 +171,12 @@ class SiteClockOperations:
         self._site_view(program).store_zone(operation.offset)
 
     async def _wait_for_refusal(self, operation: op.SetClock) -> None:
-        """Wait briefly until this setting is no longer pending. Raises Refused if the mount refuses it."""
+        """Wait at most ``REFUSAL_WAIT`` seconds while a setting is pending. Raises Refused if it failed meanwhile."""
         ours, why = self.sender.pending.get(kind_of(operation)), ""
 
-        def refused(setting: tuple[Setting, str]) -> None:
+        def refused(refusal: tuple[Setting, str]) -> None:
             nonlocal why
-            why = setting[1] if setting[0] is ours else why
+            why = refusal[1] if refusal[0] is ours else why
 
         self.sender.refused.connect(refused)
         try:
@@ -189,7 +189,7 @@ class SiteClockOperations:
             raise Refused(f"The mount refused it: {why}")
 
     async def _set_clock_from_gps(self, operation: op.ClockFromGps, program: ProgramId) -> None:
-        """Set the mount's clock from its GPS; if not allowed, this program's clock. Raises NoDevice without a fix."""
+        """Set the mount's clock from its GPS; if not possible, this program's. Raises NoDevice without a fix."""
         try:
             mount_too = await self.sender.may_set_site_or_clock()
         except Fault:

@@ -3,7 +3,7 @@
 Site and clock are sent one after the other, never interleaved, only if the policy and the alignment allow it, and never
 to a moving mount. A setting is dropped if another mount is connected, or if the value was changed at the mount
 meanwhile. The log says which settings were sent to the mount and for whom, which stay in the gateway, and which failed;
-reads then return the mount's own value again.
+programs then read the mount's own value again, if it is known.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def note_not_sent(context: Context, setting: Setting, reason: str) -> None:
 
 
 def note_sent(context: Context, setting: Setting, clock_advance: float | None = None) -> None:
-    """Log who has set the mount's site or clock, and contradicting sources. ``clock_advance``: change, seconds."""
+    """Log who has set the mount's site or clock (by ``clock_advance`` seconds), and sources that contradict it."""
     by, value = setting.client_name or "the gateway", setting.value
     if isinstance(value, op.SetSite) and value.latitude is not None and value.longitude is not None:
         context.note(
@@ -104,14 +104,14 @@ class SettingsSender:
     def queue(
         self, operation: op.Operation, tries: int = TRIES, due_at: float = 0.0, by: ProgramId = NO_PROGRAM
     ) -> None:
-        """Queue a setting of a program for the mount; it replaces an older setting of its kind."""
+        """Queue a setting in place of an older one of its kind. ``due_at``: loop time of the first attempt, 0: now."""
         self.pending = pending_settings.add(self.pending, Setting(operation, self._now(), tries, due_at, by.host))
         if self._link.state in ("down", "opening"):
             note(self._context, operation, "the mount is not connected now; it is sent later")
         self._start()
 
     async def send_now_or_later(self, operation: op.Operation) -> None:
-        """Send a setting at once. If the mount is not reachable, also send it later. Raises Fault."""
+        """Send a setting at once. Raises Fault. If the mount is busy or does not answer, also queue it for later."""
         self.pending = {kind: setting for kind, setting in self.pending.items() if kind != kind_of(operation)}
         sent = self._is_reachable()
         try:
@@ -126,13 +126,13 @@ class SettingsSender:
         self._is_ready = False
 
     def resume(self) -> None:
-        """Start sending: the mount has been identified and has reported site and clock."""
+        """Start sending, after identification and the first reads; give up settings if another mount is connected."""
         identity: op.Identity | None = self._context.cache.last_value(op.GetIdentity)
-        now = (identity.product, identity.model) if identity is not None else None
-        if self._mount_identity is not None and now is not None and now != self._mount_identity:
+        reported = (identity.product, identity.model) if identity is not None else None
+        if self._mount_identity is not None and reported is not None and reported != self._mount_identity:
             for setting in self.pending.values():
                 self._give_up(setting, "another mount is on the line")
-        self._mount_identity = now or self._mount_identity
+        self._mount_identity = reported or self._mount_identity
         self._is_ready = True
         self._start()
 
@@ -169,13 +169,13 @@ class SettingsSender:
         return self._is_ready and self._link.state == "up" and not self._driver.asleep
 
     def _is_in_motion(self) -> bool:
-        """Whether the mount slews, is moved by hand, or is about to. Then no site or clock is sent."""
+        """Whether anything moves the mount, or a motion is about to begin. Then no site or clock is sent."""
         active = self._context.wanted.value.active_order
         begins = active is not None and isinstance(active.operation, _MOTION_ORDERS)
         return begins or self._context.movement.any_motion or self.moved_by_others()
 
     async def _run(self) -> None:
-        """Send pending settings until there are none or the line is down. ``queue`` and ``resume`` start it again."""
+        """Send pending settings until none is left, the line is down or ``pause`` is called. ``_start`` restarts it."""
         while self._is_ready and self._link.state not in ("down", "opening"):
             self._wake.clear()
             now = self._now()
@@ -195,20 +195,20 @@ class SettingsSender:
 
     async def _send(self, setting: Setting) -> None:
         value = setting.value
-        place = isinstance(value, op.SetSite | op.SetClock)
+        at_rest = isinstance(value, op.SetSite | op.SetClock)
         tried = False
         try:
-            if place and not await self._should_send(setting):
+            if at_rest and not await self._should_send(setting):
                 self.pending = pending_settings.without_setting(self.pending, setting)
                 return
-            if place and setting.was_delayed and await self._needs_no_sending(setting):
+            if at_rest and setting.was_delayed and await self._needs_no_sending(setting):
                 return
             if self.pending.get(kind_of(value)) is not setting or not self._is_reachable():
                 return  # replaced by a newer setting, or the link is down
-            if place and self._is_in_motion():
+            if at_rest and self._is_in_motion():
                 return  # a motion has begun meanwhile: later
             tried = True
-            self._sending, self._incoming.type_being_sent = kind_of(value), type(value) if place else None
+            self._sending, self._incoming.type_being_sent = kind_of(value), type(value) if at_rest else None
             self._sent[self._sending] = (*self._sent.get(self._sending, ())[-MAX_EARLIER_SETTINGS:], setting)
             await self._runner.perform(setting.value_now(self._now()), SETTING)
         except Busy:
@@ -241,7 +241,7 @@ class SettingsSender:
         return not status.aligned or driver.can_set_site_aligned or (policy == "always" and not driver.site_unaligns)
 
     async def _should_send(self, setting: Setting) -> bool:
-        """Whether to send this setting; log it if policy or alignment forbid that. Raises Fault."""
+        """Whether to send a setting. If not, log why, unless an aligned mount has this value already. Raises Fault."""
         if self._context.policy.site_time == "never":
             note_not_sent(self._context, setting, "site-time = never")
             return False
@@ -256,13 +256,13 @@ class SettingsSender:
         return False
 
     def _is_set_already(self, operation: op.Operation) -> bool:
-        """Whether the mount has reported this site or clock already."""
+        """Whether the mount already has this site or clock, as last reported or set; False for other settings."""
         if isinstance(operation, op.SetClock):
             return self._site_clock.is_mount_clock(operation, CLOCK_TOLERANCE)
         return isinstance(operation, op.SetSite) and self._site_clock.is_mount_site(operation)
 
     async def _needs_no_sending(self, setting: Setting) -> bool:
-        """Read the mount's value; return whether it equals the setting or was changed at the mount. Raises Fault."""
+        """Read the mount's value; if equal or changed there, drop the setting and return True. Raises Fault."""
         running = setting.value_now(self._now())
         if isinstance(running, op.SetClock):
             changed = self.take_reported_value(await self._runner.perform(op.GetClock(), READ))
@@ -274,21 +274,21 @@ class SettingsSender:
         return same or changed
 
     async def _note_acknowledged(self, setting: Setting) -> None:
-        """Note that the mount has acknowledged a setting. Read its clock back: it counts whole seconds."""
+        """Note that the mount has acknowledged a setting. Read a clock back, because the mount counts whole seconds."""
         running = setting.value_now(self._now())
-        news = not self._is_set_already(running)
+        is_new = not self._is_set_already(running)
         if isinstance(running, op.SetSite):
             assert running.latitude is not None and running.longitude is not None
             place = op.Place(running.latitude, running.longitude)
             self._site_clock.take_mount_site(place, sent_by_gateway=True, set_by=setting.client_name)
-            if news:
+            if is_new:
                 note_sent(self._context, setting)
         elif isinstance(running, op.SetClock):
             before = self._site_clock.present_time(self._site_clock.mount_clock)
             self._site_clock.take_mount_clock(
                 op.Moment(running.unix, running.offset, running.dst), sent_by_gateway=True, set_by=setting.client_name
             )
-            if news:
+            if is_new:
                 note_sent(self._context, setting, None if before is None else running.unix - before.unix)
             self._drop_program_copies(setting)
             self._incoming.type_being_sent = None
@@ -307,7 +307,7 @@ class SettingsSender:
             self._site_clock.forget(setting.value)
 
     def _keep_in_gateway(self, setting: Setting, fault: Fault) -> None:
-        """Stop sending a setting that the mount does not support; the gateway stores it."""
+        """Stop sending a setting that the mount does not support; a site or clock stays stored in the gateway."""
         self.pending = pending_settings.without_setting(self.pending, setting)
         if isinstance(setting.value, op.SetSite | op.SetClock):
             self._context.note(f"{setting_name(setting.value)} stored in the gateway: {fault}")
@@ -315,7 +315,7 @@ class SettingsSender:
             note(self._context, setting.value, str(fault))
 
     def _give_up(self, setting: Setting, reason: str) -> None:
-        """Stop sending a setting that failed: reads return the mount's own value from now on. Log the reason."""
+        """Give up a failed setting; log why. Unless a newer one waits, programs read the mount's value, if known."""
         self.refused.emit((setting, reason))
         newest = self.pending.get(kind_of(setting.value)) is setting
         self.pending = pending_settings.without_setting(self.pending, setting)

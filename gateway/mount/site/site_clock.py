@@ -21,14 +21,12 @@ from gateway.mount.site.program_settings import ProgramSettings, SiteOfProgram
 #: Degrees and seconds: if the mount's site or clock differs from the last by more, somebody has set it.
 SITE_TOLERANCE = 1.0 / 60.0
 CLOCK_TOLERANCE = 30.0
-#: If a program moves the mount's site by more than these degrees, the Sun at the former site counts for these seconds.
+#: If a program changes the mount's site by so many degrees, the Sun is avoided at the former site for so many seconds.
 MIN_SITE_CHANGE, FORMER_SITE_TIME = 2.0, 12 * 3600.0
 #: Degrees within which another source confirms a site.
 CONFIRM_DISTANCE = 0.5
 #: Seconds for which a reading of the mount's GPS is cached, with a fix and without.
 GPS_CACHE_TIME, GPS_RETRY_TIME = 300.0, 30.0
-
-
 #: Seconds: a doubtful clock of this computer is used if it differs by no more from the mount's or GPS time.
 MAX_CLOCK_DIFFERENCE = 120.0
 #: The sources of a site or time, as text for messages.
@@ -45,7 +43,7 @@ class SourcedSite(NamedTuple):
 
     @property
     def source_text(self) -> str:
-        """The source, and the program that has set it, as text."""
+        """The source, and the program that has set this site, as text."""
         return f"{self.source}, as {self.set_by} set it," if self.set_by else self.source
 
 
@@ -61,7 +59,7 @@ class SourcedTime(NamedTuple):
 
     @property
     def source_text(self) -> str:
-        """The source, and the program that has set it, as text."""
+        """The source, and the program that has set this clock, as text."""
         return f"{self.source} (set by {self.set_by})" if self.set_by else self.source
 
 
@@ -69,7 +67,8 @@ class SiteClock:
     """Stores every known site and clock of a mount.
 
     ``now`` returns monotonic seconds, ``computer_time`` this computer's time (Unix seconds). ``clock_trust``: the
-    owner's setting for that time (auto, right, doubtful). ``kernel_doubts_clock``: whether the kernel doubts it.
+    owner's setting for that time (auto, right, doubtful). ``kernel_doubts_clock`` returns whether the kernel reports
+    that time as not synchronised; without the function it counts as right from ``EARLIEST_VALID_TIME`` on.
     ``changed`` is emitted when the best site or clock, or that of a program, may have changed.
     """
 
@@ -93,7 +92,7 @@ class SiteClock:
         #: The site that the owner has set on the page.
         self.confirmed_site: Place | None = None
         self.program_settings = ProgramSettings()
-        #: The site that a program set in an earlier run. It is used once the mount was asked for its site.
+        #: The site that a program set in an earlier run: in use as soon as the mount was asked for its site.
         self.stored_site: SiteOfProgram | None = None
         self._site_requested = False
         self.gps_site: Place | None = None
@@ -153,7 +152,8 @@ class SiteClock:
 
     def take_mount_site(self, site: Place, sent_by_gateway: bool = False, set_by: str | None = None) -> bool:
         """Store the site that the mount reports. Return whether somebody has changed it at the mount; if so, forget the
-        sites of programs. ``sent_by_gateway``: the gateway has sent this site, for a program on the host ``set_by``.
+        sites of programs. ``sent_by_gateway``: the gateway has sent this site, for a program on the host ``set_by``;
+        None leaves the recorded host unchanged.
         """
         before = self.mount_site
         if before is None or not _same_place(before, site):  # some tell minutes of what was set to seconds
@@ -276,8 +276,8 @@ class SiteTimeSources:
     def times(self) -> list[SourcedTime]:
         """Return every usable time, best first.
 
-        A doubtful clock of this computer is used only if neither the mount nor its GPS reports a time. A program's
-        clock is used only if this computer's is doubtful as well.
+        A doubtful clock of this computer is used only if it agrees with the mount's or GPS time within 120 s, or if
+        neither of these is known. A program's clock is used only if neither is known and this computer's is doubtful.
         """
         known = self._site_clock
         times = [
@@ -306,7 +306,7 @@ class SiteTimeSources:
         return self.times()[0] if moment is None else SourcedTime(moment.unix, MOUNT_SOURCE, set_by=known.clock_set_by)
 
     def unix(self) -> float:
-        """UTC by the best source, Unix seconds, for the limits."""
+        """Return UTC by the best source, Unix seconds, for the limits."""
         return self.best_time().unix
 
 

@@ -59,7 +59,7 @@ def error_members(fault: Fault) -> dict[str, Any]:
 
 
 def error_line(frame: bytes, fault: Fault | None) -> bytes:
-    """Return the reply line for a refused or unknown request."""
+    """Return the reply line for a refused request, or (None) for an unknown one."""
     return msgspec.json.encode(error_members(fault or Fault("There is no such member."))) + b"\n"
 
 
@@ -100,7 +100,7 @@ def conditions_by_command() -> dict[str, MemberConditions]:
 
 
 def conditions_of(name: str) -> MemberConditions:
-    """Return the conditions of a command."""
+    """Return the conditions of a command's member."""
     return conditions_by_command().get(name, DEFAULT_CONDITIONS)
 
 

@@ -36,7 +36,7 @@ class Send(NamedTuple):
     #: Seconds without a reply after which ``Silence`` is raised although the line stays up; None: the line then counts
     #: as lost.
     timeout: float | None = None
-    #: Whether this command keeps the mount busy, for up to ``silence_timeout`` seconds. Others are refused meanwhile,
+    #: Whether this command keeps the mount busy, for up to ``timeout`` seconds. Others are refused meanwhile,
     #: except a stop that has no reply. If no reply arrives in this time, the line counts as lost.
     long: bool = False
     #: Whether it begins a motion by hand: if the line or the mount is busy it is refused instead of delayed.
@@ -222,7 +222,7 @@ class Driver:
         """Note that the mount has refused Park or Home; mounts that report no home state then count as not at home."""
 
     def tube_side(self, reported_side: str) -> str | None:
-        """Return the tube's real side of the pier, E or W, from the one that the mount reports; None if it has none."""
+        """Return the tube's real side of the pier, E or W, from the reported one; None if unknown or without a pier."""
         return None
 
     def give_up_goto(self) -> None:

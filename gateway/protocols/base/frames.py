@@ -80,7 +80,7 @@ class WholeCommandFramer:
         return False
 
     def end(self) -> list[Unterminated]:
-        """Handle the end of the connection: an incomplete command is dropped. Return the unterminated commands."""
+        """Drop an incomplete command at the end of the connection. Return an empty list: no command is unterminated."""
         self.dropped.clear()
         if self._pending:
             self.dropped.add(bytes(self._pending), self.cut_off_reason)

@@ -1,4 +1,4 @@
-"""What the mount link must know of a protocol to exchange commands: how requests are encoded and replies parsed.
+"""What the mount link needs of a protocol to exchange commands: how requests are encoded and replies parsed.
 
 ``TableReplyParser`` parses replies by the tables alone, for the log and ``decode``, if no mount speaks the protocol.
 """

@@ -2,7 +2,7 @@
 
 ``Session.client`` holds the settings of the client; each protocol has a struct for them, and the next connection
 of the same program begins with a copy. ``MountSettings`` holds what a real hand control stores for all programs: it is
-frozen, all sessions share it through ``SharedSettings``, and only clients with the permission to set replace it.
+frozen, all sessions share it through ``SharedSettings``, and only clients that may change settings replace it.
 """
 
 from __future__ import annotations

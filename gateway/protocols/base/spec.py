@@ -1,4 +1,4 @@
-"""``ProtocolSpec``: all that the rest of the gateway knows of a protocol. The protocol's folder creates it.
+"""``ProtocolSpec``: all that the rest of the gateway uses of a protocol. The protocol's folder creates it.
 
 ``gateway/protocols/registry.py`` lists the specs. Every start of the gateway imports all of them, so they hold only
 data and functions. A function imports the modules that it needs when it is called.
@@ -30,7 +30,7 @@ class SurfaceSettings(Struct, frozen=True):
     """What a user may configure for a surface. ``limits`` are the altitude limits, which no client can widen.
 
     ``equinox`` is that of the programs' coordinates, ``jnow`` or ``j2000``. ``degree`` is the degree character in text
-    replies, ``*`` or ``0xDF``.
+    replies, ``*`` or ``0xDF``. None: not configured.
     """
 
     model: str | None
@@ -43,7 +43,7 @@ class SurfaceSettings(Struct, frozen=True):
 
 
 class MadeSurface(Struct, frozen=True):
-    """A surface, and the constants of the model that it presents.
+    """A surface, the constants of the model that it presents, and the settings with which its clients begin.
 
     ``fit_model(equatorial, german, gps)`` returns the model constants that suit the mount. It is None if the user has
     configured a model.

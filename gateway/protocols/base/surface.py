@@ -68,7 +68,7 @@ class Surface:
         self.lacking_reason: Callable[[Model, bytes], str] = lambda model, frame: ""
 
     def urgent_end(self, session: Session, frame: bytes) -> UrgentEnd | None:
-        """Return the motion that an urgent command ends at once, ahead of queued commands; None if it is not urgent."""
+        """Return what an urgent command ends at once, ahead of queued commands; None if the command is not urgent."""
         command = self.protocol.immediate_commands.get(frame)
         if command is None:
             return None
@@ -139,7 +139,7 @@ class Surface:
             return refusal or self.fallback_reply(frame, fault)
 
     def _refuse_unterminated(self, session: Session, frame: Unterminated) -> Handling:
-        """Refuse an unterminated frame: clear the values that its commands would have set; return a refusal."""
+        """Refuse an unterminated frame: clear the values that it would have set; return a refusal unless it is late."""
         yield from ()
         for name in frame.command_names:
             self._clear_value(session, name)
@@ -161,7 +161,7 @@ class Surface:
         return (yield from outcome) if isinstance(outcome, Generator) else outcome
 
     def _native_reply(self, session: Session, command: Command, reuse: str, values: Values) -> Handling:
-        """Return the mount's own reply. Raises Unsupported if the gateway has to answer instead, or another Fault."""
+        """Return the mount's reply; ``reuse``: a ReplyReuse. Raises Fault: Unsupported if the gateway must answer."""
         if self.contradicts_client(session, command.name, values):
             raise Unsupported
         if reuse == "library":
@@ -176,7 +176,7 @@ class Surface:
         return self.reply(session, command, answer)
 
     def _pass_on(self, session: Session, command: Command, row: SurfaceRow | None, values: Values) -> Handling:
-        """Pass a command to a mount of the same protocol; if the mount lacks it, this surface handles it."""
+        """Pass a command to a mount of the same protocol; if the mount lacks it, carry out a row with ``passes``."""
         try:
             return (yield PassThrough(command.name, tuple(values.items())))
         except Unsupported:
@@ -232,7 +232,7 @@ class Surface:
         return kind(**fields)
 
     def reply(self, session: Session, command: Command, answer: object) -> bytes:
-        """Encode the answer in the first reply form for the client's format. Bytes are returned unchanged."""
+        """Encode the answer in the first form for the client's format; return b"" without one, and bytes unchanged."""
         if isinstance(answer, bytes):
             return answer
         model = session.model

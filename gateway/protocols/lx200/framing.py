@@ -27,7 +27,7 @@ _FIRST_BYTES = frozenset(b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz$
 
 
 def setter_name(beginning: bytes) -> str | None:
-    """Return the name of a command that these bytes begin if it has an argument; "" for an unknown ``:S``, or None."""
+    """Return the name of the command with an argument that these bytes begin; "" for an unknown ``:S``, else None."""
     command = load("lx200").begun_command(beginning)
     if command is not None:
         return command.name if command.request.fields else None
@@ -99,9 +99,9 @@ class Lx200Framer:
         self._is_suspect = False
         self._began_before_pause = bool(self._frame)
         if self._unterminated_names:
-            rest = b":" if self._pending_colon else bytes(self._frame)
+            piece = b":" if self._pending_colon else bytes(self._frame)
             self._report_unterminated()
-            self._begin_command(rest if any(stop.startswith(rest) for stop in stop_commands()) else b"")
+            self._begin_command(piece if any(stop.startswith(piece) for stop in stop_commands()) else b"")
 
     def _report_unterminated(self) -> None:
         """Report the unterminated text without waiting for its end."""
@@ -110,7 +110,7 @@ class Lx200Framer:
         self._unterminated_names = {}
 
     def end(self) -> list[Unterminated]:
-        """Handle a disconnection; return an incomplete command with an argument, as the caller has to refuse it."""
+        """Handle a disconnection; return an incomplete command if it has an argument: the caller has to refuse it."""
         self._frames, self._began_before_pause = [], True
         self.dropped.clear()
         if self._unterminated_names:

@@ -1,4 +1,4 @@
-"""NMEA sentences of a GPS receiver: RMC, which contains position, date and time."""
+"""Parses and writes RMC sentences of a GPS receiver (NMEA 0183). They contain position, UTC date and time."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def parse_fix(sentence: str) -> Gps | None:
 
 
 def format_rmc(place: Place | None, unix: float, has_fix: bool = True) -> str:
-    """Return an RMC sentence with its checksum; without a position if no site is known. ``unix`` is in seconds."""
+    """Return an RMC sentence with its checksum; without a position if ``place`` is None. ``unix`` is in seconds."""
     import pynmea2
 
     now = datetime.fromtimestamp(unix, UTC)

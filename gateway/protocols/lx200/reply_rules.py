@@ -42,9 +42,9 @@ _FIELD_PATTERNS = {
     "sHH.H": rb"[+-]?\d\d?(?:[.:]\d\d?)?",
 }
 _FIELD = re.compile(r"\{\w+:([^}]*)\}")
-#: Bytes that some mounts send before and after a reply; and such bytes before its ``#``, unless that ends a text.
+#: Bytes that some mounts send before and after a reply; and such bytes before the ``#`` of a reply without text.
 PADDING, _PADDED_HASH = b"\r\n\t \0", re.compile(rb"[\r\n\t \0]+#")
-#: A digit and a text, as a mount refuses an order; and a text that cannot be a reply to anything else.
+#: A digit and a text, as a mount refuses an order; and a text that can only be a refusal: words without a digit.
 _DIGIT_AND_TEXT, _REFUSAL_TEXT = re.compile(rb"(\d)\s*([A-Za-z][^#]*)#"), re.compile(rb"[^\d]* [^\d]*")
 
 
@@ -63,7 +63,7 @@ def _reply_pattern(source: str) -> re.Pattern[bytes]:
 
 
 def _literal_pattern(text: str) -> bytes:
-    """Return the pattern of characters between fields, with blanks or a line end before a ``#``."""
+    """Return the pattern of characters between fields; blanks or a line end may precede a ``#``."""
     return re.escape(text.encode("latin-1")).replace(rb"\#", rb"[\r\n\t \0]*\#")
 
 
@@ -96,7 +96,7 @@ _ARCMINUTES_PER_TURN = 360 * 60
 class Notation:
     """How a telescope writes its numbers: separators, the seconds of a site, the sign of a longitude or a rate.
 
-    ``learn`` notes it from the telescope's replies, ``write`` converts a reply in the manual's form into it.
+    ``learn`` notes the notation of the telescope's replies, ``write`` converts a reply in the manual's form into it.
     """
 
     def __init__(self) -> None:
@@ -130,8 +130,8 @@ class Notation:
 class Lx200ReplyRules:
     """The ``ReplyRules`` of a Meade, with the notation learnt from its replies.
 
-    ``protocol`` is the dialect of ``driver``, the driver that asks the mount for its name. Without a driver it is the
-    dialect of ``model``, or of the name that the mount replies.
+    ``protocol`` is the command set of ``driver``. Without a driver it is that of ``model``; without both it is that of
+    the product name in the mount's reply to :GVP.
     """
 
     half_command_end, ignored_bytes = b"#", PADDING
@@ -166,9 +166,9 @@ class Lx200ReplyRules:
             raise Refused(str(error)) from None
 
     def parse_reply(self, request: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
-        """Return the reply at the start of the buffer and its length, or None while it is incomplete.
+        """Return the reply at the start of the buffer and how many bytes it takes there; None while it is incomplete.
 
-        The values include its ``length``, which shows the precision. Raises ValueError for a value out of range.
+        The reply's own ``length`` in the values shows the precision. Raises ValueError for a value out of range.
         """
         replies = self.protocol.commands[request.command].replies
         if buffer[:1] == bytes((NAK,)):
@@ -224,12 +224,12 @@ class Lx200ReplyRules:
 
 @cache
 def _form_texts(protocol: CommandSet, command: str) -> tuple[str, ...]:
-    """The reply forms of a command, as the tables write them."""
+    """Return the reply forms of a command, as the tables write them."""
     return tuple([str(template.source) for _, template in protocol.commands[command].replies])
 
 
 @cache
-def _undocumented_digits(protocol: CommandSet, command: str) -> frozenset[bytes]:
+def _refusal_digits(protocol: CommandSet, command: str) -> frozenset[bytes]:
     """Return the digits with which no success reply begins; none for a query or a command that never replies a text."""
     replies = [(reply.fault, str(template.source)) for reply, template in protocol.commands[command].replies]
     if protocol.commands[command].is_query or not any("{text" in source for _, source in replies):
@@ -239,13 +239,13 @@ def _undocumented_digits(protocol: CommandSet, command: str) -> frozenset[bytes]
 
 
 def _as_refusal(protocol: CommandSet, command: str, buffer: bytes) -> tuple[Values | Fault, int] | None:
-    """Return the refusal in a reply that has none of the command's forms, and its length; None if it is no refusal.
+    """Return the refusal in a reply that has none of the command's forms, and its length; None if there is none.
 
-    A refusal is a digit with a text, or a digit alone. If every reply of the command is a text, a digit is that text.
+    A refusal is a digit with a text, or a digit alone. If the command's replies are texts, a digit is returned as text.
     """
     replies = [(reply, str(template.source)) for reply, template in protocol.commands[command].replies]
     lone, text = buffer.strip(PADDING + b"#"), not replies[0][1][:1].isdigit()
-    if lone in _undocumented_digits(protocol, command):
+    if lone in _refusal_digits(protocol, command):
         if text:
             return {"text": lone.decode()}, len(buffer)
         named = (reply.fault for reply, source in replies if source.encode("latin-1").startswith(lone))
@@ -270,13 +270,13 @@ def _expected_reply(protocol: CommandSet, command: str, once: bool, raw: bool) -
     return ExpectedReply(
         answer_kind(protocol, command, once, raw),
         TIMEOUT,
-        unterminated=any("#" not in source for source in sources) or bool(_undocumented_digits(protocol, command)),
+        unterminated=any("#" not in source for source in sources) or bool(_refusal_digits(protocol, command)),
         delay_after=0.0 if sources else PAUSE_AFTER_COMMAND,
         silent=not sources,
         needs_command_end=command == "ACK",
         ambiguous_replies=frozenset(
             {source.encode("latin-1") for source in sources if _begins_longer_form(protocol, command, source)}
-            | _undocumented_digits(protocol, command)
+            | _refusal_digits(protocol, command)
         ),
     )
 

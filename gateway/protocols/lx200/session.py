@@ -18,9 +18,9 @@ _MOON_CENTRE = MoonPlace(0.0, 0.0)
 
 class ClockDraft(Struct):
     """The parts of a clock that a client has set and that are not sent to the mount yet.
-
-    ``time`` is seconds of the day, and the host's time when it was set; ``changed_at`` is when the last part was set.
-    ``set_by_one_command``: one command has set date and time. ``carried_parts``: parts kept from the clock sent last.
+    ``time``: seconds of the day, and the host's time when it was set. ``offset``: local time minus UTC, hours.
+    ``changed_at``: when the last part was set. ``set_by_one_command``: one command has set date and time.
+    ``carried_parts``: parts kept from the clock sent last.
     """
 
     time: tuple[float, float] | None = None
@@ -32,7 +32,7 @@ class ClockDraft(Struct):
 
     @property
     def is_complete(self) -> bool:
-        """Whether time, date and offset are all set, so that they define an instant."""
+        """Whether the client has set time, date and offset; parts kept from an earlier clock do not count."""
         return None not in (self.time, self.day, self.offset) and not self.carried_parts
 
     def clear(self) -> None:
@@ -99,7 +99,7 @@ class LxClientState(ClientState):
         self.selected_entry = self.moving_object = self.object_text = None
 
     def select_nothing(self, reason: str) -> None:
-        """Clear the target after a failed selection; ``reason`` is the text that :LI and the next :MS reply."""
+        """Clear the target after a failed selection; ``reason`` is the text of the replies to :LI and the next :MS."""
         self.deselect()
         self.ra = self.dec = None
         self.object_text = reason

@@ -85,7 +85,7 @@ def _make_simulator(model: str | None, version: str | None, **settings: Any) -> 
 
 
 def _lx200_confidence(sent: bytes) -> float:
-    """Return 1.0 if the bytes begin with a colon, ACK or ``$`` and contain a colon or ACK; else 0.0."""
+    """Return 1.0 if the bytes begin (after any #) with a colon, ACK or ``$`` and contain a colon or ACK; else 0.0."""
     begins = sent.lstrip(b"#")[:1] in (b":", ACK, b"$")
     return 1.0 if begins and (b":" in sent or ACK in sent) else 0.0
 
@@ -101,7 +101,7 @@ def _protocol_by_ack(received: bytes, quiet_seconds: float) -> str | None:
 
 
 def _hint_text(frame: bytes) -> str:
-    """Return a text that suggests the command with the missing colon or hash sign; empty if there is none."""
+    """Return a text that suggests the command with the missing colon or hash sign; empty if no command fits."""
     whole = b":" + frame.strip(b":#") + b"#"
     if load(NAME).find(whole) is None:
         return ""

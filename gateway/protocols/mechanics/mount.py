@@ -67,7 +67,7 @@ class Mechanics:
         return self.is_ramping(now) or any(motor.has_order for motor in self._axes.values())
 
     def believed_position(self, now: float) -> Pair:
-        """Return right ascension and declination as the mount believes them; above 90 degrees beyond the pole."""
+        """Return right ascension and declination as the mount believes them; past the pole dec is beyond ±90."""
         axes = self.axes(now)
         if self.slewing(now):
             return self._sky_position(now, axes, self.sync_correction)
@@ -143,7 +143,7 @@ class Mechanics:
         self._begin_goto(now, (first, second), to_axes=True)
 
     def goto_axis(self, now: float, axis: int, position: float, slowly: bool = False) -> None:
-        """Slew a single motor; it rests at the goal. The other motor keeps its last rate."""
+        """Slew a single motor, ``slowly`` at the approach rate; it rests at the goal. The other keeps its last rate."""
         self._suspend_tracking(now, axis)
         motor = self._axes[axis]
         fast = APPROACH_RATE * self.speedup if slowly else None

@@ -1,6 +1,6 @@
 """The base class of simulated mounts: one clock, the mechanics of one mount, any number of connections.
 
-It turns bytes from clients into replies, at the time that the clock shows. Nothing here sleeps.
+It turns bytes from clients into replies, at the time that the clock shows. Nothing here waits.
 """
 
 from __future__ import annotations

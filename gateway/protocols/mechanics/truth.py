@@ -78,7 +78,7 @@ def truth_of(simulator: Simulated) -> Truth:
 def sun_position(unix: float) -> tuple[float, float]:
     """Return the Sun's right ascension and declination of date, degrees, to 0.01 (Astronomical Almanac, section C).
 
-    It does not use the gateway's ephemeris, so that it reveals mistakes in it.
+    This does not use the gateway's ephemeris, so that tests can find mistakes in that ephemeris.
     """
     days = (unix - UNIX_AT_J2000) / 86400.0
     anomaly = radians(357.528 + 0.9856003 * days)

@@ -43,6 +43,6 @@ def clock_fields(local_time: datetime) -> dict[str, int]:
 
 
 def unix_time(fields: Mapping[str, int], century: int = 2000) -> float:
-    """Return the Unix seconds of clock fields, read as if they were UTC. Raises ValueError for an impossible date."""
+    """Return the Unix seconds of clock fields, read as UTC; ``century`` is added to the year. Raises ValueError."""
     month, day, hour, minute, second = (fields[name] for name in _DATE_PARTS)
     return datetime(century + fields["year"], month, day, hour, minute, second, tzinfo=UTC).timestamp()

@@ -3,7 +3,7 @@
 The table holds the length of every opcode of any hand control, so that data bytes are never read as commands. After a
 byte that begins no command all is dropped until 0.1 s of quiet. A partial command is dropped after one second of quiet.
 Its end may arrive within another three seconds and must move nothing, so bytes that are exactly the missing ones are
-ignored then. Other whole commands are carried out: stops and echo requests at once, the rest when it is quiet.
+ignored then. Other whole commands are carried out: stops at once, others as soon as they cannot be that end.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ END_WINDOW = 3.0
 MAX_LENGTH = 18
 #: Bytes that programs send around their commands: terminators, line ends, padding, ``?`` to wake the oldest mounts.
 STRAY_BYTES = frozenset(b"#? \r\n\0")
-#: Lengths of later hand controls' opcodes, which the gateway does not answer. That of ``c`` is not known.
+#: Opcode -> request length, for opcodes of later hand controls that the gateway does not answer (``c``: not known).
 UNANSWERED_LENGTHS = {ord("g"): 18, ord("n"): 1, ord("o"): 1, ord("Y"): 1}
 #: Extra bytes that some programs send right after a command, and at most how many: a number after ``y``, the mode that
 #: belongs to ``T`` after ``t``, and four digits too many after a ``B`` below the horizon.
@@ -77,7 +77,7 @@ class PartialCommand:
         self._first_bytes = b""
 
     def add(self, data: bytes) -> list[bytes]:
-        """Add bytes to the burst; return the commands that they complete if these end a motion."""
+        """Add bytes to the burst; return the commands in it that end a motion, each of them only once."""
         self._first_bytes = self._first_bytes or data
         self.burst += data
         frames = dict(self._split(0)[0]) | dict(self._split(self.missing)[0])
@@ -87,7 +87,7 @@ class PartialCommand:
         return new
 
     def skip_part(self) -> None:
-        """Count the burst as a part of the missing bytes, and expect the rest of them."""
+        """Count the burst as a part of the missing bytes, and expect the remaining ones."""
         self.missing, self._received_count = self.missing - len(self.burst), self._received_count + len(self.burst)
         self.burst.clear()
         self._passed_positions.clear()
@@ -95,7 +95,7 @@ class PartialCommand:
 
     @property
     def is_decided(self) -> bool:
-        """Whether further bytes cannot change what ``continuation`` returns."""
+        """Whether ``continuation`` counts now: further bytes cannot change it, or the burst is a query in one read."""
         count = len(self.burst)
         if not self._fits_command() or count > self.missing + MAX_LENGTH:
             return True
@@ -118,7 +118,7 @@ class PartialCommand:
         return Continuation.PART if count < self.missing else Continuation.NOISE
 
     def _fits_command(self) -> bool:
-        """Whether the command is valid with the burst in place of its missing bytes."""
+        """Whether the command is valid with the burst in place of its missing bytes; True if its form is unknown."""
         sample, rest = _sample_command(self._opcode), bytes(self.burst[: self.missing])
         completed = sample[: self._received_count] + rest + sample[self._received_count + len(rest) :]
         return not sample or load("nexstar").find(completed) is not None
@@ -157,7 +157,7 @@ def length_by_opcode() -> dict[int, int]:
 
 
 class NexStarFramer(LengthFramer):
-    """Cuts whole requests out of a byte stream, whether or not the presented hand control knows them.
+    """Cuts whole requests out of a byte stream, whether or not the presented hand control has them.
 
     ``drops_late_ends``: if the end of a dropped partial command arrives late, it is recognised and dropped, too.
     """

@@ -31,9 +31,9 @@ PROTOCOL = load("nexstar")
 
 
 class _ReplyForm(NamedTuple):
-    """The reply to a command: its template, usual and longest length, and whether a device behind it answers.
+    """The reply to a command: its template, its usual and longest length, and whether a device on the bus answers.
 
-    ``long_template`` is the longer form of another maker's hand controls.
+    ``long_template`` is the longer form of another maker's hand controls; None if there is none.
     """
 
     template: FrameTemplate
@@ -47,12 +47,12 @@ class _ReplyForm(NamedTuple):
 def _reply_form(command: str) -> _ReplyForm:
     row = PROTOCOL.commands[command]
     *others, template = [form for _, form in row.replies]
-    other = others[0] if others else None
+    long_template = others[0] if others else None
     assert template.length is not None
     passed_through = row.request.prefix.startswith(b"P")
-    longest = (other or template).length or 0
+    longest = (long_template or template).length or 0
     longest += 1 if passed_through else MAX_EXTRA_BYTES.get(command, 0)
-    return _ReplyForm(template, template.length, longest, passed_through, other)
+    return _ReplyForm(template, template.length, longest, passed_through, long_template)
 
 
 class NexStarReplyRules(ReplyRules):
@@ -73,9 +73,9 @@ class NexStarReplyRules(ReplyRules):
     def parse_reply(self, request: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
         """Return the reply (or fault) at the start of the buffer and its length; None while it is incomplete.
 
-        Raises ValueError for a field that cannot be decoded.
+        The fault is NoDevice or Garbled. Raises ValueError for a field that cannot be decoded.
         """
-        template, width, longest, passed_through, other = _reply_form(request.command)
+        template, width, longest, passed_through, long_template = _reply_form(request.command)
         if len(buffer) < width:
             return None
         if buffer[width - 1 : width] == b"#":
@@ -85,8 +85,8 @@ class NexStarReplyRules(ReplyRules):
             return None if len(buffer) < longest else (Garbled(), len(buffer))
         if passed_through:
             return NoDevice(), end + 1
-        if other is not None:
-            return other.decode(buffer[: end + 1]), end + 1
+        if long_template is not None:
+            return long_template.decode(buffer[: end + 1]), end + 1
         return template.decode(buffer[: width - 1] + b"#"), end + 1
 
     def resync_commands(self, check_number: int) -> Iterator[Send]:

@@ -1,6 +1,6 @@
 """A client of the NexStar surface: its own settings, and how its motion commands are acknowledged.
 
-The acknowledgement does not wait for the mount. While the mount's line is down, a pass-through command gets the
+No acknowledgement of a motion waits for the mount. While the mount's line is down, a pass-through command gets the
 no-response form, and every other command gets no reply, because ``#`` would mean yes. A command that ends a motion is
 always acknowledged: the gateway repeats the stop until the mount has received it.
 """
@@ -16,7 +16,7 @@ from gateway.protocols.base.wants import CheckPossible, FireAndForget, Handling
 
 
 class NexStarClientState(ClientState):
-    """Settings of a client. ``axis_goals``: the goals of single axes (1, 2) since its last goto, degrees."""
+    """Settings of a client. ``axis_goals``: axis (1, 2) -> the client's goal for it since the last goto, degrees."""
 
     axis_goals: Mapping[int, float] = {}
 
@@ -33,7 +33,7 @@ def begin(operation: Operation) -> Handling:
 
 
 def attempt(operation: Operation) -> Handling:
-    """Carry out an operation; a refusal appears only in the log. Raises NoAnswer if the mount does not answer."""
+    """Carry out an operation; a refusal, or Asleep, is only logged. Raises NoAnswer if the mount does not answer."""
     try:
         yield operation
     except Fault as fault:

@@ -91,7 +91,7 @@ def _make_simulator(model: str | None, version: str | None, **settings: object) 
 
 
 def _normalise_version(text: str) -> str:
-    """Return the version in its usual spelling. Raises UserError for a version that never existed."""
+    """Return the version in its usual spelling. Raises UserError if none was ever released, ValueError if invalid."""
     oldest, newest = format_version(versions.STARSENSE_OLDEST), format_version(versions.STARSENSE_NEWEST)
     if is_starsense(text):
         try:

@@ -93,7 +93,7 @@ def has_shifted_modes(model: Model, version: Version | None) -> bool:
 
 
 def modes_by_code(model: Model, version: Version | None) -> Mapping[int, Tracking | None]:
-    """Return the tracking modes of this model and version by their codes."""
+    """Return code -> tracking mode for this model and version; None is the equatorial mode of the hemisphere."""
     if "dialect" in model:
         return SYNSCAN_MODES
     return SHIFTED_MODES if has_shifted_modes(model, version) else MODES
@@ -108,7 +108,7 @@ def mode_code(mode: Tracking, model: Model, version: Version | None) -> int:
 
 
 def letters_swapped(model: Model, version: Version | None) -> bool:
-    """Whether the letters E and W of the pier side are swapped in the southern hemisphere."""
+    """Whether E and W of the pier side are swapped in the southern hemisphere; False for an unknown version."""
     return "dialect" not in model and version is not None and version <= LETTERS_SWAPPED_UNTIL
 
 

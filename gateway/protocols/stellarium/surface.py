@@ -1,8 +1,8 @@
 """The Stellarium surface: it receives gotos, which have no reply, and sends positions at regular intervals.
 
 Every message begins with its length. A refused goto is only visible in the status of the following positions, which is
-negative until the next accepted goto. A goto that ended before its goal makes it negative until the next order.
-Stellarium 0.22 does not show the status; the log has the reason.
+negative until the next accepted goto. A goto that ended before its goal makes the status negative until any client's
+next order. Stellarium 0.22 does not show the status; the log has the reason.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from gateway.protocols.wireformat.rows import CommandRow, FrameSource, ReplyForm
 
 class FrameTemplate:
     """The template of a frame. ``fields``: name -> codec, in wire order; ``prefix``: the bytes before the first field;
-    ``length``: the length of the frame in bytes, None if that varies.
+    ``length``: the length of the frame in bytes, None if that varies. Raises ValueError for an invalid template.
     """
 
     def __init__(self, source: FrameSource) -> None:
@@ -34,7 +34,7 @@ class FrameTemplate:
         self.length = None if None in widths else sum(width for width in widths if width is not None)
 
     def _add_piece(self, piece: str | int) -> None:
-        """Add an element of the source, split into literals and fields. Raises ValueError for a malformed field."""
+        """Add an element of the source, split into literals and fields. Raises ValueError for an invalid field."""
         if isinstance(piece, int):
             self._add_literal(bytes((piece,)))
             return
@@ -79,8 +79,8 @@ class FrameTemplate:
 
 
 class Command:
-    """A row of ``commands.toml`` with its templates. Attributes are explained in ``CommandRow``. ``file_name`` is the
-    name of the file in messages, ``replies`` pairs each reply form with its template.
+    """A row of ``commands.toml`` with its templates. ``CommandRow`` explains the attributes, some under other names.
+    ``file_name``: the file's name in a MappingError. ``replies`` pairs each reply form with its template.
     """
 
     def __init__(self, file_name: str, name: str, row: CommandRow) -> None:
@@ -108,7 +108,7 @@ class Command:
 
     @property
     def requested(self) -> bool:
-        """Whether programs send a request for it; otherwise the gateway sends it unasked."""
+        """Whether programs send this command; if not, the gateway sends the message unasked."""
         return bool(self.request.parts)
 
     @property
@@ -120,7 +120,7 @@ class Command:
         return self.request.encode(self.urgent_values).removesuffix(end if isinstance(end, bytes) else b"")
 
     def reply_form(self, *formats: object) -> FrameTemplate | None:
-        """Return the template of the first reply, errors excepted, for any of these formats (``ReplyForm.when``)."""
+        """Return the template of the first reply, no error, that fits the formats (``ReplyForm.when``), or None."""
         fitting = (form for reply, form in self.replies if reply.fault is None and reply.when in (None, *formats))
         return next(fitting, None)
 

@@ -30,7 +30,7 @@ IMMEDIATE_KINDS = ("stop", "restart", "axis")
 
 
 class CommandSet:
-    """The tables of a protocol, or of a ``dialect`` of it. All but commands and models are loaded on first use."""
+    """The tables of a protocol or ``dialect``. All but commands and models load on first use. Raises MappingError."""
 
     def __init__(self, name: str, folder: Path, dialect: str = "") -> None:
         self.name, self.folder, self.dialect = name, folder, dialect
@@ -67,7 +67,7 @@ class CommandSet:
 
     @property
     def presented_models(self) -> list[str]:
-        """The models that a surface can present: those without a dialect."""
+        """The models that a surface can present: those without a dialect that has a file."""
         return [model for model in self.models if model not in self.dialect_by_model]
 
     def model_of_product(self, product: str) -> str | None:
@@ -128,7 +128,7 @@ class CommandSet:
         return frozenset(name for name, command in self.commands.items() if model in command.lacking_models)
 
     def model_title(self, product: str, model: str) -> str:
-        """Return the usual name of a model; the reported ``product`` if the mount is not of this model."""
+        """Return the usual name of a model; the reported ``product`` if that is not a name of this model."""
         row = self.models.get(model, {})
         return str(row.get("title", product)) if product and row.get("product", "").startswith(product) else product
 
@@ -144,7 +144,7 @@ class CommandSet:
         return frozenset((model, build, moves, facts.get("dialect", ""), *facts.get("has", ()), *flags))
 
     def extra_table(self, file: str) -> dict[str, Model]:
-        """Return another table of this protocol, such as ``rates.toml``."""
+        """Return another table, such as ``rates.toml``; empty if the protocol has no such file. Raises MappingError."""
         if file not in self._extra_tables:
             self._extra_tables[file] = self._read_rows(file, Model)
         return self._extra_tables[file]
@@ -222,11 +222,11 @@ def _with_all_parameters(function: Callable[..., Any]) -> Callable[..., Any]:
     names = parameter_names(function)
     if names == HANDLER_PARAMETERS or not set(names).issubset(HANDLER_PARAMETERS):
         return function
-    places = [HANDLER_PARAMETERS.index(name) for name in names]
-    return lambda *given: function(*[given[place] for place in places])
+    indices = [HANDLER_PARAMETERS.index(name) for name in names]
+    return lambda *arguments: function(*[arguments[index] for index in indices])
 
 
 @lru_cache
 def load(name: str) -> CommandSet:
-    """Return the command set of a protocol. Raises MappingError."""
+    """Return the command set of a protocol, loaded once. Raises MappingError."""
     return CommandSet(name, mappings_folder() / name)

@@ -76,7 +76,9 @@ _TEXT_ANGLE_FORMATS = {
 def _number(
     name: str, decimals: int, width: int, signed: bool, low: float, high: float, max_digits: int | None = None
 ) -> Codec:
-    """Return the codec of a decimal number, with zeros to ``width`` digits before the point, ``decimals`` after it."""
+    """Return the codec of a decimal number, with zeros to ``width`` digits before the point, ``decimals`` after it.
+    Input must be from ``low`` to ``high``. Output has at most ``max_digits`` characters; None: those of the format.
+    """
     full = width + (decimals + 1 if decimals else 0) + (1 if signed else 0)
     form = f"{{:{'+' if signed else ''}0{full}.{decimals}f}}"
 
@@ -153,9 +155,7 @@ _OTHER_TEXT_FORMATS = {
 
 
 def _hex_turn(bits: int, used_bits: int, signed: bool) -> Codec:
-    """Return the codec of an angle in degrees as a hexadecimal fraction of a revolution. Only the upper ``used_bits``
-    bits count; the others are sent as zero.
-    """
+    """Return the codec of degrees as a hexadecimal fraction of a revolution; all but ``used_bits`` upper bits are 0."""
     digits, spare = bits // 4, bits - used_bits
 
     def encode(value: float) -> bytes:
@@ -230,8 +230,7 @@ _BINARY_FORMATS = {
 
 # --- text of one line: whole numbers and fractions as programming languages write them ----------------------------
 
-#: The bytes of a field that ends at a blank or at the end of the line.
-_UNTIL_BLANK = rb"[^ \n]*"
+_UNTIL_BLANK = rb"[^ \n]*"  # any bytes up to a blank or the end of the line
 _LINE_FORMATS = {
     "number": Codec(numerals.number, numerals.parse_number, _UNTIL_BLANK),
     "hours": Codec(numerals.hours, numerals.parse_hours, _UNTIL_BLANK),

@@ -16,9 +16,9 @@ from gateway.core.wire_log import printable
 
 _TRUTH = {b"true": True, b"false": False}
 _UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-#: The first and the last second that have a date of four digits, Unix time.
+#: The first second of the year 1 and the last of the year 9999, Unix time.
 _FIRST_SECOND, _LAST_SECOND = -62_135_596_800.0, 253_402_300_799.0
-#: Whole numbers have 32 bits, and so at most this many digits.
+#: The most digits of a whole number, leading zeros included; and the numbers of 32 bits.
 _MAX_DIGITS, _WHOLE_RANGE = 12, range(-(2**31), 2**31)
 
 
@@ -66,7 +66,7 @@ def parse_truth(raw: bytes) -> bool:
 
 
 def moment(unix: float) -> bytes:
-    """Write Unix seconds as UTC with milliseconds, within the years 1 to 9999: ``2026-01-28T21:00:00.000Z``."""
+    """Write Unix seconds as UTC with milliseconds, limited to the years 1 to 9999: ``2026-01-28T21:00:00.000Z``."""
     at = _UNIX_EPOCH + timedelta(milliseconds=round(max(_FIRST_SECOND, min(_LAST_SECOND, unix)) * 1000.0))
     return at.replace(tzinfo=None).isoformat(timespec="milliseconds").encode() + b"Z"
 

@@ -28,7 +28,7 @@ REUSE_DESCRIPTIONS: dict[ReplyReuse, str] = {
 #: runs, a state stays as it is until something is done, a stream is different every time.
 AnswerKind = Literal["position", "clock", "state", "stream"]
 #: What an urgent command, which is sent before queued commands, ends. stop: every motion, and it does nothing else;
-#: restart: every motion, and it does more; axis: that of one axis; part: something else, or a motion in its turn.
+#: restart: every motion, and it does more; axis: that of one axis; part: a single motion, and only in its turn.
 UrgentKind = Literal["stop", "restart", "axis", "part"]
 #: What the gateway does with a command, for the generated tables.
 Outcome = Literal["translated", "derived", "kept", "synthesised", "refused", "silent"]
@@ -44,7 +44,7 @@ def parse_version(text: str) -> Version:
 
 
 def format_version(version: Version) -> str:
-    """Write a version as the manual does: one minor digit below version 3 (1.6, 2.2), two from 3 on (3.01, 4.10)."""
+    """Write a version as the manual does: two minor digits (3.01); but one below 3 and from 100 on (1.6, 104.0)."""
     major, minor, *rest = version
     shown = f"{major}.{minor:02d}" if major > 2 and major < 100 else f"{major}.{minor}"
     return ".".join([shown, *(f"{part:02d}" for part in rest)])
@@ -91,7 +91,7 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     say: dict[str, object] | None = None  # reply with these values
     call: str | None = None  # run this function (``module.function``)
     given: dict[str, object] = {}  # with ``ask``: fields of the operation that the command does not have
-    asks: list[str] = []  # with ``call``: the operations that the function requests; reads only if it changes nothing
+    asks: list[str] = []  # with ``call``: the operations that the function requests; only reads if it changes nothing
     passes: bool | None = None  # pass it on to a mount of the same protocol; None: only if it is refused here
     after: list[str] = []  # in examples: what a program sends before it, until the mount is at rest
     during: list[str] = []  # in examples: what a program sends before it, so that the mount moves
@@ -159,7 +159,7 @@ class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return {name: replace(rows[name], models=None, since=None) for name in self.has} | self.commands
 
     def merge(self, rows: dict[str, list[Implementation]], has: frozenset[str]) -> dict[str, list[Implementation]]:
-        """Return operation -> implementations: the dialect's own, else ``rows`` that need only commands in ``has``."""
+        """Return operation -> implementations: the dialect's own, else ``rows`` that send commands, all in ``has``."""
         usable = {}
         for operation, ways in rows.items():
             possible = [replace(way, uses=[name for name in way.uses if name in has]) for way in ways]

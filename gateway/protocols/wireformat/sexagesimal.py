@@ -1,8 +1,8 @@
-"""Sexagesimal angles, clock times, dates and UTC offsets, to text and back.
+"""Sexagesimal angles, clock times, dates and UTC offsets, to text and back. Angles are degrees.
 
-Writing rounds the value once to whole units of the last digit ("ticks"), wraps it, and splits it into its parts. All
-parsers share a lenient pattern: any separator that programs use, optional seconds, a fraction on the last part. Minutes
-and seconds of exactly 60 carry, because programs round that way; 61 to 99 are refused. Angles are degrees.
+Writing rounds the value once to whole units of the last digit ("ticks"), wraps it, and splits it into its parts. Angles
+and times are read leniently: any separator that programs use, optional seconds, a fraction on the last part. Minutes
+and seconds of exactly 60 carry, because programs round that way; more are refused. Every parser raises ValueError.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def parse_hours(raw: bytes) -> float:
 
 
 def parse_azimuth(raw: bytes) -> float:
-    """Parse an azimuth; return degrees in [0, 360). 360 is north."""
+    """Parse an azimuth; return degrees in [0, 360): 360 becomes 0. Raises ValueError above 360."""
     value = parse(require_unsigned(raw))
     if value > 360:
         raise ValueError(f"'{printable(raw)}' is not an azimuth")

@@ -90,8 +90,8 @@ def contradicting_sources(mount: Context, limits: Limits) -> Iterator[AltitudeSo
 
 
 def check_goal(mount: Context, limits: Limits, goal: Equatorial) -> float:
-    """Return the altitude of a goal in degrees by the best known time and site (a site must be known). Raises
-    BelowHorizon or TooHigh if it is beyond a limit; Contradicted if that by another source is beyond a set limit.
+    """Return the altitude of a goal in degrees by the best known site and time (a site must be known). Raises
+    BelowHorizon or TooHigh if it violates a limit, Contradicted if the altitude by another source violates a set one.
     """
     altitude = check_altitude(mount, limits, goal)
     for source in (*unsynced_sources(mount, mount.tube_frame()), *contradicting_sources(mount, limits)):

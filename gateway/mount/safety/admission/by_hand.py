@@ -48,7 +48,7 @@ class StretchStart(NamedTuple):
     suns: tuple[Sun, ...] = ()
 
     def past_meridian(self, mount: Context, west_turn: float) -> float | None:
-        """Return how far the tube is past the meridian after a ``west_turn`` of axis 1, degrees; None if irrelevant."""
+        """Return how far the tube is past the meridian after a ``west_turn`` of axis 1, degrees; None if unknown."""
         return None if self.axis_angle is None else past_meridian(self.axis_angle + west_turn, mount.driver.german)
 
 
@@ -59,7 +59,7 @@ def reaction_turn(mount: Context, operation: op.Move | op.MoveAxis) -> float:
 
 
 def pulse_as_motion(pulse: op.Pulse | op.PulseAxis) -> tuple[op.Move | op.MoveAxis, float]:
-    """Return a guide pulse as a motion by hand, and how far it turns its axis at most, degrees."""
+    """Return a guide pulse as a motion by hand, and how far it turns its axis at most, degrees, with its sign."""
     degrees, guide = SIDEREAL_RATE * pulse.ms / 1000.0, op.Rate(name="guide")
     if isinstance(pulse, op.Pulse):
         return op.Move(pulse.direction, guide), pulse.direction.sense * degrees
@@ -67,13 +67,13 @@ def pulse_as_motion(pulse: op.Pulse | op.PulseAxis) -> tuple[op.Move | op.MoveAx
 
 
 def check_both_directions(mount: Context, limits: Limits, start: StretchStart, turns: dict[int, float]) -> None:
-    """Check turns of each axis by these degrees, either way. Raises BelowHorizon, TooHigh, NearSun or PastMeridian."""
+    """Check turns of each axis by these degrees, either way. Raises the same errors as ``check_turns``."""
     for way in product(*({degrees, -degrees} for degrees in turns.values())):
         check_turns(mount, limits, start, dict(zip(turns, way, strict=True)))
 
 
 def check_turns(mount: Context, limits: Limits, start: StretchStart, turns: dict[int, float]) -> None:
-    """Check a stretch of motion, degrees per axis. Raises BelowHorizon, TooHigh, NearSun or PastMeridian.
+    """Check a stretch of motion, degrees per axis. Raises BelowHorizon, TooHigh, Contradicted, NearSun or PastMeridian.
 
     Raises Invalid if the stretch is not finite, or longer than any mount turns: checking it could take for ever.
     """
@@ -115,7 +115,7 @@ class HandAdmission:
         self._mount, self._readings, self._watch = mount, readings, watch
 
     async def check_motion(self, operation: op.Move | op.MoveAxis) -> None:
-        """Raises BelowHorizon, TooHigh, NearSun or PastMeridian if a stop could not end the motion in time."""
+        """Raises one of the errors of ``check_turns`` if a stop could not end the motion in time."""
         mount = self._mount
         start = await self._read_start()
         if start is None:
@@ -129,7 +129,7 @@ class HandAdmission:
         await self._check_stretch(limits, start, by_hand, turns)
 
     async def check_pulse(self, pulse: op.Pulse | op.PulseAxis) -> None:
-        """Raises BelowHorizon, TooHigh, NearSun or PastMeridian if a guide pulse leads (farther) beyond a limit.
+        """Raises one of the errors of ``check_turns`` if a guide pulse leads beyond a limit, or farther beyond it.
 
         Only Sun positions by the mount's own coordinates or axes count: a wrong clock must not end guiding. Raises
         Refused while somebody else moves the axis, because the pulse would end that motion.
@@ -185,10 +185,10 @@ class HandAdmission:
         pole = -1 if status.equatorial and mount.astrometry.site().latitude < 0 else 1
         if operation.axis == 1:
             return pole if by_motor else 1
-        told_directions = not mount.driver.implementation(op.AxisPosition)  # a Meade
-        if status.equatorial and not by_motor and not told_directions:
+        takes_directions = not mount.driver.implementation(op.AxisPosition)  # a Meade
+        if status.equatorial and not by_motor and not takes_directions:
             return 1  # the driver handles this
-        return (1 if told_directions else pole) * (
+        return (1 if takes_directions else pole) * (
             -1 if await is_beyond_pole_or_zenith(mount, self._readings, self._watch) else 1
         )
 
@@ -204,9 +204,9 @@ async def is_beyond_pole_or_zenith(mount: Context, readings: ReadingSource, watc
 async def find_pointings(mount: Context, readings: ReadingSource, watch: LimitWatch) -> set[bool]:
     """Return in which of two ways the axes may point now: the usual (False), the other (True), or both if unknown.
 
-    The other way is the west side of the pier in the north, and beyond the pole or zenith on a fork. A German mount may
-    point in both during a goto, without a reported pier side, if the side contradicts the declination axis (it may be
-    that of the last goto, or of a hand control synced in the other way), or if it may have passed the pole unseen.
+    The other way is the west side of the pier in the north, and beyond the pole or zenith on a fork. On a German mount
+    both are possible during a goto, without a reported pier side, if the side contradicts the declination axis (it may
+    be that of the last goto, or of a hand control synced in the other way), or if the pole may have been passed unseen.
     """
     site = mount.astrometry.site_clock.site()
     if not mount.driver.german or site is None:
@@ -214,11 +214,11 @@ async def find_pointings(mount: Context, readings: ReadingSource, watch: LimitWa
     # during a goto the mount reports the pier side of the target
     under_way = mount.movement.slewing and await readings.read_now(op.Slewing())
     side = None if under_way else await readings.tube_side()
-    tells_axes = mount.driver.implementation(op.AxisPosition) is not None
-    if side is None or not (tells_axes or watch.observed.upright):
+    axes_reported = mount.driver.implementation(op.AxisPosition) is not None
+    if side is None or not (axes_reported or watch.observed.upright):
         return {False, True}
     reported_west = (side == "W") == (site.latitude >= 0.0)
-    if not tells_axes:
+    if not axes_reported:
         return {reported_west}
     axes: op.Horizontal = await readings.read(op.AxisPosition())
     return {reported_west, wrap180(axes.alt - 90.0) > 0.0}

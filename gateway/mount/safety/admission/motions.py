@@ -112,7 +112,7 @@ class MotionAdmission:
         return operation
 
     async def check_motion_under_way(self) -> None:
-        """Raises BelowHorizon, TooHigh, NearSun or PastMeridian if the motion by hand under way must not continue."""
+        """Check that the motion by hand under way may continue. Raises the errors of ``HandAdmission.check_motion``."""
         moving = next(iter(self._mount.wanted.hand_moves.values()), None)
         if moving is not None:  # this checks the other axis, too
             await self._hand_admission.check_motion(moving)
@@ -181,7 +181,7 @@ class MotionAdmission:
         return await self._admit_goto(replace(goto, ra=(goto.ra + SKY_SPEED * seconds) % 360.0, track=False))
 
     async def _check_park_or_home(self, operation: op.Park | op.Home) -> None:
-        """Check where park or home leads. The owner's park position may have any altitude, but not be near the Sun."""
+        """Check the goal of a park or home; the owner's may be at any altitude, but not near the Sun. Raises Fault."""
         mount, limits = self._mount, self._mount.policy.limits
         if isinstance(operation, op.Park):
             await self._status()  # the park position depends on the kind of mounting
@@ -218,7 +218,7 @@ class MotionAdmission:
         return altitude
 
     async def _check_axis_goto(self, goto: op.GotoAxes, limits: Limits) -> None:
-        """Check a goto to axis readings: the altitude and the hour angle at its goal, and its paths."""
+        """Check a goto to axis readings: the altitude and the hour angle at its goal, and its paths. Raises Fault."""
         mount = self._mount
         if not (await self._status()).equatorial:
             limits.check_altitude(goto.alt)
@@ -239,8 +239,8 @@ class MotionAdmission:
     async def _check_path(
         self, limits: Limits, goal: op.Equatorial, altitude: float | None, target_readings: Pair | None = None
     ) -> None:
-        """Raises NearSun if a possible path comes too near to the Sun, WayBlocked if all lead beyond an altitude limit
-        that the user has set.
+        """Check a goal and the paths to it for the Sun, and the paths for altitude limits that the user has set. Store
+        the paths for ``LimitWatch``. Raises NearSun, or WayBlocked as ``check_paths`` does.
 
         ``altitude`` is that of the goal, None without a site. A path that begins too near to the Sun is allowed if it
         never comes nearer. Before the alignment the direction of the tube is unknown, so only the goal is checked.
@@ -253,13 +253,13 @@ class MotionAdmission:
         status = await self._status()
         if not status.aligned:
             return
-        # where another clock or site may be the mount's, its way is not the calculated one
-        lost = 180.0 if any(contradictions_of(mount)) else LOST_GOTO_DEGREES
+        # if another clock or site is the mount's, its path differs from the calculated one
+        lost_margin = 180.0 if any(contradictions_of(mount)) else LOST_GOTO_DEGREES
         if not (suns or status.equatorial or written.lowest > -90.0 or written.highest < 90.0):
             if altitude is not None:
                 last = self._watch.observed.last
                 begins = altitude if last is None or last.altitude is None else last.altitude
-                self._path.min_altitude = min(0.0, begins - lost, altitude - lost)
+                self._path.min_altitude = min(0.0, begins - lost_margin, altitude - lost_margin)
                 self._path.allowed = limits.hour_angle is None
             return
         others = await find_pointings(self._mount, self._readings, self._watch)
@@ -286,7 +286,7 @@ class MotionAdmission:
             [point for way in ways for point in slew_paths.path_points(way)],
             slew_paths.zenith_readings(mount, status.equatorial)[0],
             all(all_paths_within(mount, written, path) for path in unsynced),
-            lost,
+            lost_margin,
         )
         # the hour angle on the way is not examined
         others_leave = len(ways) < len(paths_of(mount, journey_of(None)))

@@ -59,10 +59,10 @@ class Journey(NamedTuple):
 
 def axis_readings_at(astrometry: SiteAstrometry, direction: op.Equatorial | Sun, equatorial: bool) -> Pair:
     """Return the axis readings at which this mount points in a direction, in the usual of the two ways."""
-    sun = op.Equatorial(direction.ra, direction.dec)
+    aim = op.Equatorial(direction.ra, direction.dec)
     if equatorial:
-        return _geometry_of(astrometry, Build.GERMAN).to_axes(_hour_angle(astrometry, sun), sun.dec, False)
-    horizon = astrometry.horizontal(sun) if astrometry.site_clock.site() is not None else op.Horizontal(sun.ra, sun.dec)
+        return _geometry_of(astrometry, Build.GERMAN).to_axes(_hour_angle(astrometry, aim), aim.dec, False)
+    horizon = astrometry.horizontal(aim) if astrometry.site_clock.site() is not None else op.Horizontal(aim.ra, aim.dec)
     return horizon.az, horizon.alt
 
 
@@ -130,7 +130,7 @@ def _geometry_of(astrometry: SiteAstrometry, build: Build) -> Geometry:
 
 
 def _hour_angle(astrometry: SiteAstrometry, position: op.Equatorial) -> float:
-    """Hour angle in degrees; without a site, relative to an arbitrary hour circle."""
+    """Return the hour angle in degrees; without a site, relative to an arbitrary hour circle."""
     return wrap180((astrometry.sidereal_time() if astrometry.site_clock.site() is not None else 0.0) - position.ra)
 
 

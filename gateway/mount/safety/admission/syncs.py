@@ -79,11 +79,11 @@ async def _sync_turns(
     """
     driver, by_sky, others = mount.driver, mount.driver.emulates_sync, {False}
     start, end = (axis_readings_at(mount.astrometry, place, equatorial or by_sky) for place in (position, target))
-    tells_axes = driver.implementation(op.AxisPosition) is not None
-    if not by_sky:  # else by an offset
+    axes_reported = driver.implementation(op.AxisPosition) is not None
+    if not by_sky:  # else the driver syncs by an offset
         others = await find_pointings(mount, reads, watch)
-    if driver.german and not tells_axes and watch.observed.upright and len(others) > 1:
-        others = {wrap180(start[0]) < 0.0}  # one that does not tell its side has chosen it by the hour angle
+    if driver.german and not axes_reported and watch.observed.upright and len(others) > 1:
+        others = {wrap180(start[0]) < 0.0}  # without a report the mount has chosen its side by the hour angle
     first, sense = wrap180(end[0] - start[0]), 1.0 if False in others else -1.0
     turns = [(first, sense * (end[1] - start[1]))]
     doubtful = len(others) > 1 or driver.reports_beyond_pole or start[1] > 90.0 - POLE_DISTANCE

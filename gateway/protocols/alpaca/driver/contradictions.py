@@ -26,39 +26,39 @@ DIRECTION_NAMES = {(1, 1): "west", (1, -1): "east", (2, 1): "north", (2, -1): "s
 
 
 class CompareEquinox(op.Operation, frozen=True):
-    """Internal: compare the declared equinox, once the tube is high enough."""
+    """Internal: compare the declared equinox with altitude and azimuth, some seconds after a goto."""
 
     survives_abort = True
 
 
 def compare_equinox(mount: AlpacaDriver, _: CompareEquinox | None = None) -> Steps:
-    """Return the equinox that fits the server's altitude and azimuth; None if ambiguous, or if data is missing."""
+    """Return the equinox that fits altitude and azimuth; None if ambiguous or unknown. Log if another is declared."""
     values = []
     for member in ("siderealtime", "rightascension", "declination", "altitude", "azimuth", "sitelatitude", "utcdate"):
         values.append((yield from read_member(mount, member)))
     if None in values or not ALTITUDE_RANGE[0] < values[3] < ALTITUDE_RANGE[1]:
         return None
     sidereal, ra, dec, altitude, azimuth, latitude, unix = values
-    away = {}
+    errors = {}
     for equinox, place in (("jnow", (ra, dec)), ("j2000", Sky().from_j2000(ra, dec, unix))):
         calculated = hour_angle_to_horizon(wrap180(sidereal - place[0]), place[1], latitude)
-        away[equinox] = separation(*calculated, azimuth, altitude)
-    fits = min(away, key=lambda equinox: away[equinox])
+        errors[equinox] = separation(*calculated, azimuth, altitude)
+    fits = min(errors, key=lambda equinox: errors[equinox])
     max_error = MATCH_ERROR + (REFRACTION if mount.refracts else 0.0)
-    if away[fits] > max_error or max(away.values()) < away[fits] + MATCH_MARGIN:
+    if errors[fits] > max_error or max(errors.values()) < errors[fits] + MATCH_MARGIN:
         return None
     mount.equinox_compared = True
     if mount.declares_equinox and fits != mount.equinox:
         yield Remark(
             f"the server declares {mount.equinox} coordinates, but its altitude and azimuth fit {fits} ones, "
-            f"{max(away.values()) * 60.0:.0f} arcminutes from these: if gotos miss by that, write equinox = "
+            f"{max(errors.values()) * 60.0:.0f} arcminutes from these: if gotos miss by that, write equinox = "
             f'"{fits}" (--equinox {fits})'
         )
     return fits
 
 
 def expect_direction(mount: AlpacaDriver, axis: int, sense: int, pier_side: str) -> None:
-    """Store the sense on the sky that a motion by hand should have; ``check_sense`` compares it with the position."""
+    """Store the sense on the sky that a fast hand motion should have, for ``check_sense``, unless verified before."""
     fast = abs(mount.hand_rates.get(axis, 0.0)) >= MIN_SPEED
     mount.sense_checks[axis] = (sense, pier_side, None)
     if mount.reversed is not None or not fast or (axis, pier_side) in mount.verified_senses:
@@ -66,23 +66,23 @@ def expect_direction(mount: AlpacaDriver, axis: int, sense: int, pier_side: str)
 
 
 def check_sense(mount: AlpacaDriver, equatorial: op.Equatorial, horizontal: tuple[float, ...] | None) -> str:
-    """Reverse an axis that moves against its expected direction, and return a message about it; empty if none does."""
+    """Reverse each axis that moves against its expected direction; return a message about it, empty if none does."""
     position = (-equatorial.ra, equatorial.dec)
     if not mount.equatorial:
         if horizontal is None:
             return ""
         position = (horizontal[0], horizontal[1])
     text = ""
-    for axis, (sense, side, since) in list(mount.sense_checks.items()):
+    for axis, (sense, side, start) in list(mount.sense_checks.items()):
         if abs(position[1]) > MAX_DECLINATION or axis not in mount.hand_rates:
             del mount.sense_checks[axis]
-        elif since is None:
+        elif start is None:
             mount.sense_checks[axis] = (sense, side, position)
-        elif abs(way := wrap180(position[axis - 1] - since[axis - 1]) * sense) > MIN_TRAVEL:
+        elif abs(travel := wrap180(position[axis - 1] - start[axis - 1]) * sense) > MIN_TRAVEL:
             del mount.sense_checks[axis]
             if side or axis == 1 or not mount.german:  # on an unknown side of the pier the next arrow may differ
                 mount.verified_senses.add((axis, side))
-            if way < 0.0:
+            if travel < 0.0:
                 mount.signs[axis, side] = -mount.signs.get((axis, side), 1)
                 text = (
                     f"an arrow to the {DIRECTION_NAMES[axis, sense]} has moved the tube to the "

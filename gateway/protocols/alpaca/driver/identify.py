@@ -88,7 +88,7 @@ def _read_mount_kind(mount: AlpacaDriver) -> Steps:
 
 
 def _speed_ranges(axis_rates: Any) -> tuple[tuple[float, float], ...]:
-    """Return the speed ranges in an answer to AxisRates, degrees a second, cut off at ``FASTEST``."""
+    """Return the speed ranges in an answer to AxisRates, degrees a second, cut off at ``MAX_SPEED``."""
     ranges = []
     for entry in axis_rates if isinstance(axis_rates, list) else ():
         with suppress(KeyError, TypeError, ValueError):
@@ -99,8 +99,8 @@ def _speed_ranges(axis_rates: Any) -> tuple[tuple[float, float], ...]:
 
 
 def read_status(mount: AlpacaDriver) -> Steps:
-    """Read whether the mount tracks and is parked. Reports of tracking during a motion may describe the motion, and are
-    discarded. Values that the server does not report remain unchanged.
+    """Read whether the mount tracks and is parked. Discard tracking reported during a motion or just after it: this
+    report may describe the motion. Discard parking reported during a goto. Values not reported remain unchanged.
     """
     state = (yield from read_state(mount)) if mount.lists_state else {}
     tracks, parked = state.get("Tracking"), state.get("AtPark")

@@ -79,15 +79,15 @@ def move_axis(mount: AlpacaDriver, operation: op.MoveAxis) -> Steps:
 
 
 def _start_axis(mount: AlpacaDriver, axis: int, sense: int, side: str, rate: op.Rate, adds_to_tracking: bool) -> Steps:
-    """Begin to move an axis at its speed nearest to ``rate``."""
+    """Begin to move an axis in its motor's ``sense``, at its speed nearest to ``rate``. Raises Fault."""
     if not mount.ranges.get(axis):
         raise Unsupported(f"The server of this mount reports that axis {axis} cannot be moved by hand.")
     if mount.goto is not None:
         yield from stop_current_motion(mount)
     mount.following_speeds.pop(axis, None)
     if adds_to_tracking and mount.moves_by_pulses(rate):
-        up, down = ("w", "e") if axis == 1 else ("n", "s")
-        mount.pulse_directions[axis] = op.Direction(up if convert_sense(mount, axis, sense, side) > 0 else down)
+        plus, minus = ("w", "e") if axis == 1 else ("n", "s")
+        mount.pulse_directions[axis] = op.Direction(plus if convert_sense(mount, axis, sense, side) > 0 else minus)
         mount.hand_rates[axis], mount.parked, mount.moved_by_hand = 0.0, False, True
         return (yield from continue_pulses(mount, ContinuePulses(axis)))
     follows = mount.tracks and mount.supports("set_tracking") and (axis == 1 or not mount.equatorial)
@@ -114,11 +114,11 @@ def _start_slow_motion(mount: AlpacaDriver, axis: int, speed: float, side: str, 
         for number, follows in rates.items()
     }
     possible = {number: mount.nearest_rate(number, rate) for number, rate in sent.items()}
-    off = abs(possible[axis] - sent[axis])
-    if adds_to_tracking and off > abs(speed) / 2.0:
+    error = abs(possible[axis] - sent[axis])
+    if adds_to_tracking and error > abs(speed) / 2.0:
         raise Refused("The server lists no speed near this one on top of tracking.")
-    if off > REMARK_THRESHOLD * abs(speed):
-        text = f"a motion at {abs(speed):.4g} degrees a second is {off:.4g} off: this mount has no nearer speed"
+    if error > REMARK_THRESHOLD * abs(speed):
+        text = f"a motion at {abs(speed):.4g} degrees a second is {error:.4g} off: this mount has no nearer speed"
         yield Remark(text, "speed")
     if not mount.tracking_paused:
         yield from send_order(mount, "set_tracking", on=False)
@@ -142,7 +142,7 @@ def _resume_hand_motion(mount: AlpacaDriver) -> Steps:
 
 def _sky_following_speeds(mount: AlpacaDriver, side: str) -> Steps:
     """Return axis -> the speed at which it follows the sky, degrees a second in the motor's sense; on an equatorial
-    mount only the first axis. Raises Unsupported if the server of an alt-az mount does not report its position.
+    mount only the first axis. Raises Unsupported if the server of an alt-az mount reports no position or latitude.
     """
     if mount.equatorial:
         return {1: convert_sense(mount, 1, 1, side) * SIDEREAL_RATE}
@@ -156,7 +156,7 @@ def _sky_following_speeds(mount: AlpacaDriver, side: str) -> Steps:
 
 
 def _send_rate(mount: AlpacaDriver, axis: int, rate: float) -> Steps:
-    """Send a MoveAxis rate (degrees a second) for an axis. If the server refuses it, turn tracking on again."""
+    """Send a MoveAxis rate, degrees a second. If it is refused, turn paused tracking on again. Raises Fault."""
     mount.hand_rates[axis], mount.parked, mount.moved_by_hand = rate, False, True
     try:
         yield Send("moveaxis", {"axis": axis - 1, "rate": rate}, timeout=MAX_WAIT, at_once_or_never=True)
@@ -174,7 +174,7 @@ def _send_rate(mount: AlpacaDriver, axis: int, rate: float) -> Steps:
 
 
 def stop_axis(mount: AlpacaDriver, operation: op.StopAxis) -> Steps:
-    """End the hand motion of an axis. If both are in slow motion (tracking is off), move this one at the sky's rate."""
+    """End the hand motion of an axis. If both axes move slowly (tracking is off), move this one at the sky's rate."""
     axis = operation.axis
     if not mount.may_be_moving(axis):
         return
@@ -186,7 +186,7 @@ def stop_axis(mount: AlpacaDriver, operation: op.StopAxis) -> Steps:
         mount.following_speeds[axis] = mount.nearest_rate(axis, rates.get(axis, 0.0))
         yield from _send_rate(mount, axis, mount.moveaxis_sign(axis, "") * mount.following_speeds[axis])
         return
-    moved = axis in mount.hand_rates
+    was_moving = axis in mount.hand_rates
     for number in sorted({axis, *(() if mount.slow_speeds else mount.following_speeds)}):
         yield Send("moveaxis", {"axis": number - 1, "rate": 0.0})
         mount.following_speeds.pop(number, None)
@@ -194,13 +194,13 @@ def stop_axis(mount: AlpacaDriver, operation: op.StopAxis) -> Steps:
     if mount.tracking_paused and not mount.slow_speeds:
         yield from resume_tracking(mount)
         yield from _resume_hand_motion(mount)
-    elif moved and not mount.hand_rates:
+    elif was_moving and not mount.hand_rates:
         yield from schedule_tracking_check(mount)
 
 
 def abort_motion(mount: AlpacaDriver, _: op.AbortMotion) -> Steps:
     """End every motion. Axes that are moved by hand stop first, because ``AbortSlew`` may take long. A parked mount
-    counts as stopped. If the server refuses the stop, the driver reads whether the mount slews.
+    counts as stopped. After a refusal the driver reads whether the mount slews. Raises NoAnswer; Refused if it moves.
     """
     slewed = mount.goto is not None
     mount.give_up_goto()
@@ -316,7 +316,7 @@ def set_tracking(mount: AlpacaDriver, operation: op.SetTracking) -> Steps:
 
 
 def unpark(mount: AlpacaDriver, _: op.Unpark) -> Steps:
-    """Unpark, and turn tracking on."""
+    """Unpark, and turn tracking on if the server can do that."""
     yield from send_order(mount, "unpark")
     mount.parked = False
     if mount.supports("set_tracking"):
@@ -335,7 +335,7 @@ def emulate_wake(mount: AlpacaDriver, _: op.Wake) -> Steps:
 
 
 def track_rate(mount: AlpacaDriver, operation: op.TrackRate) -> Steps:
-    """Choose a tracking rate. Raises Unsupported for a rate that the mount does not have."""
+    """Set the tracking rate. Raises Unsupported for a rate that the mount does not have."""
     factor = operation.factor or 1.0
     near = (name for name, number in NUMBER_BY_RATE.items() if abs(RATE_FACTORS[number] - factor) < FACTOR_TOLERANCE)
     name = operation.name or next(near, "")
@@ -346,6 +346,6 @@ def track_rate(mount: AlpacaDriver, operation: op.TrackRate) -> Steps:
 
 
 def drive_rate(mount: AlpacaDriver, _: op.DriveRate) -> Steps:
-    """Return the tracking rate as a multiple of sidereal."""
+    """Return the tracking rate as a multiple of sidereal; 1.0 if it is not reported."""
     number = yield from read_member(mount, "trackingrate", 0)
     return RATE_FACTORS[number] if number in range(len(RATE_FACTORS)) else 1.0

@@ -38,7 +38,7 @@ def set_site(mount: AlpacaDriver, operation: SetSite) -> Steps:
 
 
 def get_clock(mount: AlpacaDriver, _: GetClock) -> Steps:
-    """Return the mount's time as a Moment. Servers have no time zone: its UTC offset is the one that was set last."""
+    """Return the mount's time as a Moment. Servers have no time zone, so its UTC offset is the one set last."""
     return Moment((yield Send("utcdate"))["unix"], mount.utc_offset)
 
 

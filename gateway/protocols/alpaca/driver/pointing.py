@@ -86,7 +86,7 @@ def pier_side(mount: AlpacaDriver, _: op.PierSide) -> Steps:
 
 
 def slewing(mount: AlpacaDriver, _: op.Slewing) -> Steps:
-    """Return whether a goto is under way. Servers also report Slewing during a motion by hand, which does not count."""
+    """Return whether a goto is under way, and note its end. Slewing reported during a motion by hand does not count."""
     slews = bool((yield Send("slewing"))["value"])
     state = mount.goto
     if state is None:
@@ -165,7 +165,7 @@ def _with_server_text(text: str, fault: Fault) -> str:
 
 
 def goto(mount: AlpacaDriver, operation: op.Goto) -> Steps:
-    """Slew to a position, with the asynchronous request if the server has it. Turn tracking on first if possible."""
+    """Slew to a position, asynchronously if the server can. With ``track``, turn tracking on first if possible."""
     yield from stop_current_motion(mount)
     if mount.now() < mount.tracking_stale_until:
         yield from keep_tracking(mount)
@@ -236,7 +236,7 @@ def abort_slew(mount: AlpacaDriver, _: op.AbortSlew) -> Steps:
 
 
 def resume_tracking(mount: AlpacaDriver) -> Steps:
-    """Turn on tracking that was turned off for slow motion. If that fails, a later check tries again."""
+    """Turn on tracking that was off for slow motion, which counts as ended. If that fails, a later check retries."""
     mount.slow_speeds.clear()
     mount.following_speeds.clear()
     mount.pulse_directions.clear()
@@ -260,7 +260,7 @@ def schedule_tracking_check(mount: AlpacaDriver, delay: float = TRACKING_CHECK_D
 
 
 def keep_tracking(mount: AlpacaDriver, _: KeepTracking | None = None) -> Steps:
-    """Turn tracking on again if it is off after a motion; do nothing if the mount moves again."""
+    """Turn tracking on again if a motion has turned it off; do nothing if the mount moves again or is parked."""
     if mount.hand_rates or mount.goto is not None or mount.parked or not mount.tracks:
         return
     mount.tracking_stale_until = mount.now()
@@ -295,7 +295,7 @@ def set_home(mount: AlpacaDriver, _: op.SetHome) -> Steps:
 
 
 def home_state(mount: AlpacaDriver, _: op.HomeState) -> Steps:
-    """Return 2 on the way to the home or park position, 1 at that position, else 0."""
+    """Return 2 on the way to the home or park position, 1 at either, else 0."""
     yield from ()
     if mount.goto is not None and mount.goto.purpose in ("home", "park"):
         return 2

@@ -1,7 +1,7 @@
 """How requests to an Alpaca telescope look as text lines, and what the lines of its answers mean.
 
 HTTP matches each answer to its request, so no answer is verified by a second request. If the server reports that the
-telescope is not connected, the line counts as lost until it is connected again.
+telescope is not connected, the line counts as lost until the telescope is connected again.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class AlpacaReplyRules(ReplyRules):
     def parse_reply(self, request: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
         """Return the answer that the buffer begins with and its length; None while it is incomplete.
 
-        Raises ValueError for a value that has not the type of the member.
+        Raises ValueError for a value of the wrong type.
         """
         line, end, _ = buffer.partition(b"\n")
         if not end:
@@ -88,7 +88,7 @@ def _fault_by_number() -> dict[int, type[Fault]]:
 
 
 def _reply_values(command: Command, value: Any) -> Values | Fault:
-    """Return the value of an answer under the name of the reply's field. Raises ValueError if it has another type."""
+    """Return a value under its field's name; UnreadableMember for null in a GET. Raises ValueError for a wrong type."""
     if value is None and command.is_query:
         return UnreadableMember("The server gives no value.")
     for name, codec in command.replies[0][1].fields.items():

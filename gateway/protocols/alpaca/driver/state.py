@@ -1,4 +1,4 @@
-"""What the driver knows of a telescope behind an Alpaca server: its reported abilities, and its motions.
+"""The driver's state of a telescope behind an Alpaca server: its reported abilities, and its motions.
 
 The driver refuses, with a message, any operation that the server lacks or reports as impossible.
 """

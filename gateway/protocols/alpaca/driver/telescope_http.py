@@ -63,9 +63,9 @@ class TelescopeHttp:
             name, _, value = word.partition("=")
             fields[name] = value.capitalize() if value in ("true", "false") else unquote(value)
         ends = member == "abortslew" or (member == "moveaxis" and not float(fields["Rate"]))
-        moves = False if ends else True if verb == "put" and member.startswith(MOTION_PREFIXES) else None
+        is_motion = False if ends else True if verb == "put" and member.startswith(MOTION_PREFIXES) else None
         numbers = {"ClientID": str(self._client_id), "ClientTransactionID": str(next(self._transaction_ids) % 2**32)}
-        return HttpRequest(verb.upper(), self._path + member, fields | numbers, moves)
+        return HttpRequest(verb.upper(), self._path + member, fields | numbers, is_motion)
 
     def reply(self, status: int, body: bytes) -> bytes:
         if status != HTTP_OK:

@@ -29,7 +29,7 @@ DEFAULT_HTTP_PORT = 80
 
 
 async def find(urls: Sequence[str] | None, port: int = DISCOVERY_PORT) -> list[OfferedMount]:
-    """Return the telescopes of the servers at these addresses, or of all servers that answer; each once."""
+    """Return the telescopes of these servers, or (None) of all that answer discovery on UDP ``port``; each once."""
     if urls is not None and not urls:
         return []
     from aiohttp import ClientSession, ClientTimeout

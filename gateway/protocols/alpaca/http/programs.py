@@ -101,7 +101,9 @@ class Programs:
         self._clients: dict[tuple[str, int], AlpacaClient] = {}
 
     def program_of(self, host: str, client_id: int, stop: bool = False) -> AlpacaClient:
-        """Return the program of a ClientID on a host. Raises ConnectionRefused if too many exist, unless ``stop``."""
+        """Return the program of a ClientID on a host. Raises ConnectionRefused if the host may not connect, or if too
+        many programs exist. A ``stop`` is exempt from the limit of ``MAX_PROGRAMS``.
+        """
         self._forget_idle_clients()
         program = self._clients.get((host, client_id))
         if program is None or program.is_closed:
@@ -111,14 +113,12 @@ class Programs:
         return program
 
     def polling_client(self, host: str, client_id: int) -> AlpacaClient:
-        """Return a second connection for a program, on which the gateway polls for the end of its goto. Raises
-        ConnectionRefused if there are too many connections.
-        """
+        """Return a second connection, to poll for the end of a program's goto. Raises ConnectionRefused."""
         return AlpacaClient(self._accept, f"{_client_name(host, client_id)}-arrival", host)
 
     def _forget_idle_clients(self) -> None:
-        """Forget closed and long silent ones. If too many are left, forget one without waiting requests: preferably one
-        that has never sent a PUT, and of these the one whose last request is the oldest.
+        """Forget closed and long silent programs. If too many are left, forget one that waits for no reply: preferably
+        one that has never sent a PUT, and of these the one whose last request is the oldest.
         """
         now = asyncio.get_running_loop().time()
         for key, program in list(self._clients.items()):
@@ -152,7 +152,7 @@ class AlpacaDevice:
         self.web_mount, self.programs = web_mount, Programs(web_mount.accept)
 
     async def answer(self, request: AlpacaRequest, host: str) -> dict[str, Any]:
-        """Return the answer to a request as JSON members. Raises ConnectionRefused if there are too many programs."""
+        """Return the answer to a request as JSON members. Raises ConnectionRefused (see ``Programs.program_of``)."""
         stop = request.command.name == STOP_COMMAND
         program = self.programs.program_of(host, request.client_id, stop)
         try:
@@ -166,7 +166,7 @@ class AlpacaDevice:
 
 
 async def _wait_for_arrival(connection: AlpacaClient) -> str:
-    """Wait for the end of a goto; return the reason if it ended before its goal, else an empty text."""
+    """Wait for the end of a goto, 900 s at most; return why it ended before its goal, else an empty text."""
     loop = asyncio.get_running_loop()
     end = loop.time() + MAX_GOTO_DURATION
     try:

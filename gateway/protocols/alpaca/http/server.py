@@ -86,7 +86,7 @@ class AlpacaServer:
         return web.json_response(with_ids(reply, asked.transaction_id))
 
     def _devices_at_port(self, request: web.Request) -> list[AlpacaDevice]:
-        """Return the devices that are served at the port of a request."""
+        """Return the devices that are configured for the port of a request, else those without a port of their own."""
         port = local_address(request)[1]
         offered = [device for device in self._all_devices if device.web_mount.port == port]
         return offered or [device for device in self._all_devices if not device.web_mount.port]

@@ -57,7 +57,7 @@ class RequestFramer:
         """Return the requests that these bytes complete, in order."""
         self._partial_request = (self._partial_request + data).lstrip(
             b"\r\n"
-        )  # a gateway that begins anew ends what may have been begun
+        )  # a gateway that starts again first ends a partly sent request
         frames = []
         while end := self._request_length():
             frames.append(self._partial_request[:end])
@@ -188,7 +188,7 @@ def _parse_parameter(name: str, text: str, kind: str) -> Any:
 
 # --- the members: what each returns or does; names are ASCOM's, in lower case ---------------------------------------
 
-#: The rates of tracking: sidereal, lunar, solar.
+#: The rates of tracking, degrees a second: sidereal, lunar, solar.
 DRIVE_RATES = (SIDEREAL_RATE, LUNAR_RATE, SOLAR_RATE)
 
 

@@ -150,7 +150,7 @@ class AlpacaTelescope(Simulated):
 
     @property
     def reports_slewing(self) -> bool:
-        """The value of Slewing: true during a slew or MoveAxis, and until the motors have reached the ordered speed."""
+        """Slewing: true in a slew; unless ``quiet_axes``, also in MoveAxis and while speeds change (not in pulses)."""
         if self.mechanics.slewing(self.now):
             return True
         ramps = self.mechanics.is_ramping(self.now) and not self.is_pulsing
@@ -231,7 +231,7 @@ class AlpacaTelescope(Simulated):
             self.mechanics.relocate(self.now, self.sky._replace(clock_ahead=unix - self.now))
 
     def move_at_rate(self, axis: int, rate: float) -> None:
-        """Carry out MoveAxis for axis 0 or 1. Raises AlpacaError for a rate that AxisRates does not have."""
+        """Carry out MoveAxis for axis 0 or 1. Raises AlpacaError for another axis, or for a rate not in AxisRates."""
         if check_range(axis, 0, 2, "Axis") == 2:
             raise AlpacaError(NOT_IMPLEMENTED, "There is no third axis")
         if rate and not any(low <= abs(rate) <= high for low, high in self.kind.rate_ranges):
@@ -269,7 +269,7 @@ class AlpacaTelescope(Simulated):
         self.mechanics.stop_goto(self.now)
 
     def pulse(self, direction: int, seconds: float) -> None:
-        """Send a guide pulse in an ASCOM direction: 0 raises the declination, 1 lowers it, 2 is east, 3 west."""
+        """Carry out a guide pulse in an ASCOM direction: 0 raises the declination, 1 lowers it, 2 is east, 3 west."""
         axis = 2 if direction < 2 else 1
         sense = self.mechanics.geometry.pole_sign * (1.0 if direction in (0, 3) else -1.0)
         if axis == 2 and self.mechanics.flipped:

@@ -28,12 +28,12 @@ def alignment_mode() -> Handling:
 
 
 def equatorial_system(session: AlpacaSession) -> int:
-    """Return the equinox that is configured for the surface."""
+    """Return ASCOM's number of the equinox that is configured for the surface."""
     return J2000 if session.model["equinox"] == "j2000" else TOPOCENTRIC
 
 
 def side_of_pier() -> Handling:
-    """Return the pier side. East is ASCOM's normal pointing state: the tube is east of the pier and points west."""
+    """Return the pier side, -1: unknown. East is the normal pointing state: the tube east of the pier points west."""
     try:
         side = yield op.TubeSide()
     except Unsupported:
@@ -42,7 +42,7 @@ def side_of_pier() -> Handling:
 
 
 def destination_side(values: Values) -> Handling:
-    """Return the side of the pier after a goto: east for a position west of the meridian, west for one east of it."""
+    """Return the pier side after a goto: east for a position west of the meridian, else west; -1 unless German."""
     ra, _ = target_coordinates(values)
     if not (yield op.GetAbilities()).german:
         return UNKNOWN

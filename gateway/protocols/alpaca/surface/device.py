@@ -71,8 +71,8 @@ def description() -> Handling:
         identity: op.Identity = yield op.GetIdentity()
     except Fault:
         return "A mount that has not answered yet, by mount-gateway"
-    version = f" {identity.version}" if identity.version not in ("", "?") else ""
-    return f"{identity.product}, {identity.model}{version}, by mount-gateway"
+    version_text = f" {identity.version}" if identity.version not in ("", "?") else ""
+    return f"{identity.product}, {identity.model}{version_text}, by mount-gateway"
 
 
 def driver_version() -> dict[str, str]:

@@ -1,7 +1,7 @@
 """Gotos, motion by hand, guiding, parking, tracking and its rates.
 
 The reply to a request that begins a motion is sent when the motion has begun. Programs poll other members to notice its
-end.
+end, or ``http/programs.py`` does this for them (``arrival`` in ``members.toml``).
 """
 
 from __future__ import annotations
@@ -152,7 +152,7 @@ def set_tracking(session: AlpacaSession, values: Values) -> Handling:
 
 
 def tracking_rate() -> Handling:
-    """Return the number of the nearest drive rate."""
+    """Return ASCOM's number of the nearest drive rate; 0 (sidereal) if the mount reports no rate."""
     try:
         factor = yield op.DriveRate()
     except Unsupported:

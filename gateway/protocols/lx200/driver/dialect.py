@@ -27,7 +27,7 @@ ARROW_CHECK_TIMEOUT = 0.5
 
 
 def read_report(mount: Lx200Driver, status_request: Send | None = None) -> Steps:
-    """Return the status report: the last one if it is recent and nothing was ordered since, else a new one."""
+    """Return the last status report if it is recent and no order followed, else a new one (by ``status_request``)."""
     if mount.last_report is None or mount.now() - mount.last_report[0] > REPORT_MAX_AGE:
         form = mount.dialect["status"]
         answer = (yield status_request) if status_request is not None else (yield from ask(mount, form["command"]))
@@ -82,7 +82,7 @@ def read_pier_side(mount: Lx200Driver) -> Steps:
 
 
 def read_speeds(mount: Lx200Driver) -> Steps:
-    """Read the speeds of the arrows, if they depend on how the controller was set up."""
+    """Read the speeds of the arrows that depend on the controller's set-up; set the guide rate unless configured."""
     said: dict[str, float | None] = {}
     for name, speed in mount.dialect.get("speeds", {}).items():
         if isinstance(speed, list):

@@ -142,7 +142,7 @@ def drive_rate(mount: Lx200Driver, _: op.DriveRate) -> Steps:
 
 
 def _set_named_rate(mount: Lx200Driver, rate_name: str) -> Steps:
-    """Set a named rate and read it back, which only tells lunar from the others. Raises Refused if it differs twice."""
+    """Set a named rate and read it back, which only shows lunar or another. Raises Refused if it differs twice."""
     for _ in range(2):
         yield from ask(mount, _COMMAND_BY_DRIVE_RATE[rate_name])
         shown = (yield from ask(mount, "GT"))["hertz"]
@@ -175,8 +175,8 @@ def focus(mount: Lx200Driver, operation: op.Focus) -> Steps:
     elif operation.direction:
         yield from ask(mount, "FF" if operation.speed >= _FAST_FOCUS_MIN else "FS")
     if not operation.direction:
-        moved, mount.focusing = mount.focusing, False
-        yield from end_motion(mount, "FQ", (FOCUSER_AXIS,), moved)
+        was_moving, mount.focusing = mount.focusing, False
+        yield from end_motion(mount, "FQ", (FOCUSER_AXIS,), was_moving)
         return
     count_motion(mount, FOCUSER_AXIS)
     mount.focusing = True

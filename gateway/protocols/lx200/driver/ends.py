@@ -74,7 +74,7 @@ def restore_rates_later(mount: Lx200Driver) -> Steps:
 
 
 def restore_rates(mount: Lx200Driver, _: RestoreRates) -> Steps:
-    """Restore the changed rates. During a motion by hand do nothing: the end of that motion schedules this again."""
+    """Restore the changed rates. During a motion by hand or a pulse do nothing: its end schedules this again."""
     if mount.moving or mount.pulsing or not _rates_changed(mount):
         return
     if mount.goto is not None or mount.seeking or mount.now() < mount.pulses_end_at:

@@ -54,7 +54,7 @@ def seek_home(mount: Lx200Driver, operation: op.Home | op.SetHome) -> Steps:
 
 
 def check_home_search(mount: Lx200Driver, _: CheckHomeSearch) -> Steps:
-    """Check regularly whether the search for home has ended, because other commands wait for that."""
+    """Check whether the search for home has ended, for which other commands wait; if not, schedule another check."""
     if not mount.seeking:
         return
     with contextlib.suppress(Busy, NoAnswer):

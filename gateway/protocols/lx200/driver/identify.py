@@ -31,9 +31,9 @@ HIGH_PRECISION_LENGTH = len("HH:MM:SS#")
 
 def contact(mount: Lx200Driver, _: object = None) -> Steps:
     """Read the position by ACK, :GR and :GD in high precision, so that clients can be served before identification."""
-    corrects = mount.pec_axes
+    pec_axes = mount.pec_axes
     mount.reset_state()
-    mount.pec_axes, mount.pushed_by_hand = corrects, False
+    mount.pec_axes, mount.pushed_by_hand = pec_axes, False
     mount.unanswered, mount.reply_time = frozenset(), KNOWN_COMMAND_TIMEOUT
     yield from _probe(mount, "ACK", unverified_ok=True)
     began = mount.now()
@@ -116,7 +116,7 @@ def ask_repeatedly(mount: Lx200Driver, command: str, times: int) -> Steps:
 
 
 def _probe(mount: Lx200Driver, command: str, unverified_ok: bool = False) -> Steps:
-    """Send a query once; return the fields of its reply, None if unusable. Raises NoAnswer if the line is down."""
+    """Send a query unless it failed before; return its reply's fields or None. Raises NoAnswer if the line is down."""
     if command in mount.unanswered or command not in mount.protocol.commands:
         return None
     try:
@@ -181,7 +181,7 @@ def _note_mounting(mount: Lx200Driver, letter: str) -> None:
 
 
 def read_status(mount: Lx200Driver) -> Steps:
-    """Read :GW, or ACK if the telescope lacks it; without both it is assumed to be aligned and to track.
+    """Read :GW, or ACK if the telescope lacks :GW; without both the telescope counts as aligned and as tracking.
 
     In motion a Meade reports what its motors do: not tracking while a key is pressed, tracking briefly during a goto.
     So its last report at rest counts during a motion. Another maker's mount is asked during a motion too.

@@ -1,9 +1,9 @@
 """Motion by hand, its rates, and guiding.
 
-Motor directions: positive is west on the first axis (east in the southern hemisphere) and up on the second axis of a
-fork, on a wedge towards the elevated pole. On a German mount the second axis is reversed on one side of the pier, as on
-a Celestron. A variable rate of the right ascension motor replaces tracking; a motion in a sky direction is added to
-tracking.
+Motor directions: positive is west on the first axis (on an equatorial mount in the southern hemisphere: east) and up on
+the second axis of a fork, on a wedge towards the elevated pole. On a German mount the second axis is reversed on one
+side of the pier, as on a Celestron. A variable rate of the right ascension motor replaces tracking; a motion in a sky
+direction is added to tracking.
 """
 
 from __future__ import annotations
@@ -30,10 +30,8 @@ from gateway.protocols.lx200.driver.state import Lx200Driver, ask, rate_command
 from gateway.protocols.lx200.reply_rules import PAUSE_AFTER_COMMAND
 
 MAX_PULSE_MS = 9999  # milliseconds: the four digits of :Mg
-#: Guide rates that differ by less, in fractions of sidereal, are the same.
-RATE_TOLERANCE = 0.01
-#: The logarithm of the ratio of actual to requested speed beyond which the deviation is logged.
-_REMARK_THRESHOLD = math.log(1.1)
+RATE_TOLERANCE = 0.01  # guide rates that differ by less, in fractions of sidereal, count as equal
+_REMARK_THRESHOLD = math.log(1.1)  # of the ratio of actual and requested speed: a greater deviation is logged
 
 
 def _direction_letter(mount: Lx200Driver, axis: int, sense: int) -> Steps:
@@ -50,7 +48,7 @@ def _direction_letter(mount: Lx200Driver, axis: int, sense: int) -> Steps:
 
 
 def move(mount: Lx200Driver, operation: op.Move) -> Steps:
-    """Move in a sky direction by :Mn :Ms :Me :Mw. A tap at guide rate becomes a guide pulse if the model has them."""
+    """Move in a sky direction by :Mn :Ms :Me :Mw. A tap becomes a guide pulse if the telescope times pulses (:Mg)."""
     if operation.ms is not None and mount.times_pulses:
         rate = None if mount.supports("Rg") else 1.0
         return (yield from _send_pulse(mount, operation.axis, operation.direction.value, operation.ms, rate))
@@ -107,13 +105,13 @@ def _log_speed_deviation(requested_speed: float, actual_speed: float) -> Steps:
 
 
 def _begin_motion(mount: Lx200Driver, axis: int, letter: str, rate: op.Rate, speed: Speed | None) -> Steps:
-    """Begin a motion by hand at ``speed``; None: at the named rate. A speed without a rate command needs no arrow."""
+    """Begin a motion by hand at ``speed``; None: at ``rate``. For a speed that the drive itself has, press no key."""
     mount.check_movable()
     old = mount.moving.get(axis)
-    none = speed is not None and speed.command is None
-    if old and (old != letter or none):
+    by_drive = speed is not None and speed.command is None
+    if old and (old != letter or by_drive):
         yield from ask(mount, f"Q{old}")
-    if none:
+    if by_drive:
         mount.moving[axis], mount.parked = "", False
         return
     yield from (_send_named_rate(mount, axis, rate) if speed is None else _send_chosen_rate(mount, axis, speed))
@@ -149,7 +147,7 @@ def _send_chosen_rate(mount: Lx200Driver, axis: int, speed: Speed) -> Steps:
 
 
 def _send_max_speed(mount: Lx200Driver, axis: int, speed: float | None) -> Steps:
-    """Set the speed of :RS; on this axis it replaces the axis's own rate (:RA :RE)."""
+    """Set the speed of :RS, degrees per second (None: as at power-on), also in place of this axis's :RA or :RE rate."""
     yield from set_max_speed(mount, speed)
     if axis in mount.axes_with_rate:
         fastest = float(mount.max_speed_sent or mount.facts["max_rate"])
@@ -158,32 +156,32 @@ def _send_max_speed(mount: Lx200Driver, axis: int, speed: float | None) -> Steps
 
 
 def set_guide_rate(mount: Lx200Driver, operation: op.SetGuideRate) -> Steps:
-    """Set the guide rate, a fraction of sidereal, and send :Rg if the model has it and the rate differs."""
+    """Set the guide rate, a fraction of sidereal (1 at most); send :Rg if the model has it and the rate differs."""
     mount.guide_rate, mount.guide_rate_requested = min(1.0, operation.rate), True
     yield from send_guide_rate(mount, mount.guide_rate)
 
 
 def stop_axis(mount: Lx200Driver, operation: op.StopAxis) -> Steps:
     """End the motion of an axis by :Qn :Qs :Qe or :Qw; if its direction is unknown, by both commands of the axis."""
-    pulsed, moved = mount.pulsing.pop(operation.axis, None), mount.moving.pop(operation.axis, None)
-    letter = moved or pulsed
-    if moved != "" or pulsed:
-        letters = [letter] if letter else (["e", "w"] if operation.axis == 1 else ["n", "s"])
-        for sense in letters:
-            yield from end_motion(mount, f"Q{sense}", (operation.axis,), letter is not None)
+    pulse_letter, move_letter = mount.pulsing.pop(operation.axis, None), mount.moving.pop(operation.axis, None)
+    known_letter = move_letter or pulse_letter
+    if move_letter != "" or pulse_letter:
+        letters = [known_letter] if known_letter else (["e", "w"] if operation.axis == 1 else ["n", "s"])
+        for letter in letters:
+            yield from end_motion(mount, f"Q{letter}", (operation.axis,), known_letter is not None)
     if operation.axis == 1:
         yield from restore_drive_rate(mount)
     yield from restore_rates_later(mount)
 
 
 def abort_motion(mount: Lx200Driver, _: op.AbortMotion) -> Steps:
-    """:Q - stop all motion."""
-    moved = mount.goto is not None or mount.seeking or bool(mount.moving or mount.pulsing)
+    """:Q - stop all motion, and restore the rates that a motion has changed."""
+    was_moving = mount.goto is not None or mount.seeking or bool(mount.moving or mount.pulsing)
     mount.goto = None
     mount.moving.clear()
     mount.pulsing.clear()
     mount.pulse_shares.clear()
-    yield from end_motion(mount, "Q", MOUNT_AXES, moved)
+    yield from end_motion(mount, "Q", MOUNT_AXES, was_moving)
     mount.seeking = False
     yield from restore_drive_rate(mount)
     yield from restore_rates_later(mount)
@@ -193,14 +191,16 @@ def abort_motion(mount: Lx200Driver, _: op.AbortMotion) -> Steps:
 
 
 def pulse(mount: Lx200Driver, operation: op.Pulse) -> Steps:
-    """Send a guide pulse by :Mg, at most 9999 ms; without :Mg begin a motion that the caller ends. Return Pulsed."""
+    """Send a guide pulse by :Mg, at most 9999 ms; without :Mg begin a motion that the caller ends. Return Pulsed;
+    None if nothing was sent because the pulse rounds to 0 ms. Raises Refused during a goto.
+    """
     if operation.sky and not mount.equatorial and operation.ms > 0:
         return (yield from _pulse_both_axes(mount, operation.direction, operation.ms))
     return (yield from _send_pulse(mount, operation.direction.axis, operation.direction.value, operation.ms, None))
 
 
 def _pulse_both_axes(mount: Lx200Driver, direction: op.Direction, ms: int) -> Steps:
-    """Guide in right ascension or declination with both motors of an alt-az mount, each for its share of the time."""
+    """Guide in RA or declination with both motors of an alt-az mount, each as long as its part of the motion takes."""
     horizon = (yield from horizontal_position(mount, op.HorizontalPosition())) if mount.site is not None else None
     if horizon is None or mount.site is None or not mount.times_pulses:
         raise Unsupported(
@@ -210,8 +210,8 @@ def _pulse_both_axes(mount: Lx200Driver, direction: op.Direction, ms: int) -> St
     shares = ratios(horizon.az, horizon.alt, mount.site.latitude)
     piece, now = min(ms, int(MAX_PULSE_MS / max(1.0, *map(abs, shares)))), mount.now()
     for axis, share in enumerate(shares, 1):
-        left = mount.pulse_shares.get(axis, (0.0, now))  # of a pulse in the other direction: a new pulse replaces it
-        total = direction.sense * share * piece + math.copysign(max(0.0, left[1] - now) * 1000.0, left[0])
+        last = mount.pulse_shares.get(axis, (0.0, now))  # the new :Mg replaces it, so its remaining time is added
+        total = direction.sense * share * piece + math.copysign(max(0.0, last[1] - now) * 1000.0, last[0])
         letter = {(1, True): "w", (1, False): "e", (2, True): "n", (2, False): "s"}[axis, total >= 0.0]
         if (
             pulsed := (yield from _send_pulse(mount, axis, letter, round(min(MAX_PULSE_MS, abs(total))), None))
@@ -222,19 +222,19 @@ def _pulse_both_axes(mount: Lx200Driver, direction: op.Direction, ms: int) -> St
 
 
 def pulse_axis(mount: Lx200Driver, operation: op.PulseAxis) -> Steps:
-    """Like ``pulse``, in a motor direction and at the rate of the operation."""
+    """Like ``pulse``, in a motor direction and at a rate that is a fraction of sidereal (None: the guide rate)."""
     letter = yield from _direction_letter(mount, operation.axis, operation.sense)
     return (yield from _send_pulse(mount, operation.axis, letter, operation.ms, operation.rate))
 
 
 def _select_pulse_rate(mount: Lx200Driver, fraction: float) -> Steps:
-    """Return the pulse rate, a fraction of sidereal; of several rates select the slowest not below ``fraction``."""
+    """Select and return the slowest pulse rate not below ``fraction``, else the fastest; as fractions of sidereal."""
     if not (pulses := mount.dialect.get("pulses")):
         return 1.0
     speeds = {name: mount.speeds.get(name, SPEEDS["RG"]) / SPEEDS["RG"] for name in pulses["rates"]}
     command = next((name for name, speed in speeds.items() if speed > fraction - RATE_TOLERANCE), pulses["rates"][-1])
     if pulses["send"]:
-        if mount.moving:  # it would go on at this rate, or the pulse at its own
+        if mount.moving:  # motion and pulse would both get the rate that is sent last
             raise Refused(BY_HAND_MESSAGE)
         mount.rate_sent = command
         yield from ask(mount, command)
@@ -242,7 +242,7 @@ def _select_pulse_rate(mount: Lx200Driver, fraction: float) -> Steps:
 
 
 def _send_pulse(mount: Lx200Driver, axis: int, letter: str, ms: int, rate: float | None) -> Steps:
-    """Send a guide pulse, proportionally shorter if the guide rate is fixed. Raises Refused during a goto."""
+    """Send a guide pulse, shorter or longer in proportion if the guide rate is fixed. Raises Refused during a goto."""
     mount.check_movable()
     if mount.goto is not None:
         raise Refused(SLEWING_MESSAGE)
@@ -261,6 +261,6 @@ def _send_pulse(mount: Lx200Driver, axis: int, letter: str, ms: int, rate: float
         return op.Pulsed(piece / 1000.0, ends=True, left=round((ms - piece) / shorter))
     yield from ask(mount, "RG")
     count_motion(mount, axis)
-    mount.pulsing[axis] = letter  # a stop that comes meanwhile must know
+    mount.pulsing[axis] = letter  # before the command, so that a stop meanwhile ends the pulse
     yield from ask(mount, f"M{letter}")
     return op.Pulsed(max(0.0, ms / 1000.0 - PAUSE_AFTER_COMMAND), ends=False)  # the line has paused since the command

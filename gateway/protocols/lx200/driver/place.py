@@ -19,7 +19,7 @@ ARCMINUTE = 1.0 / 60.0
 LONGITUDE_COMMANDS = ("Sg", "Sg360")
 #: Seconds by which a clock may differ from the time to which it was set.
 CLOCK_TOLERANCE = 10.0
-#: The most NMEA sentences that are read to find site and time, and seconds for each: they are sent in blocks.
+#: The most NMEA sentences that are read to find an RMC sentence, and seconds for each: they are sent in blocks.
 MAX_SENTENCES, SENTENCE_TIMEOUT = 8, 2.5
 
 
@@ -32,7 +32,7 @@ def get_site(mount: Lx200Driver, _: GetSite) -> Steps:
 
 
 def _retry_once(attempt: Callable[[], Steps]) -> Steps:
-    """Try a setting again if it is refused: a byte of it may have been lost on the line. Raises Invalid, Refused."""
+    """Send a setting, once more if it is refused: the line may have lost a byte of it. Raises Invalid, Refused."""
     try:
         yield from attempt()
     except (Invalid, Refused):
@@ -42,7 +42,7 @@ def _retry_once(attempt: Callable[[], Steps]) -> Steps:
 def set_site(mount: Lx200Driver, operation: SetSite) -> Steps:
     """:St :Sg - set the site and read it back, because some telescopes reply 0 to a valid site.
 
-    Raises Refused if it differs, and Unsupported if a coordinate is missing.
+    Raises Refused if the site read back is more than an arcminute off, Unsupported if a coordinate is missing.
     """
     yield from _retry_once(lambda: _send_site(mount, operation))
 
@@ -75,7 +75,7 @@ def get_clock(mount: Lx200Driver, _: GetClock) -> Steps:
 
 
 def read_gps(mount: Lx200Driver, _: GetGps) -> Steps:
-    """Read :gps sentences until one has site and time; return Gps, without a fix if the receiver is silent or off."""
+    """Return the Gps of the first RMC sentence of :gps; not ``linked`` without a fix, or if the receiver sends none."""
     for _attempt in range(MAX_SENTENCES):
         try:
             position = parse_fix((yield Send("gps", timeout=SENTENCE_TIMEOUT))["text"])
@@ -94,7 +94,7 @@ def set_clock_from_gps(mount: Lx200Driver, _: ClockFromGps) -> Steps:
 
 
 def _set_zone(mount: Lx200Driver, wanted_zone: float) -> Steps:
-    """Send :SG and return the offset that the telescope has taken. Raises Invalid if it takes none."""
+    """Send :SG with this offset, hours, else whole hours, else 0; return the one taken. Raises Invalid if none."""
     for offset in (wanted_zone, float(int(wanted_zone))):
         with suppress(Invalid):
             yield from ask(mount, "SG", offset=-offset)
@@ -128,7 +128,7 @@ def _send_clock(mount: Lx200Driver, clock_ahead: float, zone: float) -> Steps:
 
 
 def _verify_clock(mount: Lx200Driver, clock_ahead: float) -> Steps:
-    """Read the clock back. Raises Refused if it is not ``clock_ahead`` seconds ahead of the driver's own clock."""
+    """Read the clock back. Raises Refused if it is not ``clock_ahead`` seconds (within 10) ahead of the driver's."""
     moment = yield from get_clock(mount, GetClock())
     if abs(moment.unix - mount.now() - clock_ahead) > CLOCK_TOLERANCE:
         shown = datetime.fromtimestamp(moment.unix, UTC)

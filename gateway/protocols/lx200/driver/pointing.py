@@ -25,10 +25,10 @@ REPLIES_WITHOUT_BARS = 2
 #: A goto is over, whatever :D# shows, if both coordinates have stayed within so many degrees for so many seconds: a
 #: telescope pushed by hand may always show bars. Without tracking the right ascension changes by less in that time.
 STILL_TOLERANCE, STILL_PERIOD = 0.1, 15.0
-#: How often another maker's mount is asked whether it stands still before a new goto, how often whether it has taken a
-#: sync, and the seconds between two questions.
+#: How many times at most another maker's mount is asked whether it stands still before a new goto, how many times a
+#: position is read to see whether the mount has taken a sync, and the seconds between two such requests.
 SETTLE_CHECKS, SYNC_CHECKS, CHECK_INTERVAL = 20, 3, 0.5
-#: Seconds allowed between the two reads of a position, and how often both are repeated until they are close enough.
+#: Seconds allowed between the two reads of a position, and how many times at most both are read to achieve this.
 MAX_PAIR_DELAY, PAIR_TRIES, HORIZONTAL_TRIES = 0.5, 5, 2
 #: After so many missing replies in a row, azimuth and altitude are not asked for any more.
 MAX_MISSING_REPLIES = 2
@@ -54,7 +54,7 @@ def position(mount: Lx200Driver, _: op.Position) -> Steps:
 def horizontal_position(mount: Lx200Driver, _: op.HorizontalPosition) -> Steps:
     """:GZ :GA -> Horizontal; None if the telescope does not answer them, or the line is too busy to read both together.
 
-    If None, the controller computes it. Single replies may be lost: the driver stops asking after several in a row.
+    If None, the controller computes them. Single replies may be lost: the driver stops asking after two in a row.
     """
     if mount.unanswered.intersection(("GZ", "GA")):
         return None
@@ -74,21 +74,21 @@ def _read_pair(mount: Lx200Driver, first_query: str, second_query: str, tries: i
 
     On a slow line it does not help to repeat both, so the delay is compared with the usual reply time.
     """
-    nearest = math.inf
+    shortest_delay = math.inf
     for _ in range(tries):
         value = yield from ask(mount, first_query)
         since = mount.now()
         other = yield from ask(mount, second_query)
         mount.read_at = since, mount.now()
-        nearest = min(nearest, mount.now() - since)
+        shortest_delay = min(shortest_delay, mount.now() - since)
         if mount.now() - since <= max(MAX_PAIR_DELAY, REPLY_TIME_FACTOR * mount.reply_time):
             return value, other, True
-    mount.reply_time = nearest
+    mount.reply_time = shortest_delay
     return value, other, False
 
 
 def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
-    """:D -> whether a goto is under way, true until the telescope has settled; motion by hand does not count.
+    """:D (:h? in a search for home) -> whether the mount slews or has not settled yet; motion by hand does not count.
 
     Without a goto of the gateway, :D is sent only while something else, such as the hand control, moves the mount.
     """
@@ -164,7 +164,7 @@ def goto_axes(mount: Lx200Driver, operation: op.GotoAxes) -> Steps:
 
 
 def begin_goto(mount: Lx200Driver, command: str, purpose: str | None = None) -> Steps:
-    """Send the command that begins a goto."""
+    """Send the command that begins a goto; ``purpose`` is ``park`` or ``home``, None for a goto to a target."""
     mount.check_movable()
     count_motion(mount, *MOUNT_AXES)
     yield from mount.begin_goto(Lx200GotoState(purpose=purpose), _send_goto(mount, command), _bars_show_goto)
@@ -180,7 +180,9 @@ def _send_goto(mount: Lx200Driver, command: str) -> Steps:
 
 
 def _bars_show_goto(mount: Lx200Driver) -> Steps:
-    """:D -> whether its bars show that a goto is under way; bars do not show a search for home by switches."""
+    """:D -> whether its bars show that a goto is under way; bars do not show a search for home by switches.
+    On the way to park or home, another maker's status report shows it instead, if the mount has one.
+    """
     if mount.goto is not None and mount.goto.purpose and mount.dialect and mount.has_status:
         mount.last_report = None
         status = yield from read_report(mount)
@@ -203,7 +205,7 @@ def stop_current_motion(mount: Lx200Driver) -> Steps:
 
 
 def abort_slew(mount: Lx200Driver, _: op.AbortSlew) -> Steps:
-    """End a goto by :Q, also one begun at the hand control; send nothing if the mount is only moved by hand."""
+    """:Q - end a goto or home search, also one that others began; send nothing if only hand motion or pulses run."""
     known = mount.goto is not None or mount.seeking
     by_hand = mount.moving or mount.pulsing or mount.now() < mount.pulses_end_at
     if known or not by_hand:
@@ -213,7 +215,7 @@ def abort_slew(mount: Lx200Driver, _: op.AbortSlew) -> Steps:
 
 
 def sync(mount: Lx200Driver, operation: op.Sync) -> Steps:
-    """:Sr :Sd :CM - sync. An empty text is a refusal; if no words are replied, the position is read back."""
+    """:Sr :Sd :CM - sync. After a reply without words, or if ``by_effect``, read the position back. Raises Refused."""
     mount.check_movable()
     yield from set_target(mount, operation.ra, operation.dec)
     said = ""
@@ -243,7 +245,7 @@ def note_pier_side_basis(mount: Lx200Driver, ra: float) -> None:
 
 
 def is_beyond_pole(mount: Lx200Driver) -> Steps:
-    """Return whether the second axis is turned beyond the pole: as reported, or by the last goto; False for a fork."""
+    """Return whether the second axis is beyond the pole: as reported, or by the last goto; False if not German."""
     if not mount.german:
         return False
     if (side := (yield from read_pier_side(mount))) is not None:
@@ -261,9 +263,8 @@ def is_beyond_pole(mount: Lx200Driver) -> Steps:
 
 
 def pier_side(mount: Lx200Driver, _: op.PierSide) -> Steps:
-    """Return the letter as a German hand control up to 5.24 does: W if the second axis reads beyond the pole, else E.
-
-    Raises Unsupported for a fork, which has no sides of the pier.
+    """Return W if the second axis reads beyond the pole, else E, as a German Celestron up to version 5.24 does.
+    Raises Unsupported unless the mount is known to be German: a fork has no sides of the pier.
     """
     if not mount.german:
         raise Unsupported("A fork has no sides of the pier.")
@@ -276,8 +277,7 @@ def pier_side(mount: Lx200Driver, _: op.PierSide) -> Steps:
 def choose_object(mount: Lx200Driver, operation: op.Choose) -> Steps:
     """:Sr :Sd, the client's command, :LI :Gr :Gd -> Chosen, as one operation, so that no goto or sync comes between.
 
-    The telescope has one target for all clients. So the target of this client is set first: if the object is not found,
-    it stays unchanged, as on the telescope itself.
+    The telescope has one target for all clients, so that of this client is set first: it stays if no object is found.
     """
     yield from set_target(mount, operation.ra, operation.dec)
     for name, fields in operation.first:
@@ -291,7 +291,7 @@ def choose_object(mount: Lx200Driver, operation: op.Choose) -> Steps:
 
 
 def _raw_reply(mount: Lx200Driver, command: str, values: dict[str, object]) -> Steps:
-    """Return the bytes of a reply; empty if the command has none or the telescope does not have the command."""
+    """Return the bytes of a reply; empty if the command has none, or if a telescope without the command is silent."""
     if not mount.protocol.commands[command].replies:
         yield from ask(mount, command, **values)
         return b""

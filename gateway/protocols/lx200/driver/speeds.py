@@ -2,7 +2,7 @@
 
 ``nearest`` is for a speed on the sky or of an axis. ``nearest_total_speed`` is for the total speed of the right
 ascension motor, for which drive rates, and guiding on top of them, are candidates too. The rates that the choice
-changes (``:Sw :RA :RE :Rg``, the drive rate) are restored after the motion (``ends.py``).
+changes (``:Sw :RA :RE :Rg``, the drive rate) are restored after the motion (``ends.py``, ``drive.py``).
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ class Speed(Struct, frozen=True):
     """A choice of rates. ``deg_per_s`` is the resulting speed, degrees per second.
 
     command         the rate command of the direction key, None if no key is pressed
-    guide           the guide rate to set for :RG, a fraction of sidereal
-    max_speed       the value for :Sw, and axis_rate that for :RA or :RE, degrees per second
-    hertz           the drive rate to set, hertz, None to leave it
-    west            whether the key on the first axis is west, if this may differ from the requested direction
+    guide           the guide rate to set for :RG, a fraction of sidereal; None to leave it
+    max_speed       the value for :Sw, and axis_rate that for :RA or :RE, degrees per second; None to leave it
+    hertz           the drive rate to set, hertz; None to leave it
+    west            whether the west key is pressed (False: the east key); None: that of the requested direction
     """
 
     command: str | None
@@ -47,9 +47,9 @@ class Speed(Struct, frozen=True):
 
 
 class ModelSpeeds(Struct, frozen=True):
-    """The speeds of a model, degrees per second. ``guides``: whether it has :Rg (guide rate); ``has_any_rate``: whether
-    it has :RA and :RE (any rate of an axis); ``has_max_speed``: whether it has :Sw, which sets the speed of :RS to a
-    value in ``max_speed_range``. ``hertz_range``: drive rates, hertz. ``speeds``: another maker's speeds, by command.
+    """The speeds of a model, degrees per second. ``guides``: it has :Rg (guide rate). ``has_any_rate``: it has :RA, :RE
+    (any rate of an axis). ``max_speed``: that of :RS at power-on. ``has_max_speed``: it has :Sw, which sets that speed
+    within ``max_speed_range``. ``hertz_range``: drive rates, hertz. ``speeds``: another maker's commands and speeds.
     """
 
     guides: bool
@@ -62,7 +62,7 @@ class ModelSpeeds(Struct, frozen=True):
 
 
 def ratio_error(requested: float, actual: float) -> float:
-    """Return the difference of two speeds as the logarithm of their ratio; infinite if the signs differ or one is 0."""
+    """Return the absolute logarithm of the ratio of two speeds; infinite if their signs differ or only one is 0."""
     if requested == actual:
         return 0.0
     return abs(math.log(actual / requested)) if requested * actual > 0.0 else math.inf

@@ -34,8 +34,8 @@ _COMMAND_BY_KEY = {1: "RG", 2: "RG", 3: "RC", 4: "RC", 5: "RC", 6: "RM", 7: "RM"
 
 
 class Lx200GotoState(GotoUnderWay):
-    """A goto under way. ``replies_without_bars`` counts the replies to :D# without bars. ``position_read_at`` is when a
-    position was last read, ``moved_at`` when the position last changed, and ``moved_to`` that position.
+    """A goto under way. ``replies_without_bars``: how many replies to :D# in a row had no bars. ``position_read_at`` is
+    when a position was last read, ``moved_at`` when the position last changed, and ``moved_to`` that position.
     """
 
     replies_without_bars: int = 0
@@ -46,8 +46,8 @@ class Lx200GotoState(GotoUnderWay):
 
 class ControllerReport(Struct, frozen=True):
     """The status that another maker's mount reports. ``moves``: an arrow or a pulse moves it; ``slews``: a goto or a
-    search for home moves it, None if not reported. ``mounting``: the mounting, as a Meade's letter. ``side``: the pier
-    side, E or W, or None. ``has_fault``: it has met a limit or reports an error.
+    search for home moves it, None if not reported. ``mounting``: as a Meade's letter, A, P or G, or None. ``side``: the
+    pier side, E or W, or None. ``has_fault``: it has met a limit or reports an error.
     """
 
     tracks: bool
@@ -76,7 +76,7 @@ class Lx200Driver(Driver):
         handlers: Mapping[str, Handler] = {},
     ) -> None:
         super().__init__(handlers)
-        self.now, self.key_speeds = now, settings.rates
+        self.now, self.key_speeds = now, settings.rates  # speeds of keys 1 to 9, degrees per second, if configured
         self.named_model = settings.model
         self.assume_model(settings.model)
         self.product, self.firmware = "", ""
@@ -91,7 +91,7 @@ class Lx200Driver(Driver):
         #: The queries that it did not answer, or not in a known form; and how long a reply takes, seconds.
         self.unanswered: frozenset[str] = frozenset()
         self.reply_time = 0.0
-        #: How many reads of azimuth and altitude in a row had no reply.
+        #: How many reads of azimuth and altitude in a row had no usable reply.
         self.missing_replies = 0
         #: Whether it has answered, but is not identified yet.
         self.contacted = False
@@ -115,10 +115,10 @@ class Lx200Driver(Driver):
         #: How many motions were begun on each axis; and for each end command sent, these numbers at that time.
         self.motions_begun: dict[int, int] = {}
         self.motions_at_end: dict[str, dict[int, int]] = {}
-        #: The configured guide rate, a fraction of sidereal; on models with a fixed rate, pulses are shortened by it.
+        #: The guide rate, a fraction of sidereal (a model with a fixed rate shortens pulses); whether the user set it.
         self.guide_rate, self.guide_rate_configured = settings.guide_rate or 1.0, settings.guide_rate is not None
-        self.guide_rate_requested = False
-        #: The last value sent with :Sw, degrees per second; None before the first.
+        self.guide_rate_requested = False  # whether a client has set it
+        #: The last value sent with :Sw, degrees per second; None before the first, ``UNKNOWN_RATE`` after a reset.
         self.max_speed_sent: int | None = None
         #: Axes with a rate of their own (:RA :RE); and the guide rate sent last (:Rg).
         self.axes_with_rate: set[int] = set()
@@ -140,7 +140,7 @@ class Lx200Driver(Driver):
         self.reset_state()
 
     def reset_state(self) -> None:
-        """Reset the values that no Meade reports, because it may have been switched off and on while the line was down.
+        """Reset the values that no Meade reports, because the Meade was restarted, or perhaps switched off and on.
 
         A rate that the gateway had changed then counts as unknown, and is sent again before it is used.
         """
@@ -160,11 +160,11 @@ class Lx200Driver(Driver):
         self.pec_axes: frozenset[int] = frozenset()
 
     def supports(self, command: str) -> bool:
-        """Whether the telescope has a command, according to the manual or because it has answered it."""
+        """Whether the telescope has a command: by the manual, or because the telescope has answered that command."""
         return command in self.extra_commands or super().supports(command)
 
     def assume_model(self, model: str | None) -> None:
-        """Assume that the telescope is of this model, and speak the model's dialect."""
+        """Assume that the telescope is of this model (None: unknown), and use the command set of its dialect."""
         self.model, self.protocol = model, load("lx200").in_dialect_of(model)
         #: The facts of its dialect, none for a Meade; and the command for its state.
         self.dialect: Mapping[str, Any] = {} if self.protocol.dialect_rows is None else self.protocol.dialect_rows.facts
@@ -177,7 +177,7 @@ class Lx200Driver(Driver):
 
     @property
     def rest_tolerance(self) -> float:  # type: ignore[override]
-        """The resolution of positions, degrees: a second of right ascension, in low precision a tenth of a minute."""
+        """Degrees by which two positions may differ at rest: 20 arcseconds, in low precision 90 (0.1 minutes of RA)."""
         return (90.0 if self.low and not self.dialect else 20.0) / 3600.0
 
     @property
@@ -338,7 +338,7 @@ class Lx200Driver(Driver):
 
 
 def rate_command(mount: Lx200Driver, rate: op.Rate) -> str:
-    """Return the rate command for the name of a rate or a hand-control key."""
+    """Return the rate command for a rate with a name or a hand-control key; for any other rate that of key 1."""
     if keys := mount.dialect.get("keys"):
         command: str = keys[rate.name or str(rate.key or 1)]
         return command if command in mount.speeds else max(mount.speeds, key=mount.speeds.__getitem__)

@@ -1,8 +1,8 @@
 """The simulated OnStepX and TeenAstro, German mounts: their answers that differ from a Meade's.
 
-They begin at home, at the pole with the counterweight down. As after power-on (not ``aligned``) they do not track, an
-OnStep waits in standby for date and time, and a TeenAstro has no park position. A frame is everything between a colon
-and a hash; ACK counts only outside a frame. An OnStep answers 0 to every command that it does not know.
+They begin at the pole with the counterweight down. If they are made not ``aligned``, as after power-on, they are at
+home and do not track, an OnStep waits for date and time, and a TeenAstro has no park position. A frame is everything
+between a colon and a hash; ACK counts only outside a frame. An OnStep answers 0 to every command that it lacks.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from gateway.protocols.wireformat import sexagesimal
 ACK, HASH = b"\x06", ord("#")
 IGNORED = b" \r\n\x06"
 HOME_AXES: Pair = (90.0, 90.0)
-#: Seconds until an OnStep ends an arrow by itself; multiples of sidereal: its rates R0 to R7, a TeenAstro's R0 to R3.
+#: Seconds until an OnStep ends an arrow's motion; multiples of sidereal: its rates R0 to R7, a TeenAstro's R0 to R3.
 ARROW_TIMEOUT = 10.0
 ONSTEP_RATES, TEEN_RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 20.0, 48.0), (0.5, 4.0, 16.0, 64.0)
 #: The indices in these tuples of the rates that are selected by a letter.
@@ -139,8 +139,8 @@ class ControllerMotion(SimulatedLx200):
         return next((digit.strip() for digit, holds in reasons.items() if holds), None)
 
     def begin_goto(self, ra: float, dec: float, altitude: float) -> bytes:
-        if (no := self.goto_refusal(altitude)) is not None:
-            return no
+        if (refusal := self.goto_refusal(altitude)) is not None:
+            return refusal
         self.at_home = False
         self.mechanics.goto_sky(self.now, ra, dec)
         self.track(True)
@@ -220,8 +220,8 @@ def _slew(sim: ControllerMotion, command: str, _: Values) -> bytes:
 
 
 def _sync(sim: ControllerMotion, _: str, __: Values) -> bytes:
-    if (no := sim.goto_refusal(0.0)) is not None:
-        return b"E" + no + b"#" if sim.onstep else b""
+    if (refusal := sim.goto_refusal(0.0)) is not None:
+        return b"E" + refusal + b"#" if sim.onstep else b""
     motion.sync(sim, "CM", {})
     sim.at_home = False
     return b"N/A#"
@@ -376,7 +376,7 @@ class SimulatedController(ControllerMotion):
     """An OnStepX or TeenAstro with its serial port."""
 
     def accepts_target(self, frame: bytes) -> bool:
-        """Whether a TeenAstro accepts a target that is written so: in high precision only with seconds."""
+        """Whether a TeenAstro accepts this notation: with seconds in high precision, without in low (:Sa :Sz: any)."""
         seconds = len(SEPARATORS.findall(frame[3:])) > 1
         return frame[3:4] == b"L" or (seconds if self.high_precision else not seconds or frame[2:3] in b"az")
 

@@ -1,18 +1,18 @@
-"""The simulated Meade: a classic LX200 below or of 16 inches, an Autostar, an LX200GPS.
+"""The simulated Meade: a classic LX200 (the 16-inch or a smaller one), an Autostar, an LX200GPS.
 
-It handles bytes at the time that the given clock shows, and never sleeps. Commands are those of the manual, replies
+It handles bytes at the time that the given clock shows, and never waits. Commands are those of the manual, replies
 those that real telescopes were seen to send, with their quirks. Where no source says what a real one does, it assumes:
 
 - Commands that take a real one seconds or minutes (``:SC`` on a classic, ``:Aa`` and ``:gT`` on an LX200GPS) are
   answered late if the caller passes ``send_later``, and nothing else is answered meanwhile; otherwise at once.
 - A command with an argument but without ``#`` is refused with everything up to the next ``#``, and no command that
   arrives together with it begins a motion.
-- Every model still answers after ``:hP#``, and any motion command unparks the telescope.
+- Every model still answers after ``:hP#``, and any motion command but ``:Mg`` unparks the telescope.
 - While an LX200GPS sleeps (``:hN#``) it answers as before, but its motors have no power until ``:hW#`` or ``:I#``. It
   accepts ``:MS#`` and ``:MA#`` (``0``) all the same.
 - ``:GW#`` reports the mounting, also in land mode (``PN1`` on a wedge; ``AN1`` with ``land_tells_altaz``).
 - An argument that is not in the manual's notation is refused and changes nothing, unless the telescope is ``tolerant``.
-  Only the degree sign may be ``*``, the byte 0xDF or a colon. Commands beyond the manual are not checked.
+  Of that notation only the degree sign may vary: ``*``, 0xDF or a colon. Commands beyond the manual are not checked.
 - A classic reads a line of 15 seven-bit characters: it sends the degree sign as 0xDF but does not accept that byte.
   Bytes above 0x7F, control characters and a sixteenth character drop the command without a reply.
 """
@@ -64,7 +64,7 @@ _MIN_COMMAND_BYTE, _MAX_COMMAND_BYTE = 0x20, 0x7F
 
 
 def is_well_formed(command: str, frame: bytes) -> bool:
-    """Whether a whole command is in the manual's notation."""
+    """Whether a whole command is in the manual's notation; True if the notation of this command is not checked."""
     check = _PATTERNS.get(command)
     return check is None or check.fullmatch(frame) is not None
 

@@ -58,7 +58,7 @@ def sidereal_time(sim: MeadeTelescope, command: str, _: Values) -> bytes:
 
 
 def set_sidereal(sim: MeadeTelescope, command: str, values: Values) -> bytes:
-    """:SS - changes only the displayed time: the motors use clock and site."""
+    """:SS - set only the displayed time: the motors use clock and site."""
     sim.stored_values["sidereal ahead"] = values["sidereal"] - sim.mechanics.sky.lst(sim.now)
     return b"1"
 
@@ -149,12 +149,12 @@ def select_site(sim: MeadeTelescope, command: str, values: Values) -> None:
 
 
 def site_name(sim: MeadeTelescope, command: str, _: Values) -> bytes:
-    """:GM :GN :GO :GP - the name of a site; a classic shows a line of its menu."""
+    """:GM :GN :GO :GP - the name of a site; a classic sends a line of its menu, which marks the selected site."""
     number = "MNOP".index(command[1])
-    text = sim.names[number].encode("latin-1")
+    name = sim.names[number].encode("latin-1")
     if not sim.classic:
-        return text + b"#"
-    return text.ljust(_NAME_WIDTH) + (_SITE_MARK if number == sim.site_number else b" ") + b"#"
+        return name + b"#"
+    return name.ljust(_NAME_WIDTH) + (_SITE_MARK if number == sim.site_number else b" ") + b"#"
 
 
 def set_site_name(sim: MeadeTelescope, command: str, values: Values) -> bytes:
@@ -166,7 +166,7 @@ def set_site_name(sim: MeadeTelescope, command: str, values: Values) -> bytes:
 
 
 def set_limit(sim: MeadeTelescope, command: str, values: Values) -> bytes:
-    """:So :Sh - set the lowest or highest altitude."""
+    """:So :Sh - set the lowest or highest altitude, degrees."""
     sim.stored_values["lowest" if command == "So" else "highest"] = float(values["limit"])
     return b"1"
 
@@ -186,7 +186,7 @@ def set_search_limit(sim: MeadeTelescope, command: str, values: Values) -> bytes
 
 
 def step_quality(sim: MeadeTelescope, command: str, _: Values) -> None:
-    """:Sq - step to the next quality of searches."""
+    """:Sq - step to the next lower quality of searches, from the lowest back to the highest."""
     present = sim.stored_values.get("search q", "VP")
     sim.stored_values["search q"] = _QUALITIES[(_QUALITIES.index(present) + 1) % len(_QUALITIES)]
 

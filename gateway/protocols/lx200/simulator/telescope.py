@@ -62,7 +62,7 @@ class MeadeTelescope(Simulated):
         self.sites: list[Pair] = [site] * SITE_COUNT
         self.names = [f"SITE {number}" if not self.classic else f"ST{number}" for number in range(1, SITE_COUNT + 1)]
         self.site_number = 0
-        self.clock_ahead, self.utc_offset = 0.0, utc_offset
+        self.clock_ahead, self.utc_offset = 0.0, utc_offset  # its own clock minus ``clock``, seconds; and hours
         self.aligned: bool = aligned
         dialect = bool(self.protocol.dialect)
         self.mode_letter: str = "P" if self.classic else "G" if dialect else "A"
@@ -112,11 +112,11 @@ class MeadeTelescope(Simulated):
         return self.seeks_home or self.now < self.busy_until
 
     def utc(self) -> float:
-        """The telescope's own clock, Unix seconds."""
+        """Return the time of the telescope's own clock, Unix seconds."""
         return self.now + self.clock_ahead
 
     def power_on_axes(self, build: Build) -> Pair:
-        """Return the axis positions at power-on: on the meridian, at 45 degrees altitude or on the equator."""
+        """Return the axis positions at power-on: at the pole (German), on the meridian at dec 0 (wedge) or 45° up."""
         if build is Build.GERMAN:
             return 90.0, 90.0
         return (180.0 if self.site[0] >= 0 else 0.0), (0.0 if build is Build.WEDGE else 45.0)

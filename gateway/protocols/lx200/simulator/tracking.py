@@ -57,7 +57,7 @@ def set_drive_hertz(sim: MeadeTelescope, command: str, values: Values) -> bytes:
 
 
 def step_drive_hertz(sim: MeadeTelescope, command: str, _: Values) -> None:
-    """:T+ :T- - change the manual rate, whether it is in use or not."""
+    """:T+ :T- - change the manual rate by 0.1 hertz, whether it is in use or not."""
     low, high = _CLASSIC_HZ_RANGE if sim.classic else _OTHER_HZ_RANGE
     hertz = round(sim.stored_values.get("custom", 60.1) + (0.1 if command == "T+" else -0.1), 1)
     sim.stored_values["custom"] = max(low, min(high, hertz))
@@ -79,7 +79,7 @@ def set_alignment_mode(sim: MeadeTelescope, command: str, _: Values) -> None:
 
 
 def auto_align(sim: MeadeTelescope, command: str, _: Values) -> bytes:
-    """:Aa - align automatically."""
+    """:Aa - align automatically; the reply 0 is a refusal outside alt-az mode."""
     if sim.mode_letter != "A":
         return b"0"
     unpark(sim)

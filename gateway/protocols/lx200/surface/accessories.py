@@ -47,7 +47,7 @@ def change_baud_rate(values: op.Values) -> Handling:
 
 
 def restart(session: LxSession) -> Handling:
-    """:I - unpark, and reset this client's settings. Urgent commands like this stop the mount on arrival."""
+    """:I - unpark, and reset this client's settings. Like any urgent command it has stopped the mount on arrival."""
     session.reset_client()
     yield FireAndForget(op.Unpark())
 

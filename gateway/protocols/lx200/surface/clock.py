@@ -33,7 +33,7 @@ def round_to_half_hour(offset: float) -> float:
 
 
 def _local_time(session: LxSession) -> Handling:
-    """Return the client's local time now as a naive datetime, by the offset reported to it."""
+    """Return the client's local time now as a naive datetime, by the offset that :GG reports to this client."""
     yield from commit_draft_if_allowed(session)
     moment: op.Moment = yield op.GetClock()
     offset = round_to_half_hour(moment.offset if session.client.utc_offset is None else session.client.utc_offset)
@@ -104,7 +104,7 @@ def set_clock_part(session: LxSession, command: Command, values: op.Values) -> H
 
 
 def _keep_local_time(session: LxSession, draft: ClockDraft, offset: float) -> None:
-    """If a local time was sent shortly before this new offset, keep the local time, so that UTC changes.
+    """If a local time was sent within a minute before this new offset, keep the local time, so that UTC changes.
 
     ``carried_parts`` names the parts that are kept, because the client may still send its own.
     """
@@ -124,7 +124,7 @@ def commit_draft_after_pause(session: LxSession, command: Command | None, values
 
 
 def commit_draft(session: LxSession) -> Handling:
-    """Send the time and date of the draft to the mount as one instant."""
+    """Send the draft to the mount: time and date as one instant; an offset alone only as this client's zone."""
     draft = _get_draft(session)
     pieces = copy(draft)
     draft.clear()
@@ -214,7 +214,7 @@ def tell_hours(session: LxSession) -> dict[str, str]:
 
 
 def gps_sentence() -> Handling:
-    """:gps - one RMC sentence. Without a fix its status is V, with the mount's clock and its site, if that is known."""
+    """:gps - one RMC sentence. Without a fix: status V, the mount's clock, and the mount's site if that is known."""
     try:
         receiver: op.Gps = yield op.GetGps()
     except (Unsupported, NoDevice):

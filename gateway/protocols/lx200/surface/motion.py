@@ -50,14 +50,14 @@ def _valid_rate(allowed_range: tuple[float, float], value: float, unit: str) -> 
 
 
 def choose_rate(session: LxSession, command: Command, values: op.Values) -> None:
-    """:RG :RC :RM :RS, and :R<n> with the number of a key (0 is the slowest)."""
+    """:RG :RC :RM :RS :R<n> - choose the rate of motion by hand, of both axes; n is the number of a key, 0 means 1."""
     name = _RATE_NAME_BY_COMMAND.get(command.name)
     session.client.rate = op.Rate(name=name) if name else op.Rate(key=max(1, decoded(values)["key"]))
     session.client.rate_ra = session.client.rate_dec = None
 
 
 def set_axis_rate(session: LxSession, command: Command, values: op.Values) -> None:
-    """:RA :RE - the rate of motion by hand of one axis, degrees per second, until another rate is chosen."""
+    """:RA :RE - the rate of hand motion of one axis, degrees per second (0: none), until :RG :RC :RM :RS or :R<n>."""
     rate = _valid_rate(AXIS_RATE_RANGE, decoded(values)["rate"], "degrees a second") or None
     if command.name == "RA":
         session.client.rate_ra = rate
@@ -84,7 +84,7 @@ def set_guide_rate(values: op.Values) -> Handling:
 
 
 def pulse(session: LxSession, values: op.Values) -> Handling:
-    """:Mg - a timed guide pulse in milliseconds."""
+    """:Mg - a guide pulse of so many milliseconds, at most 60 000."""
     values = decoded(values)
     direction, by_sky = op.Direction(values["direction"]), session.client_settings.guides_by_sky
     yield FireAndForget(op.Pulse(direction, min(values["ms"], MAX_PULSE_MS), by_sky))
@@ -147,7 +147,7 @@ def set_named_rate(command: Command) -> Handling:
 
 
 def tell_hertz() -> Handling:
-    """:GT - the tracking rate; never 0, even while the mount does not track (:GW reports that)."""
+    """:GT - the tracking rate, hertz; never 0, even while the mount does not track (:GW reports that)."""
     try:
         factor: float = yield op.DriveRate()
     except Fault:
@@ -162,7 +162,7 @@ def set_hertz(session: LxSession, values: op.Values) -> Handling:
 
 
 def set_manual_rate(session: LxSession, command: Command) -> Handling:
-    """:TM :T+ :T- - track at the manual rate, or change it by a tenth of a hertz."""
+    """:TM :T+ :T- - track at the manual rate, at first 60.1 hertz; :T+ and :T- change it by 0.1 hertz before."""
     step = {"TM": 0.0, "T+": 0.1, "T-": -0.1}[command.name]
     hertz = round((session.shared.manual_hertz or 60.1) + step, 3)
     yield from _set_drive_hertz(session, max(HERTZ_RANGE[0], min(HERTZ_RANGE[1], hertz)))

@@ -23,15 +23,13 @@ from gateway.protocols.base.wants import Handling, decoded
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
-#: :Lo - the available catalogues; Arp and Abell (4 and 5) are not.
-_CATALOG_BY_NUMBER = {0: "NGC", 1: "IC", 2: "UGC", 3: "C"}
-#: :Ls - the available catalogues; SAO, GCVS, HR and HD (1, 2, 4, 5) are not.
-_STAR_CATALOG, _HIPPARCOS_CATALOG = 0, 3
+_CATALOG_BY_NUMBER = {0: "NGC", 1: "IC", 2: "UGC", 3: "C"}  # of :Lo; Arp and Abell (4 and 5) are not available
+_STAR_CATALOG, _HIPPARCOS_CATALOG = 0, 3  # of :Ls; SAO, GCVS, HR and HD (1, 2, 4, 5) are not available
 #: The numbers of the STAR catalogue from 901 on. Its 351 alignment stars and Pluto (909) are not available.
 _PLANETS = {901: "Mercury", 902: "Venus", 904: "Mars", 905: "Jupiter", 906: "Saturn", 907: "Uranus", 908: "Neptune"}
 _MOON_NUMBER = 903
 _NOT_FOUND = "Catalog not found"
-#: The command that chooses the catalogue of a number. It is sent again first, because other clients choose too.
+#: Command -> the one that chooses its catalogue: it is sent again before, because other clients choose one too.
 _CHOOSER_BY_COMMAND = {"LC": "Lo", "LS": "Ls", "LF": "Lo", "LN": "Lo", "LB": "Lo"}
 _CHOOSERS = ("Lo", "Ls")
 _YEAR_SECONDS = 365.25 * 86400.0
@@ -217,7 +215,9 @@ def _search_query(session: LxSession) -> SearchLimits:
 
 
 def _visibility(session: LxSession) -> Handling:
-    """Return a test whether a position is visible now (true without a site), and the meridian's right ascension."""
+    """Return a function that reports whether a J2000 position is up and within the limits now, and the meridian's RA.
+    Without a site the function always returns True, and the RA is 0. Degrees.
+    """
     limits = session.limits
     try:
         zenith: op.Equatorial = yield op.Zenith()

@@ -17,21 +17,20 @@ from gateway.protocols.base.wants import Handling, decoded
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
-#: The letters of the four sites in the commands for their names, and the highest number that ``:W`` accepts.
-_SITE_LETTERS = "MNOP"
-_MAX_SITE_NUMBER = 4
+_SITE_LETTERS = "MNOP"  # of the four sites, in the commands for their names
+_MAX_SITE_NUMBER = 4  # the highest number that :W does not ignore
 
 
 def tell_site_coordinate(session: LxSession, command: Command) -> Handling:
-    """:Gt :Gg - the mount's latitude or longitude, else that stored for the site. Raises Fault if neither is known."""
-    half = "latitude" if command.name == "Gt" else "longitude"
+    """:Gt :Gg - the mount's latitude or longitude, else that of the selected site. Raises Fault if neither is known."""
+    name = "latitude" if command.name == "Gt" else "longitude"
     try:
         site: Place | NamedSite = yield GetSite()
     except Fault:
         site = session.shared.site_at(_selected_site(session))
-        if getattr(site, half) is None:
+        if getattr(site, name) is None:
             raise
-    return {half: getattr(site, half) if half == "latitude" else -getattr(site, half)}
+    return {name: getattr(site, name) if name == "latitude" else -getattr(site, name)}
 
 
 def _selected_site(session: LxSession) -> int:
@@ -42,12 +41,12 @@ def _selected_site(session: LxSession) -> int:
 def set_site_coordinate(session: LxSession, values: Values) -> Handling:
     """:St :Sg - store latitude or longitude in the selected site and set it on the mount."""
     [(name, value)] = decoded(values).items()
-    half = {name: value if name == "latitude" else -value}
+    coordinate = {name: value if name == "latitude" else -value}
     session.check_write_access()
     index = _selected_site(session)
     yield from _select_for_all(session, index)
-    session.replace_shared(session.shared.with_site(index, replace(session.shared.site_at(index), **half)))
-    yield replace(SetSite(), **half)
+    session.replace_shared(session.shared.with_site(index, replace(session.shared.site_at(index), **coordinate)))
+    yield replace(SetSite(), **coordinate)
 
 
 def _select_for_all(session: LxSession, site_index: int) -> Handling:
@@ -62,7 +61,9 @@ def _select_for_all(session: LxSession, site_index: int) -> Handling:
 
 
 def select_site(session: LxSession, values: Values) -> Handling:
-    """:W - select a site. The model counts from 0 or 1: of 0 to 4, what it lacks is its nearest; more is ignored."""
+    """:W - select a site; the model counts from 0 or 1. A number up to 4 that it lacks means the nearest that it has; a
+    greater number is ignored. A stored site is then set on the mount.
+    """
     number = decoded(values)["site"]
     if number > _MAX_SITE_NUMBER:
         return
@@ -87,7 +88,7 @@ def _stored_site(session: LxSession, site_index: int) -> SetSite:
 
 
 def tell_name(session: LxSession, command: Command) -> dict[str, str]:
-    """:GM :GN :GO :GP - the name of a site; sites without a name have four different defaults."""
+    """:GM :GN :GO :GP - the name of a site; without a name SITE 1 (classic: ST1) and so on."""
     index, longest = _SITE_LETTERS.index(command.name[1]), session.model["names"]
     unnamed = f"SITE {index + 1}" if longest > len("ST1") else f"ST{index + 1}"
     return {"name": (session.shared.site_at(index).name or unnamed)[:longest]}
@@ -104,7 +105,6 @@ def set_name(session: LxSession, command: Command, values: Values) -> None:
 
 def set_limit(session: LxSession, command: Command, values: Values) -> None:
     """:So :Sh - the lowest and the highest altitude, as real programs use them (the manual describes them differently).
-
     Raises Invalid for limits that leave no altitude, because nothing could be moved any more.
     """
     name = "lowest" if command.name == "So" else "highest"

@@ -27,7 +27,7 @@ LINE_PAUSE, MAX_MOTOR_DELAY, DEFAULT_MOTOR_DELAY = 0.03, 0.5, 0.1
 
 
 def can_add_rates(mount: NexStar) -> bool:
-    """Whether the mount tracks in alt-az and has variable rates (hand controls from 1.6 on)."""
+    """Whether the mount's tracking mode is alt-az and it has variable rates (hand controls from 1.6 on)."""
     return tracking.native_mode(mount) is Tracking.ALTAZ and not mount.german and mount.supports("rate_azm_pos")
 
 
@@ -58,7 +58,7 @@ def pulse(mount: NexStar, operation: Pulse) -> Steps:
 
     The motors do not track while the commands are sent, so faster rates make up for the lost tracking. If the gateway
     sends a command late, a longer pulse makes up for what the first motor loses. A pulse shorter than twice the delay
-    between the two motors' commands becomes longer and slower.
+    between the two motors' commands becomes longer and slower. Raises Refused in motion, Unsupported without site.
     """
     direction = operation.direction
     if mount.goto is not None:
@@ -67,27 +67,27 @@ def pulse(mount: NexStar, operation: Pulse) -> Steps:
         raise Refused(BY_HAND_MESSAGE)
     if mount.site is None:
         raise Unsupported("Guiding on top of alt-az tracking needs the latitude: give it with --site.")
-    where = yield from _read_az_alt(mount)
+    az_alt = yield from _read_az_alt(mount)
     tracked = mount.suspended_mode is None
-    took = yield from tracking.suspend(mount)
+    suspend_seconds = yield from tracking.suspend(mount)
     delay = mount.motor_delay
     if delay is None:  # estimate: as long as suspending tracking took, plus the pause after it
-        delay = DEFAULT_MOTOR_DELAY if took is None else min(MAX_MOTOR_DELAY, took + LINE_PAUSE)
+        delay = DEFAULT_MOTOR_DELAY if suspend_seconds is None else min(MAX_MOTOR_DELAY, suspend_seconds + LINE_PAUSE)
     lasts = max(operation.ms / 1000.0, 2.0 * delay)
     rate = direction.sense * mount.guide_rates[direction.axis] * SIDEREAL * operation.ms / 1000.0 / lasts
     added = _rates_for_axis(direction.axis, rate)
     if operation.sky:
-        first, second = _motor_ratios(direction, where, mount)
+        first, second = _motor_ratios(direction, az_alt, mount)
         added = rate * first, rate * second
     mount.pulsing.add(direction.axis)
-    loses = tracked and delay > 0.0  # while the commands reach the motors
-    began, late = yield from _add_rates(mount, direction.axis, added, lasts if loses else None)
-    longer = 0.0
-    if loses:
-        moves, tracks = added[direction.axis - 1], mount.tracking_rates[direction.axis - 1]
-        beyond = moves + tracks * (began - late - mount.suspended_at) / lasts
-        longer = tracks * late / beyond if abs(beyond) > abs(moves) / 2.0 else 0.0
-    return Pulsed(lasts + max(-lasts / 2.0, min(lasts / 2.0, longer)), ends=False, since=began)
+    loses_tracking = tracked and delay > 0.0  # while the commands reach the motors
+    began, late = yield from _add_rates(mount, direction.axis, added, lasts if loses_tracking else None)
+    extra_seconds = 0.0
+    if loses_tracking:
+        pulse_speed, tracking_speed = added[direction.axis - 1], mount.tracking_rates[direction.axis - 1]
+        net_speed = pulse_speed + tracking_speed * (began - late - mount.suspended_at) / lasts
+        extra_seconds = tracking_speed * late / net_speed if abs(net_speed) > abs(pulse_speed) / 2.0 else 0.0
+    return Pulsed(lasts + max(-lasts / 2.0, min(lasts / 2.0, extra_seconds)), ends=False, since=began)
 
 
 def stop_axis(mount: NexStar, axis: int) -> Steps:
@@ -119,11 +119,11 @@ def send_rates(mount: NexStar, first_axis: int) -> Steps:
 def _read_az_alt(mount: NexStar) -> Steps:
     """Read and return azimuth and altitude; store the tracking rates for that position in ``mount.tracking_rates``."""
     answer = yield axis_command(mount)
-    where = answer["az"], answer["alt"]
+    az_alt = answer["az"], answer["alt"]
     assert mount.site is not None
-    first, second = az_alt_rates_by_ha(*where, mount.site.latitude)
+    first, second = az_alt_rates_by_ha(*az_alt, mount.site.latitude)
     mount.tracking_rates = first * SIDEREAL, second * SIDEREAL
-    return where
+    return az_alt
 
 
 def _motor_ratios(direction: Direction, az_alt: Pair, mount: NexStar) -> Pair:

@@ -33,7 +33,7 @@ def set_home(mount: NexStar, _: op.SetHome) -> Steps:
 
 
 def go_home(mount: NexStar, _: op.Home) -> Steps:
-    """Slew to the stored home position, or seek the motors' home switches if the settings ask for that."""
+    """Slew to the stored home position, or seek the home switches if so configured. Raises Unsupported."""
     if mount.settings.aux_home and mount.has_part("home"):
         yield from _seek_home_switches(mount)
         return

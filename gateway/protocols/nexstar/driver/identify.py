@@ -19,7 +19,7 @@ DEVICE_BY_PART = {"gps": 176, "rtc": 178}
 
 
 def identity(mount: NexStar, _: Operation) -> Steps:
-    """Read version, variant, model and motor firmware, then the mount's status. Returns Identity."""
+    """Read version, variant, model and motor firmware, then the mount's status. Return Identity."""
     answer = yield Send("V")
     raw = tuple(answer.values())
     mount.dialect = "synscan" if "patch" in answer else None

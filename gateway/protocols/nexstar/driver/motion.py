@@ -22,10 +22,8 @@ MAX_PULSE_MS = 2550  # milliseconds
 #: Seconds between small gotos; how much further ahead their goal may be, in seconds of motion plus degrees.
 STEP_INTERVAL, LEAD_SECONDS, LEAD_DEGREES = 0.6, 0.5, 0.75
 _KEY_BY_FOCUS_SPEED = {1: 2, 2: 4, 3: 6, 4: 9}
-#: Steps of a variable rate per degree a second: it is counted in quarter arcseconds a second.
-_RATE_STEPS_PER_DEGREE = 4 * 3600
-#: A deviation from the requested speed by more than this fraction is remarked in the log.
-REMARK_THRESHOLD = 0.1
+_RATE_STEPS_PER_DEGREE = 4 * 3600  # of a variable rate: it is counted in quarter arcseconds a second
+REMARK_THRESHOLD = 0.1  # a deviation from the requested speed by more than this fraction is logged
 
 
 def motor_sense(mount: NexStar, direction: op.Direction) -> int:
@@ -41,7 +39,7 @@ def motor_sense(mount: NexStar, direction: op.Direction) -> int:
 
 
 def _is_reversed(mount: NexStar, direction: op.Direction) -> Steps:
-    """Return whether the motor must turn against ``motor_sense``: in declination, on the W side or beyond the pole."""
+    """Return whether to turn against ``motor_sense``: in declination, on the W side or beyond the pole, not both."""
     if direction.axis == 1:
         return False
     if not mount.german:
@@ -72,7 +70,9 @@ def move(mount: NexStar, operation: op.Move) -> Steps:
 
 
 def move_axis(mount: NexStar, operation: op.MoveAxis) -> Steps:
-    """Move an axis by ``P 2 16|17 36|37 rate``; suspend tracking first unless it is equatorial and the key is 1-2."""
+    """Move an axis by ``P``, before 1.6 by small gotos. Suspend tracking first, unless it is equatorial and the rate is
+    that of key 1 or 2, or the guide rate. Raises Busy, with the old state restored, if the command was not sent.
+    """
     axis, rate = operation.axis, operation.rate
     if mount.goto is not None:
         yield from stop_current_motion(mount)
@@ -219,7 +219,7 @@ def _small_goto_degrees(mount: NexStar, axis: int, position: float) -> float:
 
 
 def pulse(mount: NexStar, operation: op.Pulse) -> Steps:
-    """Send a guide pulse; return Pulsed. If ``sky``, north is north on the sky, else always the same motor sense."""
+    """Send a guide pulse; return Pulsed, None if 0 ms. With ``sky`` north is that on the sky, else one motor sense."""
     by_sky = operation.sky
     if operation.ms > 0 and altaz.can_add_rates(mount) and (by_sky or not mount.times_pulses):
         return (yield from altaz.pulse(mount, operation))
@@ -233,7 +233,7 @@ def pulse(mount: NexStar, operation: op.Pulse) -> Steps:
 
 def pulse_axis(mount: NexStar, operation: op.PulseAxis) -> Steps:
     """Send a guide pulse to one motor and return Pulsed: by AUX 0x26 if both motors have it, at most 2.55 s at a time;
-    else on equatorial tracking by a rate that the caller has to end. Raises Fault if neither is possible.
+    else on equatorial tracking by a rate that the caller has to end. Return None if time or rate is 0. Raises Fault.
     """
     axis, sign = operation.axis, operation.sense
     fraction = mount.guide_rates[axis] if operation.rate is None else operation.rate
@@ -263,7 +263,7 @@ def set_backlash(mount: NexStar, operation: op.Backlash) -> Steps:
 
 
 def switch_pec(mount: NexStar, operation: op.PeriodicError) -> Steps:
-    """Turn periodic error correction on or off by AUX 0x0D on the right-ascension motor, the only motor that has it."""
+    """Turn PEC on (also for None) or off by AUX 0x0D on the right-ascension motor, the only one with it."""
     if not mount.has_part("pec"):
         raise Unsupported("This mount has no periodic error correction.")
     if operation.axis == 2:
@@ -295,7 +295,7 @@ def begin_guiding(mount: NexStar, axis: int, sign: int, fraction: float) -> Step
     drive = tracking.drive_speed(mount) if axis == 1 else 0.0
     steps = round((drive + sign * asked) * _RATE_STEPS_PER_DEGREE)
     side = "pos" if steps >= 0 else "neg"
-    before, mount.drive = mount.drive, "replaced" if axis == 1 else mount.drive  # a stop must know before
+    before, mount.drive = mount.drive, "replaced" if axis == 1 else mount.drive  # set first, for a stop meanwhile
     try:
         yield Send(f"rate_{MOTORS[axis]}_{side}", {"rate": abs(steps)}, at_once_or_never=True)
     except Busy:  # it was never sent

@@ -123,8 +123,8 @@ def _to_moment(fields: dict[str, int], zone: float, century: int = 2000) -> Mome
 def set_clock(mount: NexStar, operation: SetClock) -> Steps:
     """Send ``I`` or ``H``: the nearest zone that the mount can count, and the local time to match; UTC is exact.
 
-    If the client did not say whether the offset includes daylight saving, it counts as standard time, unless the
-    mount's own zone and daylight saving already make up that offset: then both stay as they are.
+    Without ``dst`` the offset counts as standard time; with ``H``, if the mount's own zone and daylight saving already
+    make up the offset, both stay as they are. Without ``I`` and ``H`` set a CGE's clock to UTC. Raises Unsupported.
     """
     dst, began = operation.dst or 0, mount.now()
     if mount.supports("I"):

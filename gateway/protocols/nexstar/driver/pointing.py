@@ -48,7 +48,7 @@ def axis_position(mount: NexStar, _: op.AxisPosition) -> Steps:
 
 
 def horizontal_position(mount: NexStar, _: op.HorizontalPosition) -> Steps:
-    """Return a fork's own Horizontal position; None if the axes are equatorial (then the controller calculates it)."""
+    """Return a fork's Horizontal position; None (the controller calculates it) if equatorial or with a sync offset."""
     mode = tracking.native_mode(mount)
     if mount.german or (mode is not None and mode.equatorial) or any(mount.sync_offset):
         return None
@@ -155,7 +155,7 @@ def stop_current_motion(mount: NexStar) -> Steps:
 
 
 def abort_slew(mount: NexStar, _: op.AbortSlew) -> Steps:
-    """Send ``M``: a goto ends, hand motion continues, and a special drive rate is restored."""
+    """Send ``M``: a goto ends, hand motion continues, a special drive rate is restored. A home search gets rate 0."""
     going = mount.goto
     if mount.goto is not None and mount.goto.seeks_switches:
         yield from _stop_seeking(mount)
@@ -237,7 +237,7 @@ def _arrived(mount: NexStar, state: NexStarGotoState) -> Steps:
 
 def _distance_from(mount: NexStar, goal_name: str) -> Steps:
     """Return the distance of the axes from the position of park or home, degrees; 0 if that position is unknown."""
-    by_switches = mount.settings.aux_home and mount.has_part("home")  # only the switches know the home position
+    by_switches = mount.settings.aux_home and mount.has_part("home")  # only the switches define the home position
     operation = op.Park() if goal_name == "park" else op.Home() if goal_name == "home" and not by_switches else None
     goal = None if operation is None else mount.destination(operation)
     if goal is None:

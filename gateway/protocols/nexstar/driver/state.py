@@ -88,12 +88,12 @@ class NexStar(Driver):
         self.starsense = named is not None and named.starsense
         #: The protocol dialect of its maker, as the reply to ``V`` shows it: "synscan", or None for a Celestron.
         self.dialect: str | None = self.model_facts.get("dialect")
-        self.firmware: dict[int, Version] = {}
+        self.firmware: dict[int, Version] = {}  # device number of a motor -> its firmware
         self.has_focuser = False
-        self.found_parts: set[str] = set()
+        self.found_parts: set[str] = set()  # of ``DEVICE_BY_PART``, if the hand control does not report its model
         # the drive
-        self.tracking: op.Tracking | None = None
-        self.native_mode: op.Tracking | None = None
+        self.tracking: op.Tracking | None = None  # the mode that was reported or sent last; None before the first
+        self.native_mode: op.Tracking | None = None  # the last of these modes that was not off
         #: The byte of the last mode that was not off, as ``t`` returned it or a program of this protocol sent it.
         self.mode_code: int | None = None
         self.rate = op.TrackRate(name="sidereal")  # the drive rate that was requested last
@@ -105,11 +105,11 @@ class NexStar(Driver):
         self.goto: NexStarGotoState | None = None
         #: The axes in hand motion and their speeds, degrees a second.
         self.moving: dict[int, float] = {}
-        #: The tracking mode to resume after fast motion; None if tracking is not suspended.
+        #: The tracking mode to resume after motion, OFF if it was off already; None if tracking is not suspended.
         self.suspended_mode: op.Tracking | None = None
         #: Resume tracking only if the mount is aligned: it may have been switched off since tracking was suspended.
         self.resume_needs_alignment = False
-        self.mode_checks_left = 0
+        self.mode_checks_left = 0  # how many scheduled checks of the tracking mode (``t``) are still valid
         #: The mount was woken; tracking is to be turned on shortly.
         self.was_woken = False
         self.small_goto_motions: dict[int, SmallGotoMotion] = {}
@@ -128,8 +128,8 @@ class NexStar(Driver):
         self.pulse_ends: dict[int, float] = {}
         # position
         self.sync_offset = (0.0, 0.0)
-        self.home_axes: op.Horizontal | None = None
-        self.home_state = 0
+        self.home_axes: op.Horizontal | None = None  # the axis readings at the stored home position
+        self.home_state = 0  # as ``HomeState`` counts: 0 not at home, 1 at home, 2 on the way
 
     @property
     def tracking_suspended(self) -> bool:  # type: ignore[override]
@@ -145,7 +145,7 @@ class NexStar(Driver):
         self.added_rates.clear()
 
     def give_up_goto(self) -> None:
-        """Forget the goto under way: it has ended before its goal. If that was home, the mount is now not at home."""
+        """Forget the goto under way, which ended early. If its goal was home, the mount now counts as not at home."""
         if self.goto is not None and self.goto.purpose == "home":
             self.home_state = 0
         self.goto = None
@@ -174,7 +174,7 @@ class NexStar(Driver):
         return cast(SavedValues, to_builtins(memory, str_keys=True))
 
     def restore_state(self, saved_values: SavedValues, moving: bool) -> None:
-        """Restore the saved state; ``SameMountCheck`` checks whether it is still true."""
+        """Restore the saved state, unless it is invalid; ``SameMountCheck`` checks whether the mount is still in it."""
         try:
             held = convert(saved_values, Memory, str_keys=True)
         except ValidationError:
@@ -211,7 +211,7 @@ class NexStar(Driver):
             yield from self.perform(self.rate)
 
     def on_lost_line(self) -> None:
-        """After a reconnect, resume suspended tracking only if the mount is still aligned."""
+        """Note that suspended tracking may be resumed, after the line is back, only if the mount is still aligned."""
         self.resume_needs_alignment = self.suspended_mode is not None
 
     @property
@@ -319,7 +319,7 @@ class NexStar(Driver):
         return 0.0, max(0.0, self.settings.lowest + PARK_MARGIN)
 
     def key_for(self, rate: op.Rate) -> int:
-        """Return the key nearest to a hand rate; for a rate in degrees a second, never a faster key."""
+        """Return the key nearest to a hand rate; for degrees a second the fastest that is not faster, at least 1."""
         if rate.key is not None:
             return max(1, min(9, rate.key))
         if rate.name is not None and rate.degrees is None:

@@ -39,12 +39,12 @@ def _set_mode(mount: NexStar, mode: op.Tracking) -> Steps:
 
 
 def _mode_of(mount: NexStar, code: int | None) -> op.Tracking:
-    """Return the mode for a byte of ``t``. An unknown byte (4 occurs on some mounts) counts as equatorial."""
+    """Return the mode for a byte of ``t``: off for None, equatorial for an unknown byte (4 occurs on some mounts)."""
     return modes_by_code(mount.model_facts, mount.version).get(code or 0) or mount.equatorial_mode
 
 
 def read_status(mount: NexStar) -> Steps:
-    """Read whether the mount is aligned (``J``) and, if the version has ``t``, the tracking mode."""
+    """Record the alignment (``J``) and mode (``t``, else the configured one). If alignment was lost, forget motion."""
     answer = yield Send("J")
     if mount.aligned and not answer["aligned"]:
         _forget_motion(mount)
@@ -62,7 +62,7 @@ def read_status(mount: NexStar) -> Steps:
 
 
 def _forget_motion(mount: NexStar) -> None:
-    """Forget motion and tracking: a hand control that lost its alignment has been switched off."""
+    """Forget motion, tracking and drive rate: a hand control that lost its alignment has been switched off."""
     mount.record_at_rest()
     mount.suspended_mode = mount.native_mode = mount.mode_code = None
     mount.record_alignment_lost()
@@ -117,10 +117,10 @@ def send_mode(mount: NexStar, mode: op.Tracking) -> Steps:
 
 def set_tracking(mount: NexStar, operation: op.SetTracking) -> Steps:
     """Turn tracking off, or on in the requested mode, by default the mount's native mode.
-
     A motion that was checked in alt-az must not continue equatorially, or the reverse: the axes mean other directions.
-    So Refused is raised for such a change in motion. Raises Unsupported for alt-az on a German mount or without ``T``.
-    A mount that already reports the mode is not sent it again, unless its drive was given another rate.
+    So Refused is raised for such a change in motion; also if no mode is requested, and it is unknown whether the mount
+    is set up in alt-az. Raises Unsupported for alt-az on a German mount, and without ``T``. ``T`` is not sent to a
+    mount that already reports the mode, unless its drive was given another rate.
     """
     native = native_mode(mount)
     if operation.on and operation.mode is None:
@@ -146,7 +146,7 @@ def set_tracking(mount: NexStar, operation: op.SetTracking) -> Steps:
 def suspend(mount: NexStar) -> Steps:
     """Before fast motion, note how the mount tracks and turn tracking off, unless that has been done already.
 
-    Return the duration of the command, seconds; None if tracking was off already.
+    Return the duration of the command in seconds; None if no command was sent.
     """
     if mount.suspended_mode is not None or not mount.supports("T"):
         return None
@@ -175,14 +175,14 @@ def resume(mount: NexStar) -> Steps:
     mount.suspended_mode = None  # not before ``T`` has succeeded: else the next call must try again
     mount.mode_checks_left = 1
     if mount.supports("t"):
-        shown = False
+        confirmed = False
         with contextlib.suppress(NoAnswer):  # the motion has ended, whatever becomes of this
-            shown = (yield from _read_mode(mount)) is mode
-        yield Schedule(VERIFY_DELAY, VerifyTracking(mode=mode.value, was_confirmed=shown))
+            confirmed = (yield from _read_mode(mount)) is mode
+        yield Schedule(VERIFY_DELAY, VerifyTracking(mode=mode.value, was_confirmed=confirmed))
 
 
 def _read_mode(mount: NexStar) -> Steps:
-    """Read ``t`` and return the mode."""
+    """Read ``t``; record and return the mode."""
     code: int = (yield Send("t"))["mode"]
     if code and mount.tracking in (None, op.Tracking.OFF) and mount.goto is None:
         mount.parked = False  # tracking was turned on at the mount itself
@@ -217,7 +217,7 @@ class VerifyTracking(op.Operation, frozen=True):
 
 
 def verify_tracking(mount: NexStar, operation: VerifyTracking) -> Steps:
-    """Read ``t``; send ``T`` once more if it has never shown the wanted mode."""
+    """Read ``t``; send ``T`` again if ``t`` has never shown the wanted mode. In motion or parked, do nothing."""
     if mount.moving or mount.added_rates or mount.goto is not None or mount.mode_checks_left == 0 or mount.parked:
         return
     mount.mode_checks_left -= 1
@@ -228,8 +228,8 @@ def verify_tracking(mount: NexStar, operation: VerifyTracking) -> Steps:
 
 def set_drive_rate(mount: NexStar, operation: op.TrackRate) -> Steps:
     """Set the drive rate: sidereal by ``T``, named rates by the motor's codes, others as finely as the motor allows.
-
-    While a goto is under way or tracking is off, the rate is stored and sent later. Raises Unsupported in alt-az.
+    During a goto, and while tracking is off, the rate is only stored, and sent later. If the mode is not equatorial, or
+    the hand control lacks motor rates, only the sidereal rate is accepted; any other raises Unsupported.
     """
     mode = native_mode(mount)
     if mode is None or not mode.equatorial or not mount.supports("rate_azm_pos"):
@@ -263,7 +263,7 @@ def drive_speed(mount: NexStar) -> float:
 def _send_drive_rate(mount: NexStar) -> Steps:
     sense = "neg" if mount.native_mode is op.Tracking.EQ_SOUTH else "pos"
     arcseconds = abs(drive_speed(mount)) * 3600.0
-    if not mount.supports("fine_rate_pos"):  # nor does it know the codes
+    if not mount.supports("fine_rate_pos"):  # nor does it have the codes
         yield Send(f"rate_azm_{sense}", {"rate": rate_code(arcseconds)})
         mount.drive = "special"
         return
@@ -279,18 +279,18 @@ def _send_drive_rate(mount: NexStar) -> Steps:
 
 
 def rate_code(arcseconds: float) -> int:
-    """Return the 16-bit code of a variable rate; it must never reach the tracking codes 0xFFFD-0xFFFF."""
+    """Return the code, 16 bits, of a rate in arcseconds a second; at most 0xFFFC: higher codes mean tracking rates."""
     return min(round(arcseconds * 4), 0xFFFC)
 
 
 def guide_rate(mount: NexStar, operation: op.GuideRate) -> Steps:
-    """Return the autoguide rate as a fraction of sidereal (AUX 0x47)."""
+    """Return the autoguide rate of an axis as a fraction of sidereal (AUX 0x47)."""
     answer = yield Send("guide_rate", {"device": 15 + operation.axis})
     return answer["rate"] / 256.0
 
 
 def set_guide_rate(mount: NexStar, operation: op.SetGuideRate) -> Steps:
-    """Set the guide rate by AUX 0x46. Raises Unsupported if the motors lack it; the gateway's guiding uses it."""
+    """Set the guide rate by AUX 0x46. Raises Unsupported if the motors keep none; the gateway's pulses use it then."""
     mount.guide_rates[operation.axis] = max(0.0, min(1.0, operation.rate))
     value = max(0, min(255, round(operation.rate * 256)))
     try:

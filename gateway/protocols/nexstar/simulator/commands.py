@@ -2,7 +2,7 @@
 
 A handler returns the values of the reply, if it has any; most replies are a bare ``#`` whatever was done. Like a real
 hand control it acknowledges an impossible request without carrying it out, and without an alignment only motor
-positions have a meaning. It uses the time and site that a client has set. The GPS unit (176) knows the true position
+positions have a meaning. It uses the time and site that a client has set. The GPS unit (176) has the true position
 and time; the RTC (178) keeps the true time until it is set. Both use Universal Time (NexStar protocol, Time/Location,
 GPS and RTC Commands).
 """
@@ -34,7 +34,7 @@ from gateway.protocols.wireformat.rows import parse_version
 
 #: Slew limits of a fork, degrees of altitude.
 MIN_ALT, MAX_ALT = -5.0, 90.0
-#: Converts the coordinates of a mount that has those of J2000.
+#: Converts coordinates of date to and from J2000, for mounts that use J2000.
 SKY = Sky()
 #: The equatorial mode of a SynScan with periodic error correction.
 PEC_MODE = 3
@@ -44,7 +44,7 @@ MIN_ZONE, MAX_ZONE = -12, 14  # hours: the zones in use
 
 
 def position(sim: SimulatedMount, _: Values) -> Values:
-    """``E`` ``e``: right ascension and declination."""
+    """``E`` ``e``: right ascension and declination, of date or of J2000."""
     ra, dec = sim.mechanics.believed_position(sim.now)
     if sim.facts.get("equinox") == "j2000":
         ra, dec = SKY.to_j2000(*fold_declination(ra, dec), sim.utc())
@@ -58,7 +58,7 @@ def _goal_of_date(sim: SimulatedMount, values: Values) -> Pair:
 
 
 def axes(sim: SimulatedMount, _: Values) -> Values:
-    """``Z`` ``z``: azimuth and altitude, on polar mounts the motor axes."""
+    """``Z`` ``z``: the motor positions; on an aligned alt-az mount these are azimuth and altitude."""
     az, alt = sim.encoders()
     return {"az": az, "alt": alt}
 
@@ -114,7 +114,7 @@ def cancel(sim: SimulatedMount, _: Values) -> None:
 
 
 def set_mode(sim: SimulatedMount, values: Values) -> None:
-    """``T``: turn tracking on or off. EQ modes put a fork on its wedge; a German mount has no alt-az tracking."""
+    """``T``: set the tracking mode. EQ modes put a fork on its wedge; a German mount has no alt-az tracking."""
     if not sim.aligned or values["mode"] not in sim.mode_by_code:
         return
     wanted = sim.mode_by_code[values["mode"]]
@@ -150,7 +150,7 @@ def hibernate(sim: SimulatedMount, _: Values) -> None:
 
 
 def wake(sim: SimulatedMount, _: Values) -> None:
-    """``y``: resume tracking in its mode."""
+    """``y``: wake up, and track in the last mode."""
     if sim.asleep:
         sim.asleep = False
         sim.track(sim.mode)

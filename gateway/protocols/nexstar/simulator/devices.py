@@ -1,7 +1,7 @@
 """The devices behind the hand control's pass-through command: the two motors, a focuser and a GPS receiver.
 
 A handler returns the values of its reply, or None if the device does not have the command; the hand control then uses
-its no-response form. The rates of keys 1-9 come from ``rates.toml``; the simulator's ``speed`` applies to gotos.
+its no-response form. The rates of keys 1-9 come from ``rates.toml``; the simulator's ``speed`` applies only to gotos.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def _move_at_key(sim: SimulatedMount, values: Values, sign: int) -> Values | Non
         return None
     rate = sim.key_speeds[key - 1] if key else 0.0
     if sim.goto is not None and (key or not (left := sim.goto.axes_not_stopped - {device - 15})):
-        sim.goto = None  # it is stopped
+        sim.goto = None  # it does not restart
     elif sim.goto is not None and sim.goto.cancelled_at <= sim.now:
         sim.goto.axes_not_stopped = left
     sim.mechanics.move(sim.now, device - 15, sign * rate, additive=key in GENTLE_KEYS)
@@ -53,7 +53,7 @@ def _move_at_key(sim: SimulatedMount, values: Values, sign: int) -> Values | Non
 
 
 def _move_at_rate(sim: SimulatedMount, values: Values, sign: int) -> Values:
-    """06 and 07: a rate in quarter arcseconds a second, or a code for a drive rate."""
+    """06 and 07 hex: a rate in quarter arcseconds a second, or a code for a drive rate."""
     drive = DRIVE_RATE_BY_CODE.get(values["rate"])
     rate = values["rate"] / 14400.0 if drive is None else drive
     sim.mechanics.set_rate(sim.now, values["device"] - 15, sign * rate, is_drive_rate=drive is not None)
@@ -61,7 +61,7 @@ def _move_at_rate(sim: SimulatedMount, values: Values, sign: int) -> Values:
 
 
 def _move_at_fine_rate(sim: SimulatedMount, values: Values, sign: int) -> Values:
-    """06 and 07 with three bytes: a rate in 1/1024 arcsecond a second."""
+    """06 and 07 hex with three bytes: a rate in 1/1024 arcsecond a second."""
     sim.mechanics.set_rate(sim.now, values["device"] - 15, sign * values["rate"] / 1024.0 / 3600.0)
     return {}
 
@@ -97,7 +97,7 @@ def _goto(sim: SimulatedMount, values: Values, slow: bool) -> Values | None:
 
 
 def _has_arrived(sim: SimulatedMount, values: Values) -> Values | None:
-    """13 and 12 hex: 255 when the motor has arrived."""
+    """13 and 12 hex: 255 if the motor has arrived, else 0."""
     device = values["device"]
     if device == FOCUSER and sim.focuser is not None:
         return {"done": 0 if sim.focuser.is_moving(sim.now) else 255}
@@ -107,7 +107,7 @@ def _has_arrived(sim: SimulatedMount, values: Values) -> Values | None:
 
 
 def _set_position(sim: SimulatedMount, values: Values) -> Values | None:
-    """04: set the motor's count. The hand control takes the new count for the true position."""
+    """04 hex: set the motor's count. The hand control takes the new count for the true position."""
     axis = values["device"] - 16
     change = wrap180(values["position"] - sim.encoders()[axis])
     sim.encoder_offset[axis] += change
@@ -159,7 +159,7 @@ def _make_fixed_reader(value: int) -> Handler:
 
 
 def _motors_only(handler: Handler, *, min_firmware: Version = (), part: str = "") -> Handler:
-    """Restrict a handler to the two motors: from a firmware version on, and on mounts that have a part."""
+    """Wrap a handler: the wrapper returns None for other devices, older firmware, and mounts without ``part``."""
 
     def restricted(sim: SimulatedMount, values: Values) -> Values | None:
         fits = (
@@ -171,7 +171,7 @@ def _motors_only(handler: Handler, *, min_firmware: Version = (), part: str = ""
 
 
 def _version(sim: SimulatedMount, values: Values) -> Values | None:
-    """FE hex: the firmware version. Old motors send two bytes even if four were asked for."""
+    """FE hex: the firmware version; the build number, only in a reply of four bytes, is 0."""
     device = values["device"]
     major, minor = sim.firmware if device in (AZM, ALT) else VERSION_BY_DEVICE[device]
     return {"major": major, "minor": minor, "build": 0}
@@ -180,7 +180,7 @@ def _version(sim: SimulatedMount, values: Values) -> Values | None:
 def _both_directions(
     prefix: str, handler: Callable[[SimulatedMount, Values, int], Values | None]
 ) -> dict[str, Handler]:
-    """Return the handlers of two commands that differ only in direction."""
+    """Return the handlers of two commands that differ only in direction: ``handler`` with +1 and with -1."""
     return {
         f"{prefix}_pos": lambda sim, values: handler(sim, values, +1),
         f"{prefix}_neg": lambda sim, values: handler(sim, values, -1),

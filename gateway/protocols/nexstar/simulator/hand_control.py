@@ -27,7 +27,7 @@ PASS_THROUGH = ord("P")
 
 
 class SimulatedHandControl(SimulatedMount):
-    """A simulated mount with a serial port. Raises UserError for a model or version that never existed."""
+    """A simulated mount with a serial port. Raises UserError for an unknown model or an invalid version."""
 
     def __init__(self, model: str = "6-8se", version: str | None = None, **settings: Any) -> None:
         super().__init__(model, version, **settings)
@@ -64,21 +64,21 @@ class SimulatedHandControl(SimulatedMount):
         return b"" if form is None else form.encode(values)
 
     def _pass_to_device(self, frame: bytes) -> bytes:
-        """``P``: return the device's answer, cut or padded to the requested length; without one, one byte more."""
+        """``P``: return the device's answer, cut or padded to the requested length; without an answer one byte more."""
         count, device, number, asked = frame[1], frame[2], frame[3], frame[7]
         table = self._pass_through
         rows = table.get((count, device, number)) or table.get((count, None, number))
         if rows and self.has_device(device):
-            command, resp = next((row for row in rows if row[1] == asked), rows[0])
+            command, reply_length = next((row for row in rows if row[1] == asked), rows[0])
             data = frame[4 : 3 + count]
-            values = command.request.decode(frame[:4] + data + bytes(3 - len(data)) + bytes((resp,)))
+            values = command.request.decode(frame[:4] + data + bytes(3 - len(data)) + bytes((reply_length,)))
             handler = HANDLERS.get(command.name)
             if handler is not None and (answer := handler(self, {**values, "device": device})) is not None:
                 return (command.replies[0][1].encode(answer)[:-1] + bytes(asked))[:asked] + b"#"
         return bytes(asked + 1) + b"#"
 
 
-#: Pass-through rows and the reply bytes they ask for, by length, device (None: any) and command number.
+#: (length, device or None for any, command number) -> pass-through commands, each with its number of reply bytes.
 PassThrough = dict[tuple[int, int | None, int], list[tuple[Command, int]]]
 
 

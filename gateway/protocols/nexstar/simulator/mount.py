@@ -2,7 +2,7 @@
 
 What the manual does not say is simulated like this:
 
-- A SynScan up to the version ``restarts`` goes on with a goto a second after ``M``, unless both axes had rate 0.
+- A SynScan up to the version ``restarts`` goes on with a goto a second after ``M``, unless both axes get rate 0 first.
 
 - Hand motion overrides tracking. When it ends, tracking stays suspended until ``T``, the end of a goto, or
   until the hand control restores it: after 20 s without a byte from the port, on alt-az mounts at the latest
@@ -79,9 +79,9 @@ class SimulatedMount(Simulated):
     """A simulated mount and its hand control. ``site`` is latitude and longitude east, degrees; ``utc_offset`` hours.
 
     ``clock`` returns Unix seconds and is the only source of time. ``version`` is written as in the manual, or like
-    ``starsense-1.20``; the default is the model's newest. ``wedge`` puts a fork on a wedge. ``speed`` is a factor for
-    the speed of gotos. Without ``ramps`` the motors change speed at once, for tests with constant rates. Raises
-    UserError for a model or version that does not exist.
+    ``starsense-1.20``; the default is the newest of the model, with ``starsense`` that of the StarSense. ``wedge`` puts
+    a fork on a wedge. ``speed`` is a factor for the speed of gotos. Without ``ramps`` the motors change speed at once,
+    for tests with constant rates. Raises UserError for an unknown model or an invalid version.
     """
 
     def __init__(
@@ -133,7 +133,7 @@ class SimulatedMount(Simulated):
         self.goto: RestartableGoto | None = None
 
     def _set_up(self, wedge: bool, max_speed: float, speedup: float, ramps: bool) -> None:
-        """Choose the initial position: a fork points at the meridian, a German mount at the pole."""
+        """Create the mechanics: a fork starts at the meridian, a German mount at the pole; if aligned, they track."""
         build = Build.GERMAN if self.german else Build.WEDGE if wedge else Build.ALTAZ
         north = self.site[0] >= 0
         start = GERMAN_START_AXES
@@ -174,7 +174,7 @@ class SimulatedMount(Simulated):
         )
 
     def track(self, mode: int) -> None:
-        """Track in this mode, and store it."""
+        """Store the tracking mode, and track in it; ``OFF`` ends tracking."""
         self.mode = mode
         if mode != OFF and not self.german:
             self.mechanics.set_build(self.now, Build.ALTAZ if mode == ALTAZ else Build.WEDGE)
@@ -189,7 +189,7 @@ class SimulatedMount(Simulated):
             self.track(OFF)
 
     def advance_to_now(self) -> None:
-        """Advance to the present time, and restore the hand control's tracking when that is due."""
+        """Advance to the present time; restart a goto and restore the hand control's tracking if they are due."""
         self.now = self.clock()
         if self.goto is not None and self.goto.cancelled_at + GOTO_RESTART_DELAY <= self.now:
             self.mechanics.goto_sky(self.goto.cancelled_at + GOTO_RESTART_DELAY, self.goto.ra, self.goto.dec)

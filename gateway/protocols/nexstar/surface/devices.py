@@ -1,6 +1,6 @@
 """The devices behind a hand control: two motors and a focuser always, a GPS unit and a clock on some models.
 
-A command to a missing device, or a command that no device knows, gets the no-response form: one byte more than the
+A command to a missing device, or a command that no device has, gets the no-response form: one byte more than the
 client asked for, then ``#`` (NexStar protocol, Pass-through Commands with No Response). Firmware upload gets it too.
 """
 
@@ -42,7 +42,7 @@ def addressed_axis(values: op.Values) -> int:
 
 
 def may_be_passed_on(command: str, values: op.Values) -> bool:
-    """Whether a command unknown to this surface may go to a NexStar mount: not if it could pass a limit or misalign."""
+    """Whether a command may be passed on to a NexStar mount: not if it could pass a limit or spoil the alignment."""
     return command not in NEVER_PASSED and (command not in MOVE_COMMANDS or values["device"] == FOCUSER)
 
 
@@ -65,7 +65,7 @@ def _require_part(session: NexStarSession, part: str) -> None:
 
 
 def _read_receiver(session: NexStarSession) -> Handling:
-    """Return Gps from the mount's receiver. If the mount has none, return the site and clock, without a fix."""
+    """Return Gps; the site and clock, without a fix, if the mount has no receiver. NoDevice if the model has none."""
     _require_part(session, "gps")
     try:
         return (yield op.GetGps())
@@ -76,7 +76,7 @@ def _read_receiver(session: NexStarSession) -> Handling:
 
 
 def gps_flag(session: NexStarSession) -> Handling:
-    """Whether the GPS is linked, and whether its time is valid."""
+    """Whether the GPS has a fix (linked), and so a valid time."""
     linked = int((yield from _read_receiver(session)).linked)
     return {"linked": linked, "valid": linked}
 
@@ -94,7 +94,7 @@ def gps_time(session: NexStarSession) -> Handling:
 
 
 def universal_time(session: NexStarSession) -> Handling:
-    """Date, year and time of the real-time clock: always UT."""
+    """Date, year and time in UT, by the mount's clock. Raises NoDevice if the model has no real-time clock."""
     _require_part(session, "rtc")
     return _date_fields((yield op.GetClock()).unix)
 
@@ -121,7 +121,7 @@ def set_rtc(session: NexStarSession, command: Command, values: op.Values) -> Han
 
 
 def seek_switch(values: op.Values) -> Handling:
-    """AUX 0x0B - send both axes home; the command to the second motor finds the search under way."""
+    """AUX 0x0B - send both axes home, unless they are on the way: programs send this to each of the motors."""
     addressed_axis(values)
     yield CheckPossible(op.Home())
     if (yield op.HomeState()) != SEARCHING:
@@ -129,7 +129,7 @@ def seek_switch(values: op.Values) -> Handling:
 
 
 def tell_switch_found(values: op.Values) -> Handling:
-    """AUX 0x12 - 255 if the switch was found, else 0."""
+    """AUX 0x12 - 255 if the mount is at home (or parked), else 0."""
     addressed_axis(values)
     return {"done": 255 if (yield op.HomeState()) == FOUND else 0}
 
@@ -165,7 +165,7 @@ def refuse_set_position(session: NexStarSession, command: Command) -> None:
 def no_response(frame: bytes, fault: Fault | None) -> bytes:
     """Return the reply to a refused command: the no-response form to a pass-through command, else ``#`` or nothing.
 
-    If the mount does not answer, the reply is empty, because ``#`` would mean yes.
+    Other commands get an empty reply if the mount does not answer, because ``#`` would mean yes.
     """
     if frame[:1] == b"P":
         return bytes(frame[7] + 1) + b"#"

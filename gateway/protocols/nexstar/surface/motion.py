@@ -62,7 +62,7 @@ def _move_or_track(axis: int, sense: int, speed: float, drive_rate: str | None) 
 
 
 def mode(session: NexStarSession) -> Handling:
-    """t - the actual tracking mode: not off if the mount cannot stop tracking. A StarSense 1.20 adds bytes."""
+    """t - the actual tracking mode: not off if the mount cannot stop tracking. A StarSense 1.20 adds its version."""
     status: op.Status = yield op.GetStatus()
     code = mode_code(status.tracking, session.model, session.model["counts_as"])
     if session.model.get("own") and status.code is not None:
@@ -103,13 +103,13 @@ def pulse_active(session: NexStarSession, values: op.Values) -> dict[str, int]:
 
 
 def set_guide_rate(session: NexStarSession, values: op.Values) -> Handling:
-    """AUX 0x46 - set the guide rate of a motor; if the mount lacks it, the reply is the no-response form."""
+    """AUX 0x46 - set a motor's guide rate, in 1/256 of sidereal; a mount without it gives the no-response form."""
     axis = addressed_axis(values)
     yield from _apply(session, f"guide rate {axis}", values["rate"], op.SetGuideRate(axis, values["rate"] / 256.0))
 
 
 def _apply(session: NexStarSession, value_name: str, value: int, operation: op.SetGuideRate | op.Backlash) -> Handling:
-    """Set a value on the mount and store it for all clients; after a Fault only if it is Busy or NoAnswer."""
+    """Set a value on the mount and store it for all clients. Raises Fault; it is stored also after Busy or NoAnswer."""
     try:
         yield operation
     except (Busy, NoAnswer):

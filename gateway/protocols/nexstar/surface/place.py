@@ -16,7 +16,7 @@ from gateway.protocols.wireformat.command import Command
 
 
 def set_site(values: Values) -> Handling:
-    """W - set the site; impossible coordinates are ignored."""
+    """W - set the site; impossible coordinates, and a refusal by the mount, are ignored."""
     if "fault" in values:
         return
     place = SetSite(latitude=values["latitude"], longitude=values["longitude"])
@@ -26,8 +26,8 @@ def set_site(values: Values) -> Handling:
 
 
 def clock(session: NexStarSession, command: Command) -> Handling:
-    """h, i - the local time. Zone and daylight saving are those that a client set, if they still make up the mount's
-    offset; else they follow from the mount's offset and from its own daylight saving, if it reports that.
+    """h, i - the local time. Zone (for h in whole hours) and daylight saving are those that a client set, if they still
+    make up the mount's offset; else they follow from that offset, and from daylight saving if the mount reports it.
     """
     moment: Moment = yield GetClock()
     quarters = command.name == "i"
@@ -43,7 +43,7 @@ def clock(session: NexStarSession, command: Command) -> Handling:
 
 
 def set_clock(session: NexStarSession, command: Command, values: Values) -> Handling:
-    """H, I - set zone and local time; an impossible time is ignored."""
+    """H, I - set zone and local time; an impossible time, and a refusal by the mount, are ignored."""
     zone = values["quarters"] / 4.0 if "quarters" in values else float(values["zone"])
     dst = values["dst"]
     if dst not in (0, 1) or not -14 <= zone <= 14 or values["year"] > 99:

@@ -1,4 +1,4 @@
-"""Positions, gotos, syncs as a hand control answers them.
+"""Positions, gotos and syncs as a hand control answers them.
 
 A hand control always replies ``#`` to a goto: a refusal shows only as no motion (``L`` stays 0) and in the log. On an
 equatorial mount the azimuth and altitude commands read and move the motor axes, in the coordinates of the presented
@@ -53,12 +53,12 @@ def slewing() -> Handling:
 
 
 def cancel() -> Handling:
-    """M - ends gotos only: motion at a rate continues until rate 0."""
+    """M - end gotos only: motion at a rate continues until rate 0."""
     yield FireAndForget(op.AbortSlew())
 
 
 def pier_side(session: NexStarSession) -> Handling:
-    """p - the pier side; E if the presented model is a fork, or the mount has no pier side, as a Meade fork."""
+    """p - the pier side; E if the presented model is a fork, or the mount reports no pier side."""
     with suppress(Unsupported):
         if _presents_german_mount(session):
             return {"side": (yield op.PierSide())}
@@ -69,20 +69,20 @@ def pier_side(session: NexStarSession) -> Handling:
 
 
 def axis_position(session: NexStarSession, values: op.Values) -> Handling:
-    """AUX 0x01 - the reading of an axis"""
-    number = addressed_axis(values)
+    """AUX 0x01 - the reading of an axis, degrees."""
+    axis = addressed_axis(values)
     readings = yield from _axis_readings(session)
-    return {"position": readings.az if number == 1 else readings.alt}
+    return {"position": readings.az if axis == 1 else readings.alt}
 
 
 def axis_goto(session: NexStarSession, values: op.Values) -> Handling:
     """AUX 0x02, 0x17 - goto of an axis. The other axis continues its own goto, or stays."""
-    number = addressed_axis(values)
+    axis = addressed_axis(values)
     readings = yield from _axis_readings(session)
-    sent = session.client.axis_goals if (yield op.Slewing()) else {}
-    wanted = {1: readings.az, 2: readings.alt, **sent, number: values["position"]}
+    goals = session.client.axis_goals if (yield op.Slewing()) else {}
+    wanted = {1: readings.az, 2: readings.alt, **goals, axis: values["position"]}
     yield from begin((yield from _goto_operation(session, wanted[1], wrap180(wanted[2]))))
-    session.client.axis_goals = {**sent, number: values["position"]}
+    session.client.axis_goals = {**goals, axis: values["position"]}
 
 
 def axis_done(values: op.Values) -> Handling:
@@ -100,7 +100,7 @@ def _presents_german_mount(session: NexStarSession) -> bool:
 
 
 def _axis_offset(session: NexStarSession) -> float:
-    """Return how many degrees more a Celestron's first axis reads than that of the presented German mount."""
+    """Return how many degrees more a Celestron's first axis reads than that of the presented mount; 0 for a fork."""
     return POLE_READING - float(session.model.get("index", POLE_READING)) if _presents_german_mount(session) else 0.0
 
 

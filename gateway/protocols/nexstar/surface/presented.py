@@ -26,7 +26,7 @@ _AXIS_COMMANDS = frozenset({"axis_position", "axis_done"})
 
 
 def build_model(model: str | None, version: str | None) -> Model:
-    """Return the row of a model with the constants that a hand control of that version reports."""
+    """Return the row of a model with the constants that its hand control reports. None: a default model, version."""
     name, protocol = model or FORK_MODEL, load("nexstar")
     row = protocol.models[name]
     number = parse(version or (row["versions"][-1] if "dialect" in row else DEFAULT_VERSION))
@@ -56,7 +56,7 @@ def make_chooser(model: str | None, version: str | None) -> Callable[[bool, bool
 
 @cache
 def _known_opcodes(model: str, version: Version) -> frozenset[int]:
-    """Return the first bytes of the requests that a hand control of this version has."""
+    """Return the first bytes of the requests that are answered for this model and version."""
     known = [
         command
         for command in load("nexstar").commands.values()
@@ -84,16 +84,16 @@ def contradicts_client(session: NexStarSession, command: str, values: Values) ->
 
 
 def version(session: NexStarSession) -> dict[str, int]:
-    """V - the version"""
+    """V - the version, three numbers."""
     major, minor, patch = (*session.model["version"], 0)[:3]
     return {"major": major, "minor": minor, "patch": patch}
 
 
 def model(session: NexStarSession) -> dict[str, int]:
-    """m - the model's number"""
+    """m - the model's number."""
     return {"model": session.model["id"]}
 
 
 def echo(values: Values) -> dict[str, int]:
-    """K - the byte that was sent"""
+    """K - the byte that was sent."""
     return values
