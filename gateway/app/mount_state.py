@@ -120,7 +120,7 @@ class MountState(Struct, frozen=True, dict=True):
         return "" if self.goal is None else format_position(self.goal)
 
     def _order_texts(self, surfaces: Sequence[str]) -> Iterator[str]:
-        """Yield the orders under way, with the clients that gave them, and the waiting orders."""
+        """Yield the orders under way and waiting, with their clients; a slew by others; and warnings about motion."""
 
         def origin(by: HostActivity | None, asked_at: float) -> str:
             number = 0 if by is None or len(surfaces) < 2 or by.host.startswith("pty:") else by.program.surface_number

@@ -113,7 +113,7 @@ class PageSession:
     async def run(self) -> None:
         """Send the state until cancelled or disconnected; then release all arrows."""
         mounts, publisher = self._mounts, self._mounts.publisher
-        publisher.subscribe_to_mounts()
+        publisher.add_page()
         guard = self._loop.create_task(self._watch_arrows())
         try:
             await self._send({"hello": {
@@ -125,7 +125,7 @@ class PageSession:
                     await self._send_newest()
                 await publisher.wait_for_message()
         finally:
-            publisher.unsubscribe_from_mounts()
+            publisher.remove_page()
             self._show_conversation(False)
             for arrows in self._arrows:
                 arrows.close()

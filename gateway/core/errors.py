@@ -173,7 +173,7 @@ class SyncTooFar(Fault):
 
 
 class Stopped(Fault):
-    """A stop, or another request, arrived before the motion could be started."""
+    """A stop, or another request, ended the motion, or came before it could be started."""
 
     default_text = "Stopped."
     explanation = "A stop or another request came first."

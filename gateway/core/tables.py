@@ -22,7 +22,7 @@ def mappings_folder() -> Path:
 
 
 def read_table(file: str, folder: Path | None = None) -> dict[str, Any]:
-    """Read a file such as ``lx200/commands.toml`` of ``mappings/``, or of another ``folder``. Raises MappingError."""
+    """Read a file like ``lx200/commands.toml`` of ``mappings/``; in ``folder``: only its name. Raises MappingError."""
     path = mappings_folder() / file if folder is None else folder / Path(file).name
     try:
         return tomli.loads(path.read_text("utf-8"))

@@ -50,7 +50,7 @@ def raise_file_limit(client_count: int, port_count: int) -> str:
 
 
 def no_room_reason() -> str:
-    """Return why no file is left for another client beside ``RESERVED_FILES``; empty if one is."""
+    """Return why no client can connect: only ``RESERVED_FILES`` open files are left. Empty if one can."""
     most = open_file_limit()
     if most is None:
         return ""

@@ -20,7 +20,7 @@ SERIAL_PORT_GROUPS = ("dialout", "uucp")
 
 
 class DeviceLink:
-    """A link at ``path``, locked for this gateway until ``close``. Raises UserError if the path cannot be used."""
+    """A symbolic link at ``path``, locked until ``close``. Raises UserError if the path cannot be used."""
 
     def __init__(self, path: str) -> None:
         self.path = os.path.abspath(os.path.expanduser(path))

@@ -99,7 +99,7 @@ class HttpWire:
             async with asyncio.timeout(FIRST_ANSWER_TIMEOUT):
                 for request in self._dialect.first_requests:
                     self._dialect.check_first_answer(request, *await self._fetch(session, request))
-                address, beside = await self._find_address()
+                address, beside = await self._probe_server()
         except (aiohttp.ClientError, OSError) as error:
             await session.close()
             raise OSError(errno.EHOSTUNREACH, unreachable_reason(error)) from None
@@ -111,7 +111,7 @@ class HttpWire:
         if self._watcher is not None:
             self._watcher.reached(*address, beside)
 
-    async def _find_address(self) -> tuple[tuple[str, int], bool]:
+    async def _probe_server(self) -> tuple[tuple[str, int], bool]:
         """Return the numeric address of the server, and whether it answers while another connection is idle."""
         _, idle = await asyncio.open_connection(self._host, self._port)
         reader, asking = await asyncio.open_connection(self._host, self._port)

@@ -1,7 +1,7 @@
-"""Checks that need more than one value of the configuration.
+"""Checks of a configuration whose values have the right types.
 
-Endpoints must name a protocol, a model and a port that exist; limits must be in order; names must be unique and refer
-to something that exists; no port may be used twice.
+Endpoints must name a known protocol and model, and have a valid address; limits must be in order; networks must be
+valid; names must be unique and refer to something that exists; no port may be used twice.
 """
 
 from __future__ import annotations

@@ -197,7 +197,7 @@ def parse_device(text: str, where: str = "", role: str = "") -> Endpoint:
 
 
 def _normalise_version(spec: ProtocolSpec, text: str) -> str:
-    """Return the version in its standard form. Raises UserError for a version that never existed."""
+    """Return the version in its standard form. Raises UserError for malformed text, or a version known not to exist."""
     try:
         return spec.normalise_version(text)
     except ValueError:

@@ -176,7 +176,7 @@ class Publisher:
         #: How many rows of the conversation were made, stored or dropped.
         self.row_count = 0
 
-    def subscribe_to_mounts(self) -> None:
+    def add_page(self) -> None:
         """Count one more page that waits for messages; the first starts the task that makes them."""
         self._page_count += 1
         if self._task is None:
@@ -185,7 +185,7 @@ class Publisher:
             self._task = self._loop.create_task(self._publish())
             self._task.add_done_callback(self._on_task_ended)
 
-    def unsubscribe_from_mounts(self) -> None:
+    def remove_page(self) -> None:
         """Count one page less; after the last page, end the task."""
         self._page_count -= 1
         if not self._page_count and self._task is not None:

@@ -349,10 +349,11 @@ class Reconciler:
             return op.Pulse(operation.direction, operation.ms or 0), answer
         return operation, answer
 
-    def _check_tap(self, number: int, max_age: float) -> None:
+    def _check_tap(self, order_number: int, max_age: float) -> None:
         """Raises TapDropped if the order is an arrow that was pressed over ``max_age`` seconds ago and is released."""
         for order in self.wanted.pending:
-            if order.number == number and order.held_for is not None and self._loop.time() - order.came_at > max_age:
+            late = order.held_for is not None and self._loop.time() - order.came_at > max_age
+            if late and order.number == order_number:
                 raise taps.TapDropped
 
     async def _carry_out_follow_up(self, order: Order) -> Any:

@@ -42,7 +42,8 @@ class ClockDraft(Struct):
 
 
 class LibraryLimits(Struct, frozen=True):
-    """Limits of a library search: magnitudes, sizes and field diameter in arcminutes, types, lowest quality."""
+    """Limits of a library search, as Meade names them: magnitude ``brighter`` and size ``larger`` are the lower ones.
+    Sizes and the field's diameter are in arcminutes; ``quality`` is the lowest."""
 
     brighter: float = -5.5
     fainter: float = 20.0

@@ -34,7 +34,7 @@ class OverHttp(HttpWire):
         super().__init__(URL, TelescopeHttp(URL))
         self.sim, self.late, self._latency, self.mute = sim, late, latency, False
 
-    async def _find_address(self) -> tuple[tuple[str, int], bool]:
+    async def _probe_server(self) -> tuple[tuple[str, int], bool]:
         return ("127.0.0.1", 1), True
 
     async def _fetch(self, session: object, request: HttpRequest) -> tuple[int, bytes]:

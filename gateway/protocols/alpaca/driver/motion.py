@@ -109,12 +109,12 @@ def _start_slow_motion(mount: AlpacaDriver, axis: int, speed: float, side: str, 
     tracking is added, and the other axis of an alt-az mount follows the sky. Raises Refused if no rate is near the sum.
     """
     rates = (yield from _sky_following_speeds(mount, side)) if adds_to_tracking else {axis: 0.0}
-    sent = {
+    ideal_rates = {
         number: follows + (speed if number == axis else mount.slow_speeds.get(number, 0.0))
         for number, follows in rates.items()
     }
-    possible = {number: mount.nearest_rate(number, rate) for number, rate in sent.items()}
-    error = abs(possible[axis] - sent[axis])
+    possible = {number: mount.nearest_rate(number, rate) for number, rate in ideal_rates.items()}
+    error = abs(possible[axis] - ideal_rates[axis])
     if adds_to_tracking and error > abs(speed) / 2.0:
         raise Refused("The server lists no speed near this one on top of tracking.")
     if error > REMARK_THRESHOLD * abs(speed):

@@ -124,7 +124,7 @@ class AlpacaTelescope(Simulated):
         self.adds_tracking = adds_tracking
         self.moving_axes: set[int] = set()
         #: Axis moved by MoveAxis -> the speed at which it tracked before, degrees a second.
-        self.follows: dict[int, float] = {}
+        self.tracking_speeds: dict[int, float] = {}
         #: The position that it slews to, and the one at which it rests: ``park``, ``home``, or empty for any other.
         self.destination, self.at = "", "park" if parked else ""
         self.tracks = False
@@ -178,7 +178,7 @@ class AlpacaTelescope(Simulated):
 
     def track(self, on: bool) -> None:
         self.tracks = on
-        self.follows.clear()
+        self.tracking_speeds.clear()
         self.mechanics.track(self.now, on, self.mechanics.geometry.pole_sign)
 
     def to_jnow(self, ra: float, dec: float) -> Pair:
@@ -243,14 +243,14 @@ class AlpacaTelescope(Simulated):
         self.mechanics.stop_goto(self.now)
         self.at = self.destination = ""
         if rate:
-            follows = (
+            tracking_speed = (
                 self.mechanics.speeds(self.now)[axis - 1]
                 if axis not in self.moving_axes
-                else self.follows.get(axis, 0.0)
+                else self.tracking_speeds.get(axis, 0.0)
             )
-            self.follows[axis] = follows if self.adds_tracking and self.tracks else 0.0
+            self.tracking_speeds[axis] = tracking_speed if self.adds_tracking and self.tracks else 0.0
             self.moving_axes.add(axis)
-            self.mechanics.move(self.now, axis, self.senses[axis - 1] * rate + self.follows[axis])
+            self.mechanics.move(self.now, axis, self.senses[axis - 1] * rate + self.tracking_speeds[axis])
         elif axis in self.moving_axes:
             self.moving_axes.discard(axis)
             self.mechanics.resume_axis(self.now, axis)
