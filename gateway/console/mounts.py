@@ -90,7 +90,7 @@ class Mounts:
 
 
 def _mount_argument(gateway: Gateway) -> str:
-    """Return the mount as an argument of ``explain``, with the model and version that it has reported."""
+    """Return the mount as an argument of ``explain``; a model or version not configured is the reported one."""
     at = gateway.mount
     model, version = at.model, at.version
     identity: Identity | None = gateway.controller.cache.last_value(GetIdentity)

@@ -88,7 +88,7 @@ def choose_ways(row: SurfaceRow | None, mount: CommandSet, kind: MountKind) -> l
 
 
 def possible_implementations(operation: str, mount: CommandSet, kind: MountKind) -> Iterator[Implementation]:
-    """Yield the implementations of an operation that such a mount can carry out, the preferred first."""
+    """Yield the implementations that apply to such a mount, also those that refuse; the preferred first."""
     traits = _traits(mount, kind.model, kind.on_wedge)
     for way in mount.driver_rows.get(operation, ()):
         if (way.part and way.part not in traits) or way.aligned not in (None, kind.aligned):

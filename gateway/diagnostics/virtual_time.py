@@ -69,16 +69,16 @@ class VirtualLoop(asyncio.SelectorEventLoop):
     ) -> _TimerHandle:
         if self._closed:  # type: ignore[attr-defined]
             raise RuntimeError("Event loop is closed")
-        due = _TimerHandle((0.0, 0, callback, args, copy_context() if context is None else context))
-        self._ready_timers.append(due)
-        return due
+        handle = _TimerHandle((0.0, 0, callback, args, copy_context() if context is None else context))
+        self._ready_timers.append(handle)
+        return handle
 
     def call_soon_threadsafe(  # type: ignore[override]
         self, callback: Callable[..., object], *args: object, context: Context | None = None
     ) -> _TimerHandle:
-        due = self.call_soon(callback, *args, context=context)
+        handle = self.call_soon(callback, *args, context=context)
         self._write_to_self()  # type: ignore[attr-defined]
-        return due
+        return handle
 
     def call_at(  # type: ignore[override]
         self, when: float, callback: Callable[..., object], *args: object, context: Context | None = None
@@ -86,9 +86,9 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         if self._closed:  # type: ignore[attr-defined]
             raise RuntimeError("Event loop is closed")
         self._timer_count += 1
-        due = _TimerHandle((when, self._timer_count, callback, args, copy_context() if context is None else context))
-        heapq.heappush(self._timers, due)
-        return due
+        handle = _TimerHandle((when, self._timer_count, callback, args, copy_context() if context is None else context))
+        heapq.heappush(self._timers, handle)
+        return handle
 
     def call_later(  # type: ignore[override]
         self, delay: float, callback: Callable[..., object], *args: object, context: Context | None = None

@@ -112,7 +112,7 @@ class Identification:
 
     def _on_line_up(self, _: None) -> None:
         self._cache.clear()
-        self._driver.on_lost_line()
+        self._driver.on_line_up()
         if self._driver.goto is not None and self._driver.goto.unconfirmed:  # poll it until the mount reports its end
             self._cache.put(op.Slewing, True, self._context.now())
         self._gate.allow_next_read()

@@ -109,7 +109,7 @@ class Order(Struct, frozen=True):
         return self.not_while_busy or now < min(self.came_at + max_wait, self.deadline)
 
     def needed_wait(self, now: float, mount_busy: bool, incoming: IncomingSettings) -> Postponement | None:
-        """Return how long the order has to wait although it is due; None if it need not.
+        """Return up to how long a due order has to wait, and its fault after that; None if it need not wait.
 
         The limits for a goto depend on site and clock, so it waits for those that clients have set before it.
         """

@@ -219,7 +219,7 @@ class Driver:
         return None
 
     def on_home_refusal(self) -> None:
-        """Note that the mount has refused Park or Home; mounts that report no home state then count as not at home."""
+        """Note that the gateway has refused Park or Home; mounts without a home state then count as not at home."""
 
     def tube_side(self, reported_side: str) -> str | None:
         """Return the tube's real side of the pier, E or W, from the reported one; None if unknown or without a pier."""
@@ -266,8 +266,8 @@ class Driver:
         """After a possible power cycle, reset the settings that the gateway keeps for the mount, or send them again."""
         yield from ()
 
-    def on_lost_line(self) -> None:
-        """React to a lost line: the mount may have been switched off and on meanwhile."""
+    def on_line_up(self) -> None:
+        """React to a line that has come up: the mount may have been switched off and on meanwhile."""
 
     def probe(self) -> Steps:
         """Check that a mount of this kind is on the line, before sending commands that another kind might misread."""

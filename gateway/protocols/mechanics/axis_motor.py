@@ -64,7 +64,7 @@ class AxisGoto:
     """A goto of one axis: the distance from the goal as a function of time. The goal may move with the sky.
 
     The axis accelerates from rest, brakes for the slow approach and comes to rest at the goal. A motor that turned
-    before first runs on for ``run_on`` degrees, until ``ramp_ends``; the goto then covers the rest of the way.
+    before still runs on for ``run_on`` degrees, until ``ramp_ends``; the goto meanwhile covers the rest of the way.
     """
 
     def __init__(self, started_at: float, distance: float, fast: float, slow: float, acceleration: float) -> None:

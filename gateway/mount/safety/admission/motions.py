@@ -181,7 +181,7 @@ class MotionAdmission:
         return await self._admit_goto(replace(goto, ra=(goto.ra + SKY_SPEED * seconds) % 360.0, track=False))
 
     async def _check_park_or_home(self, operation: op.Park | op.Home) -> None:
-        """Check the goal of a park or home; the owner's may be at any altitude, but not near the Sun. Raises Fault."""
+        """Check the goal of a park or home; the owner's park position may have any altitude. Raises Fault."""
         mount, limits = self._mount, self._mount.policy.limits
         if isinstance(operation, op.Park):
             await self._status()  # the park position depends on the kind of mounting

@@ -86,9 +86,9 @@ class AlpacaDriver(Driver):
         self.moved_by_hand = False
         #: The axes whose MoveAxis counts the other way, as configured; None: observed motions decide.
         self.reversed = REVERSED_AXES.get(settings.reversed_axes or "")
-        self.on_lost_line()
+        self.on_line_up()
 
-    def on_lost_line(self) -> None:
+    def on_line_up(self) -> None:
         """Forget the reports of the server: another server may listen at this address now."""
         #: Members that the server lacks, and requests that the mount cannot carry out.
         self.absent_members: set[str] = set()

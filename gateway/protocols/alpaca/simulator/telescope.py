@@ -48,7 +48,7 @@ class AlpacaError(Exception):
 class SimulatedKind(NamedTuple):
     """The properties of a kind of simulated mount."""
 
-    build: Build
+    build: Build  # of the mounting: alt-az, wedge or German
     alignment_mode: int  # ASCOM's AlignmentMode
     power_on_axes: Pair  # the positions of the axes at power-on on the northern hemisphere, degrees
     rate_ranges: tuple[Pair, ...]  # AxisRates: least and greatest rate of each range, degrees a second

@@ -97,7 +97,7 @@ def _nearest_choice(speeds: list[Speed], requested: float) -> Speed:
 
 
 def _key_speeds(model_speeds: ModelSpeeds, requested: float) -> Iterator[Speed]:
-    """Yield the speeds that a direction key can have, the simpler choices first."""
+    """Yield the speeds a direction key can have, adjustable ones set near ``requested``; the simpler choices first."""
     if model_speeds.speeds:
         yield from (Speed(command, speed) for command, speed in model_speeds.speeds)
         return

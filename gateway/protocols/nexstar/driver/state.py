@@ -210,7 +210,7 @@ class NexStar(Driver):
         if special and self.aligned:
             yield from self.perform(self.rate)
 
-    def on_lost_line(self) -> None:
+    def on_line_up(self) -> None:
         """Note that suspended tracking may be resumed, after the line is back, only if the mount is still aligned."""
         self.resume_needs_alignment = self.suspended_mode is not None
 
