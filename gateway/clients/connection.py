@@ -63,7 +63,7 @@ class ClientConnection:
     """A client's connection. Its first bytes identify the client program; on a network they may show a stranger.
 
     ``is_serial_line``: clients do not visibly connect or disconnect; only then ``last_received_at`` is the loop time of
-    the last bytes. ``first_bytes``: bytes that another handler has answered; they identify the program, too.
+    the last bytes. Another handler has answered ``first_bytes``; they also identify the client program.
     """
 
     def __init__(

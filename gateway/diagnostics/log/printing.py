@@ -115,17 +115,17 @@ class LogFilter:
         return []
 
     def _connection_closed(self, line: LogLine) -> list[Row]:
-        state = self._open_connections.pop(line.row.side, None) or _LoggedConnection()
-        state.closed_at = line.row.time
-        self._closed_connections[line.host] = state
+        ended = self._open_connections.pop(line.row.side, None) or _LoggedConnection()
+        ended.closed_at = line.row.time
+        self._closed_connections[line.host] = ended
         if len(self._closed_connections) > MAX_HOSTS:
             del self._closed_connections[next(iter(self._closed_connections))]
-        silent = bool(state.held_rows) and state.held_rows[0].arrow == "+"
-        rows = self._show_unanswered(state)
+        silent = bool(ended.held_rows) and ended.held_rows[0].arrow == "+"
+        rows = self._show_unanswered(ended)
         if silent and not rows:
-            state.held_rows.clear()
+            ended.held_rows.clear()
             return []
-        return [*rows, *self._repeat_counts_row(state, line.row), line.row] if self._filter_name != "refusals" else rows
+        return [*rows, *self._repeat_counts_row(ended, line.row), line.row] if self._filter_name != "refusals" else rows
 
     # --- commands and replies -----------------------------------------------------------------------------------------
 
@@ -293,7 +293,8 @@ class RowBuilder:
             return DecodedMessage(entry.data, f"dropped: {entry.note}{hint}", fails=True)
         if entry.note:
             return DecodedMessage(entry.data, _escape(entry.note), fails=True)
-        return (decoder.describe_command if entry.arrow == ">" else decoder.describe_reply_to_last)(entry.data)
+        describe = decoder.describe_command if entry.arrow == ">" else decoder.describe_reply_to_last
+        return describe(entry.data)
 
 
 def describe_event(arrow: str, note: str) -> str:

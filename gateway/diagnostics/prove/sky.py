@@ -1,5 +1,6 @@
-"""The sky stage: whether altitude and azimuth, right ascension and declination, site and clocks agree. A difference is
-reported as a contradiction between two sources: this check cannot determine which of them is wrong.
+"""The sky stage: whether altitude and azimuth, right ascension and declination, site and clocks agree.
+
+A difference is reported as a contradiction between two sources: this check cannot determine which of them is wrong.
 """
 
 from __future__ import annotations
@@ -16,9 +17,10 @@ from gateway.diagnostics.prove.telescope import CheckedMount
 from gateway.mount.safety.admission.contradictions import contradictions
 from gateway.mount.site.site_clock import COMPUTER_SOURCE, MOUNT_SOURCE, SourcedSite
 
-#: Degrees by which reported altitude and azimuth may differ from calculated ones (the sky's motion meanwhile is less);
-#: seconds by which clocks may differ; degrees by which a longitude may differ from the middle of the time zone.
-DIRECTION_TOLERANCE, CLOCK_TOLERANCE, ZONE_TOLERANCE = 0.5, 120.0, 45.0
+#: Degrees by which reported altitude and azimuth may differ from calculated ones; the sky's motion meanwhile is less.
+DIRECTION_TOLERANCE = 0.5
+#: Seconds by which clocks may differ; degrees by which a longitude may differ from the middle of the time zone.
+CLOCK_TOLERANCE, ZONE_TOLERANCE = 120.0, 45.0
 
 
 async def run(telescope: CheckedMount, report: StageReporter) -> None:
@@ -59,9 +61,7 @@ def _site_finding(telescope: CheckedMount, sites: Sequence[SourcedSite]) -> Find
 
 
 async def _check_az_alt(telescope: CheckedMount) -> Finding:
-    """Compare reported az and alt with those calculated from RA and Dec. NOT_MEASURABLE if the site or a value is
-    unknown, or if the mount is equatorial and reports its axes instead. Raises StageEnded.
-    """
+    """Compare reported az and alt with those calculated from RA and Dec, unless one is unknown. Raises StageEnded."""
     what, driver = "altitude and azimuth against RA and Dec", telescope.driver
     overhead = driver.protocol.extra_table("prove.toml")["overhead"]
     if telescope.status.equatorial and "axes_of" in overhead:

@@ -1,4 +1,4 @@
-"""Updates cached readings and the watches of motion when the mount acknowledges an order. Logs replaced gotos, too."""
+"""Updates cached readings and the watches of motion when the mount acknowledges an order. Also logs replaced gotos."""
 
 from __future__ import annotations
 

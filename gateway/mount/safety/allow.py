@@ -318,7 +318,7 @@ def altitude_rooms(state: JudgedState) -> Iterator[Room]:
 
 def sun_rooms(state: JudgedState) -> Iterator[Room]:
     """Yield, for each possible position of the Sun, the room up to the allowed distance. The room before is measured
-    from ``farthest_from_suns``, not from the last position, so that a slow approach is noticed, too.
+    from ``farthest_from_suns``, not from the last position, so that a slow approach is also noticed.
 
     A position of the Sun by another source of site and time only ends motion by arrow keys of programs, because a wrong
     source must not end a correct motion.

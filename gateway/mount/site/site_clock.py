@@ -92,7 +92,7 @@ class SiteClock:
         #: The site that the owner has set on the page.
         self.confirmed_site: Place | None = None
         self.program_settings = ProgramSettings()
-        #: The site that a program set in an earlier run: in use as soon as the mount was asked for its site.
+        #: The site that a program set in an earlier run. It is used once the gateway has asked the mount for its site.
         self.stored_site: SiteOfProgram | None = None
         self._site_requested = False
         self.gps_site: Place | None = None

@@ -25,8 +25,8 @@ REPLIES_WITHOUT_BARS = 2
 #: A goto is over, whatever :D# shows, if both coordinates have stayed within so many degrees for so many seconds: a
 #: telescope pushed by hand may always show bars. Without tracking the right ascension changes by less in that time.
 STILL_TOLERANCE, STILL_PERIOD = 0.1, 15.0
-#: How many times at most another maker's mount is asked whether it stands still before a new goto, how many times a
-#: position is read to see whether the mount has taken a sync, and the seconds between two such requests.
+#: Before a goto the driver asks another maker's mount up to so many times whether it is at rest; after a sync it reads
+#: the position up to so many times to see whether the mount has taken the sync. Seconds between two such requests.
 SETTLE_CHECKS, SYNC_CHECKS, CHECK_INTERVAL = 20, 3, 0.5
 #: Seconds allowed between the two reads of a position, and how many times at most both are read to achieve this.
 MAX_PAIR_DELAY, PAIR_TRIES, HORIZONTAL_TRIES = 0.5, 5, 2

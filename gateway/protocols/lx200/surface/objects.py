@@ -29,7 +29,7 @@ _STAR_CATALOG, _HIPPARCOS_CATALOG = 0, 3  # of :Ls; SAO, GCVS, HR and HD (1, 2, 
 _PLANETS = {901: "Mercury", 902: "Venus", 904: "Mars", 905: "Jupiter", 906: "Saturn", 907: "Uranus", 908: "Neptune"}
 _MOON_NUMBER = 903
 _NOT_FOUND = "Catalog not found"
-#: Command -> the one that chooses its catalogue: it is sent again before, because other clients choose one too.
+#: Command -> the command that chooses its catalogue. It is sent again first: another client may have chosen another.
 _CHOOSER_BY_COMMAND = {"LC": "Lo", "LS": "Ls", "LF": "Lo", "LN": "Lo", "LB": "Lo"}
 _CHOOSERS = ("Lo", "Ls")
 _YEAR_SECONDS = 365.25 * 86400.0
